@@ -1,0 +1,844 @@
+/* generated from protocol/schema.toml by protocol/generate.py */
+/* clang-format off */
+
+#include "app/wire.h"
+
+#include <string.h>
+
+static uint8_t *put_u8(uint8_t *out, uint8_t value)
+{
+    *out = value;
+    return out + 1;
+}
+
+static uint8_t *put_u16(uint8_t *out, uint16_t value)
+{
+    return put_u8(put_u8(out, (uint8_t)value), (uint8_t)(value >> 8));
+}
+
+static uint8_t *put_u32(uint8_t *out, uint32_t value)
+{
+    return put_u16(put_u16(out, (uint16_t)value), (uint16_t)(value >> 16));
+}
+
+static uint8_t *put_u64(uint8_t *out, uint64_t value)
+{
+    return put_u32(put_u32(out, (uint32_t)value), (uint32_t)(value >> 32));
+}
+
+static uint8_t *put_bytes(uint8_t *out, const uint8_t *bytes, size_t size)
+{
+    if (size > 0) /* memcpy may not be given NULL, not even for nothing */
+        memcpy(out, bytes, size);
+    return out + size;
+}
+
+static uint8_t get_u8(const uint8_t **in)
+{
+    return *(*in)++;
+}
+
+static uint16_t get_u16(const uint8_t **in)
+{
+    uint16_t low = get_u8(in);
+    return (uint16_t)(low | get_u8(in) << 8);
+}
+
+static uint32_t get_u32(const uint8_t **in)
+{
+    uint32_t low = get_u16(in);
+    return low | (uint32_t)get_u16(in) << 16;
+}
+
+static uint64_t get_u64(const uint8_t **in)
+{
+    uint64_t low = get_u32(in);
+    return low | (uint64_t)get_u32(in) << 32;
+}
+
+static void get_bytes(const uint8_t **in, uint8_t *bytes, size_t size)
+{
+    memcpy(bytes, *in, size);
+    *in += size;
+}
+
+static const struct {
+    const char *name;
+    struct wire_message_size size;
+    uint8_t type;
+} MESSAGES[] = {
+    {"hello", {0, false}, 0x01},
+    {"hello", {75, false}, 0x81},
+    {"stop", {0, false}, 0x02},
+    {"stop", {9, false}, 0x82},
+    {"status", {0, false}, 0x03},
+    {"status", {65, false}, 0x83},
+    {"arm", {4, false}, 0x04},
+    {"arm", {9, false}, 0x84},
+    {"start", {1, false}, 0x05},
+    {"start", {9, false}, 0x85},
+    {"park", {0, false}, 0x06},
+    {"park", {9, false}, 0x86},
+    {"clear_fault", {0, false}, 0x07},
+    {"clear_fault", {9, false}, 0x87},
+    {"set_axis", {18, false}, 0x08},
+    {"set_axis", {9, false}, 0x88},
+    {"set_path", {26, false}, 0x09},
+    {"set_path", {17, false}, 0x89},
+    {"wave_chunk", {3, true}, 0x0A},
+    {"wave_chunk", {9, false}, 0x8A},
+    {"wave_commit", {5, false}, 0x0B},
+    {"wave_commit", {9, false}, 0x8B},
+    {"model_begin", {8, false}, 0x0C},
+    {"model_begin", {9, false}, 0x8C},
+    {"model_chunk", {4, true}, 0x0D},
+    {"model_chunk", {9, false}, 0x8D},
+    {"model_commit", {0, false}, 0x0E},
+    {"model_commit", {11, false}, 0x8E},
+    {"model_read", {6, false}, 0x0F},
+    {"model_read", {17, true}, 0x8F},
+    {"model_persist", {0, false}, 0x10},
+    {"model_persist", {13, false}, 0x90},
+    {"stream_start", {4, false}, 0x11},
+    {"stream_start", {21, false}, 0x91},
+    {"stream_stop", {0, false}, 0x12},
+    {"stream_stop", {25, false}, 0x92},
+    {"snapshot_read", {7, false}, 0x13},
+    {"snapshot_read", {13, true}, 0x93},
+    {"set_timeout", {4, false}, 0x14},
+    {"set_timeout", {9, false}, 0x94},
+    {"info", {0, false}, 0x15},
+    {"info", {94, false}, 0x95},
+    {"samples", {20, true}, 0x70},
+    {"event", {13, false}, 0x71},
+};
+
+const struct wire_message_size *wire_message_size(uint8_t type)
+{
+    for (size_t i = 0; i < sizeof MESSAGES / sizeof MESSAGES[0]; i++)
+        if (MESSAGES[i].type == type)
+            return &MESSAGES[i].size;
+    return NULL;
+}
+
+const char *wire_message_name(uint8_t type)
+{
+    for (size_t i = 0; i < sizeof MESSAGES / sizeof MESSAGES[0]; i++)
+        if (MESSAGES[i].type == type)
+            return MESSAGES[i].name;
+    return NULL;
+}
+
+size_t wire_tick_size(uint8_t channels)
+{
+    size_t size = 0;
+    size += channels & WIRE_CHANNEL_REFERENCE ? 4 : 0;
+    size += channels & WIRE_CHANNEL_ADC ? 2 : 0;
+    size += channels & WIRE_CHANNEL_DAC ? 2 : 0;
+    size += channels & WIRE_CHANNEL_FEEDFORWARD ? 2 : 0;
+    size += channels & WIRE_CHANNEL_FEEDBACK ? 2 : 0;
+    return size;
+}
+
+uint8_t *wire_put_tick(uint8_t *out, uint8_t channels, const struct wire_tick *tick)
+{
+    if (channels & WIRE_CHANNEL_REFERENCE)
+        out = put_u32(out, (uint32_t)tick->reference);
+    if (channels & WIRE_CHANNEL_ADC)
+        out = put_u16(out, tick->adc);
+    if (channels & WIRE_CHANNEL_DAC)
+        out = put_u16(out, tick->dac);
+    if (channels & WIRE_CHANNEL_FEEDFORWARD)
+        out = put_u16(out, (uint16_t)tick->feedforward);
+    if (channels & WIRE_CHANNEL_FEEDBACK)
+        out = put_u16(out, (uint16_t)tick->feedback);
+    return out;
+}
+
+int32_t wire_pack_header(const struct wire_header *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_HEADER_SIZE)
+        return -1;
+    out = put_u8(out, from->type);
+    out = put_u16(out, from->id);
+    out = put_u64(out, from->session);
+    return WIRE_HEADER_SIZE;
+}
+
+bool wire_unpack_header(struct wire_header *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_HEADER_SIZE)
+        return false;
+    to->type = get_u8(&in);
+    to->id = get_u16(&in);
+    to->session = get_u64(&in);
+    return true;
+}
+
+int32_t wire_pack_reply_head(const struct wire_reply_head *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_REPLY_HEAD_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    return WIRE_REPLY_HEAD_SIZE;
+}
+
+bool wire_unpack_reply_head(struct wire_reply_head *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_REPLY_HEAD_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    return true;
+}
+
+int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_AXIS_MODEL_SIZE)
+        return -1;
+    out = put_u32(out, from->flags);
+    out = put_u32(out, (uint32_t)from->u_min_q24);
+    out = put_u32(out, (uint32_t)from->u_max_q24);
+    out = put_u32(out, (uint32_t)from->u_park_q24);
+    out = put_u32(out, (uint32_t)from->slew_q24);
+    out = put_u32(out, (uint32_t)from->ramp_q24);
+    out = put_u32(out, (uint32_t)from->dac_zero_code);
+    out = put_u32(out, (uint32_t)from->dac_codes_per_V_q16);
+    out = put_u32(out, (uint32_t)from->adc_zero_code);
+    out = put_u32(out, (uint32_t)from->adc_um_per_code_q32);
+    out = put_u32(out, (uint32_t)from->swing_min_q24);
+    out = put_u32(out, (uint32_t)from->swing_max_q24);
+    out = put_u32(out, (uint32_t)from->f_min_q16);
+    out = put_u32(out, (uint32_t)from->f_max_q16);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u64(out, (uint64_t)from->a_q32[i]);
+    for (size_t i = 0; i < 6; i++)
+        out = put_u64(out, (uint64_t)from->b_q40[i]);
+    for (size_t i = 0; i < 6; i++)
+        out = put_u64(out, (uint64_t)from->c_q32[i]);
+    return WIRE_AXIS_MODEL_SIZE;
+}
+
+bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_AXIS_MODEL_SIZE)
+        return false;
+    to->flags = get_u32(&in);
+    to->u_min_q24 = (int32_t)get_u32(&in);
+    to->u_max_q24 = (int32_t)get_u32(&in);
+    to->u_park_q24 = (int32_t)get_u32(&in);
+    to->slew_q24 = (int32_t)get_u32(&in);
+    to->ramp_q24 = (int32_t)get_u32(&in);
+    to->dac_zero_code = (int32_t)get_u32(&in);
+    to->dac_codes_per_V_q16 = (int32_t)get_u32(&in);
+    to->adc_zero_code = (int32_t)get_u32(&in);
+    to->adc_um_per_code_q32 = (int32_t)get_u32(&in);
+    to->swing_min_q24 = (int32_t)get_u32(&in);
+    to->swing_max_q24 = (int32_t)get_u32(&in);
+    to->f_min_q16 = (int32_t)get_u32(&in);
+    to->f_max_q16 = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->a_q32[i] = (int64_t)get_u64(&in);
+    for (size_t i = 0; i < 6; i++)
+        to->b_q40[i] = (int64_t)get_u64(&in);
+    for (size_t i = 0; i < 6; i++)
+        to->c_q32[i] = (int64_t)get_u64(&in);
+    return true;
+}
+
+int32_t wire_pack_model(const struct wire_model *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_MODEL_SIZE)
+        return -1;
+    out = put_u32(out, from->magic);
+    out = put_bytes(out, from->stage_hash, 32);
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_model(&from->axes[i], out, WIRE_AXIS_MODEL_SIZE);
+        out += WIRE_AXIS_MODEL_SIZE;
+    }
+    return WIRE_MODEL_SIZE;
+}
+
+bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_MODEL_SIZE)
+        return false;
+    to->magic = get_u32(&in);
+    get_bytes(&in, to->stage_hash, 32);
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_model(&to->axes[i], in, WIRE_AXIS_MODEL_SIZE);
+        in += WIRE_AXIS_MODEL_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_HELLO_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->schema_fingerprint);
+    out = put_bytes(out, from->build_id, 20);
+    out = put_bytes(out, from->target, 24);
+    out = put_u32(out, from->tick_rate_Hz);
+    out = put_u32(out, from->baud);
+    out = put_u8(out, from->axis_count);
+    out = put_u8(out, from->state);
+    out = put_u8(out, from->reset_cause);
+    out = put_u8(out, from->model_flags);
+    out = put_u32(out, from->model_crc);
+    out = put_u16(out, from->max_payload);
+    return WIRE_HELLO_REPLY_SIZE;
+}
+
+bool wire_unpack_hello_reply(struct wire_hello_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_HELLO_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->schema_fingerprint = get_u32(&in);
+    get_bytes(&in, to->build_id, 20);
+    get_bytes(&in, to->target, 24);
+    to->tick_rate_Hz = get_u32(&in);
+    to->baud = get_u32(&in);
+    to->axis_count = get_u8(&in);
+    to->state = get_u8(&in);
+    to->reset_cause = get_u8(&in);
+    to->model_flags = get_u8(&in);
+    to->model_crc = get_u32(&in);
+    to->max_payload = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_status_reply(const struct wire_status_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_STATUS_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->state);
+    out = put_u8(out, from->fault);
+    out = put_u8(out, from->fault_axis);
+    out = put_u8(out, from->running_axes);
+    out = put_u64(out, from->fault_tick);
+    out = put_bytes(out, from->modes, 3);
+    out = put_u8(out, from->at_rest);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u16(out, from->adc_codes[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u16(out, from->dac_codes[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, from->saturations[i]);
+    out = put_u32(out, from->overruns);
+    out = put_u32(out, from->stream_dropped);
+    out = put_u32(out, from->rx_errors);
+    out = put_u32(out, from->model_crc);
+    return WIRE_STATUS_REPLY_SIZE;
+}
+
+bool wire_unpack_status_reply(struct wire_status_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_STATUS_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->state = get_u8(&in);
+    to->fault = get_u8(&in);
+    to->fault_axis = get_u8(&in);
+    to->running_axes = get_u8(&in);
+    to->fault_tick = get_u64(&in);
+    get_bytes(&in, to->modes, 3);
+    to->at_rest = get_u8(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->adc_codes[i] = get_u16(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->dac_codes[i] = get_u16(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->saturations[i] = get_u32(&in);
+    to->overruns = get_u32(&in);
+    to->stream_dropped = get_u32(&in);
+    to->rx_errors = get_u32(&in);
+    to->model_crc = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_arm_request(const struct wire_arm_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_ARM_REQUEST_SIZE)
+        return -1;
+    out = put_u32(out, from->model_crc);
+    return WIRE_ARM_REQUEST_SIZE;
+}
+
+bool wire_unpack_arm_request(struct wire_arm_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_ARM_REQUEST_SIZE)
+        return false;
+    to->model_crc = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_start_request(const struct wire_start_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_START_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis_mask);
+    return WIRE_START_REQUEST_SIZE;
+}
+
+bool wire_unpack_start_request(struct wire_start_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_START_REQUEST_SIZE)
+        return false;
+    to->axis_mask = get_u8(&in);
+    return true;
+}
+
+int32_t wire_pack_set_axis_request(const struct wire_set_axis_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SET_AXIS_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->mode);
+    out = put_u32(out, (uint32_t)from->kp_q24);
+    out = put_u32(out, (uint32_t)from->ki_ts_q32);
+    out = put_u32(out, (uint32_t)from->kd_over_ts_q24);
+    out = put_u32(out, (uint32_t)from->d_alpha_q31);
+    return WIRE_SET_AXIS_REQUEST_SIZE;
+}
+
+bool wire_unpack_set_axis_request(struct wire_set_axis_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SET_AXIS_REQUEST_SIZE)
+        return false;
+    to->axis = get_u8(&in);
+    to->mode = get_u8(&in);
+    to->kp_q24 = (int32_t)get_u32(&in);
+    to->ki_ts_q32 = (int32_t)get_u32(&in);
+    to->kd_over_ts_q24 = (int32_t)get_u32(&in);
+    to->d_alpha_q31 = (int32_t)get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_set_path_request(const struct wire_set_path_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SET_PATH_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->path);
+    out = put_u32(out, (uint32_t)from->swing);
+    out = put_u32(out, (uint32_t)from->offset);
+    out = put_u64(out, from->step_turn64);
+    out = put_u64(out, from->ticks);
+    return WIRE_SET_PATH_REQUEST_SIZE;
+}
+
+bool wire_unpack_set_path_request(struct wire_set_path_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SET_PATH_REQUEST_SIZE)
+        return false;
+    to->axis = get_u8(&in);
+    to->path = get_u8(&in);
+    to->swing = (int32_t)get_u32(&in);
+    to->offset = (int32_t)get_u32(&in);
+    to->step_turn64 = get_u64(&in);
+    to->ticks = get_u64(&in);
+    return true;
+}
+
+int32_t wire_pack_set_path_reply(const struct wire_set_path_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SET_PATH_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, (uint32_t)from->inverse_gain_q28);
+    out = put_u32(out, (uint32_t)from->lead_turn32);
+    return WIRE_SET_PATH_REPLY_SIZE;
+}
+
+bool wire_unpack_set_path_reply(struct wire_set_path_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SET_PATH_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->inverse_gain_q28 = (int32_t)get_u32(&in);
+    to->lead_turn32 = (int32_t)get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_wave_chunk_request(const struct wire_wave_chunk_request *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_WAVE_CHUNK_REQUEST_SIZE ||
+        capacity < WIRE_WAVE_CHUNK_REQUEST_SIZE + from->data_size)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u16(out, from->offset);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_WAVE_CHUNK_REQUEST_SIZE + from->data_size);
+}
+
+bool wire_unpack_wave_chunk_request(struct wire_wave_chunk_request *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_WAVE_CHUNK_REQUEST_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->axis = get_u8(&in);
+    to->offset = get_u16(&in);
+    to->data = in;
+    to->data_size = size - WIRE_WAVE_CHUNK_REQUEST_SIZE;
+    return true;
+}
+
+int32_t wire_pack_wave_commit_request(const struct wire_wave_commit_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_WAVE_COMMIT_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u32(out, from->crc);
+    return WIRE_WAVE_COMMIT_REQUEST_SIZE;
+}
+
+bool wire_unpack_wave_commit_request(struct wire_wave_commit_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_WAVE_COMMIT_REQUEST_SIZE)
+        return false;
+    to->axis = get_u8(&in);
+    to->crc = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_model_begin_request(const struct wire_model_begin_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_MODEL_BEGIN_REQUEST_SIZE)
+        return -1;
+    out = put_u32(out, from->size);
+    out = put_u32(out, from->crc);
+    return WIRE_MODEL_BEGIN_REQUEST_SIZE;
+}
+
+bool wire_unpack_model_begin_request(struct wire_model_begin_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_MODEL_BEGIN_REQUEST_SIZE)
+        return false;
+    to->size = get_u32(&in);
+    to->crc = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_model_chunk_request(const struct wire_model_chunk_request *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_MODEL_CHUNK_REQUEST_SIZE ||
+        capacity < WIRE_MODEL_CHUNK_REQUEST_SIZE + from->data_size)
+        return -1;
+    out = put_u32(out, from->offset);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_MODEL_CHUNK_REQUEST_SIZE + from->data_size);
+}
+
+bool wire_unpack_model_chunk_request(struct wire_model_chunk_request *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_MODEL_CHUNK_REQUEST_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->offset = get_u32(&in);
+    to->data = in;
+    to->data_size = size - WIRE_MODEL_CHUNK_REQUEST_SIZE;
+    return true;
+}
+
+int32_t wire_pack_model_commit_reply(const struct wire_model_commit_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_MODEL_COMMIT_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u16(out, from->invalid_field);
+    return WIRE_MODEL_COMMIT_REPLY_SIZE;
+}
+
+bool wire_unpack_model_commit_reply(struct wire_model_commit_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_MODEL_COMMIT_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->invalid_field = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_model_read_request(const struct wire_model_read_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_MODEL_READ_REQUEST_SIZE)
+        return -1;
+    out = put_u32(out, from->offset);
+    out = put_u16(out, from->length);
+    return WIRE_MODEL_READ_REQUEST_SIZE;
+}
+
+bool wire_unpack_model_read_request(struct wire_model_read_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_MODEL_READ_REQUEST_SIZE)
+        return false;
+    to->offset = get_u32(&in);
+    to->length = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_model_read_reply(const struct wire_model_read_reply *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_MODEL_READ_REPLY_SIZE ||
+        capacity < WIRE_MODEL_READ_REPLY_SIZE + from->data_size)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->size);
+    out = put_u32(out, from->crc);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_MODEL_READ_REPLY_SIZE + from->data_size);
+}
+
+bool wire_unpack_model_read_reply(struct wire_model_read_reply *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_MODEL_READ_REPLY_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->size = get_u32(&in);
+    to->crc = get_u32(&in);
+    to->data = in;
+    to->data_size = size - WIRE_MODEL_READ_REPLY_SIZE;
+    return true;
+}
+
+int32_t wire_pack_model_persist_reply(const struct wire_model_persist_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_MODEL_PERSIST_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->sequence);
+    return WIRE_MODEL_PERSIST_REPLY_SIZE;
+}
+
+bool wire_unpack_model_persist_reply(struct wire_model_persist_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_MODEL_PERSIST_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->sequence = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_stream_start_request(const struct wire_stream_start_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_STREAM_START_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->channels);
+    out = put_u8(out, from->axis_mask);
+    out = put_u16(out, from->decimation);
+    return WIRE_STREAM_START_REQUEST_SIZE;
+}
+
+bool wire_unpack_stream_start_request(struct wire_stream_start_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_STREAM_START_REQUEST_SIZE)
+        return false;
+    to->channels = get_u8(&in);
+    to->axis_mask = get_u8(&in);
+    to->decimation = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_stream_start_reply(const struct wire_stream_start_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_STREAM_START_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->bytes_per_s);
+    out = put_u32(out, from->budget_bytes_per_s);
+    out = put_u32(out, from->state_size);
+    return WIRE_STREAM_START_REPLY_SIZE;
+}
+
+bool wire_unpack_stream_start_reply(struct wire_stream_start_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_STREAM_START_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->bytes_per_s = get_u32(&in);
+    to->budget_bytes_per_s = get_u32(&in);
+    to->state_size = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_stream_stop_reply(const struct wire_stream_stop_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_STREAM_STOP_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u64(out, from->sent_ticks);
+    out = put_u64(out, from->dropped_ticks);
+    return WIRE_STREAM_STOP_REPLY_SIZE;
+}
+
+bool wire_unpack_stream_stop_reply(struct wire_stream_stop_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_STREAM_STOP_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->sent_ticks = get_u64(&in);
+    to->dropped_ticks = get_u64(&in);
+    return true;
+}
+
+int32_t wire_pack_snapshot_read_request(const struct wire_snapshot_read_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SNAPSHOT_READ_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->region);
+    out = put_u32(out, from->offset);
+    out = put_u16(out, from->length);
+    return WIRE_SNAPSHOT_READ_REQUEST_SIZE;
+}
+
+bool wire_unpack_snapshot_read_request(struct wire_snapshot_read_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SNAPSHOT_READ_REQUEST_SIZE)
+        return false;
+    to->region = get_u8(&in);
+    to->offset = get_u32(&in);
+    to->length = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_snapshot_read_reply(const struct wire_snapshot_read_reply *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_SNAPSHOT_READ_REPLY_SIZE ||
+        capacity < WIRE_SNAPSHOT_READ_REPLY_SIZE + from->data_size)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->size);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_SNAPSHOT_READ_REPLY_SIZE + from->data_size);
+}
+
+bool wire_unpack_snapshot_read_reply(struct wire_snapshot_read_reply *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_SNAPSHOT_READ_REPLY_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->size = get_u32(&in);
+    to->data = in;
+    to->data_size = size - WIRE_SNAPSHOT_READ_REPLY_SIZE;
+    return true;
+}
+
+int32_t wire_pack_set_timeout_request(const struct wire_set_timeout_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SET_TIMEOUT_REQUEST_SIZE)
+        return -1;
+    out = put_u32(out, from->ticks);
+    return WIRE_SET_TIMEOUT_REQUEST_SIZE;
+}
+
+bool wire_unpack_set_timeout_request(struct wire_set_timeout_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SET_TIMEOUT_REQUEST_SIZE)
+        return false;
+    to->ticks = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_INFO_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->cycles_last);
+    out = put_u32(out, from->cycles_max);
+    for (size_t i = 0; i < 16; i++)
+        out = put_u32(out, from->histogram[i]);
+    out = put_u32(out, from->overruns);
+    out = put_u8(out, from->last_fault);
+    out = put_u32(out, from->last_fault_detail);
+    out = put_u32(out, from->flash_sequence);
+    return WIRE_INFO_REPLY_SIZE;
+}
+
+bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_INFO_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->cycles_last = get_u32(&in);
+    to->cycles_max = get_u32(&in);
+    for (size_t i = 0; i < 16; i++)
+        to->histogram[i] = get_u32(&in);
+    to->overruns = get_u32(&in);
+    to->last_fault = get_u8(&in);
+    to->last_fault_detail = get_u32(&in);
+    to->flash_sequence = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_SAMPLES_SIZE ||
+        capacity < WIRE_SAMPLES_SIZE + from->data_size)
+        return -1;
+    out = put_u32(out, from->sequence);
+    out = put_u64(out, from->first_tick);
+    out = put_u32(out, from->dropped);
+    out = put_u8(out, from->channels);
+    out = put_u8(out, from->axis_mask);
+    out = put_u16(out, from->decimation);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_SAMPLES_SIZE + from->data_size);
+}
+
+bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_SAMPLES_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->sequence = get_u32(&in);
+    to->first_tick = get_u64(&in);
+    to->dropped = get_u32(&in);
+    to->channels = get_u8(&in);
+    to->axis_mask = get_u8(&in);
+    to->decimation = get_u16(&in);
+    to->data = in;
+    to->data_size = size - WIRE_SAMPLES_SIZE;
+    return true;
+}
+
+int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_EVENT_SIZE)
+        return -1;
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->kind);
+    out = put_u32(out, from->value);
+    return WIRE_EVENT_SIZE;
+}
+
+bool wire_unpack_event(struct wire_event *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_EVENT_SIZE)
+        return false;
+    to->tick = get_u64(&in);
+    to->kind = get_u8(&in);
+    to->value = get_u32(&in);
+    return true;
+}

@@ -1,0 +1,535 @@
+/* generated from protocol/schema.toml by protocol/generate.py */
+/* clang-format off */
+
+#ifndef PHASELEAD_APP_WIRE_H
+#define PHASELEAD_APP_WIRE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
+#define WIRE_FINGERPRINT 0x0000DBBBu
+#define WIRE_VERSION 1
+#define WIRE_MAX_PAYLOAD 1152
+#define WIRE_HEADER_SIZE 11
+#define WIRE_CRC_SIZE 4
+#define WIRE_MAX_BODY (WIRE_HEADER_SIZE + WIRE_MAX_PAYLOAD + WIRE_CRC_SIZE)
+#define WIRE_REPLY_BIT 0x80
+
+enum wire_type {
+    WIRE_HELLO = 0x01,
+    WIRE_STOP = 0x02,
+    WIRE_STATUS = 0x03,
+    WIRE_ARM = 0x04,
+    WIRE_START = 0x05,
+    WIRE_PARK = 0x06,
+    WIRE_CLEAR_FAULT = 0x07,
+    WIRE_SET_AXIS = 0x08,
+    WIRE_SET_PATH = 0x09,
+    WIRE_WAVE_CHUNK = 0x0A,
+    WIRE_WAVE_COMMIT = 0x0B,
+    WIRE_MODEL_BEGIN = 0x0C,
+    WIRE_MODEL_CHUNK = 0x0D,
+    WIRE_MODEL_COMMIT = 0x0E,
+    WIRE_MODEL_READ = 0x0F,
+    WIRE_MODEL_PERSIST = 0x10,
+    WIRE_STREAM_START = 0x11,
+    WIRE_STREAM_STOP = 0x12,
+    WIRE_SNAPSHOT_READ = 0x13,
+    WIRE_SET_TIMEOUT = 0x14,
+    WIRE_INFO = 0x15,
+    WIRE_SAMPLES = 0x70,
+    WIRE_EVENT = 0x71,
+};
+
+/* Supervisor state */
+enum wire_state {
+    WIRE_STATE_PARKED = 0,
+    WIRE_STATE_ARMED = 1,
+    WIRE_STATE_RUNNING = 2,
+    WIRE_STATE_STOPPING = 3,
+    WIRE_STATE_FAULT = 4,
+};
+#define WIRE_STATE_COUNT 5
+
+/* What drives an axis */
+enum wire_mode {
+    WIRE_MODE_IDLE = 0,
+    WIRE_MODE_OPEN = 1,
+    WIRE_MODE_PID = 2,
+    WIRE_MODE_FF = 3,
+    WIRE_MODE_FF_PID = 4,
+    WIRE_MODE_INVERSE = 5,
+    WIRE_MODE_INVERSE_PID = 6,
+};
+#define WIRE_MODE_COUNT 7
+
+/* Reference path of an axis; in mode open its values are volts (q24), else micrometres (q16) */
+enum wire_path_kind {
+    WIRE_PATH_KIND_HOLD = 0,
+    WIRE_PATH_KIND_SINE = 1,
+    WIRE_PATH_KIND_WAVE = 2,
+    WIRE_PATH_KIND_MOVE = 3,
+};
+#define WIRE_PATH_KIND_COUNT 4
+
+/* First byte of every reply */
+enum wire_status {
+    WIRE_STATUS_OK = 0,
+    WIRE_STATUS_NO_SESSION = 1,
+    WIRE_STATUS_UNKNOWN_COMMAND = 2,
+    WIRE_STATUS_BAD_LENGTH = 3,
+    WIRE_STATUS_WRONG_STATE = 4,
+    WIRE_STATUS_BAD_VALUE = 5,
+    WIRE_STATUS_NO_MODEL = 6,
+    WIRE_STATUS_MODEL_INVALID = 7,
+    WIRE_STATUS_CRC_MISMATCH = 8,
+    WIRE_STATUS_OUTSIDE_RECTANGLE = 9,
+    WIRE_STATUS_OUTSIDE_LIMITS = 10,
+    WIRE_STATUS_BAUD_BUDGET = 11,
+    WIRE_STATUS_MUST_NAME_MODEL = 12,
+    WIRE_STATUS_FLASH_FAILED = 13,
+    WIRE_STATUS_FAULT_LATCHED = 14,
+    WIRE_STATUS_BUSY = 15,
+    WIRE_STATUS_MODE_UNSUPPORTED = 16,
+};
+#define WIRE_STATUS_COUNT 17
+
+/* Why the device stopped; each is described in docs/faults.md */
+enum wire_fault {
+    WIRE_FAULT_NONE = 0,
+    WIRE_FAULT_HOST_TIMEOUT = 1,
+    WIRE_FAULT_TICK_OVERRUN = 2,
+    WIRE_FAULT_ADC_RAIL = 3,
+    WIRE_FAULT_CONVERTER_SILENT = 4,
+    WIRE_FAULT_INTERLOCK = 5,
+    WIRE_FAULT_FLASH_ERROR = 6,
+    WIRE_FAULT_CORE_LOST = 7,
+    WIRE_FAULT_TRACKING_ERROR = 8,
+};
+#define WIRE_FAULT_COUNT 9
+
+/* Why the device last started */
+enum wire_reset_cause {
+    WIRE_RESET_CAUSE_POWER_ON = 0,
+    WIRE_RESET_CAUSE_PIN = 1,
+    WIRE_RESET_CAUSE_WATCHDOG = 2,
+    WIRE_RESET_CAUSE_SOFTWARE = 3,
+    WIRE_RESET_CAUSE_BROWN_OUT = 4,
+};
+#define WIRE_RESET_CAUSE_COUNT 5
+
+/* Bits of the stream's channel mask; per tick and axis, in this order */
+enum wire_channel {
+    WIRE_CHANNEL_REFERENCE = 1,
+    WIRE_CHANNEL_ADC = 2,
+    WIRE_CHANNEL_DAC = 4,
+    WIRE_CHANNEL_FEEDFORWARD = 8,
+    WIRE_CHANNEL_FEEDBACK = 16,
+};
+#define WIRE_CHANNEL_COUNT 5
+
+/* What SNAPSHOT_READ reads */
+enum wire_region {
+    WIRE_REGION_STATE = 0,
+    WIRE_REGION_WAVE_X = 1,
+    WIRE_REGION_WAVE_Y = 2,
+    WIRE_REGION_WAVE_Z = 3,
+};
+#define WIRE_REGION_COUNT 4
+
+/* What an unsolicited event reports */
+enum wire_event_kind {
+    WIRE_EVENT_KIND_STATE_CHANGE = 0,
+    WIRE_EVENT_KIND_FAULT = 1,
+    WIRE_EVENT_KIND_STREAM_OVERFLOW = 2,
+    WIRE_EVENT_KIND_PATH_DONE = 3,
+};
+#define WIRE_EVENT_KIND_COUNT 4
+
+/* Before every payload */
+#define WIRE_HEADER_SIZE 11
+struct wire_header {
+    uint8_t type; /* message number; a reply carries the command's number + 0x80 */
+    uint16_t id; /* request number, echoed by its reply; retries keep it */
+    uint64_t session; /* nonce chosen by the host in HELLO */
+};
+
+/* What every reply begins with; most are no more */
+#define WIRE_REPLY_HEAD_SIZE 9
+struct wire_reply_head {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+};
+
+/* One axis in one tick of a samples batch */
+#define WIRE_TICK_SIZE 12
+struct wire_tick {
+    int32_t reference; /* um q16 (V q24 in mode open) */
+    uint16_t adc; /* sensor code */
+    uint16_t dac; /* output code */
+    int16_t feedforward; /* V q11 */
+    int16_t feedback; /* V q11 */
+};
+
+/* One axis of the model: converters, limits and the paper's table view */
+#define WIRE_AXIS_MODEL_SIZE 176
+struct wire_axis_model {
+    uint32_t flags; /* bit 0: table view present */
+    int32_t u_min_q24; /* lower clamp, V */
+    int32_t u_max_q24; /* upper clamp, V */
+    int32_t u_park_q24; /* safe value, V */
+    int32_t slew_q24; /* largest step of the output, V per tick */
+    int32_t ramp_q24; /* step when parking or ramping after a fault, V per tick; at most slew_q24 */
+    int32_t dac_zero_code; /* DAC code of 0 V */
+    int32_t dac_codes_per_V_q16; /* DAC scale */
+    int32_t adc_zero_code; /* ADC code of 0 um */
+    int32_t adc_um_per_code_q32; /* ADC scale */
+    int32_t swing_min_q24; /* identified rectangle: peak-to-peak voltage */
+    int32_t swing_max_q24;
+    int32_t f_min_q16; /* identified rectangle: Hz */
+    int32_t f_max_q16;
+    int64_t a_q32[3]; /* K(um) in um/V, um/V^2, um/V^3 */
+    int64_t b_q40[6]; /* theta(um, f) in turns (not degrees), regressors 1 um f um*f um^2 f^2 */
+    int64_t c_q32[6]; /* x0(um, f) in um, same regressors; kept for read-back, not used by the law */
+};
+
+/* The model blob that is uploaded, checked, persisted and read back */
+#define WIRE_MODEL_SIZE 564
+struct wire_model {
+    uint32_t magic; /* 0x314C4850, 'PHL1' */
+    uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */
+    struct wire_axis_model axes[3];
+};
+
+/* 0x81: Opens a session: the header's session becomes the device's. Needs no session. */
+#define WIRE_HELLO_REPLY_SIZE 75
+struct wire_hello_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t schema_fingerprint;
+    uint8_t build_id[20]; /* hash of the firmware source */
+    uint8_t target[24]; /* ASCII, zero padded: host, nucleo_f446re, ... */
+    uint32_t tick_rate_Hz;
+    uint32_t baud;
+    uint8_t axis_count;
+    uint8_t state;
+    uint8_t reset_cause;
+    uint8_t model_flags; /* bit 0: a model is loaded; bit 1: it is a fallback and must be named to arm; bit 2: it is persisted */
+    uint32_t model_crc;
+    uint16_t max_payload;
+};
+
+/* 0x83: What the device is doing; also feeds the host timeout */
+#define WIRE_STATUS_REPLY_SIZE 65
+struct wire_status_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t state;
+    uint8_t fault;
+    uint8_t fault_axis; /* 255: no axis */
+    uint8_t running_axes; /* mask of axes whose path is still under way */
+    uint64_t fault_tick;
+    uint8_t modes[3];
+    uint8_t at_rest; /* mask of axes whose output is at the safe value */
+    uint16_t adc_codes[3];
+    uint16_t dac_codes[3];
+    uint32_t saturations[3]; /* ticks with at least one saturated block, per axis */
+    uint32_t overruns;
+    uint32_t stream_dropped; /* ticks dropped since the stream was started */
+    uint32_t rx_errors; /* frames thrown away: bad COBS, CRC or length */
+    uint32_t model_crc;
+};
+
+/* 0x04: parked -> armed. model_crc 0 arms whatever is loaded unless it is a fallback, which must be named */
+#define WIRE_ARM_REQUEST_SIZE 4
+struct wire_arm_request {
+    uint32_t model_crc;
+};
+
+/* 0x05: armed -> running: the paths of these axes begin together at the reply's tick */
+#define WIRE_START_REQUEST_SIZE 1
+struct wire_start_request {
+    uint8_t axis_mask;
+};
+
+/* 0x08: Mode and gains of one axis; while parked or armed */
+#define WIRE_SET_AXIS_REQUEST_SIZE 18
+struct wire_set_axis_request {
+    uint8_t axis;
+    uint8_t mode;
+    int32_t kp_q24; /* V/um */
+    int32_t ki_ts_q32; /* V/um per tick */
+    int32_t kd_over_ts_q24; /* V/um */
+    int32_t d_alpha_q31; /* derivative filter y += alpha (x - y); 0x7fffffff: no filter */
+};
+
+/* 0x09: Reference of one axis; while parked or armed. Looks the feed-forward tables up and refuses what they do not cover */
+#define WIRE_SET_PATH_REQUEST_SIZE 26
+struct wire_set_path_request {
+    uint8_t axis;
+    uint8_t path;
+    int32_t swing; /* peak-to-peak, um q16 (V q24 in mode open); for a move: the way to go, signed */
+    int32_t offset; /* lowest value of the path; for a hold or a move: where it starts */
+    uint64_t step_turn64; /* sine, wave: turns per tick; move: 2^64 / duration in ticks */
+    uint64_t ticks; /* length of the path; the last value is then held; 0: for ever */
+};
+
+/* 0x89: Reference of one axis; while parked or armed. Looks the feed-forward tables up and refuses what they do not cover */
+#define WIRE_SET_PATH_REPLY_SIZE 17
+struct wire_set_path_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    int32_t inverse_gain_q28; /* V/um, looked up */
+    int32_t lead_turn32; /* phase lead, looked up */
+};
+
+/* 0x0A: Writes points of an axis' periodic waveform; while parked. One period is 1024 points in q30 of the swing (0 .. 2^30) */
+#define WIRE_WAVE_CHUNK_REQUEST_SIZE 3
+struct wire_wave_chunk_request {
+    uint8_t axis;
+    uint16_t offset; /* first point */
+    const uint8_t *data; /* i32 points */
+    size_t data_size;
+};
+
+/* 0x0B: Checks the CRC-32 over all 1024 points and makes them the axis' waveform */
+#define WIRE_WAVE_COMMIT_REQUEST_SIZE 5
+struct wire_wave_commit_request {
+    uint8_t axis;
+    uint32_t crc;
+};
+
+/* 0x0C: Opens a model transaction; an earlier unfinished one is dropped */
+#define WIRE_MODEL_BEGIN_REQUEST_SIZE 8
+struct wire_model_begin_request {
+    uint32_t size;
+    uint32_t crc;
+};
+
+/* 0x0D: Part of the model blob */
+#define WIRE_MODEL_CHUNK_REQUEST_SIZE 4
+struct wire_model_chunk_request {
+    uint32_t offset;
+    const uint8_t *data;
+    size_t data_size;
+};
+
+/* 0x8E: Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked */
+#define WIRE_MODEL_COMMIT_REPLY_SIZE 11
+struct wire_model_commit_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint16_t invalid_field; /* with model_invalid: 100 * axis + number of the offending field */
+};
+
+/* 0x0F: Reads the active model back */
+#define WIRE_MODEL_READ_REQUEST_SIZE 6
+struct wire_model_read_request {
+    uint32_t offset;
+    uint16_t length;
+};
+
+/* 0x8F: Reads the active model back */
+#define WIRE_MODEL_READ_REPLY_SIZE 17
+struct wire_model_read_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t size;
+    uint32_t crc;
+    const uint8_t *data;
+    size_t data_size;
+};
+
+/* 0x90: Writes the active model to the older of two flash slots; while parked */
+#define WIRE_MODEL_PERSIST_REPLY_SIZE 13
+struct wire_model_persist_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t sequence; /* number of the record written */
+};
+
+/* 0x11: Streams the chosen channels of the chosen axes from the reply's tick on, and latches the control state of that moment for SNAPSHOT_READ */
+#define WIRE_STREAM_START_REQUEST_SIZE 4
+struct wire_stream_start_request {
+    uint8_t channels;
+    uint8_t axis_mask;
+    uint16_t decimation; /* 1: every tick */
+};
+
+/* 0x91: Streams the chosen channels of the chosen axes from the reply's tick on, and latches the control state of that moment for SNAPSHOT_READ */
+#define WIRE_STREAM_START_REPLY_SIZE 21
+struct wire_stream_start_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t bytes_per_s; /* what it takes on the line */
+    uint32_t budget_bytes_per_s; /* what the line carries */
+    uint32_t state_size; /* bytes of the latched control state */
+};
+
+/* 0x92: Ends the stream; what is buffered is still sent */
+#define WIRE_STREAM_STOP_REPLY_SIZE 25
+struct wire_stream_stop_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint64_t sent_ticks;
+    uint64_t dropped_ticks;
+};
+
+/* 0x13: Reads the control state latched by STREAM_START, or a waveform */
+#define WIRE_SNAPSHOT_READ_REQUEST_SIZE 7
+struct wire_snapshot_read_request {
+    uint8_t region;
+    uint32_t offset;
+    uint16_t length;
+};
+
+/* 0x93: Reads the control state latched by STREAM_START, or a waveform */
+#define WIRE_SNAPSHOT_READ_REPLY_SIZE 13
+struct wire_snapshot_read_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t size;
+    const uint8_t *data;
+    size_t data_size;
+};
+
+/* 0x14: Ticks without a valid command of the session after which an armed or running device ramps to park and latches host_timeout; 0: never */
+#define WIRE_SET_TIMEOUT_REQUEST_SIZE 4
+struct wire_set_timeout_request {
+    uint32_t ticks;
+};
+
+/* 0x95: Timing of the tick and the fault log */
+#define WIRE_INFO_REPLY_SIZE 94
+struct wire_info_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t cycles_last;
+    uint32_t cycles_max;
+    uint32_t histogram[16]; /* ticks by log2 of cycles */
+    uint32_t overruns;
+    uint8_t last_fault;
+    uint32_t last_fault_detail;
+    uint32_t flash_sequence;
+};
+
+/* 0x70: A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of [tick] that `channels` asks for, in their order */
+#define WIRE_SAMPLES_SIZE 20
+struct wire_samples {
+    uint32_t sequence;
+    uint64_t first_tick;
+    uint32_t dropped; /* ticks dropped since the stream was started, before this batch */
+    uint8_t channels;
+    uint8_t axis_mask;
+    uint16_t decimation;
+    const uint8_t *data;
+    size_t data_size;
+};
+
+/* 0x71: A change of state, a fault, the end of a path */
+#define WIRE_EVENT_SIZE 13
+struct wire_event {
+    uint64_t tick;
+    uint8_t kind;
+    uint32_t value; /* state_change: the state; fault: the fault; path_done: the axis; stream_overflow: ticks dropped so far */
+};
+
+#define WIRE_HELLO_REQUEST_SIZE 0 /* Opens a session: the header's session becomes the device's. Needs no session. */
+#define WIRE_STOP_REQUEST_SIZE 0 /* Ramps every axis to its safe value at once. Needs no session. */
+#define WIRE_STOP_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_STATUS_REQUEST_SIZE 0 /* What the device is doing; also feeds the host timeout */
+#define WIRE_ARM_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_START_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_PARK_REQUEST_SIZE 0 /* Ramps to the safe value, then parked */
+#define WIRE_PARK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_CLEAR_FAULT_REQUEST_SIZE 0 /* fault -> parked once the output is at its safe value */
+#define WIRE_CLEAR_FAULT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_SET_AXIS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_WAVE_CHUNK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_WAVE_COMMIT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_MODEL_BEGIN_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_MODEL_CHUNK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_MODEL_COMMIT_REQUEST_SIZE 0 /* Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked */
+#define WIRE_MODEL_PERSIST_REQUEST_SIZE 0 /* Writes the active model to the older of two flash slots; while parked */
+#define WIRE_STREAM_STOP_REQUEST_SIZE 0 /* Ends the stream; what is buffered is still sent */
+#define WIRE_SET_TIMEOUT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_INFO_REQUEST_SIZE 0 /* Timing of the tick and the fault log */
+
+/* Exact size, or the least for a message that ends in bytes. */
+struct wire_message_size {
+    uint16_t fixed;
+    bool has_tail;
+};
+
+/* NULL for a number that is no message. */
+const struct wire_message_size *wire_message_size(uint8_t type);
+/* For messages; NULL for a number that is no message. A reply has its command's name. */
+const char *wire_message_name(uint8_t type);
+
+/* Bytes of one axis in one tick of a samples batch. */
+size_t wire_tick_size(uint8_t channels);
+/* Writes the chosen channels of one axis; returns the end of what was written. */
+uint8_t *wire_put_tick(uint8_t *out, uint8_t channels, const struct wire_tick *tick);
+
+/* Packing returns the bytes written, or -1 when `capacity` or WIRE_MAX_PAYLOAD does not hold them.
+ * Unpacking returns false unless `size` is right; a tail points into `in`. */
+int32_t wire_pack_header(const struct wire_header *from, uint8_t *out, size_t capacity);
+bool wire_unpack_header(struct wire_header *to, const uint8_t *in, size_t size);
+int32_t wire_pack_reply_head(const struct wire_reply_head *from, uint8_t *out, size_t capacity);
+bool wire_unpack_reply_head(struct wire_reply_head *to, const uint8_t *in, size_t size);
+int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, size_t capacity);
+bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model(const struct wire_model *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size);
+int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_hello_reply(struct wire_hello_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_status_reply(const struct wire_status_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_status_reply(struct wire_status_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_arm_request(const struct wire_arm_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_arm_request(struct wire_arm_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_start_request(const struct wire_start_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_start_request(struct wire_start_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_set_axis_request(const struct wire_set_axis_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_set_axis_request(struct wire_set_axis_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_set_path_request(const struct wire_set_path_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_set_path_request(struct wire_set_path_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_set_path_reply(const struct wire_set_path_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_set_path_reply(struct wire_set_path_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_wave_chunk_request(const struct wire_wave_chunk_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_wave_chunk_request(struct wire_wave_chunk_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_wave_commit_request(const struct wire_wave_commit_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_wave_commit_request(struct wire_wave_commit_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model_begin_request(const struct wire_model_begin_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model_begin_request(struct wire_model_begin_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model_chunk_request(const struct wire_model_chunk_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model_chunk_request(struct wire_model_chunk_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model_commit_reply(const struct wire_model_commit_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model_commit_reply(struct wire_model_commit_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model_read_request(const struct wire_model_read_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model_read_request(struct wire_model_read_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model_read_reply(const struct wire_model_read_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model_read_reply(struct wire_model_read_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_model_persist_reply(const struct wire_model_persist_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_model_persist_reply(struct wire_model_persist_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_stream_start_request(const struct wire_stream_start_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_stream_start_request(struct wire_stream_start_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_stream_start_reply(const struct wire_stream_start_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_stream_start_reply(struct wire_stream_start_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_stream_stop_reply(const struct wire_stream_stop_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_stream_stop_reply(struct wire_stream_stop_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_snapshot_read_request(const struct wire_snapshot_read_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_snapshot_read_request(struct wire_snapshot_read_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_snapshot_read_reply(const struct wire_snapshot_read_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_snapshot_read_reply(struct wire_snapshot_read_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_set_timeout_request(const struct wire_set_timeout_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_set_timeout_request(struct wire_set_timeout_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity);
+bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size);
+int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity);
+bool wire_unpack_event(struct wire_event *to, const uint8_t *in, size_t size);
+
+#endif

@@ -1,0 +1,1554 @@
+# generated from protocol/schema.toml by protocol/generate.py
+"""Every message, record and enumeration of the wire; docs/wire.md says them in words.
+
+Fields hold plain numbers even where an enumeration exists, so that a value unknown to this version survives.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+from phaselead.errors import LinkError
+
+FINGERPRINT = 0x0000DBBB
+VERSION = 1
+MAX_PAYLOAD = 1152
+REPLY_BIT = 0x80
+HEADER = struct.Struct("<BHQ")
+"""type, id, session"""
+REPLY_HEAD = struct.Struct("<BQ")
+"""status, tick"""
+CHANNEL_DTYPES = {"reference": "<i4", "adc": "<u2", "dac": "<u2", "feedforward": "<i2", "feedback": "<i2"}
+"""Of one axis in one tick of a samples batch, in the order of Channel's bits."""
+
+
+class WireError(LinkError):
+    """A payload that is not the message it claims to be, or a value its field cannot hold."""
+
+
+class Message:
+    """What all messages and records share. ``SIZE`` is the fixed part's; ``TAIL``: bytes follow it."""
+
+    __slots__ = ()
+    NAME: ClassVar[str]
+    NUMBER: ClassVar[int]
+    SIZE: ClassVar[int]
+    TAIL: ClassVar[bool] = False
+    PLATFORM: ClassVar[frozenset[str]] = frozenset()
+    """Fields that may differ between builds of the same source."""
+
+    def pack(self) -> bytes:
+        """Payload bytes. Raises WireError for a value its field cannot hold."""
+        raise NotImplementedError
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """The message of these payload bytes. Raises WireError when their number is wrong."""
+        raise NotImplementedError
+
+    @classmethod
+    def check_length(cls, payload: bytes) -> None:
+        size = len(payload)
+        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or size > MAX_PAYLOAD:
+            at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
+            raise WireError(f"{cls.NAME}: {at_least}{cls.SIZE} bytes expected, got {size}")
+
+
+class Reply(Message):
+    """Begins with these two, whatever the command."""
+
+    __slots__ = ()
+    status: int
+    tick: int
+
+
+R = TypeVar("R", bound=Reply)
+
+
+class Command(Message, Generic[R]):
+    """A request; ``REPLY`` is the class of its answer."""
+
+    __slots__ = ()
+    REPLY: ClassVar[type[Any]]
+
+
+def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
+    try:
+        return layout.pack(*values)
+    except struct.error as error:
+        raise WireError(f"{name}: {error}") from None
+
+
+def _exactly(name: str, value: bytes, size: int) -> bytes:
+    if len(value) != size:  # struct would cut or pad in silence
+        raise WireError(f"{name}: {size} bytes expected, got {len(value)}")
+    return value
+
+
+def _tail(cls: type[Message], value: bytes) -> bytes:
+    if cls.SIZE + len(value) > MAX_PAYLOAD:
+        raise WireError(f"{cls.NAME}: {len(value)} bytes do not fit, at most {MAX_PAYLOAD - cls.SIZE}")
+    return value
+
+
+class State(IntEnum):
+    """Supervisor state."""
+
+    PARKED = 0
+    ARMED = 1
+    RUNNING = 2
+    STOPPING = 3
+    FAULT = 4
+
+
+class Mode(IntEnum):
+    """What drives an axis."""
+
+    IDLE = 0
+    OPEN = 1
+    PID = 2
+    FF = 3
+    FF_PID = 4
+    INVERSE = 5
+    INVERSE_PID = 6
+
+
+class PathKind(IntEnum):
+    """Reference path of an axis; in mode open its values are volts (q24), else micrometres (q16)."""
+
+    HOLD = 0
+    SINE = 1
+    WAVE = 2
+    MOVE = 3
+
+
+class Status(IntEnum):
+    """First byte of every reply."""
+
+    OK = 0
+    NO_SESSION = 1
+    UNKNOWN_COMMAND = 2
+    BAD_LENGTH = 3
+    WRONG_STATE = 4
+    BAD_VALUE = 5
+    NO_MODEL = 6
+    MODEL_INVALID = 7
+    CRC_MISMATCH = 8
+    OUTSIDE_RECTANGLE = 9
+    OUTSIDE_LIMITS = 10
+    BAUD_BUDGET = 11
+    MUST_NAME_MODEL = 12
+    FLASH_FAILED = 13
+    FAULT_LATCHED = 14
+    BUSY = 15
+    MODE_UNSUPPORTED = 16
+
+
+class Fault(IntEnum):
+    """Why the device stopped; each is described in docs/faults.md."""
+
+    NONE = 0
+    HOST_TIMEOUT = 1
+    TICK_OVERRUN = 2
+    ADC_RAIL = 3
+    CONVERTER_SILENT = 4
+    INTERLOCK = 5
+    FLASH_ERROR = 6
+    CORE_LOST = 7
+    TRACKING_ERROR = 8
+
+
+class ResetCause(IntEnum):
+    """Why the device last started."""
+
+    POWER_ON = 0
+    PIN = 1
+    WATCHDOG = 2
+    SOFTWARE = 3
+    BROWN_OUT = 4
+
+
+class Channel(IntEnum):
+    """Bits of the stream's channel mask; per tick and axis, in this order."""
+
+    REFERENCE = 1
+    ADC = 2
+    DAC = 4
+    FEEDFORWARD = 8
+    FEEDBACK = 16
+
+
+class Region(IntEnum):
+    """What SNAPSHOT_READ reads."""
+
+    STATE = 0
+    WAVE_X = 1
+    WAVE_Y = 2
+    WAVE_Z = 3
+
+
+class EventKind(IntEnum):
+    """What an unsolicited event reports."""
+
+    STATE_CHANGE = 0
+    FAULT = 1
+    STREAM_OVERFLOW = 2
+    PATH_DONE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class AxisModel(Message):
+    """One axis of the model: converters, limits and the paper's table view."""
+
+    NAME: ClassVar[str] = "axis_model"
+    SIZE: ClassVar[int] = 176
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6q")
+    flags: int
+    """bit 0: table view present."""
+    u_min_q24: int
+    """lower clamp, V."""
+    u_max_q24: int
+    """upper clamp, V."""
+    u_park_q24: int
+    """safe value, V."""
+    slew_q24: int
+    """largest step of the output, V per tick."""
+    ramp_q24: int
+    """step when parking or ramping after a fault, V per tick; at most slew_q24."""
+    dac_zero_code: int
+    """DAC code of 0 V."""
+    dac_codes_per_V_q16: int
+    """DAC scale."""
+    adc_zero_code: int
+    """ADC code of 0 um."""
+    adc_um_per_code_q32: int
+    """ADC scale."""
+    swing_min_q24: int
+    """identified rectangle: peak-to-peak voltage."""
+    swing_max_q24: int
+    f_min_q16: int
+    """identified rectangle: Hz."""
+    f_max_q16: int
+    a_q32: tuple[int, ...]
+    """K(um) in um/V, um/V^2, um/V^3."""
+    b_q40: tuple[int, ...]
+    """theta(um, f) in turns (not degrees), regressors 1 um f um*f um^2 f^2."""
+    c_q32: tuple[int, ...]
+    """x0(um, f) in um, same regressors; kept for read-back, not used by the law."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            AxisModel.NAME,
+            AxisModel.LAYOUT,
+            self.flags,
+            self.u_min_q24,
+            self.u_max_q24,
+            self.u_park_q24,
+            self.slew_q24,
+            self.ramp_q24,
+            self.dac_zero_code,
+            self.dac_codes_per_V_q16,
+            self.adc_zero_code,
+            self.adc_um_per_code_q32,
+            self.swing_min_q24,
+            self.swing_max_q24,
+            self.f_min_q16,
+            self.f_max_q16,
+            *self.a_q32,
+            *self.b_q40,
+            *self.c_q32,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> AxisModel:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(
+            v[0],
+            v[1],
+            v[2],
+            v[3],
+            v[4],
+            v[5],
+            v[6],
+            v[7],
+            v[8],
+            v[9],
+            v[10],
+            v[11],
+            v[12],
+            v[13],
+            v[14:17],
+            v[17:23],
+            v[23:29],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Model(Message):
+    """The model blob that is uploaded, checked, persisted and read back."""
+
+    NAME: ClassVar[str] = "model"
+    SIZE: ClassVar[int] = 564
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s528s")
+    magic: int
+    """0x314C4850, 'PHL1'."""
+    stage_hash: bytes
+    """SHA-256 of the stage file it was made from."""
+    axes: tuple[AxisModel, ...]
+
+    def pack(self) -> bytes:
+        if len(self.axes) != 3:
+            raise WireError(f"model: 3 axes expected, got {len(self.axes)}")
+        return _pack(
+            Model.NAME,
+            Model.LAYOUT,
+            self.magic,
+            _exactly("model.stage_hash", self.stage_hash, 32),
+            b"".join(item.pack() for item in self.axes),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Model:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 176]) for i in range(0, 528, 176)))
+
+
+@dataclass(frozen=True, slots=True)
+class HelloReply(Reply):
+    """The answer to hello."""
+
+    NAME: ClassVar[str] = "hello reply"
+    NUMBER: ClassVar[int] = 0x81
+    SIZE: ClassVar[int] = 75
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"build_id", "target", "baud", "reset_cause"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQI20s24sIIBBBBIH")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    schema_fingerprint: int
+    build_id: bytes
+    """hash of the firmware source."""
+    target: bytes
+    """ASCII, zero padded: host, nucleo_f446re, ..."""
+    tick_rate_Hz: int
+    baud: int
+    axis_count: int
+    state: int
+    reset_cause: int
+    model_flags: int
+    """bit 0: a model is loaded; bit 1: it is a fallback and must be named to arm; bit 2: it is persisted."""
+    model_crc: int
+    max_payload: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            HelloReply.NAME,
+            HelloReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.schema_fingerprint,
+            _exactly("hello reply.build_id", self.build_id, 20),
+            _exactly("hello reply.target", self.target, 24),
+            self.tick_rate_Hz,
+            self.baud,
+            self.axis_count,
+            self.state,
+            self.reset_cause,
+            self.model_flags,
+            self.model_crc,
+            self.max_payload,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> HelloReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12])
+
+
+@dataclass(frozen=True, slots=True)
+class HelloRequest(Command[HelloReply]):
+    """Opens a session: the header's session becomes the device's. Needs no session."""
+
+    NAME: ClassVar[str] = "hello"
+    NUMBER: ClassVar[int] = 0x01
+    REPLY: ClassVar[type[Any]] = HelloReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> HelloRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class StopReply(Reply):
+    """The answer to stop."""
+
+    NAME: ClassVar[str] = "stop reply"
+    NUMBER: ClassVar[int] = 0x82
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(StopReply.NAME, StopReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StopReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class StopRequest(Command[StopReply]):
+    """Ramps every axis to its safe value at once. Needs no session."""
+
+    NAME: ClassVar[str] = "stop"
+    NUMBER: ClassVar[int] = 0x02
+    REPLY: ClassVar[type[Any]] = StopReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StopRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class StatusReply(Reply):
+    """The answer to status."""
+
+    NAME: ClassVar[str] = "status reply"
+    NUMBER: ClassVar[int] = 0x83
+    SIZE: ClassVar[int] = 65
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"overruns", "rx_errors"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBQ3BB3H3H3IIIII")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    state: int
+    fault: int
+    fault_axis: int
+    """255: no axis."""
+    running_axes: int
+    """mask of axes whose path is still under way."""
+    fault_tick: int
+    modes: tuple[int, ...]
+    at_rest: int
+    """mask of axes whose output is at the safe value."""
+    adc_codes: tuple[int, ...]
+    dac_codes: tuple[int, ...]
+    saturations: tuple[int, ...]
+    """ticks with at least one saturated block, per axis."""
+    overruns: int
+    stream_dropped: int
+    """ticks dropped since the stream was started."""
+    rx_errors: int
+    """frames thrown away: bad COBS, CRC or length."""
+    model_crc: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            StatusReply.NAME,
+            StatusReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.state,
+            self.fault,
+            self.fault_axis,
+            self.running_axes,
+            self.fault_tick,
+            *self.modes,
+            self.at_rest,
+            *self.adc_codes,
+            *self.dac_codes,
+            *self.saturations,
+            self.overruns,
+            self.stream_dropped,
+            self.rx_errors,
+            self.model_crc,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StatusReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(
+            v[0],
+            v[1],
+            v[2],
+            v[3],
+            v[4],
+            v[5],
+            v[6],
+            v[7:10],
+            v[10],
+            v[11:14],
+            v[14:17],
+            v[17:20],
+            v[20],
+            v[21],
+            v[22],
+            v[23],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRequest(Command[StatusReply]):
+    """What the device is doing; also feeds the host timeout."""
+
+    NAME: ClassVar[str] = "status"
+    NUMBER: ClassVar[int] = 0x03
+    REPLY: ClassVar[type[Any]] = StatusReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StatusRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class ArmReply(Reply):
+    """The answer to arm."""
+
+    NAME: ClassVar[str] = "arm reply"
+    NUMBER: ClassVar[int] = 0x84
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(ArmReply.NAME, ArmReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ArmReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRequest(Command[ArmReply]):
+    """parked -> armed. model_crc 0 arms whatever is loaded unless it is a fallback, which must be named."""
+
+    NAME: ClassVar[str] = "arm"
+    NUMBER: ClassVar[int] = 0x04
+    REPLY: ClassVar[type[Any]] = ArmReply
+    SIZE: ClassVar[int] = 4
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    model_crc: int
+
+    def pack(self) -> bytes:
+        return _pack(ArmRequest.NAME, ArmRequest.LAYOUT, self.model_crc)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ArmRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0])
+
+
+@dataclass(frozen=True, slots=True)
+class StartReply(Reply):
+    """The answer to start."""
+
+    NAME: ClassVar[str] = "start reply"
+    NUMBER: ClassVar[int] = 0x85
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(StartReply.NAME, StartReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StartReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class StartRequest(Command[StartReply]):
+    """armed -> running: the paths of these axes begin together at the reply's tick."""
+
+    NAME: ClassVar[str] = "start"
+    NUMBER: ClassVar[int] = 0x05
+    REPLY: ClassVar[type[Any]] = StartReply
+    SIZE: ClassVar[int] = 1
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
+    axis_mask: int
+
+    def pack(self) -> bytes:
+        return _pack(StartRequest.NAME, StartRequest.LAYOUT, self.axis_mask)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StartRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0])
+
+
+@dataclass(frozen=True, slots=True)
+class ParkReply(Reply):
+    """The answer to park."""
+
+    NAME: ClassVar[str] = "park reply"
+    NUMBER: ClassVar[int] = 0x86
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(ParkReply.NAME, ParkReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParkReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ParkRequest(Command[ParkReply]):
+    """Ramps to the safe value, then parked."""
+
+    NAME: ClassVar[str] = "park"
+    NUMBER: ClassVar[int] = 0x06
+    REPLY: ClassVar[type[Any]] = ParkReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParkRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class ClearFaultReply(Reply):
+    """The answer to clear_fault."""
+
+    NAME: ClassVar[str] = "clear_fault reply"
+    NUMBER: ClassVar[int] = 0x87
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(ClearFaultReply.NAME, ClearFaultReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ClearFaultReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ClearFaultRequest(Command[ClearFaultReply]):
+    """fault -> parked once the output is at its safe value."""
+
+    NAME: ClassVar[str] = "clear_fault"
+    NUMBER: ClassVar[int] = 0x07
+    REPLY: ClassVar[type[Any]] = ClearFaultReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ClearFaultRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class SetAxisReply(Reply):
+    """The answer to set_axis."""
+
+    NAME: ClassVar[str] = "set_axis reply"
+    NUMBER: ClassVar[int] = 0x88
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(SetAxisReply.NAME, SetAxisReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetAxisReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class SetAxisRequest(Command[SetAxisReply]):
+    """Mode and gains of one axis; while parked or armed."""
+
+    NAME: ClassVar[str] = "set_axis"
+    NUMBER: ClassVar[int] = 0x08
+    REPLY: ClassVar[type[Any]] = SetAxisReply
+    SIZE: ClassVar[int] = 18
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiii")
+    axis: int
+    mode: int
+    kp_q24: int
+    """V/um."""
+    ki_ts_q32: int
+    """V/um per tick."""
+    kd_over_ts_q24: int
+    """V/um."""
+    d_alpha_q31: int
+    """derivative filter y += alpha (x - y); 0x7fffffff: no filter."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            SetAxisRequest.NAME,
+            SetAxisRequest.LAYOUT,
+            self.axis,
+            self.mode,
+            self.kp_q24,
+            self.ki_ts_q32,
+            self.kd_over_ts_q24,
+            self.d_alpha_q31,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetAxisRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
+
+
+@dataclass(frozen=True, slots=True)
+class SetPathReply(Reply):
+    """The answer to set_path."""
+
+    NAME: ClassVar[str] = "set_path reply"
+    NUMBER: ClassVar[int] = 0x89
+    SIZE: ClassVar[int] = 17
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQii")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    inverse_gain_q28: int
+    """V/um, looked up."""
+    lead_turn32: int
+    """phase lead, looked up."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            SetPathReply.NAME,
+            SetPathReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.inverse_gain_q28,
+            self.lead_turn32,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetPathReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3])
+
+
+@dataclass(frozen=True, slots=True)
+class SetPathRequest(Command[SetPathReply]):
+    """Reference of one axis; while parked or armed. Looks the feed-forward tables up and refuses what they do not
+    cover.
+    """
+
+    NAME: ClassVar[str] = "set_path"
+    NUMBER: ClassVar[int] = 0x09
+    REPLY: ClassVar[type[Any]] = SetPathReply
+    SIZE: ClassVar[int] = 26
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiQQ")
+    axis: int
+    path: int
+    swing: int
+    """peak-to-peak, um q16 (V q24 in mode open); for a move: the way to go, signed."""
+    offset: int
+    """lowest value of the path; for a hold or a move: where it starts."""
+    step_turn64: int
+    """sine, wave: turns per tick; move: 2^64 / duration in ticks."""
+    ticks: int
+    """length of the path; the last value is then held; 0: for ever."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            SetPathRequest.NAME,
+            SetPathRequest.LAYOUT,
+            self.axis,
+            self.path,
+            self.swing,
+            self.offset,
+            self.step_turn64,
+            self.ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetPathRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
+
+
+@dataclass(frozen=True, slots=True)
+class WaveChunkReply(Reply):
+    """The answer to wave_chunk."""
+
+    NAME: ClassVar[str] = "wave_chunk reply"
+    NUMBER: ClassVar[int] = 0x8A
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(WaveChunkReply.NAME, WaveChunkReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> WaveChunkReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class WaveChunkRequest(Command[WaveChunkReply]):
+    """Writes points of an axis' periodic waveform; while parked. One period is 1024 points in q30 of the swing (0 ..
+    2^30).
+    """
+
+    NAME: ClassVar[str] = "wave_chunk"
+    NUMBER: ClassVar[int] = 0x0A
+    REPLY: ClassVar[type[Any]] = WaveChunkReply
+    SIZE: ClassVar[int] = 3
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BH")
+    axis: int
+    offset: int
+    """first point."""
+    data: bytes
+    """i32 points."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            WaveChunkRequest.NAME,
+            WaveChunkRequest.LAYOUT,
+            self.axis,
+            self.offset,
+        ) + _tail(WaveChunkRequest, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> WaveChunkRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class WaveCommitReply(Reply):
+    """The answer to wave_commit."""
+
+    NAME: ClassVar[str] = "wave_commit reply"
+    NUMBER: ClassVar[int] = 0x8B
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(WaveCommitReply.NAME, WaveCommitReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> WaveCommitReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class WaveCommitRequest(Command[WaveCommitReply]):
+    """Checks the CRC-32 over all 1024 points and makes them the axis' waveform."""
+
+    NAME: ClassVar[str] = "wave_commit"
+    NUMBER: ClassVar[int] = 0x0B
+    REPLY: ClassVar[type[Any]] = WaveCommitReply
+    SIZE: ClassVar[int] = 5
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BI")
+    axis: int
+    crc: int
+
+    def pack(self) -> bytes:
+        return _pack(WaveCommitRequest.NAME, WaveCommitRequest.LAYOUT, self.axis, self.crc)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> WaveCommitRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelBeginReply(Reply):
+    """The answer to model_begin."""
+
+    NAME: ClassVar[str] = "model_begin reply"
+    NUMBER: ClassVar[int] = 0x8C
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(ModelBeginReply.NAME, ModelBeginReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelBeginReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelBeginRequest(Command[ModelBeginReply]):
+    """Opens a model transaction; an earlier unfinished one is dropped."""
+
+    NAME: ClassVar[str] = "model_begin"
+    NUMBER: ClassVar[int] = 0x0C
+    REPLY: ClassVar[type[Any]] = ModelBeginReply
+    SIZE: ClassVar[int] = 8
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<II")
+    size: int
+    crc: int
+
+    def pack(self) -> bytes:
+        return _pack(ModelBeginRequest.NAME, ModelBeginRequest.LAYOUT, self.size, self.crc)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelBeginRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelChunkReply(Reply):
+    """The answer to model_chunk."""
+
+    NAME: ClassVar[str] = "model_chunk reply"
+    NUMBER: ClassVar[int] = 0x8D
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(ModelChunkReply.NAME, ModelChunkReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelChunkReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelChunkRequest(Command[ModelChunkReply]):
+    """Part of the model blob."""
+
+    NAME: ClassVar[str] = "model_chunk"
+    NUMBER: ClassVar[int] = 0x0D
+    REPLY: ClassVar[type[Any]] = ModelChunkReply
+    SIZE: ClassVar[int] = 4
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    offset: int
+    data: bytes
+
+    def pack(self) -> bytes:
+        return _pack(
+            ModelChunkRequest.NAME,
+            ModelChunkRequest.LAYOUT,
+            self.offset,
+        ) + _tail(ModelChunkRequest, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelChunkRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCommitReply(Reply):
+    """The answer to model_commit."""
+
+    NAME: ClassVar[str] = "model_commit reply"
+    NUMBER: ClassVar[int] = 0x8E
+    SIZE: ClassVar[int] = 11
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQH")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    invalid_field: int
+    """with model_invalid: 100 * axis + number of the offending field."""
+
+    def pack(self) -> bytes:
+        return _pack(ModelCommitReply.NAME, ModelCommitReply.LAYOUT, self.status, self.tick, self.invalid_field)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelCommitReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelCommitRequest(Command[ModelCommitReply]):
+    """Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while
+    parked.
+    """
+
+    NAME: ClassVar[str] = "model_commit"
+    NUMBER: ClassVar[int] = 0x0E
+    REPLY: ClassVar[type[Any]] = ModelCommitReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelCommitRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class ModelReadReply(Reply):
+    """The answer to model_read."""
+
+    NAME: ClassVar[str] = "model_read reply"
+    NUMBER: ClassVar[int] = 0x8F
+    SIZE: ClassVar[int] = 17
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    size: int
+    crc: int
+    data: bytes
+
+    def pack(self) -> bytes:
+        return _pack(
+            ModelReadReply.NAME,
+            ModelReadReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.size,
+            self.crc,
+        ) + _tail(ModelReadReply, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelReadReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelReadRequest(Command[ModelReadReply]):
+    """Reads the active model back."""
+
+    NAME: ClassVar[str] = "model_read"
+    NUMBER: ClassVar[int] = 0x0F
+    REPLY: ClassVar[type[Any]] = ModelReadReply
+    SIZE: ClassVar[int] = 6
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IH")
+    offset: int
+    length: int
+
+    def pack(self) -> bytes:
+        return _pack(ModelReadRequest.NAME, ModelReadRequest.LAYOUT, self.offset, self.length)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelReadRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelPersistReply(Reply):
+    """The answer to model_persist."""
+
+    NAME: ClassVar[str] = "model_persist reply"
+    NUMBER: ClassVar[int] = 0x90
+    SIZE: ClassVar[int] = 13
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQI")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    sequence: int
+    """number of the record written."""
+
+    def pack(self) -> bytes:
+        return _pack(ModelPersistReply.NAME, ModelPersistReply.LAYOUT, self.status, self.tick, self.sequence)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelPersistReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+@dataclass(frozen=True, slots=True)
+class ModelPersistRequest(Command[ModelPersistReply]):
+    """Writes the active model to the older of two flash slots; while parked."""
+
+    NAME: ClassVar[str] = "model_persist"
+    NUMBER: ClassVar[int] = 0x10
+    REPLY: ClassVar[type[Any]] = ModelPersistReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ModelPersistRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class StreamStartReply(Reply):
+    """The answer to stream_start."""
+
+    NAME: ClassVar[str] = "stream_start reply"
+    NUMBER: ClassVar[int] = 0x91
+    SIZE: ClassVar[int] = 21
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"budget_bytes_per_s"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQIII")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    bytes_per_s: int
+    """what it takes on the line."""
+    budget_bytes_per_s: int
+    """what the line carries."""
+    state_size: int
+    """bytes of the latched control state."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            StreamStartReply.NAME,
+            StreamStartReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.bytes_per_s,
+            self.budget_bytes_per_s,
+            self.state_size,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamStartReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4])
+
+
+@dataclass(frozen=True, slots=True)
+class StreamStartRequest(Command[StreamStartReply]):
+    """Streams the chosen channels of the chosen axes from the reply's tick on, and latches the control state of that
+    moment for SNAPSHOT_READ.
+    """
+
+    NAME: ClassVar[str] = "stream_start"
+    NUMBER: ClassVar[int] = 0x11
+    REPLY: ClassVar[type[Any]] = StreamStartReply
+    SIZE: ClassVar[int] = 4
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBH")
+    channels: int
+    axis_mask: int
+    decimation: int
+    """1: every tick."""
+
+    def pack(self) -> bytes:
+        return _pack(StreamStartRequest.NAME, StreamStartRequest.LAYOUT, self.channels, self.axis_mask, self.decimation)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamStartRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+@dataclass(frozen=True, slots=True)
+class StreamStopReply(Reply):
+    """The answer to stream_stop."""
+
+    NAME: ClassVar[str] = "stream_stop reply"
+    NUMBER: ClassVar[int] = 0x92
+    SIZE: ClassVar[int] = 25
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQQQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    sent_ticks: int
+    dropped_ticks: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            StreamStopReply.NAME,
+            StreamStopReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.sent_ticks,
+            self.dropped_ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamStopReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3])
+
+
+@dataclass(frozen=True, slots=True)
+class StreamStopRequest(Command[StreamStopReply]):
+    """Ends the stream; what is buffered is still sent."""
+
+    NAME: ClassVar[str] = "stream_stop"
+    NUMBER: ClassVar[int] = 0x12
+    REPLY: ClassVar[type[Any]] = StreamStopReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamStopRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotReadReply(Reply):
+    """The answer to snapshot_read."""
+
+    NAME: ClassVar[str] = "snapshot_read reply"
+    NUMBER: ClassVar[int] = 0x93
+    SIZE: ClassVar[int] = 13
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQI")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    size: int
+    data: bytes
+
+    def pack(self) -> bytes:
+        return _pack(
+            SnapshotReadReply.NAME,
+            SnapshotReadReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.size,
+        ) + _tail(SnapshotReadReply, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SnapshotReadReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotReadRequest(Command[SnapshotReadReply]):
+    """Reads the control state latched by STREAM_START, or a waveform."""
+
+    NAME: ClassVar[str] = "snapshot_read"
+    NUMBER: ClassVar[int] = 0x13
+    REPLY: ClassVar[type[Any]] = SnapshotReadReply
+    SIZE: ClassVar[int] = 7
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BIH")
+    region: int
+    offset: int
+    length: int
+
+    def pack(self) -> bytes:
+        return _pack(SnapshotReadRequest.NAME, SnapshotReadRequest.LAYOUT, self.region, self.offset, self.length)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SnapshotReadRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+@dataclass(frozen=True, slots=True)
+class SetTimeoutReply(Reply):
+    """The answer to set_timeout."""
+
+    NAME: ClassVar[str] = "set_timeout reply"
+    NUMBER: ClassVar[int] = 0x94
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(SetTimeoutReply.NAME, SetTimeoutReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetTimeoutReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class SetTimeoutRequest(Command[SetTimeoutReply]):
+    """Ticks without a valid command of the session after which an armed or running device ramps to park and latches
+    host_timeout; 0: never.
+    """
+
+    NAME: ClassVar[str] = "set_timeout"
+    NUMBER: ClassVar[int] = 0x14
+    REPLY: ClassVar[type[Any]] = SetTimeoutReply
+    SIZE: ClassVar[int] = 4
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    ticks: int
+
+    def pack(self) -> bytes:
+        return _pack(SetTimeoutRequest.NAME, SetTimeoutRequest.LAYOUT, self.ticks)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetTimeoutRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0])
+
+
+@dataclass(frozen=True, slots=True)
+class InfoReply(Reply):
+    """The answer to info."""
+
+    NAME: ClassVar[str] = "info reply"
+    NUMBER: ClassVar[int] = 0x95
+    SIZE: ClassVar[int] = 94
+    PLATFORM: ClassVar[frozenset[str]] = frozenset(
+        {"cycles_last", "cycles_max", "histogram", "overruns", "last_fault_detail"}
+    )
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIBII")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    cycles_last: int
+    cycles_max: int
+    histogram: tuple[int, ...]
+    """ticks by log2 of cycles."""
+    overruns: int
+    last_fault: int
+    last_fault_detail: int
+    flash_sequence: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            InfoReply.NAME,
+            InfoReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.cycles_last,
+            self.cycles_max,
+            *self.histogram,
+            self.overruns,
+            self.last_fault,
+            self.last_fault_detail,
+            self.flash_sequence,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> InfoReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23])
+
+
+@dataclass(frozen=True, slots=True)
+class InfoRequest(Command[InfoReply]):
+    """Timing of the tick and the fault log."""
+
+    NAME: ClassVar[str] = "info"
+    NUMBER: ClassVar[int] = 0x15
+    REPLY: ClassVar[type[Any]] = InfoReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> InfoRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class Samples(Message):
+    """A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of
+    [tick] that `channels` asks for, in their order.
+    """
+
+    NAME: ClassVar[str] = "samples"
+    NUMBER: ClassVar[int] = 0x70
+    SIZE: ClassVar[int] = 20
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IQIBBH")
+    sequence: int
+    first_tick: int
+    dropped: int
+    """ticks dropped since the stream was started, before this batch."""
+    channels: int
+    axis_mask: int
+    decimation: int
+    data: bytes
+
+    def pack(self) -> bytes:
+        return _pack(
+            Samples.NAME,
+            Samples.LAYOUT,
+            self.sequence,
+            self.first_tick,
+            self.dropped,
+            self.channels,
+            self.axis_mask,
+            self.decimation,
+        ) + _tail(Samples, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Samples:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class Event(Message):
+    """A change of state, a fault, the end of a path."""
+
+    NAME: ClassVar[str] = "event"
+    NUMBER: ClassVar[int] = 0x71
+    SIZE: ClassVar[int] = 13
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<QBI")
+    tick: int
+    kind: int
+    value: int
+    """state_change: the state; fault: the fault; path_done: the axis; stream_overflow: ticks dropped so far."""
+
+    def pack(self) -> bytes:
+        return _pack(Event.NAME, Event.LAYOUT, self.tick, self.kind, self.value)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Event:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+MESSAGES: dict[int, type[Message]] = {
+    0x01: HelloRequest,
+    0x81: HelloReply,
+    0x02: StopRequest,
+    0x82: StopReply,
+    0x03: StatusRequest,
+    0x83: StatusReply,
+    0x04: ArmRequest,
+    0x84: ArmReply,
+    0x05: StartRequest,
+    0x85: StartReply,
+    0x06: ParkRequest,
+    0x86: ParkReply,
+    0x07: ClearFaultRequest,
+    0x87: ClearFaultReply,
+    0x08: SetAxisRequest,
+    0x88: SetAxisReply,
+    0x09: SetPathRequest,
+    0x89: SetPathReply,
+    0x0A: WaveChunkRequest,
+    0x8A: WaveChunkReply,
+    0x0B: WaveCommitRequest,
+    0x8B: WaveCommitReply,
+    0x0C: ModelBeginRequest,
+    0x8C: ModelBeginReply,
+    0x0D: ModelChunkRequest,
+    0x8D: ModelChunkReply,
+    0x0E: ModelCommitRequest,
+    0x8E: ModelCommitReply,
+    0x0F: ModelReadRequest,
+    0x8F: ModelReadReply,
+    0x10: ModelPersistRequest,
+    0x90: ModelPersistReply,
+    0x11: StreamStartRequest,
+    0x91: StreamStartReply,
+    0x12: StreamStopRequest,
+    0x92: StreamStopReply,
+    0x13: SnapshotReadRequest,
+    0x93: SnapshotReadReply,
+    0x14: SetTimeoutRequest,
+    0x94: SetTimeoutReply,
+    0x15: InfoRequest,
+    0x95: InfoReply,
+    0x70: Samples,
+    0x71: Event,
+}
+"""By number; a reply's is its command's with REPLY_BIT set."""

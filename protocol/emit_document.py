@@ -1,0 +1,109 @@
+"""Emits docs/wire.md."""
+
+from __future__ import annotations
+
+from layout import Field, Message, Schema
+
+INTRODUCTION = """\
+<!-- generated from protocol/schema.toml by protocol/generate.py -->
+# The wire
+
+Host and device exchange frames over a serial line of 8 data bits, no parity, one stop bit.
+
+    frame = COBS( header  payload  crc32 ) 0x00
+
+Numbers are little-endian. COBS (consistent overhead byte stuffing) removes the zero bytes, so a zero ends a
+frame and nothing else: a reader that has lost its place finds it again at the next zero. The CRC is
+CRC-32/ISO-HDLC (polynomial 0x04C11DB7 reflected, initial value and final exclusive-or 0xFFFFFFFF, check value
+0xCBF43926) over header and payload, appended little-endian. A frame that fails COBS, CRC or length is counted
+and dropped; nothing answers it.
+
+A payload has at most {max_payload} bytes. The fingerprint of this layout is `0x{fingerprint:08X}`; HELLO's
+reply begins with it, and a host refuses a device whose fingerprint is another.
+
+## Sessions, commands and retries
+
+The host opens a session by sending HELLO with a random 64-bit number in the header's `session`, which the
+device keeps in RAM. Every other command but STOP is refused with `no_session` unless it carries that number:
+a device that has restarted, or that another host has taken over, says so instead of obeying. The same HELLO
+may be repeated.
+
+A reply has its command's number plus 0x80 and repeats its `id` and `session`. A host that sees no reply sends
+the very same frame again; the device recognises session and id, does nothing twice, and repeats the reply it
+gave. A reply begins with `status` and `tick`; when the status is not `ok` it may end there.
+
+Stream messages (samples, events) are sent without being asked for, never repeated, and carry `id` 0.
+
+## Header
+
+{header}
+## Messages
+
+{index}
+"""
+
+
+def document(schema: Schema) -> str:
+    index = ["| number | message | | bytes |", "|---|---|---|---|"]
+    for m in schema.messages:
+        if m.kind != "reply":
+            size = f"{schema.size(m.fields)}{' + data' if m.tail else ''}"
+            index.append(f"| 0x{m.number:02X} | [{m.name}](#{m.name}) | {_cell(m.doc)} | {size} |")
+    out = [
+        INTRODUCTION.format(
+            max_payload=schema.max_payload,
+            fingerprint=schema.fingerprint,
+            header=_table(schema, schema.header),
+            index="\n".join(index),
+        )
+    ]
+    for m in schema.messages:
+        out += _message(schema, m)
+    out.append("## One axis in one tick\n")
+    out.append("`data` of a samples message, for each tick and each axis of the mask; a field is there when its")
+    out.append(f"bit of [channel](#channel) is set.\n\n{_table(schema, schema.tick)}")
+    out.append("## Records\n")
+    for r in schema.records.values():
+        out.append(f"### {r.name}\n\n{_sentence(r.doc)} {schema.size(r.fields)} bytes.\n")
+        out.append(_table(schema, r.fields))
+    out.append("## Enumerations\n")
+    for e in schema.enums.values():
+        out.append(f"### {e.name}\n\n{_sentence(e.doc)}\n")
+        out += ["| value | name |", "|---|---|", *(f"| {v} | {k} |" for k, v in e.values.items()), ""]
+    return "\n".join(out).rstrip() + "\n"
+
+
+def _message(schema: Schema, message: Message) -> list[str]:
+    out = []
+    if message.kind == "reply":
+        out.append(f"Reply, 0x{message.number:02X}:\n")
+    else:
+        out.append(f"### {message.name}\n\n{_sentence(message.doc)}\n")
+        what = "Stream message" if message.kind == "stream" else "Request"
+        out.append(f"{what}, 0x{message.number:02X}{':' if message.fields else ': no payload.'}\n")
+    if message.fields:
+        out.append(_table(schema, message.fields))
+    return out
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith(".") else text + "."
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _table(schema: Schema, fields: tuple[Field, ...]) -> str:
+    out, at = ["| offset | field | type | meaning |", "|---|---|---|---|"], 0
+    for f in fields:
+        notes = [_cell(f.doc)] if f.doc else []
+        if f.enum:
+            notes.append(f"[{f.enum}](#{f.enum})")
+        if f.platform:
+            notes.append("differs between builds")
+        is_record = f.base in schema.records
+        base = f"[{f.base}](#{f.base}){f.type_text[len(f.base) :]}" if is_record else f.type_text
+        out.append(f"| {at} | `{f.name}` | {base} | {'; '.join(notes)} |")
+        at += schema.size((f,))
+    return "\n".join(out) + "\n"
