@@ -1,0 +1,113 @@
+/* The one place where numbers are multiplied, rounded, shifted and saturated.
+ *
+ * Formats, by suffix:  _q16 micrometres x 2^16   _q24 control volts x 2^24   _qN value x 2^N
+ *                      _turn32 uint32, 2^32 is one turn (a lead is the same thing signed)   _turn64 likewise in 64 bits
+ * Every product is 64 bits wide, rounded to nearest (ties away from minus infinity: floor(x + 1/2)), then saturated.
+ * All of these are exact: tests/core/test_fixed.py compares them with unbounded integers over every input.
+ */
+#ifndef PHASELEAD_CORE_FIXED_H
+#define PHASELEAD_CORE_FIXED_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define TICK_RATE_HZ 5000
+
+/* C leaves these two to the compiler. Every one we build with does the obvious; one that does not is refused here. */
+_Static_assert(((int64_t)-3 >> 1) == -2, "right shift of a signed value must be arithmetic");
+_Static_assert((int32_t)0x80000000u == INT32_MIN, "unsigned to signed must wrap");
+
+/* floor(value / 2^bits). 0 <= bits <= 63. */
+static inline int64_t floor_shift_i64(int64_t value, unsigned bits)
+{
+    return value >> bits;
+}
+
+/* value / 2^bits, rounded to nearest. 1 <= bits <= 63. Cannot overflow: the half is added after the shift. */
+static inline int64_t round_shift_i64(int64_t value, unsigned bits)
+{
+    return (value >> bits) + ((value >> (bits - 1)) & 1);
+}
+
+static inline int32_t clamp_i32(int32_t value, int32_t low, int32_t high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+/* Limits to [low, high] and sets *saturated when it had to. Never clears it: one flag serves a whole block. */
+static inline int64_t sat_between_i64(int64_t value, int64_t low, int64_t high, bool *saturated)
+{
+    if (value > high) {
+        *saturated = true;
+        return high;
+    }
+    if (value < low) {
+        *saturated = true;
+        return low;
+    }
+    return value;
+}
+
+static inline int32_t sat_i32(int64_t value, bool *saturated)
+{
+    return (int32_t)sat_between_i64(value, INT32_MIN, INT32_MAX, saturated);
+}
+
+static inline int64_t sat_add_i64(int64_t a, int64_t b, bool *saturated)
+{
+    if (b > 0 && a > INT64_MAX - b) {
+        *saturated = true;
+        return INT64_MAX;
+    }
+    if (b < 0 && a < INT64_MIN - b) {
+        *saturated = true;
+        return INT64_MIN;
+    }
+    return a + b;
+}
+
+/* a x b / 2^bits, rounded to nearest, saturated to int32. */
+static inline int32_t mul_shift_i32(int32_t a, int32_t b, unsigned bits, bool *saturated)
+{
+    return sat_i32(round_shift_i64((int64_t)a * b, bits), saturated);
+}
+
+/* a + (b - a) x fraction, rounded to nearest. 0 <= fraction_q30 <= 2^30. */
+static inline int32_t lerp_i32(int32_t a, int32_t b, uint32_t fraction_q30)
+{
+    return (int32_t)(a + round_shift_i64(((int64_t)b - a) * (int64_t)fraction_q30, 30));
+}
+
+/* High and low half of the 128-bit product. No __int128: a 32-bit target has none. */
+static inline uint64_t mul_wide_u64(uint64_t a, uint64_t b, uint64_t *low)
+{
+    uint64_t a0 = (uint32_t)a, a1 = a >> 32, b0 = (uint32_t)b, b1 = b >> 32;
+    uint64_t p00 = a0 * b0, p01 = a0 * b1, p10 = a1 * b0;
+    uint64_t middle = (p00 >> 32) + (uint32_t)p01 + (uint32_t)p10;
+    *low = (middle << 32) | (uint32_t)p00;
+    return a1 * b1 + (p01 >> 32) + (p10 >> 32) + (middle >> 32);
+}
+
+static inline uint64_t magnitude_i64(int64_t value)
+{
+    return value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
+}
+
+/* a x b / 2^bits, rounded to nearest, saturated to int64. 1 <= bits <= 63. For work outside the tick: it is slow. */
+static inline int64_t mul_shift_i64(int64_t a, int64_t b, unsigned bits, bool *saturated)
+{
+    bool negative = (a < 0) != (b < 0);
+    uint64_t low, high = mul_wide_u64(magnitude_i64(a), magnitude_i64(b), &low);
+    uint64_t half = ((uint64_t)1 << (bits - 1)) - (negative ? 1 : 0); /* -floor(x + 1/2) of a negative x is a ceiling */
+    low += half;
+    high += low < half;
+    uint64_t limit = (uint64_t)INT64_MAX + (negative ? 1 : 0);
+    uint64_t size = (high << (64 - bits)) | (low >> bits);
+    if (high >> bits != 0 || size > limit) {
+        *saturated = true;
+        return negative ? INT64_MIN : INT64_MAX;
+    }
+    return negative ? (int64_t)(0 - size) : (int64_t)size;
+}
+
+#endif

@@ -1,0 +1,268 @@
+"""The control core through ctypes: structs as in firmware/core/*.h, and how the tests build it."""
+
+import ctypes as ct
+import random
+import subprocess
+from enum import IntEnum
+from pathlib import Path
+
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).parents[2]
+FIRMWARE = ROOT / "firmware"
+CORE = FIRMWARE / "core"
+HARNESS = Path(__file__).with_name("harness.c")
+IN_TICK = ["axis", "converter", "feedforward", "output", "path", "pid", "sine"]
+"""Sources whose every function may run in a tick; expand.c runs when a model is committed."""
+
+INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
+INT64_MIN, INT64_MAX = -(2**63), 2**63 - 1
+
+
+def whole(low: int, high: int) -> st.SearchStrategy[int]:
+    """Integers of a range: evenly over it, at its edges, and as hypothesis likes them, which is small. Its own integers
+    alone hardly ever reach the upper half of 64 bits."""
+    even = st.integers(0, 2**32).map(lambda seed: random.Random(seed).randint(low, high))
+    edges = [v for v in (low, low + 1, -1, 0, 1, high - 1, high) if low <= v <= high]
+    return st.one_of(even, st.integers(low, high), even, st.sampled_from(edges))
+
+
+def real(low: float, high: float) -> st.SearchStrategy[float]:
+    """Floats of a range, evenly and as hypothesis likes them."""
+    even = st.integers(0, 2**32).map(lambda seed: random.Random(seed).uniform(low, high))
+    return st.one_of(even, st.floats(low, high))
+
+
+any_i32, any_u32 = whole(INT32_MIN, INT32_MAX), whole(0, 2**32 - 1)
+any_i64, any_u64 = whole(INT64_MIN, INT64_MAX), whole(0, 2**64 - 1)
+
+
+class Mode(IntEnum):
+    IDLE, OPEN, PID, FF, FF_PID, INVERSE, INVERSE_PID = range(7)
+
+
+class Kind(IntEnum):
+    HOLD, SINE, WAVE, MOVE = range(4)
+
+
+class Command(IntEnum):
+    """What a tick of a scenario begins with: an axis_drive to set, a start, or nothing."""
+
+    HOLD, PATH, RAMP, START, NOTHING = range(5)
+
+
+class Verdict(IntEnum):
+    OK, NOT_MONOTONE, GAIN_OUT_OF_RANGE, RECTANGLE_EMPTY, LEAD_OUT_OF_RANGE = range(5)
+
+
+class PidConfig(ct.Structure):
+    _fields_ = [(name, ct.c_int32) for name in ("kp_q24", "ki_ts_q32", "kd_over_ts_q24", "d_alpha_q31")]
+
+
+class PidState(ct.Structure):
+    _fields_ = [
+        ("integral_q48", ct.c_int64),
+        ("integral_step_q48", ct.c_int64),
+        ("derivative_q40", ct.c_int64),
+        ("error_q16", ct.c_int32),
+        ("primed", ct.c_uint32),
+    ]
+
+
+class PathConfig(ct.Structure):
+    _fields_ = [
+        ("kind", ct.c_uint32),
+        ("swing", ct.c_int32),
+        ("offset", ct.c_int32),
+        ("reserved", ct.c_uint32),
+        ("step_turn64", ct.c_uint64),
+        ("ticks", ct.c_uint64),
+    ]
+
+
+class PathState(ct.Structure):
+    _fields_ = [
+        ("phase_turn64", ct.c_uint64),
+        ("elapsed", ct.c_uint64),
+        ("running", ct.c_uint32),
+        ("reserved", ct.c_uint32),
+    ]
+
+
+class Point(ct.Structure):
+    _fields_ = [("inverse_gain_q28", ct.c_int32), ("lead_turn32", ct.c_int32)]
+
+
+class OutputConfig(ct.Structure):
+    _fields_ = [("u_min_q24", ct.c_int32), ("u_max_q24", ct.c_int32), ("slew_q24", ct.c_int32)]
+
+
+class ConverterConfig(ct.Structure):
+    _fields_ = [
+        ("dac_zero_code", ct.c_int32),
+        ("dac_codes_per_V_q16", ct.c_int32),
+        ("adc_zero_code", ct.c_int32),
+        ("adc_um_per_code_q32", ct.c_int32),
+    ]
+
+
+class AxisConfig(ct.Structure):
+    _fields_ = [
+        ("mode", ct.c_uint32),
+        ("u_park_q24", ct.c_int32),
+        ("ramp_q24", ct.c_int32),
+        ("reserved", ct.c_uint32),
+        ("pid", PidConfig),
+        ("path", PathConfig),
+        ("point", Point),
+        ("output", OutputConfig),
+        ("converter", ConverterConfig),
+        ("reserved2", ct.c_uint32),
+    ]
+
+
+class AxisState(ct.Structure):
+    _fields_ = [
+        ("path", PathState),
+        ("pid", PidState),
+        ("u_q24", ct.c_int32),
+        ("drive", ct.c_uint32),
+        ("saturations", ct.c_uint32),
+        ("rail_ticks", ct.c_uint32),
+    ]
+
+
+class AxisTrace(ct.Structure):
+    _fields_ = [
+        ("reference", ct.c_int32),
+        ("feedforward_q24", ct.c_int32),
+        ("feedback_q24", ct.c_int32),
+        ("adc_code", ct.c_uint16),
+        ("dac_code", ct.c_uint16),
+        ("path_done", ct.c_bool),
+    ]
+
+
+class Tick(ct.Structure):
+    _fields_ = [("adc_code", ct.c_uint16), ("command", ct.c_uint16)]
+
+
+class FeedforwardModel(ct.Structure):
+    _fields_ = [
+        ("a_q32", ct.c_int64 * 3),
+        ("b_q40", ct.c_int64 * 6),
+        ("swing_min_q24", ct.c_int32),
+        ("swing_max_q24", ct.c_int32),
+        ("f_min_q16", ct.c_int32),
+        ("f_max_q16", ct.c_int32),
+    ]
+
+
+class FeedforwardTables(ct.Structure):
+    _fields_ = [
+        ("range_min_q16", ct.c_int32),
+        ("range_max_q16", ct.c_int32),
+        ("f_min_q16", ct.c_int32),
+        ("f_max_q16", ct.c_int32),
+        ("range_inverse_q63", ct.c_uint64),
+        ("f_inverse_q63", ct.c_uint64),
+        ("swing_q24", ct.c_int32 * 65),
+        ("inverse_gain_q28", ct.c_int32 * 65),
+        ("lead_turn32", (ct.c_int32 * 65) * 17),
+    ]
+
+
+I32, I64, U16, U32, U64 = ct.c_int32, ct.c_int64, ct.c_uint16, ct.c_uint32, ct.c_uint64
+FLAG = ct.POINTER(ct.c_bool)
+PROTOTYPES = {
+    "h_floor_shift_i64": (I64, [I64, ct.c_uint]),
+    "h_round_shift_i64": (I64, [I64, ct.c_uint]),
+    "h_sat_i32": (I32, [I64, FLAG]),
+    "h_sat_add_i64": (I64, [I64, I64, FLAG]),
+    "h_sat_between_i64": (I64, [I64, I64, I64, FLAG]),
+    "h_mul_shift_i32": (I32, [I32, I32, ct.c_uint, FLAG]),
+    "h_mul_shift_i64": (I64, [I64, I64, ct.c_uint, FLAG]),
+    "h_mul_wide_u64": (U64, [U64, U64, ct.POINTER(U64)]),
+    "h_lerp_i32": (I32, [I32, I32, U32]),
+    "h_clamp_i32": (I32, [I32, I32, I32]),
+    "h_sine_many": (None, [ct.c_void_p, ct.c_void_p, ct.c_size_t]),
+    "h_sizeof": (ct.c_size_t, [ct.c_int]),
+    "h_run": (None, [ct.c_void_p] * 6 + [ct.c_size_t]),
+    "sine_q30": (I32, [U32]),
+    "path_start": (None, [ct.POINTER(PathState)]),
+    "path_now": (I32, [ct.POINTER(PathConfig), ct.POINTER(PathState), ct.c_void_p, FLAG]),
+    "path_ahead": (I32, [ct.POINTER(PathConfig), ct.POINTER(PathState), ct.c_void_p, I32, U32, FLAG]),
+    "path_advance": (ct.c_bool, [ct.POINTER(PathConfig), ct.POINTER(PathState)]),
+    "pid_reset": (None, [ct.POINTER(PidState)]),
+    "pid_step_q24": (I32, [ct.POINTER(PidConfig), ct.POINTER(PidState), I32, FLAG]),
+    "pid_unwind": (None, [ct.POINTER(PidState), I64]),
+    "pid_preset": (None, [ct.POINTER(PidConfig), ct.POINTER(PidState), I32, I32, I32]),
+    "output_limit_q24": (I32, [ct.POINTER(OutputConfig), I32, I32, FLAG]),
+    "converter_dac_code": (U16, [ct.POINTER(ConverterConfig), I32, FLAG]),
+    "converter_position_q16": (I32, [ct.POINTER(ConverterConfig), U16, FLAG]),
+    "feedforward_expand": (ct.c_int, [ct.POINTER(FeedforwardModel), ct.POINTER(FeedforwardTables)]),
+    "feedforward_lookup": (ct.c_bool, [ct.POINTER(FeedforwardTables), I32, I32, ct.POINTER(Point)]),
+    "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
+    "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
+    "axis_start": (None, [ct.POINTER(AxisConfig), ct.POINTER(AxisState)]),
+    "axis_step": (
+        None,
+        [
+            ct.POINTER(AxisConfig),
+            ct.POINTER(FeedforwardTables),
+            ct.c_void_p,
+            ct.POINTER(AxisState),
+            U16,
+            ct.POINTER(AxisTrace),
+        ],
+    ),
+}
+
+
+class Core:
+    """The core's functions. Those that report saturation through a pointer are called with `flagged`."""
+
+    def __init__(self, library: Path) -> None:
+        self._library = ct.CDLL(str(library))
+        for name, (result, arguments) in PROTOTYPES.items():
+            function = getattr(self._library, name)
+            function.restype, function.argtypes = result, arguments
+            setattr(self, name, function)
+
+    def flagged(self, name, *arguments):
+        """Result and saturation flag of a function whose last argument is that flag."""
+        saturated = ct.c_bool(False)
+        result = getattr(self, name)(*arguments, ct.byref(saturated))
+        return result, saturated.value
+
+    def run(self, config, state, ticks, *, tables=None, wave=None):
+        """Runs axis_step once per (adc_code, command); the traces. `wave`: 1024 int32 q30 or None."""
+        ticks = (Tick * len(ticks))(*ticks)
+        traces = (AxisTrace * len(ticks))()
+        pointers = [ct.addressof(x) if x is not None else None for x in (config, tables)]
+        pointers += [wave.ctypes.data if wave is not None else None]
+        self.h_run(*pointers, ct.addressof(state), ct.addressof(ticks), ct.addressof(traces), len(ticks))
+        return traces
+
+
+def compile_core(output: Path, compiler: str, *flags: str) -> Path:
+    """Core and harness into `output`, with every warning an error."""
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror"]
+    sources = [str(source) for source in sorted(CORE.glob("*.c"))]
+    command = [compiler, "-std=c11", *warnings, *flags, f"-I{FIRMWARE}", *sources, str(HARNESS)]
+    subprocess.run([*command, "-o", str(output)], check=True, capture_output=True, text=True)
+    return output
+
+
+def wrap_turn64(turns: float) -> int:
+    return round(turns * 2**64) % 2**64
+
+
+def round_half_up(numerator: int, bits: int) -> int:
+    """floor(numerator / 2^bits + 1/2), exactly."""
+    return (numerator + (1 << bits >> 1)) >> bits
+
+
+def saturate(value: int, low: int = INT32_MIN, high: int = INT32_MAX) -> tuple[int, bool]:
+    limited = max(low, min(high, value))
+    return limited, limited != value
