@@ -1,0 +1,123 @@
+/* The model transaction, its read-back and its place in flash. */
+#include "app/commands.h"
+
+/* Fields of record axis_model by their place in protocol/schema.toml, as model_check.c counts them. */
+#define FIELD_DAC_ZERO 7
+#define FIELD_DAC_SCALE 8
+
+enum wire_status command_model_begin(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_model_begin_request begin;
+    (void)answer;
+    wire_unpack_model_begin_request(&begin, request->payload, request->size);
+    return model_store_begin(&device->models, begin.size, begin.crc);
+}
+
+enum wire_status command_model_chunk(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_model_chunk_request chunk;
+    (void)answer;
+    wire_unpack_model_chunk_request(&chunk, request->payload, request->size);
+    return model_store_chunk(&device->models, chunk.offset, chunk.data, chunk.data_size);
+}
+
+/* New limits that the present output lies outside of would make it jump. */
+static bool would_clamp(const struct device *device)
+{
+    const struct model_slot *slot = model_store_prepared(&device->models);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct wire_axis_model model;
+        int32_t u_q24 = device->control.axis[axis].u_q24;
+        model_axis(slot, axis, &model);
+        if (u_q24 < model.u_min_q24 || u_q24 > model.u_max_q24)
+            return true;
+    }
+    return false;
+}
+
+/* The DAC does not know what its codes mean: another calibration moves the output although u stays. Tolerated is what
+ * the park ramp moves in one tick by the calibration in force. Returns the field that is to blame, 0 for none. */
+static uint16_t would_jump(const struct device *device)
+{
+    const struct model_slot *slot = model_store_prepared(&device->models);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_config *now = &device->control.config[axis];
+        struct wire_axis_model model;
+        bool saturated = false;
+        model_axis(slot, axis, &model);
+        struct converter_config converter = {.dac_zero_code = model.dac_zero_code,
+                                             .dac_codes_per_V_q16 = model.dac_codes_per_V_q16};
+        int32_t u_q24 = device->control.axis[axis].u_q24;
+        int64_t jump = (int64_t)converter_dac_code(&converter, u_q24, &saturated) - device->dac_codes[axis];
+        int64_t tolerated = ((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16 >> 40) + 1;
+        if (jump > tolerated || jump < -tolerated)
+            return (uint16_t)(100 * axis + (u_q24 == 0 ? FIELD_DAC_ZERO : FIELD_DAC_SCALE));
+    }
+    return 0;
+}
+
+/* A new park value moves nothing by itself: the way there begins with `park` or `arm`. */
+static void stand_still(struct device *device)
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        device->control.axis[axis].drive = DRIVE_HOLD;
+}
+
+enum wire_status command_model_commit(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_model_commit_reply reply = {0};
+    (void)request;
+    enum wire_status status = model_store_prepare(&device->models, &reply.invalid_field);
+    if (status != WIRE_STATUS_OK) {
+        wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
+        return status;
+    }
+    device_lock(device);
+    if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
+        status = WIRE_STATUS_FAULT_LATCHED;
+    } else if (would_clamp(device)) {
+        status = WIRE_STATUS_OUTSIDE_LIMITS;
+    } else if ((reply.invalid_field = would_jump(device)) != 0) {
+        status = WIRE_STATUS_MODEL_INVALID;
+    } else {
+        model_store_swap(&device->models);
+        device_reset_axes(device);
+        stand_still(device);
+    }
+    answer->tick = device->control.tick;
+    device_unlock(device);
+    wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
+    return status;
+}
+
+enum wire_status command_model_read(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_model_read_request read;
+    const struct model_slot *slot = model_store_active(&device->models);
+    wire_unpack_model_read_request(&read, request->payload, request->size);
+    if (!slot)
+        return WIRE_STATUS_NO_MODEL;
+    if (read.offset > WIRE_MODEL_SIZE || read.length > WIRE_MAX_PAYLOAD - WIRE_MODEL_READ_REPLY_SIZE)
+        return WIRE_STATUS_BAD_VALUE;
+    uint32_t left = WIRE_MODEL_SIZE - read.offset;
+    struct wire_model_read_reply reply = {.size = WIRE_MODEL_SIZE,
+                                          .crc = slot->crc,
+                                          .data = slot->blob + read.offset,
+                                          .data_size = read.length < left ? read.length : left};
+    answer->size = (size_t)wire_pack_model_read_reply(&reply, answer->payload, WIRE_MAX_PAYLOAD);
+    return WIRE_STATUS_OK;
+}
+
+enum wire_status command_model_persist(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_model_persist_reply reply = {0};
+    (void)request;
+    enum wire_status status = model_store_persist(&device->models, &device->port.flash, &reply.sequence);
+    wire_pack_model_persist_reply(&reply, answer->payload, answer->size);
+    device_lock(device);
+    answer->tick = device->control.tick;
+    if (status == WIRE_STATUS_FLASH_FAILED)
+        device_fault(device, WIRE_FAULT_FLASH_ERROR, NO_AXIS, reply.sequence);
+    device_unlock(device);
+    return status;
+}

@@ -1,0 +1,181 @@
+/* Session, supervisor and what the device says about itself. */
+#include <string.h>
+
+#include "app/commands.h"
+#include "core/fixed.h"
+
+#define MODEL_LOADED 1u
+#define MODEL_FALLBACK 2u
+#define MODEL_PERSISTED 4u
+
+static uint32_t model_crc(const struct device *device)
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    return slot ? slot->crc : 0;
+}
+
+static bool session_alive(const struct device *device)
+{
+    const struct control *control = &device->control;
+    return device->session != 0 &&
+           (control->timeout_ticks == 0 || control->tick - control->heard_tick < control->timeout_ticks);
+}
+
+/* A new host finds a parked device as after power-on, but for the model and what the output does. An armed one is taken
+ * over as it is: whoever armed it has been told so by its session ending. */
+static void begin_session(struct device *device, uint64_t session)
+{
+    struct wire_event stale;
+    uint16_t id;
+    recorder_discard(&device->recorder);
+    while (events_take(&device->events, &stale, &id))
+        ;
+    device->session = session;
+    device->latched_valid = false;
+    if (device->control.state == WIRE_STATE_PARKED) {
+        device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
+        device_reset_axes(device);
+    }
+}
+
+enum wire_status command_hello(struct device *device, const struct request *request, struct answer *answer)
+{
+    const struct control *control = &device->control;
+    enum wire_status status = WIRE_STATUS_OK;
+    uint64_t session = request->header->session;
+    bool driven = control->state == WIRE_STATE_RUNNING;
+    if (session == 0)
+        status = WIRE_STATUS_BAD_VALUE;
+    else if (session != device->session && driven && session_alive(device))
+        status = WIRE_STATUS_BUSY;
+    else if (session != device->session)
+        begin_session(device, session);
+    if (status == WIRE_STATUS_OK)
+        device->control.heard_tick = control->tick;
+    struct wire_hello_reply reply = {.schema_fingerprint = WIRE_FINGERPRINT,
+                                     .tick_rate_Hz = TICK_RATE_HZ,
+                                     .baud = device->port.baud,
+                                     .axis_count = AXES,
+                                     .state = (uint8_t)control->state,
+                                     .reset_cause = (uint8_t)device->port.reset_cause,
+                                     .model_crc = model_crc(device),
+                                     .max_payload = WIRE_MAX_PAYLOAD};
+    memcpy(reply.build_id, device->port.build_id, sizeof reply.build_id);
+    for (size_t i = 0; i < sizeof reply.target && device->port.target[i] != 0; i++)
+        reply.target[i] = (uint8_t)device->port.target[i];
+    reply.model_flags =
+        (uint8_t)((device->models.loaded ? MODEL_LOADED : 0) | (device->models.fallback ? MODEL_FALLBACK : 0) |
+                  (device->models.persisted ? MODEL_PERSISTED : 0));
+    wire_pack_hello_reply(&reply, answer->payload, answer->size);
+    return status;
+}
+
+enum wire_status command_status(struct device *device, const struct request *request, struct answer *answer)
+{
+    const struct control *control = &device->control;
+    struct wire_status_reply reply = {.state = (uint8_t)control->state,
+                                      .fault = (uint8_t)control->fault,
+                                      .fault_axis = (uint8_t)control->fault_axis,
+                                      .fault_tick = control->fault_tick,
+                                      .at_rest = device_at_rest_mask(device),
+                                      .overruns = device->overruns,
+                                      .stream_dropped = (uint32_t)device->recorder.dropped,
+                                      .rx_errors = device->line.rx_errors,
+                                      .model_crc = model_crc(device)};
+    (void)request;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        if (control->axis[axis].path.running != 0)
+            reply.running_axes |= (uint8_t)(1u << axis);
+        reply.modes[axis] = (uint8_t)control->config[axis].mode;
+        reply.adc_codes[axis] = device->adc_codes[axis];
+        reply.dac_codes[axis] = device->dac_codes[axis];
+        reply.saturations[axis] = control->axis[axis].saturations;
+    }
+    wire_pack_status_reply(&reply, answer->payload, answer->size);
+    return WIRE_STATUS_OK;
+}
+
+enum wire_status command_arm(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_arm_request arm;
+    (void)answer;
+    wire_unpack_arm_request(&arm, request->payload, request->size);
+    if (device->control.state == WIRE_STATE_PARKED) {
+        if (arm.model_crc != 0 && !device->models.loaded)
+            return WIRE_STATUS_NO_MODEL;
+        if (arm.model_crc != model_crc(device) && (arm.model_crc != 0 || device->models.fallback))
+            return WIRE_STATUS_MUST_NAME_MODEL;
+    }
+    return device_event(device, EVENT_ARM, 0);
+}
+
+static bool can_start(const struct device *device, unsigned axis)
+{
+    const struct axis_config *config = &device->control.config[axis];
+    return config->mode != AXIS_IDLE && device->control.path_mask >> axis & 1u &&
+           (config->path.kind != PATH_WAVE || device_wave_q30(device, axis));
+}
+
+enum wire_status command_start(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_start_request start;
+    (void)answer;
+    wire_unpack_start_request(&start, request->payload, request->size);
+    if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
+        return WIRE_STATUS_BAD_VALUE;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (start.axis_mask >> axis & 1u && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
+            return WIRE_STATUS_BAD_VALUE;
+    return device_event(device, EVENT_START, start.axis_mask);
+}
+
+enum wire_status command_park(struct device *device, const struct request *request, struct answer *answer)
+{
+    (void)request;
+    (void)answer;
+    return device_event(device, EVENT_PARK, 0);
+}
+
+enum wire_status command_stop(struct device *device, const struct request *request, struct answer *answer)
+{
+    (void)request;
+    (void)answer;
+    return device_event(device, EVENT_STOP, 0);
+}
+
+enum wire_status command_clear_fault(struct device *device, const struct request *request, struct answer *answer)
+{
+    bool at_rest = device_at_rest_mask(device) == (1u << AXES) - 1;
+    (void)request;
+    (void)answer;
+    enum wire_status status = device_event(device, at_rest ? EVENT_CLEAR : EVENT_CLEAR_EARLY, 0);
+    if (status == WIRE_STATUS_OK) {
+        device->control.fault = WIRE_FAULT_NONE;
+        device->control.fault_axis = NO_AXIS;
+        device->control.fault_detail = 0;
+    }
+    return status;
+}
+
+enum wire_status command_set_timeout(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_set_timeout_request timeout;
+    (void)answer;
+    wire_unpack_set_timeout_request(&timeout, request->payload, request->size);
+    device->control.timeout_ticks = timeout.ticks;
+    return WIRE_STATUS_OK;
+}
+
+enum wire_status command_info(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_info_reply reply = {.cycles_last = device->cycles_last,
+                                    .cycles_max = device->cycles_max,
+                                    .overruns = device->overruns,
+                                    .last_fault = (uint8_t)device->last_fault,
+                                    .last_fault_detail = device->last_fault_detail,
+                                    .flash_sequence = device->models.sequence};
+    (void)request;
+    memcpy(reply.histogram, device->cycles_histogram, sizeof reply.histogram);
+    wire_pack_info_reply(&reply, answer->payload, answer->size);
+    return WIRE_STATUS_OK;
+}

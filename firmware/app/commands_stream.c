@@ -1,0 +1,56 @@
+/* The recorder's stream, and what a replay starts from. */
+#include "app/commands.h"
+#include "app/service.h"
+
+enum wire_status command_stream_start(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_stream_start_request start;
+    struct recorder_format format;
+    wire_unpack_stream_start_request(&start, request->payload, request->size);
+    if (!recorder_format(&format, start.channels, start.axis_mask, start.decimation))
+        return WIRE_STATUS_BAD_VALUE;
+    struct wire_stream_start_reply reply = {.bytes_per_s = recorder_bytes_per_s(&format),
+                                            .budget_bytes_per_s = service_budget_bytes_per_s(device),
+                                            .state_size = sizeof device->latched};
+    wire_pack_stream_start_reply(&reply, answer->payload, answer->size);
+    if (reply.bytes_per_s > reply.budget_bytes_per_s)
+        return WIRE_STATUS_BAUD_BUDGET;
+    recorder_start(&device->recorder, &format);
+    device->latched = device->control;
+    device->latched_valid = true;
+    return WIRE_STATUS_OK;
+}
+
+enum wire_status command_stream_stop(struct device *device, const struct request *request, struct answer *answer)
+{
+    (void)request;
+    recorder_stop(&device->recorder);
+    struct wire_stream_stop_reply reply = {.sent_ticks = device->recorder.taken,
+                                           .dropped_ticks = device->recorder.dropped};
+    wire_pack_stream_stop_reply(&reply, answer->payload, answer->size);
+    return WIRE_STATUS_OK;
+}
+
+enum wire_status command_snapshot_read(struct device *device, const struct request *request, struct answer *answer)
+{
+    struct wire_snapshot_read_request read;
+    struct wire_snapshot_read_reply reply = {0};
+    wire_unpack_snapshot_read_request(&read, request->payload, request->size);
+    const uint8_t *from = (const uint8_t *)&device->latched;
+    if (read.region >= WIRE_REGION_COUNT)
+        return WIRE_STATUS_BAD_VALUE;
+    if (read.region == WIRE_REGION_STATE) {
+        reply.size = device->latched_valid ? sizeof device->latched : 0;
+    } else {
+        unsigned axis = read.region - WIRE_REGION_WAVE_X;
+        from = (const uint8_t *)device->waves_q30[axis];
+        reply.size = device->wave_mask >> axis & 1u ? sizeof device->waves_q30[axis] : 0;
+    }
+    if (read.offset > reply.size || read.length > WIRE_MAX_PAYLOAD - WIRE_SNAPSHOT_READ_REPLY_SIZE)
+        return WIRE_STATUS_BAD_VALUE;
+    uint32_t left = reply.size - read.offset;
+    reply.data = from + read.offset;
+    reply.data_size = read.length < left ? read.length : left;
+    answer->size = (size_t)wire_pack_snapshot_read_reply(&reply, answer->payload, WIRE_MAX_PAYLOAD);
+    return WIRE_STATUS_OK;
+}

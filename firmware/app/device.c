@@ -1,0 +1,223 @@
+#include "app/device.h"
+
+#include <string.h>
+
+#include "app/service.h"
+#include "core/fixed.h"
+
+#define ALL_AXES ((1u << AXES) - 1)
+
+/* Without a model: -2..10 V, 1000 V/s, parking at 50 V/s on 0 V; 16-bit converters over +-10.24 V and -10..270 um. */
+static const struct wire_axis_model DEFAULT_AXIS = {
+    .u_min_q24 = -(2 << 24),
+    .u_max_q24 = 10 << 24,
+    .u_park_q24 = 0,
+    .slew_q24 = 3355443, /* 0.2 V a tick */
+    .ramp_q24 = 167772,  /* 0.01 V a tick */
+    .dac_zero_code = 32768,
+    .dac_codes_per_V_q16 = 209715200, /* 65536 / 20.48 V */
+    .adc_zero_code = 2341,            /* 10 um x 65536 / 280 um = 2340.57 */
+    .adc_um_per_code_q32 = 18350080,  /* 280 um / 65536 */
+};
+
+void device_lock(const struct device *device)
+{
+    if (device->port.lock)
+        device->port.lock(device->port.context);
+}
+
+void device_unlock(const struct device *device)
+{
+    if (device->port.unlock)
+        device->port.unlock(device->port.context);
+}
+
+const struct feedforward_tables *device_tables(const struct device *device, unsigned axis)
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    return slot && slot->table_mask >> axis & 1u ? &slot->tables[axis] : NULL;
+}
+
+const int32_t *device_wave_q30(const struct device *device, unsigned axis)
+{
+    return device->wave_mask >> axis & 1u ? device->waves_q30[axis] : NULL;
+}
+
+static void reset_axis(struct device *device, unsigned axis)
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    struct axis_config *config = &device->control.config[axis];
+    struct axis_state *state = &device->control.axis[axis];
+    struct wire_axis_model model = DEFAULT_AXIS;
+    if (slot)
+        model_axis(slot, axis, &model);
+    memset(config, 0, sizeof *config);
+    config->u_park_q24 = model.u_park_q24;
+    config->ramp_q24 = model.ramp_q24;
+    config->pid.d_alpha_q31 = PID_DERIVATIVE_UNFILTERED;
+    config->output.u_min_q24 = model.u_min_q24;
+    config->output.u_max_q24 = model.u_max_q24;
+    config->output.slew_q24 = model.slew_q24;
+    config->converter.dac_zero_code = model.dac_zero_code;
+    config->converter.dac_codes_per_V_q16 = model.dac_codes_per_V_q16;
+    config->converter.adc_zero_code = model.adc_zero_code;
+    config->converter.adc_um_per_code_q32 = model.adc_um_per_code_q32;
+    memset(&state->path, 0, sizeof state->path);
+    pid_reset(&state->pid);
+}
+
+void device_reset_axes(struct device *device)
+{
+    device->control.path_mask = 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        reset_axis(device, axis);
+}
+
+void device_init(struct device *device, const struct device_port *port)
+{
+    memset(device, 0, sizeof *device);
+    device->port = *port;
+    device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
+    device->control.fault_axis = NO_AXIS;
+    model_store_boot(&device->models, &device->port.flash);
+    device_reset_axes(device);
+    service_init(device);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        bool saturated = false;
+        device->control.axis[axis].drive = DRIVE_RAMP; /* the hardware starts at 0 V; a model may park elsewhere */
+        device->dac_codes[axis] = converter_dac_code(&device->control.config[axis].converter, 0, &saturated);
+    }
+    if (port->reset_cause == WIRE_RESET_CAUSE_WATCHDOG)
+        device_fault(device, WIRE_FAULT_CORE_LOST, NO_AXIS, 0);
+}
+
+uint8_t device_at_rest_mask(const struct device *device)
+{
+    unsigned mask = 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (device->control.axis[axis].u_q24 == device->control.config[axis].u_park_q24)
+            mask |= 1u << axis;
+    return (uint8_t)mask;
+}
+
+static void drive_all(struct control *control, enum axis_drive drive)
+{
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        control->axis[axis].drive = drive;
+        control->axis[axis].path.running = 0;
+    }
+}
+
+static void start_axes(struct control *control, uint8_t axis_mask)
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (axis_mask >> axis & 1u)
+            axis_start(&control->config[axis], &control->axis[axis]);
+}
+
+enum wire_status device_event(struct device *device, enum supervisor_event event, uint8_t axis_mask)
+{
+    struct control *control = &device->control;
+    struct supervisor_step step = supervisor_step((enum wire_state)control->state, event);
+    switch ((enum supervisor_action)step.action) {
+    case ACTION_REFUSE:
+        return WIRE_STATUS_WRONG_STATE;
+    case ACTION_REFUSE_FAULT:
+        return WIRE_STATUS_FAULT_LATCHED;
+    case ACTION_START:
+        start_axes(control, axis_mask);
+        break;
+    case ACTION_HOLD:
+        drive_all(control, DRIVE_HOLD);
+        break;
+    case ACTION_RAMP:
+        drive_all(control, DRIVE_RAMP);
+        break;
+    case ACTION_NONE:
+    case ACTION_COUNT:
+        break;
+    }
+    if (step.state != control->state) {
+        control->state = step.state;
+        events_put(&device->events, control->tick, WIRE_EVENT_KIND_STATE_CHANGE, step.state);
+    }
+    return WIRE_STATUS_OK;
+}
+
+void device_fault(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail)
+{
+    struct control *control = &device->control;
+    if (control->fault == WIRE_FAULT_NONE) { /* the first one stays: the rest may be its consequences */
+        control->fault = fault;
+        control->fault_axis = axis;
+        control->fault_detail = detail;
+        control->fault_tick = control->tick;
+        device->last_fault = fault;
+        device->last_fault_detail = detail;
+        events_put(&device->events, control->tick, WIRE_EVENT_KIND_FAULT, fault);
+        recorder_freeze(&device->recorder);
+    }
+    device_event(device, (enum supervisor_event)FAULT_REACTIONS[fault].event, 0);
+}
+
+void device_raise(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail)
+{
+    device->raised_axis = axis;
+    device->raised_detail = detail;
+    atomic_fetch_or_explicit(&device->raised, 1u << fault, memory_order_release);
+}
+
+static void take_raised(struct device *device)
+{
+    uint32_t raised = atomic_exchange_explicit(&device->raised, 0, memory_order_acquire);
+    for (unsigned fault = 1; fault < WIRE_FAULT_COUNT; fault++)
+        if (raised >> fault & 1u)
+            device_fault(device, (enum wire_fault)fault, device->raised_axis, device->raised_detail);
+}
+
+static void watch_host(struct device *device)
+{
+    const struct control *control = &device->control;
+    bool driving = control->state == WIRE_STATE_ARMED || control->state == WIRE_STATE_RUNNING;
+    if (driving && control->timeout_ticks != 0 && control->tick - control->heard_tick >= control->timeout_ticks)
+        device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
+}
+
+/* A loop that can no longer see where it is must not go on pushing. */
+static void watch_rails(struct device *device)
+{
+    const struct control *control = &device->control;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_config *config = &control->config[axis];
+        const struct axis_state *state = &control->axis[axis];
+        bool closed = config->mode == AXIS_PID || config->mode == AXIS_FF_PID;
+        if (closed && state->drive == DRIVE_PATH && state->rail_ticks >= RAIL_TICKS)
+            device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
+    }
+}
+
+void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES])
+{
+    struct control *control = &device->control;
+    struct axis_trace traces[AXES];
+    if (atomic_load_explicit(&device->raised, memory_order_relaxed) != 0)
+        take_raised(device);
+    watch_host(device);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        axis_step(&control->config[axis], device_tables(device, axis), device_wave_q30(device, axis),
+                  &control->axis[axis], adc_codes[axis], &traces[axis]);
+        device->adc_codes[axis] = adc_codes[axis];
+        device->dac_codes[axis] = dac_codes[axis] = traces[axis].dac_code;
+    }
+    if (control->state == WIRE_STATE_RUNNING) {
+        watch_rails(device);
+        for (unsigned axis = 0; axis < AXES; axis++)
+            if (traces[axis].path_done)
+                events_put(&device->events, control->tick, WIRE_EVENT_KIND_PATH_DONE, axis);
+    } else if (control->state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES) {
+        device_event(device, EVENT_AT_REST, 0);
+    }
+    if (recorder_tick(&device->recorder, control->tick, traces))
+        events_put(&device->events, control->tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
+    control->tick++;
+}

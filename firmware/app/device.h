@@ -1,0 +1,125 @@
+/* One device: control of three axes, the model, the recorder and the line. A port owns one, calls device_tick() at
+ * TICK_RATE_HZ and moves bytes between the line and service.h. Nothing here allocates, blocks or keeps globals.
+ */
+#ifndef PHASELEAD_APP_DEVICE_H
+#define PHASELEAD_APP_DEVICE_H
+
+#include "app/events.h"
+#include "app/frame.h"
+#include "app/model_store.h"
+#include "app/recorder.h"
+#include "app/supervisor.h"
+#include "core/axis.h"
+
+#define AXES 3
+#define NO_AXIS 255
+#define HOST_TIMEOUT_TICKS 5000 /* 1 s until SET_TIMEOUT says otherwise */
+#define RAIL_TICKS 3            /* consecutive samples at a rail that count as clipped */
+#define REPLIES_KEPT 8
+#define REPLY_KEPT_SIZE 128 /* bytes of header and payload; longer replies are reads, which may be done twice */
+#define RAM_BUDGET (90 * 1024)
+
+/* Everything that the next tick depends on, besides model and waveforms: what SNAPSHOT_READ gives and a replay starts
+ * from. Fixed-size fields and no hole, so that it is the same bytes in every build. */
+struct control {
+    uint64_t tick; /* the next one to run; 0 at power-on */
+    uint64_t fault_tick;
+    uint64_t heard_tick; /* of the last command of the session */
+    uint32_t timeout_ticks;
+    uint32_t state; /* enum wire_state */
+    uint32_t fault; /* enum wire_fault */
+    uint32_t fault_axis;
+    uint32_t fault_detail;
+    uint32_t path_mask; /* axes that have been given a path since their mode was set */
+    struct axis_config config[AXES];
+    struct axis_state axis[AXES];
+};
+
+/* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
+ * overlap. */
+struct device_port {
+    struct flash_port flash;
+    void (*lock)(void *context);
+    void (*unlock)(void *context);
+    void *context;
+    uint32_t baud;
+    enum wire_reset_cause reset_cause;
+    const char *target;
+    uint8_t build_id[20];
+};
+
+struct reply_kept { /* what a repeated request is answered with */
+    uint64_t session;
+    uint32_t request_crc;
+    uint16_t id;
+    uint16_t size; /* of header and payload; 0: none */
+    uint8_t body[REPLY_KEPT_SIZE];
+};
+
+struct line {
+    struct cobs_decoder decoder;
+    uint32_t rx_errors;
+    uint32_t reply_size; /* payload of the reply waiting in reply_body; 0: none */
+    uint32_t frame_size, frame_sent;
+    struct wire_header reply_header;
+    struct reply_kept kept[REPLIES_KEPT];
+    uint32_t kept_next;
+    uint8_t rx[WIRE_MAX_BODY];
+    uint8_t reply_body[WIRE_MAX_BODY];
+    uint8_t event_body[WIRE_HEADER_SIZE + WIRE_EVENT_SIZE + WIRE_CRC_SIZE];
+    uint8_t frame[FRAME_MAX];
+};
+
+struct device {
+    struct control control;
+    struct device_port port;
+    uint64_t session;        /* 0: none yet */
+    _Atomic uint32_t raised; /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
+    uint32_t raised_axis;
+    uint32_t raised_detail;
+    uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns; /* kept by the port */
+    uint32_t last_fault, last_fault_detail;
+    uint16_t adc_codes[AXES], dac_codes[AXES];
+    struct model_store models;
+    uint32_t wave_mask; /* axes with a whole waveform */
+    int32_t waves_q30[AXES][WAVE_POINTS];
+    struct control latched; /* at the last STREAM_START */
+    bool latched_valid;
+    struct events events;
+    struct recorder recorder;
+    struct line line;
+};
+
+_Static_assert(sizeof(struct control) == 48 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state)),
+               "control is padded");
+_Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
+
+/* Fresh from reset: output at its safe value, the newest model from flash, no session. */
+void device_init(struct device *device, const struct device_port *port);
+
+/* One control tick: codes in, codes out. */
+void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES]);
+
+/* For ports, from any context: this fault was detected; the next tick reacts to it. */
+void device_raise(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail);
+
+/* Posts an event to the supervisor and does what its table says. Returns ok, wrong_state or fault_latched. */
+enum wire_status device_event(struct device *device, enum supervisor_event event, uint8_t axis_mask);
+
+/* Latches a fault and begins its reaction. */
+void device_fault(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail);
+
+/* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. */
+void device_reset_axes(struct device *device);
+
+uint8_t device_at_rest_mask(const struct device *device);
+
+/* NULL when the axis has no table view. */
+const struct feedforward_tables *device_tables(const struct device *device, unsigned axis);
+/* NULL when the axis has no whole waveform. */
+const int32_t *device_wave_q30(const struct device *device, unsigned axis);
+
+void device_lock(const struct device *device);
+void device_unlock(const struct device *device);
+
+#endif

@@ -1,0 +1,144 @@
+#include "app/model_store.h"
+
+#include "core/fixed.h"
+
+/* Fields of record axis_model by their place in protocol/schema.toml, counted from 1. */
+enum field {
+    FIELD_NONE,
+    FIELD_FLAGS,
+    FIELD_U_MIN,
+    FIELD_U_MAX,
+    FIELD_U_PARK,
+    FIELD_SLEW,
+    FIELD_RAMP,
+    FIELD_DAC_ZERO,
+    FIELD_DAC_SCALE,
+    FIELD_ADC_ZERO,
+    FIELD_ADC_SCALE,
+    FIELD_SWING_MIN,
+    FIELD_SWING_MAX,
+    FIELD_F_MIN,
+    FIELD_F_MAX,
+    FIELD_A,
+    FIELD_B,
+    FIELD_C,
+};
+
+#define FLAG_TABLE 1u
+#define CODE_MAX 65535
+#define COEFFICIENT_LIMIT ((int64_t)1 << 48) /* 65536 um: further than any stage goes */
+#define NYQUIST_HZ_Q16 ((int32_t)(TICK_RATE_HZ / 2) << 16)
+
+static bool dac_reaches(const struct wire_axis_model *model, int32_t u_q24)
+{
+    int64_t code = round_shift_i64((int64_t)u_q24 * model->dac_codes_per_V_q16, 40) + model->dac_zero_code;
+    return code >= 0 && code <= CODE_MAX;
+}
+
+static bool position_fits(const struct wire_axis_model *model, int32_t code)
+{
+    int64_t x_q16 = round_shift_i64((int64_t)(code - model->adc_zero_code) * model->adc_um_per_code_q32, 16);
+    return x_q16 >= INT32_MIN && x_q16 <= INT32_MAX;
+}
+
+static enum field check_converters(const struct wire_axis_model *model)
+{
+    if (model->dac_zero_code < 0 || model->dac_zero_code > CODE_MAX)
+        return FIELD_DAC_ZERO;
+    if (model->dac_codes_per_V_q16 <= 0)
+        return FIELD_DAC_SCALE;
+    if (model->adc_zero_code < -CODE_MAX || model->adc_zero_code > 2 * CODE_MAX)
+        return FIELD_ADC_ZERO;
+    if (model->adc_um_per_code_q32 <= 0 || !position_fits(model, 0) || !position_fits(model, CODE_MAX))
+        return FIELD_ADC_SCALE;
+    return FIELD_NONE;
+}
+
+/* 0 V must be allowed: it is where the converter powers on, and leaving it may not be a jump. */
+static enum field check_limits(const struct wire_axis_model *model)
+{
+    if (model->u_min_q24 > 0 || !dac_reaches(model, model->u_min_q24))
+        return FIELD_U_MIN;
+    if (model->u_max_q24 < 0 || model->u_max_q24 <= model->u_min_q24 || !dac_reaches(model, model->u_max_q24))
+        return FIELD_U_MAX;
+    if (model->u_park_q24 < model->u_min_q24 || model->u_park_q24 > model->u_max_q24)
+        return FIELD_U_PARK;
+    if (model->slew_q24 <= 0)
+        return FIELD_SLEW;
+    if (model->ramp_q24 <= 0 || model->ramp_q24 > model->slew_q24)
+        return FIELD_RAMP;
+    return FIELD_NONE;
+}
+
+static enum field check_rectangle(const struct wire_axis_model *model)
+{
+    if (model->swing_min_q24 <= 0)
+        return FIELD_SWING_MIN;
+    if (model->swing_max_q24 <= model->swing_min_q24)
+        return FIELD_SWING_MAX;
+    if (model->f_min_q16 <= 0)
+        return FIELD_F_MIN;
+    if (model->f_max_q16 <= model->f_min_q16 || model->f_max_q16 > NYQUIST_HZ_Q16)
+        return FIELD_F_MAX;
+    for (unsigned i = 0; i < 6; i++)
+        if (model->c_q32[i] > COEFFICIENT_LIMIT || model->c_q32[i] < -COEFFICIENT_LIMIT)
+            return FIELD_C;
+    return FIELD_NONE;
+}
+
+static enum field expand_tables(const struct wire_axis_model *model, struct feedforward_tables *tables)
+{
+    struct feedforward_model law = {.swing_min_q24 = model->swing_min_q24,
+                                    .swing_max_q24 = model->swing_max_q24,
+                                    .f_min_q16 = model->f_min_q16,
+                                    .f_max_q16 = model->f_max_q16};
+    for (unsigned i = 0; i < 3; i++)
+        law.a_q32[i] = model->a_q32[i];
+    for (unsigned i = 0; i < 6; i++)
+        law.b_q40[i] = model->b_q40[i];
+    switch (feedforward_expand(&law, tables)) {
+    case FF_OK:
+        return FIELD_NONE;
+    case FF_RECTANGLE_EMPTY:
+        return FIELD_SWING_MAX;
+    case FF_LEAD_OUT_OF_RANGE:
+        return FIELD_B;
+    case FF_NOT_MONOTONE:
+    case FF_GAIN_OUT_OF_RANGE:
+    default:
+        return FIELD_A;
+    }
+}
+
+static enum field expand_axis(struct model_slot *slot, unsigned axis)
+{
+    struct wire_axis_model model;
+    model_axis(slot, axis, &model);
+    if ((model.flags & ~FLAG_TABLE) != 0)
+        return FIELD_FLAGS;
+    enum field field = check_converters(&model);
+    if (field == FIELD_NONE)
+        field = check_limits(&model);
+    if (field != FIELD_NONE || !(model.flags & FLAG_TABLE))
+        return field;
+    field = check_rectangle(&model);
+    if (field == FIELD_NONE)
+        field = expand_tables(&model, &slot->tables[axis]);
+    if (field == FIELD_NONE)
+        slot->table_mask |= 1u << axis;
+    return field;
+}
+
+uint16_t model_expand(struct model_slot *slot)
+{
+    struct wire_model model;
+    slot->table_mask = 0;
+    if (!wire_unpack_model(&model, slot->blob, WIRE_MODEL_SIZE) || model.magic != MODEL_MAGIC)
+        return MODEL_FIELD_MAGIC;
+    for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
+        enum field field = expand_axis(slot, axis);
+        if (field != FIELD_NONE)
+            return (uint16_t)(100 * axis + field);
+    }
+    return 0;
+}

@@ -1,0 +1,67 @@
+/* The stage model in the device: uploaded as a transaction, validated, expanded into tables, kept in flash.
+ *
+ * Two slots in RAM: the active one, and the one an upload is built in. Two slots in flash, each with one record; a
+ * save goes to the older, and its header is programmed last, so that a torn write is never taken for a record.
+ */
+#ifndef PHASELEAD_APP_MODEL_STORE_H
+#define PHASELEAD_APP_MODEL_STORE_H
+
+#include "app/wire.h"
+#include "core/feedforward.h"
+
+#define MODEL_AXES 3
+#define MODEL_MAGIC 0x314C4850u
+#define MODEL_FIELD_MAGIC 1000 /* the field number of the magic; those of an axis count from 1: 100 axis + number */
+#define FLASH_SLOTS 2
+#define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE)
+
+/* What a port gives. Each returns false when the flash did not do it; a slot holds FLASH_RECORD_SIZE bytes at least and
+ * reads 0xFF when erased. */
+struct flash_port {
+    bool (*erase)(void *context, unsigned slot);
+    bool (*program)(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size);
+    void (*read)(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size);
+    void *context;
+};
+
+struct model_slot {
+    uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */
+    uint32_t crc;
+    uint32_t table_mask; /* axes with a table view */
+    struct feedforward_tables tables[MODEL_AXES];
+};
+
+struct model_store {
+    struct model_slot slots[2];
+    uint8_t active; /* index of the slot in use */
+    bool loaded;
+    bool persisted; /* the active model is the newest record in flash */
+    bool fallback;  /* a save was lost: the active model is an older one and must be named to arm */
+    bool uploading; /* the other slot's blob is being written */
+    uint32_t promised_crc;
+    uint32_t sequence; /* of the newest record in flash; 0: none */
+    uint8_t newest_slot;
+};
+
+/* Loads the newest whole record, if there is one. */
+void model_store_boot(struct model_store *store, const struct flash_port *flash);
+
+const struct model_slot *model_store_active(const struct model_store *store); /* NULL: no model */
+
+/* One axis of a slot's blob. */
+void model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *model);
+
+enum wire_status model_store_begin(struct model_store *store, uint32_t size, uint32_t crc);
+enum wire_status model_store_chunk(struct model_store *store, uint32_t offset, const uint8_t *data, size_t size);
+
+/* Checks, validates and expands what was uploaded. On ok it waits in the inactive slot for model_store_swap(). */
+enum wire_status model_store_prepare(struct model_store *store, uint16_t *invalid_field);
+const struct model_slot *model_store_prepared(const struct model_store *store);
+void model_store_swap(struct model_store *store);
+
+enum wire_status model_store_persist(struct model_store *store, const struct flash_port *flash, uint32_t *sequence);
+
+/* 0, or the number of the first field that is not usable. Fills the slot's tables and table_mask. */
+uint16_t model_expand(struct model_slot *slot);
+
+#endif

@@ -1,0 +1,153 @@
+#include "app/recorder.h"
+
+#include "app/frame.h"
+#include "core/fixed.h"
+
+#define BATCH_LATENCY_TICKS 500 /* a slow stream is sent at least ten times a second */
+#define ALL_CHANNELS ((1u << WIRE_CHANNEL_COUNT) - 1)
+#define ALL_AXES ((1u << RECORDER_AXES) - 1)
+#define Q24_TO_Q11 13
+
+bool recorder_format(struct recorder_format *format, uint8_t channels, uint8_t axis_mask, uint16_t decimation)
+{
+    if (channels == 0 || channels > ALL_CHANNELS || axis_mask == 0 || axis_mask > ALL_AXES || decimation == 0)
+        return false;
+    uint32_t axes = (axis_mask & 1u) + (axis_mask >> 1 & 1u) + (axis_mask >> 2 & 1u);
+    uint32_t tick_size = axes * (uint32_t)wire_tick_size(channels);
+    uint32_t fit = RECORDER_DATA_SIZE / tick_size;
+    uint32_t soon = BATCH_LATENCY_TICKS / decimation;
+    uint32_t ticks = soon < 1 ? 1 : soon < fit ? soon : fit;
+    *format = (struct recorder_format){channels, axis_mask, decimation, tick_size, ticks * tick_size};
+    return true;
+}
+
+uint32_t recorder_bytes_per_s(const struct recorder_format *format)
+{
+    uint32_t frame = COBS_ENCODED_MAX(WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + format->batch_size + WIRE_CRC_SIZE) + 1;
+    uint32_t ticks = format->batch_size / format->tick_size * format->decimation;
+    return (frame * TICK_RATE_HZ + ticks - 1) / ticks;
+}
+
+void recorder_start(struct recorder *recorder, const struct recorder_format *format)
+{
+    recorder_discard(recorder);
+    recorder->format = *format;
+    recorder->skip = 0;
+    recorder->freeze_left = 0;
+    recorder->sequence = 0;
+    recorder->taken = 0;
+    recorder->dropped = 0;
+    recorder->dropping = false;
+    recorder->recording = true;
+}
+
+static void close_batch(struct recorder *recorder)
+{
+    if (!recorder->open)
+        return;
+    recorder->open = NULL;
+    atomic_fetch_add_explicit(&recorder->filled, 1, memory_order_release);
+}
+
+void recorder_stop(struct recorder *recorder)
+{
+    recorder->recording = false;
+    close_batch(recorder);
+}
+
+void recorder_freeze(struct recorder *recorder)
+{
+    if (recorder->freeze_left == 0)
+        recorder->freeze_left = RECORDER_POST_TRIGGER_TICKS + 1;
+}
+
+void recorder_discard(struct recorder *recorder)
+{
+    recorder_stop(recorder);
+    atomic_store_explicit(&recorder->drained, atomic_load_explicit(&recorder->filled, memory_order_relaxed),
+                          memory_order_release);
+}
+
+static bool open_batch(struct recorder *recorder, uint64_t tick)
+{
+    uint32_t filled = atomic_load_explicit(&recorder->filled, memory_order_relaxed);
+    if (filled - atomic_load_explicit(&recorder->drained, memory_order_acquire) >= RECORDER_BATCHES)
+        return false;
+    struct recorder_batch *batch = &recorder->batches[filled % RECORDER_BATCHES];
+    batch->first_tick = tick;
+    batch->dropped = (uint32_t)recorder->dropped;
+    batch->size = 0;
+    recorder->open = batch;
+    return true;
+}
+
+static int16_t volts_q11(int32_t u_q24)
+{
+    int64_t u_q11 = round_shift_i64(u_q24, Q24_TO_Q11);
+    return (int16_t)(u_q11 > INT16_MAX ? INT16_MAX : u_q11 < INT16_MIN ? INT16_MIN : u_q11);
+}
+
+static void put_traces(struct recorder *recorder, const struct axis_trace *traces)
+{
+    struct recorder_batch *batch = recorder->open;
+    uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
+    for (unsigned i = 0; i < RECORDER_AXES; i++) {
+        if (!(recorder->format.axis_mask >> i & 1u))
+            continue;
+        struct wire_tick tick = {traces[i].reference, traces[i].adc_code, traces[i].dac_code,
+                                 volts_q11(traces[i].feedforward_q24), volts_q11(traces[i].feedback_q24)};
+        to = wire_put_tick(to, recorder->format.channels, &tick);
+    }
+    batch->size += recorder->format.tick_size;
+    recorder->taken++;
+}
+
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_trace *traces)
+{
+    if (!recorder->recording)
+        return false;
+    if (recorder->freeze_left != 0 && --recorder->freeze_left == 0) {
+        recorder_stop(recorder);
+        return false;
+    }
+    if (recorder->skip > 0) {
+        recorder->skip--;
+        return false;
+    }
+    recorder->skip = (uint16_t)(recorder->format.decimation - 1);
+    if (!recorder->open && !open_batch(recorder, tick)) {
+        bool first = !recorder->dropping;
+        recorder->dropping = true;
+        recorder->dropped++;
+        return first;
+    }
+    recorder->dropping = false;
+    put_traces(recorder, traces);
+    if (recorder->open->size == recorder->format.batch_size)
+        close_batch(recorder);
+    return false;
+}
+
+struct recorder_batch *recorder_next(struct recorder *recorder, size_t *payload_size)
+{
+    uint32_t drained = atomic_load_explicit(&recorder->drained, memory_order_relaxed);
+    if (atomic_load_explicit(&recorder->filled, memory_order_acquire) == drained)
+        return NULL;
+    struct recorder_batch *batch = &recorder->batches[drained % RECORDER_BATCHES];
+    const struct recorder_format *format = &recorder->format;
+    struct wire_samples head = {.sequence = recorder->sequence,
+                                .first_tick = batch->first_tick,
+                                .dropped = batch->dropped,
+                                .channels = format->channels,
+                                .axis_mask = format->axis_mask,
+                                .decimation = format->decimation};
+    wire_pack_samples(&head, batch->body + WIRE_HEADER_SIZE, WIRE_SAMPLES_SIZE);
+    *payload_size = WIRE_SAMPLES_SIZE + batch->size;
+    return batch;
+}
+
+void recorder_release(struct recorder *recorder)
+{
+    recorder->sequence++;
+    atomic_fetch_add_explicit(&recorder->drained, 1, memory_order_release);
+}

@@ -1,0 +1,74 @@
+/* The recorder: a ring of batches, filled tick by tick and drained frame by frame as fast as the line takes them.
+ *
+ * A batch holds consecutive ticks only. When no batch is free ticks are dropped and counted, and the next batch says
+ * how many. Filled in the tick, emptied outside it: one producer, one consumer.
+ */
+#ifndef PHASELEAD_APP_RECORDER_H
+#define PHASELEAD_APP_RECORDER_H
+
+#include <stdatomic.h>
+
+#include "app/wire.h"
+#include "core/axis.h"
+
+#define RECORDER_AXES 3
+#define RECORDER_BATCHES 28
+#define RECORDER_DATA_SIZE (WIRE_MAX_PAYLOAD - WIRE_SAMPLES_SIZE)
+#define RECORDER_POST_TRIGGER_TICKS 250 /* 50 ms: enough to see how the output reacted to a fault */
+
+struct recorder_batch {
+    uint64_t first_tick;
+    uint32_t dropped; /* before this batch */
+    uint32_t size;    /* of the data */
+    /* A whole frame body, so that it is sealed where it lies: header, payload, CRC. */
+    uint8_t body[WIRE_MAX_BODY + 1];
+};
+
+struct recorder_format {
+    uint8_t channels, axis_mask; /* of the wire */
+    uint16_t decimation;
+    uint32_t tick_size;  /* bytes a tick */
+    uint32_t batch_size; /* bytes of data in a full batch */
+};
+
+struct recorder {
+    struct recorder_format format;
+    bool recording;
+    bool dropping;        /* since the last batch */
+    uint16_t skip;        /* ticks to pass before the next one is taken */
+    uint32_t freeze_left; /* 0: not frozen; else ticks until it stops, plus one */
+    uint32_t sequence;    /* of the next batch to be sent */
+    uint64_t taken, dropped;
+    struct recorder_batch *open; /* being filled, or NULL */
+    _Atomic uint32_t filled, drained;
+    struct recorder_batch batches[RECORDER_BATCHES];
+};
+
+/* False when the line cannot name such a stream. */
+bool recorder_format(struct recorder_format *format, uint8_t channels, uint8_t axis_mask, uint16_t decimation);
+
+/* Bytes a second that it takes on the line, frames and all. */
+uint32_t recorder_bytes_per_s(const struct recorder_format *format);
+
+/* Empties the ring and records from the next tick on. */
+void recorder_start(struct recorder *recorder, const struct recorder_format *format);
+
+/* What is buffered can still be taken. */
+void recorder_stop(struct recorder *recorder);
+
+/* Stops after the post-trigger; nothing is taken any more, so nothing counts as dropped. */
+void recorder_freeze(struct recorder *recorder);
+
+/* Empties the ring too. */
+void recorder_discard(struct recorder *recorder);
+
+/* Takes a tick. True when it is the first of a row that had to be dropped. */
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_trace *traces);
+
+/* The oldest full batch, its payload complete but for header and CRC; NULL when there is none. */
+struct recorder_batch *recorder_next(struct recorder *recorder, size_t *payload_size);
+
+/* It has been sealed elsewhere and may be filled again. */
+void recorder_release(struct recorder *recorder);
+
+#endif

@@ -1,0 +1,190 @@
+#include "app/service.h"
+
+#include <string.h>
+
+#include "app/commands.h"
+
+#define LINE_BITS_PER_BYTE 10
+
+uint32_t service_budget_bytes_per_s(const struct device *device)
+{
+    uint32_t line = device->port.baud / LINE_BITS_PER_BYTE;
+    return line - line / 20;
+}
+
+void service_init(struct device *device)
+{
+    cobs_decoder_init(&device->line.decoder, device->line.rx, sizeof device->line.rx);
+}
+
+static struct reply_kept *find_kept(struct line *line, const struct wire_header *header, uint32_t request_crc)
+{
+    for (unsigned i = 0; i < REPLIES_KEPT; i++) {
+        struct reply_kept *kept = &line->kept[i];
+        if (kept->size != 0 && kept->id == header->id && kept->session == header->session &&
+            kept->request_crc == request_crc)
+            return kept;
+    }
+    return NULL;
+}
+
+static void keep(struct line *line, const struct wire_header *header, uint32_t request_crc)
+{
+    if (line->reply_size > REPLY_KEPT_SIZE)
+        return;
+    struct reply_kept *kept = &line->kept[line->kept_next++ % REPLIES_KEPT];
+    kept->session = header->session;
+    kept->request_crc = request_crc;
+    kept->id = header->id;
+    kept->size = (uint16_t)line->reply_size;
+    memcpy(kept->body, line->reply_body + WIRE_HEADER_SIZE, line->reply_size);
+}
+
+/* What stands in the way of a command, ok when nothing does. */
+static enum wire_status admit(const struct device *device, const struct command *command, bool in_session,
+                              const struct request *request)
+{
+    uint8_t type = request->header->type;
+    if (!in_session && type != WIRE_HELLO && type != WIRE_STOP)
+        return WIRE_STATUS_NO_SESSION;
+    if (!command->handler)
+        return WIRE_STATUS_UNKNOWN_COMMAND;
+    const struct wire_message_size *size = wire_message_size(type);
+    if (request->size < size->fixed || (request->size > size->fixed && !size->has_tail))
+        return WIRE_STATUS_BAD_LENGTH;
+    if (!(command->states >> device->control.state & 1u))
+        return device->control.state == WIRE_STATE_FAULT ? WIRE_STATUS_FAULT_LATCHED : WIRE_STATUS_WRONG_STATE;
+    return WIRE_STATUS_OK;
+}
+
+static enum wire_status perform(struct device *device, const struct command *command, const struct request *request,
+                                struct answer *answer)
+{
+    if (command->locks_itself)
+        return command->handler(device, request, answer);
+    device_lock(device);
+    answer->tick = device->control.tick;
+    enum wire_status status = command->handler(device, request, answer);
+    device_unlock(device);
+    return status;
+}
+
+static void obey(struct device *device, const struct request *request, bool in_session)
+{
+    struct line *line = &device->line;
+    const struct command *command = command_find(request->header->type);
+    struct answer answer = {.payload = line->reply_body + WIRE_HEADER_SIZE, .size = WIRE_REPLY_HEAD_SIZE};
+    if (command->handler)
+        answer.size = wire_message_size(request->header->type | WIRE_REPLY_BIT)->fixed;
+    memset(answer.payload, 0, answer.size);
+    device_lock(device);
+    answer.tick = device->control.tick;
+    enum wire_status status = admit(device, command, in_session, request);
+    if (in_session && status != WIRE_STATUS_UNKNOWN_COMMAND && status != WIRE_STATUS_BAD_LENGTH)
+        device->control.heard_tick = device->control.tick;
+    device_unlock(device);
+    if (status == WIRE_STATUS_OK)
+        status = perform(device, command, request, &answer);
+    struct wire_reply_head head = {(uint8_t)status, answer.tick};
+    wire_pack_reply_head(&head, answer.payload, WIRE_REPLY_HEAD_SIZE);
+    line->reply_size = (uint32_t)answer.size;
+}
+
+static void take_frame(struct device *device, const uint8_t *body, size_t size)
+{
+    struct line *line = &device->line;
+    struct wire_header header;
+    struct request request = {.header = &header};
+    if (!frame_open(body, size, &header, &request.payload, &request.size)) {
+        line->rx_errors++;
+        return;
+    }
+    uint32_t request_crc;
+    memcpy(&request_crc, body + size - WIRE_CRC_SIZE, sizeof request_crc);
+    line->reply_header = header;
+    line->reply_header.type |= WIRE_REPLY_BIT;
+    bool in_session = device->session != 0 && header.session == device->session;
+    const struct reply_kept *kept = in_session ? find_kept(line, &header, request_crc) : NULL;
+    if (kept) {
+        memcpy(line->reply_body + WIRE_HEADER_SIZE, kept->body, kept->size);
+        line->reply_size = kept->size;
+        return;
+    }
+    obey(device, &request, in_session);
+    bool known = device->session != 0 && header.session == device->session; /* HELLO may have made it so */
+    if (known && header.type != WIRE_STOP)                                  /* a stop is always done again */
+        keep(line, &header, request_crc);
+}
+
+size_t service_receive(struct device *device, const uint8_t *bytes, size_t size)
+{
+    struct line *line = &device->line;
+    size_t taken = 0;
+    while (taken < size && line->reply_size == 0) {
+        switch (cobs_decoder_push(&line->decoder, bytes[taken++])) {
+        case COBS_FRAME:
+            take_frame(device, line->rx, line->decoder.size);
+            break;
+        case COBS_ERROR:
+            line->rx_errors++;
+            break;
+        case COBS_NOTHING:
+            break;
+        }
+    }
+    return taken;
+}
+
+static size_t seal_event(struct device *device)
+{
+    struct line *line = &device->line;
+    struct wire_event event;
+    struct wire_header header = {.type = WIRE_EVENT, .session = device->session};
+    while (events_take(&device->events, &event, &header.id)) {
+        if (device->session == 0)
+            continue; /* nobody to tell */
+        wire_pack_event(&event, line->event_body + WIRE_HEADER_SIZE, WIRE_EVENT_SIZE);
+        return frame_seal(&header, line->event_body, WIRE_EVENT_SIZE, line->frame);
+    }
+    return 0;
+}
+
+static size_t seal_batch(struct device *device)
+{
+    size_t payload_size;
+    struct wire_header header = {.type = WIRE_SAMPLES, .session = device->session};
+    struct recorder_batch *batch = recorder_next(&device->recorder, &payload_size);
+    if (!batch)
+        return 0;
+    size_t size = frame_seal(&header, batch->body, payload_size, device->line.frame);
+    recorder_release(&device->recorder);
+    return size;
+}
+
+static size_t seal_next(struct device *device)
+{
+    struct line *line = &device->line;
+    if (line->reply_size != 0) {
+        size_t size = frame_seal(&line->reply_header, line->reply_body, line->reply_size, line->frame);
+        line->reply_size = 0;
+        return size;
+    }
+    size_t size = seal_event(device);
+    return size != 0 ? size : seal_batch(device);
+}
+
+const uint8_t *service_outgoing(struct device *device, size_t *size)
+{
+    struct line *line = &device->line;
+    if (line->frame_sent == line->frame_size) {
+        line->frame_sent = 0;
+        line->frame_size = (uint32_t)seal_next(device);
+    }
+    *size = line->frame_size - line->frame_sent;
+    return *size != 0 ? line->frame + line->frame_sent : NULL;
+}
+
+void service_sent(struct device *device, size_t size)
+{
+    device->line.frame_sent += (uint32_t)size;
+}

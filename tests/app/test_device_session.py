@@ -1,0 +1,217 @@
+"""Who may speak, and that saying it twice does nothing twice."""
+
+import pytest
+from device_bench import SESSION, UM, Bench, V, model, step_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phaselead.link import wire
+
+OTHER = 0x0BAD_CAFE_0000_0001
+COMMANDS = [
+    wire.StatusRequest(),
+    wire.ArmRequest(0),
+    wire.StartRequest(1),
+    wire.ParkRequest(),
+    wire.ClearFaultRequest(),
+    wire.SetAxisRequest(0, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF),
+    wire.SetPathRequest(0, wire.PathKind.SINE, 4 * V, 0, step_of(5), 0),
+    wire.WaveChunkRequest(0, 0, bytes(8)),
+    wire.WaveCommitRequest(0, 0),
+    wire.ModelBeginRequest(564, 0),
+    wire.ModelChunkRequest(0, bytes(4)),
+    wire.ModelCommitRequest(),
+    wire.ModelReadRequest(0, 100),
+    wire.ModelPersistRequest(),
+    wire.StreamStartRequest(wire.Channel.DAC, 1, 1),
+    wire.StreamStopRequest(),
+    wire.SnapshotReadRequest(wire.Region.STATE, 0, 100),
+    wire.SetTimeoutRequest(1),
+    wire.InfoRequest(),
+]
+
+
+def test_the_list_above_is_complete():
+    numbers = {type(command).NUMBER for command in COMMANDS} | {wire.HelloRequest.NUMBER, wire.StopRequest.NUMBER}
+    assert numbers == {c.NUMBER for c in wire.Command.__subclasses__()}
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.NAME)
+def test_without_a_session_only_hello_and_stop_are_heard(command):
+    bench = Bench(hello=False)
+    assert bench.status_of(command) == wire.Status.NO_SESSION
+    bench.ok(wire.StopRequest())
+    bench.ok(wire.HelloRequest())
+    assert bench.status_of(command, session=OTHER) == wire.Status.NO_SESSION
+    assert bench.state == wire.State.PARKED
+
+
+def test_a_nonce_of_zero_is_no_session():
+    bench = Bench(hello=False)
+    assert bench.status_of(wire.HelloRequest(), session=0) == wire.Status.BAD_VALUE
+    assert bench.status_of(wire.StatusRequest(), session=0) == wire.Status.NO_SESSION
+
+
+def test_a_second_host_cannot_take_a_device_that_is_being_driven(bench):
+    bench.drive()
+    assert bench.status_of(wire.HelloRequest(), session=OTHER) == wire.Status.BUSY
+    assert bench.status_of(wire.SetTimeoutRequest(0), session=OTHER) == wire.Status.NO_SESSION
+    assert bench.state == wire.State.RUNNING
+
+
+def test_a_second_host_may_have_it_when_the_first_has_timed_out(bench):
+    bench.drive()
+    bench.run(5001)
+    bench.ok(wire.HelloRequest(), session=OTHER)
+    assert bench.status_of(wire.StatusRequest()) == wire.Status.NO_SESSION  # the first one is out
+    assert bench.ok(wire.StatusRequest(), session=OTHER).fault == wire.Fault.HOST_TIMEOUT
+
+
+def test_a_second_host_takes_an_armed_device_over_as_it_is(bench):
+    assert bench.set_axis(0, wire.Mode.OPEN) == wire.Status.OK
+    bench.ok(wire.SetTimeoutRequest(0))
+    bench.ok(wire.ArmRequest(0))
+    bench.ok(wire.HelloRequest(), session=OTHER)
+    assert bench.status_of(wire.StatusRequest()) == wire.Status.NO_SESSION
+    bench.session = OTHER
+    bench.run(5001)  # the timeout that was off stays off
+    status = bench.status()
+    assert (status.state, status.fault, status.modes[0]) == (wire.State.ARMED, wire.Fault.NONE, wire.Mode.OPEN)
+
+
+def test_anyone_may_stop(bench):
+    bench.drive()
+    bench.run(300)
+    bench.ok(wire.StopRequest(), session=OTHER)
+    bench.run(2000)
+    assert bench.state == wire.State.PARKED
+
+
+def test_a_new_session_inherits_no_settings_but_the_model(bench):
+    assert bench.upload(model()).status == wire.Status.OK
+    assert bench.set_axis(0, wire.Mode.FF_PID, kp=V) == wire.Status.OK
+    assert bench.set_path(0, swing=60 * UM) == wire.Status.OK
+    bench.ok(wire.SetTimeoutRequest(0))
+    bench.session = OTHER
+    hello = bench.ok(wire.HelloRequest())
+    assert hello.model_flags & 1
+    assert bench.status().modes == (0, 0, 0)
+    bench.ok(wire.ArmRequest(0))
+    assert bench.status_of(wire.StartRequest(1)) == wire.Status.BAD_VALUE
+    bench.run(5001)
+    assert bench.status().fault == wire.Fault.HOST_TIMEOUT  # the timeout is back too
+
+
+def test_hello_again_from_the_same_host_changes_nothing(bench):
+    assert bench.set_axis(0, wire.Mode.PID, kp=V) == wire.Status.OK
+    bench.ok(wire.HelloRequest())
+    assert bench.status().modes == (wire.Mode.PID, 0, 0)
+    bench.drive()
+    bench.ok(wire.HelloRequest())
+    assert bench.state == wire.State.RUNNING
+
+
+def state_of(bench):
+    """Control state as a recording would carry it, less what time alone changes."""
+    bench.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))
+    reply = bench.ok(wire.SnapshotReadRequest(wire.Region.STATE, 0, 1024))
+    bench.ok(wire.StreamStopRequest())
+    return reply.data[24:]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.NAME)
+def test_a_repeated_request_is_answered_alike_and_done_once(command):
+    once, twice = Bench(), Bench()
+    for bench in (once, twice):
+        bench.set_axis()
+        bench.set_path()
+        bench.ok(wire.ArmRequest(0))
+    frame = once.frame(command)
+    assert twice.frame(command) == frame
+    first_once, first_twice = once.raw(frame), twice.raw(frame)
+    assert first_once == first_twice
+    once.run(3)
+    for _ in range(3):
+        again = twice.raw(frame)
+        if not isinstance(command, (wire.SnapshotReadRequest, wire.ModelReadRequest)):  # reads may be done again
+            assert again == first_twice
+    assert state_of(once) == state_of(twice)
+
+
+def test_a_repeated_start_does_not_restart_the_path(bench):
+    bench.set_axis()
+    bench.set_path()
+    bench.ok(wire.ArmRequest(0))
+    frame = bench.frame(wire.StartRequest(1))
+    first = bench.raw(frame)
+    bench.run(400)
+    high = int(bench.dac[-1, 0])
+    assert bench.raw(frame) == first
+    assert abs(int(bench.dac[-1, 0]) - high) < 200
+
+
+def test_the_same_number_with_another_content_is_another_command(bench):
+    bench.set_axis()
+    number = 77
+    assert bench.status_of(wire.SetTimeoutRequest(5), id=number) == wire.Status.OK
+    assert bench.ask(wire.StatusRequest(), id=number).state == wire.State.PARKED
+
+
+def test_a_repeat_does_not_feed_the_host_timeout(bench):
+    """Only what the host means to say shows that it is alive; a replay knows nothing of repeats."""
+    bench.drive()
+    frame = bench.frame(wire.StatusRequest())
+    for _ in range(6):
+        bench.raw(frame)
+        bench.run(999)
+    assert bench.status().fault == wire.Fault.HOST_TIMEOUT
+
+
+def test_strangers_do_not_feed_the_host_timeout(bench):
+    bench.drive()
+    for _ in range(6):
+        bench.run(999)
+        bench.ask(wire.StatusRequest(), session=OTHER)
+        bench.ask(wire.HelloRequest(), session=OTHER + 1)
+    assert bench.events[-1].value == wire.State.FAULT
+
+
+def test_unknown_commands_and_wrong_lengths_are_refused(bench):
+    def status(number, payload):
+        body = wire.HEADER.pack(number, 9, SESSION) + payload
+        (reply,) = bench.raw(wire_frame(body))
+        return wire.Status(reply[wire.HEADER.size])
+
+    assert status(0x60, b"") == wire.Status.UNKNOWN_COMMAND
+    assert status(wire.Samples.NUMBER, b"") == wire.Status.UNKNOWN_COMMAND
+    assert status(wire.ArmRequest.NUMBER, b"123") == wire.Status.BAD_LENGTH
+    assert status(wire.ArmRequest.NUMBER, b"12345") == wire.Status.BAD_LENGTH
+    assert status(wire.WaveChunkRequest.NUMBER, b"12") == wire.Status.BAD_LENGTH
+
+
+def wire_frame(body):
+    from phaselead.link.framing import encode_frame
+
+    return encode_frame(body)
+
+
+def test_damaged_frames_are_counted_and_not_answered(bench):
+    frame = bytearray(bench.frame(wire.StatusRequest()))
+    frame[3] ^= 0x41
+    assert bench.raw(bytes(frame)) == []
+    assert bench.raw(b"\x05\x01\0") == []
+    assert bench.status().rx_errors == 2
+
+
+@settings(max_examples=30, deadline=None)
+@given(pieces=st.lists(st.integers(1, 40), min_size=1, max_size=12))
+def test_frames_may_come_in_any_pieces(pieces):
+    bench = Bench()
+    line = b"".join(bench.frame(wire.SetTimeoutRequest(ticks)) for ticks in range(1, 9))
+    bench.replies.clear()
+    while line:
+        size = pieces[len(line) % len(pieces)]
+        bench.firmware.write(line[:size])
+        line = line[size:]
+    bench.run(20)
+    assert [reply[wire.HEADER.size] for reply in bench.replies] == [wire.Status.OK] * 8

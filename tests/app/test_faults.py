@@ -1,0 +1,165 @@
+"""Each fault is injected into a moving device: its reaction begins within one tick and never outruns the limits."""
+
+import numpy as np
+import pytest
+from device_bench import RAMP_CODES, SLEW_CODES, ZERO_V_CODE, Bench, V
+
+from phaselead.link import wire
+
+RAMPING = [
+    wire.Fault.TICK_OVERRUN,
+    wire.Fault.CONVERTER_SILENT,
+    wire.Fault.INTERLOCK,
+]
+HOLDING = [wire.Fault.FLASH_ERROR, wire.Fault.TRACKING_ERROR]
+
+
+@pytest.fixture
+def moving():
+    bench = Bench()
+    bench.drive(swing=8 * V)
+    bench.run(300)  # on the way up, far from the safe value
+    return bench
+
+
+def steps(codes):
+    return np.diff(codes[:, 0].astype(int))
+
+
+def assert_ramps_home(bench, from_code, codes):
+    """Downwards at the ramp from the first tick on, never faster, until the safe value."""
+    way = np.concatenate([[from_code], codes[:, 0].astype(int)])
+    moves = np.diff(way)
+    arrived = np.flatnonzero(way == ZERO_V_CODE)[0]
+    assert moves[: arrived - 1].min() >= -RAMP_CODES - 1
+    assert moves[: arrived - 1].max() <= -RAMP_CODES + 1
+    assert not moves[arrived:].any()
+
+
+@pytest.mark.parametrize("fault", RAMPING)
+def test_a_raised_fault_ramps_home_from_the_next_tick(moving, fault):
+    moving.firmware.inject(fault, 1)
+    assert_ramps_home(moving, int(moving.dac[-1, 0]), moving.run(1000))
+    status = moving.status()
+    assert (status.state, status.fault, status.fault_axis) == (wire.State.FAULT, fault, 1)
+    assert [event.value for event in moving.events if event.kind == wire.EventKind.FAULT] == [fault]
+
+
+@pytest.mark.parametrize("fault", HOLDING)
+def test_a_holding_fault_keeps_the_output_until_it_is_parked(moving, fault):
+    moving.firmware.inject(fault)
+    before = int(moving.dac[-1, 0])
+    assert (moving.run(500)[:, 0] == before).all()
+    assert moving.status().fault == fault
+    assert moving.status_of(wire.ClearFaultRequest()) == wire.Status.WRONG_STATE
+    before = int(moving.dac[-1, 0])
+    moving.ok(wire.ParkRequest())
+    assert_ramps_home(moving, before, np.concatenate([moving.dac[-1:], moving.run(1000)]))
+    assert moving.state == wire.State.FAULT
+    moving.ok(wire.ClearFaultRequest())
+    assert moving.state == wire.State.PARKED
+
+
+@pytest.mark.parametrize("rail", [0, 65535])
+def test_three_samples_at_a_rail_end_a_closed_loop(rail):
+    bench = Bench()
+    bench.drive(mode=wire.Mode.PID)
+    bench.run(50)
+    bench.run(2, adc=rail)
+    assert bench.state == wire.State.RUNNING  # two are no clip
+    bench.run(10)
+    bench.run(3, adc=rail)
+    before = int(bench.dac[-1, 0])
+    codes = bench.run(1000)
+    moves = np.diff(np.concatenate([[before], codes[:, 0].astype(int)]))
+    assert moves[0] != 0 or before == ZERO_V_CODE
+    assert abs(moves).max() <= RAMP_CODES + 1
+    assert codes[-1, 0] == ZERO_V_CODE
+    status = bench.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.ADC_RAIL, 0)
+
+
+def test_rails_do_not_matter_to_an_open_loop_or_to_other_axes(moving):
+    moving.run(100, adc=[65535, 0, 65535])
+    assert moving.state == wire.State.RUNNING
+
+
+def test_a_silent_host_ramps_to_park_and_latches(moving):
+    moving.ok(wire.SetTimeoutRequest(200))
+    codes = moving.run(199 + 1000)
+    assert moving.status().fault == wire.Fault.HOST_TIMEOUT
+    # The command took effect one tick before the last one was run by asking for it.
+    running = codes[:198]
+    assert (steps(running) != -RAMP_CODES).any()
+    assert_ramps_home(moving, int(codes[198, 0]), codes[199:])
+
+
+def test_a_host_that_speaks_in_time_is_no_fault(moving):
+    moving.ok(wire.SetTimeoutRequest(50))
+    for _ in range(20):
+        moving.run(40)
+        assert moving.state == wire.State.RUNNING
+
+
+def test_no_timeout_when_it_is_switched_off(moving):
+    moving.ok(wire.SetTimeoutRequest(0))
+    moving.run(50_000)
+    assert moving.state == wire.State.RUNNING
+
+
+def test_a_lost_core_comes_back_at_zero_with_the_fault_latched(moving):
+    moving.firmware.inject(wire.Fault.CORE_LOST)
+    assert (moving.run(100)[:, 0] == ZERO_V_CODE).all()
+    assert moving.status_of(wire.StatusRequest()) == wire.Status.NO_SESSION
+    hello = moving.ok(wire.HelloRequest())
+    assert hello.reset_cause == wire.ResetCause.WATCHDOG
+    assert moving.status().fault == wire.Fault.CORE_LOST
+    assert moving.status_of(wire.ArmRequest(0)) == wire.Status.FAULT_LATCHED
+    moving.ok(wire.ClearFaultRequest())
+    assert moving.state == wire.State.PARKED
+
+
+@pytest.mark.parametrize("fault", [*RAMPING, *HOLDING, wire.Fault.HOST_TIMEOUT])
+def test_a_latched_fault_bars_everything_that_moves(moving, fault):
+    moving.firmware.inject(fault)
+    moving.run(1)
+    for command in (
+        wire.ArmRequest(0),
+        wire.StartRequest(1),
+        wire.SetAxisRequest(0, wire.Mode.OPEN, 0, 0, 0, 1),
+        wire.SetPathRequest(0, wire.PathKind.HOLD, 0, 0, 0, 0),
+        wire.ModelBeginRequest(564, 0),
+    ):
+        assert moving.status_of(command) == wire.Status.FAULT_LATCHED
+
+
+def test_the_first_fault_stays_when_others_follow(moving):
+    moving.firmware.inject(wire.Fault.TRACKING_ERROR, 2)
+    moving.run(5)
+    moving.firmware.inject(wire.Fault.INTERLOCK, 1)
+    held = int(moving.dac[-1, 0])
+    assert_ramps_home(moving, held, moving.run(1000))  # a ramp overrules the hold ...
+    status = moving.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.TRACKING_ERROR, 2)  # ... but not the cause
+
+
+def test_a_fault_freezes_the_recorder_after_its_post_trigger(moving):
+    start = moving.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))
+    moving.run(100)
+    moving.firmware.inject(wire.Fault.INTERLOCK)
+    moving.run(3000)
+    fault_tick = moving.status().fault_tick
+    stop = moving.ok(wire.StreamStopRequest())
+    assert start.tick + stop.sent_ticks == fault_tick + 250
+    assert stop.dropped_ticks == 0
+    sent = b"".join(batch.data for batch in moving.samples)
+    assert np.array_equal(np.frombuffer(sent, "<u2"), moving.dac[start.tick : fault_tick + 250, 0])
+
+
+def test_the_output_never_outruns_its_slew_whatever_happens():
+    bench = Bench()
+    bench.drive(path=wire.PathKind.SINE, swing=12 * V, offset=-2 * V, step=1 << 62)  # far too fast
+    bench.run(500)
+    bench.firmware.inject(wire.Fault.INTERLOCK)
+    bench.run(500)
+    assert abs(np.diff(bench.dac[:, 0].astype(int))).max() <= SLEW_CODES
