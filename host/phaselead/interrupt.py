@@ -1,0 +1,38 @@
+"""Ctrl-C that cannot be lost.
+
+Python drops a KeyboardInterrupt that happens to be raised inside a destructor or a weak-reference callback. A stage
+would then run on, so the handler also leaves a mark, and whoever waits for the device looks at it.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType
+
+_asked = False
+
+
+def install() -> None:
+    """Ends a command on SIGINT, SIGTERM and SIGHUP alike, with a KeyboardInterrupt. Only in the main thread."""
+    if threading.current_thread() is threading.main_thread():
+        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, _handle)
+
+
+def _handle(_number: int, _frame: FrameType | None) -> None:
+    global _asked
+    _asked = True
+    raise KeyboardInterrupt
+
+
+def raise_if_asked() -> None:
+    """Raises the KeyboardInterrupt that was asked for and got lost."""
+    if _asked:
+        raise KeyboardInterrupt
+
+
+def clear() -> None:
+    """From here on the interrupt is being dealt with; the device can be talked to again."""
+    global _asked
+    _asked = False
