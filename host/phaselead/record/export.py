@@ -1,0 +1,66 @@
+"""Writing recordings: CSV, and the export to what other programs read."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pyarrow.csv
+import pyarrow.parquet
+import scipy.io
+
+from phaselead.errors import BadInput
+from phaselead.record.atomic import atomic_path
+from phaselead.record.columns import UNITS, columns_of
+from phaselead.record.hdf5 import write_hdf5
+from phaselead.record.recording import Recording
+
+SUFFIXES = (".csv", ".h5", ".hdf5", ".mat", ".parquet")
+
+
+def write_csv(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
+    """Write ``t_s,u_V,x_um[,r_um]`` (or the three-axis form), whole or not at all; floats keep every bit."""
+    table = _table(recording)
+    options = pyarrow.csv.WriteOptions(include_header=False)
+    with atomic_path(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
+        file.write((",".join(table.column_names) + "\n").encode())
+        pyarrow.csv.write_csv(table, file, options)
+
+
+def write_mat(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
+    """Write a MATLAB 5 file: one column vector per column of the recording."""
+    vectors = {name: values[:, np.newaxis] for name, values in columns_of(recording.t_s, recording.axes).items()}
+    with atomic_path(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
+        scipy.io.savemat(file, vectors, do_compression=True)
+
+
+def write_parquet(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
+    """Write an Apache Parquet file; the units are in the fields' metadata."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        pyarrow.parquet.write_table(_table(recording), temporary)
+
+
+def _table(recording: Recording) -> pyarrow.Table:
+    columns = columns_of(recording.t_s, recording.axes)
+    fields = [pyarrow.field(name, pyarrow.float64(), metadata={"units": UNITS[name]}) for name in columns]
+    return pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields))
+
+
+def export(recording: Recording, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write ``recording`` in the format its suffix names: .csv, .h5, .mat or .parquet.
+
+    Raises BadInput for another suffix, and for a file that exists unless ``overwrite``.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".csv":
+        write_csv(path, recording, overwrite=overwrite)
+    elif suffix in (".h5", ".hdf5"):
+        write_hdf5(path, recording, overwrite=overwrite)
+    elif suffix == ".mat":
+        write_mat(path, recording, overwrite=overwrite)
+    elif suffix == ".parquet":
+        write_parquet(path, recording, overwrite=overwrite)
+    else:
+        raise BadInput(f"{path}: its suffix names no format; use .csv, .h5, .mat or .parquet")

@@ -1,0 +1,139 @@
+"""The journal of a capture in progress: append-only, readable after a kill at any byte.
+
+    phaselead-journal 1 CRC JSON\\n                       header; CRC-32 of the JSON text, 8 hex digits
+    length u32 | crc u32 | kind length u8 | kind | payload     any number of entries, little-endian
+
+``length`` counts kind length, kind and payload; ``crc`` is the CRC-32 of length and those bytes. An entry
+is handed to the operating system in one write, so only the last one can be torn when the process dies.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import zlib
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from phaselead.errors import BadInput
+
+MAGIC = b"phaselead-journal "
+VERSION = 1
+LARGEST_ENTRY = 2**28
+_HEAD = struct.Struct("<II")
+
+
+class Entry(NamedTuple):
+    """One entry: what it is, and its bytes."""
+
+    kind: str
+    payload: bytes
+
+
+class JournalWriter:
+    """Appends entries to a new journal. Refuses to write over a file that exists."""
+
+    def __init__(self, path: str | os.PathLike[str], header: dict[str, Any]) -> None:
+        text = json.dumps(header, separators=(",", ":")).encode()
+        line = MAGIC + b"%d %08x " % (VERSION, zlib.crc32(text)) + text + b"\n"
+        try:
+            self._file = open(path, "xb", buffering=0)  # noqa: SIM115 - open for as long as the capture runs
+        except FileExistsError:
+            raise BadInput(
+                f"{path}: exists already; recover it (phaselead log recover) or choose another name"
+            ) from None
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be written ({error.strerror}); give a writable place") from None
+        self._write(line)
+
+    def append(self, kind: str, payload: bytes) -> None:
+        """Add one entry. After it returns the entry survives the death of this process."""
+        name = kind.encode()
+        if not 1 <= len(name) <= 255 or len(payload) > LARGEST_ENTRY - 256:
+            raise ValueError(f"journal entry {kind!r} of {len(payload)} bytes does not fit")
+        body = bytes([len(name)]) + name + payload
+        length = struct.pack("<I", len(body))
+        self._write(length + struct.pack("<I", zlib.crc32(body, zlib.crc32(length))) + body)
+
+    def _write(self, data: bytes) -> None:
+        written = self._file.write(data)
+        if written != len(data):
+            raise OSError(f"journal: only {written} of {len(data)} bytes were written; is the disk full?")
+
+    def sync(self) -> None:
+        """Make everything so far survive a power cut as well."""
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Sync and close; closing twice is harmless."""
+        if not self._file.closed:
+            self.sync()
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def is_journal(content: bytes) -> bool:
+    """Whether these are the first bytes of a journal."""
+    return content.startswith(MAGIC)
+
+
+def read_journal(path: str | os.PathLike[str]) -> tuple[dict[str, Any], list[Entry], int]:
+    """Header, whole entries, and the number of bytes lost at the torn end (0: the journal is whole).
+
+    Raises BadInput when the file is no journal, or was cut off before its header was complete.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = file.read()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); give a journal") from None
+    header, position = _header(content, path)
+    entries: list[Entry] = []
+    while (found := _entry(content, position)) is not None:
+        entry, position = found
+        entries.append(entry)
+    return header, entries, len(content) - position
+
+
+def _header(content: bytes, path: str | os.PathLike[str]) -> tuple[dict[str, Any], int]:
+    if not content.startswith(MAGIC):
+        if MAGIC.startswith(content):
+            raise BadInput(f"{path}: ends before anything was recorded; delete it")
+        raise BadInput(f"{path}: is no capture journal; give the OUTPUT.journal that a broken-off run left")
+    end = content.find(b"\n")
+    if end < 0:
+        raise BadInput(f"{path}: ends before anything was recorded; delete it")
+    parts = content[len(MAGIC) : end].split(b" ", 2)
+    if parts[0].isdigit() and len(parts[0]) < 10 and int(parts[0]) > VERSION:
+        raise BadInput(f"{path}: was written by a newer phaselead; update phaselead")
+    try:
+        _, crc, text = parts
+        header = json.loads(text) if int(crc, 16) == zlib.crc32(text) else None
+    except (ValueError, RecursionError):
+        header = None
+    if not isinstance(header, dict):
+        raise BadInput(f"{path}: the header of the journal is damaged; it cannot be recovered")
+    return header, end + 1
+
+
+def _entry(content: bytes, position: int) -> tuple[Entry, int] | None:
+    """The entry at ``position`` and where the next begins; None when it is torn or damaged."""
+    start = position + _HEAD.size
+    if start > len(content):
+        return None
+    length, crc = _HEAD.unpack_from(content, position)
+    body = content[start : start + length]
+    if length < 2 or len(body) != length or zlib.crc32(body, zlib.crc32(content[position : position + 4])) != crc:
+        return None
+    kind_end = 1 + body[0]
+    if not 1 < kind_end <= length:
+        return None
+    return Entry(body[1:kind_end].decode("utf-8", "replace"), body[kind_end:]), start + length

@@ -1,0 +1,124 @@
+"""Reading recordings: CSV with our header, text with a column map, HDF5; all with or without a window."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+
+from phaselead.errors import BadInput
+from phaselead.record.columns import ColumnMap, axes_of
+from phaselead.record.hdf5 import SIGNATURE, read_hdf5
+from phaselead.record.journal import is_journal
+from phaselead.record.recording import AxisRecord, Recording, Samples
+from phaselead.record.text import read_text
+
+Window = tuple[float, float]
+"""From, to in absolute seconds, half-open; infinite where left out."""
+
+EDGE_STEPS = 1e-3
+"""A time this close to the edge of a window, in sampling steps, is on it: printed times are rounded."""
+
+_WINDOW = re.compile(r"([^:]*):([^:]*)")
+
+
+def read_recording(
+    argument: str | os.PathLike[str], *, columns: ColumnMap | None = None, rate_Hz: float | None = None
+) -> Recording:
+    """Read ``path`` or ``path@from:to`` (absolute seconds, half-open, either end may be left out).
+
+    With a window, rows before it are kept to warm the model's memory but are not in ``scored``; rows at or
+    after its end are cut off. ``columns`` maps names to 1-based columns and factors, for text without our
+    header (``{"u_V": (1, 1.0), "x_um": (3, 1e6)}``); ``rate_Hz`` stands in for times. Raises BadInput, one
+    line.
+    """
+    path, window = split_argument(os.fspath(argument))
+    sha256, content = _digest_and_text(path)
+    if content is None:
+        if columns is not None or rate_Hz is not None:
+            raise BadInput(f"{path}: is HDF5, which names its columns and times itself; leave --map and --rate out")
+        recording = read_hdf5(path).recording
+    else:
+        table = read_text(content, path, columns, rate_Hz)
+        times = table.pop("t_s")
+        recording = Recording(t_s=times, axes=axes_of(table, path))
+    recording = replace(recording, source=os.fspath(argument), sha256=sha256)
+    return recording if window is None else windowed(recording, window)
+
+
+def split_argument(argument: str) -> tuple[str, Window | None]:
+    """The path and the window of a recording argument. A file of exactly this name has no window."""
+    path, at, text = argument.rpartition("@")
+    if not at or not path or _exists(argument):
+        return argument, None
+    match = _WINDOW.fullmatch(text)
+    if not match:
+        if _exists(path):
+            raise BadInput(f"{argument}: the window {text!r} is not FROM:TO in seconds, as in {path}@5:7")
+        return argument, None
+    try:
+        start, stop = _second(match[1], -math.inf), _second(match[2], math.inf)
+    except ValueError:
+        raise BadInput(f"{argument}: the window {text!r} is not FROM:TO in seconds, as in {path}@5:7") from None
+    if start >= stop:
+        raise BadInput(f"{argument}: the window is empty; FROM must be before TO")
+    return path, (start, stop)
+
+
+def _second(text: str, missing: float) -> float:
+    if not text.strip():
+        return missing
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
+def _exists(path: str) -> bool:
+    try:
+        return os.path.exists(path)
+    except ValueError:  # a NUL in the name
+        return False
+
+
+def _digest_and_text(path: str) -> tuple[str, bytes | None]:
+    """Hash of the file, and its bytes unless it is HDF5."""
+    try:
+        with open(path, "rb") as file:
+            if file.read(len(SIGNATURE)) == SIGNATURE:
+                file.seek(0)
+                return hashlib.file_digest(file, "sha256").hexdigest(), None
+            file.seek(0)
+            content = file.read()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); give a recording (.csv or .h5)") from None
+    except ValueError:  # a NUL in the name
+        raise BadInput(f"{path!r}: is no file name; give a recording (.csv or .h5)") from None
+    if is_journal(content):
+        raise BadInput(f"{path}: is a capture that was never finished; finish it with phaselead log recover")
+    return hashlib.sha256(content).hexdigest(), content
+
+
+def windowed(recording: Recording, window: Window) -> Recording:
+    """The recording with ``scored`` set to a window and what follows it cut off."""
+    start_s, stop_s = window
+    slack = EDGE_STEPS / recording.rate_Hz
+    t = recording.t_s
+    first = int(t.searchsorted(start_s - slack))
+    stop = int(t.searchsorted(stop_s - slack))
+    if stop - first < 2:
+        raise BadInput(
+            f"{recording.source}: {max(stop - first, 0)} rows lie in the window; "
+            f"the recording runs from {t[0]:g} to {t[-1]:g} s, choose FROM:TO inside"
+        )
+    return replace(recording, t_s=t[:stop], axes=_cut(recording.axes, stop), scored=slice(first, stop))
+
+
+def _cut(axes: Mapping[str, AxisRecord], stop: int) -> dict[str, AxisRecord]:
+    def head(values: Samples | None) -> Samples | None:
+        return None if values is None else values[:stop]
+
+    return {name: AxisRecord(head(axis.u_V), head(axis.x_um), head(axis.r_um)) for name, axis in axes.items()}
