@@ -1,0 +1,48 @@
+"""First- and second-order systems, exact for an input that runs straight between its rows, settled at the first."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from phaselead.effects.effect import Samples
+from phaselead.effects.native import lags
+
+
+def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
+    """1/(tau s + 1) of ``x`` (n,). With tau = 0 it is ``x``."""
+    return lags(x, [tau_s], [1.0], step_s) if tau_s > 0 else x
+
+
+def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
+    """w^2/(s^2 + 2 zeta w s + w^2) of ``x`` (n,)."""
+    b, a = _mode(f_Hz * step_s, zeta)
+    return np.asarray(lfilter(b, a, x - x[0]) + x[0])
+
+
+@lru_cache(maxsize=256)
+def _mode(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
+    """Ramp-invariant mode: exact states under an input that is linear over each step (Franklin, Powell and
+    Workman 1998: triangle-hold equivalent)."""
+    w = 2 * np.pi * turns_per_step
+    block = np.zeros((4, 4))
+    block[:2, :2] = [[0.0, w], [-w, -2 * zeta * w]]
+    block[1, 2] = w
+    block[2, 3] = 1.0
+    e = expm(block)
+    phi, held, ramp = e[:2, :2], e[:2, 2], e[:2, 3]
+    # state' = phi state + (held - ramp) x_k + ramp x_{k+1}; the output is the first state.
+    a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
+    old, new = held - ramp, ramp
+    # C (zI - phi)^-1 B = (adj row) B / det, for B = new z + old
+    b = np.array(
+        [
+            new[0],
+            old[0] - phi[1, 1] * new[0] + phi[0, 1] * new[1],
+            -phi[1, 1] * old[0] + phi[0, 1] * old[1],
+        ]
+    )
+    return b, a

@@ -1,0 +1,100 @@
+"""What runs row by row, in C (host/phaselead/stage/kernel/effects.c). Every function takes and gives (n,) arrays whose
+first row is how things stood before."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Sequence
+from functools import cache
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from phaselead.errors import PhaseleadError
+
+Samples = NDArray[np.float64]
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+@cache
+def _kernel() -> ctypes.CDLL:
+    spec = find_spec("phaselead.stage._kernel")
+    if spec is None or spec.origin is None:
+        raise PhaseleadError("the stage kernel is not built; run: python setup.py build_ext --inplace")
+    kernel = ctypes.CDLL(spec.origin)
+    size, double = ctypes.c_size_t, ctypes.c_double
+    try:
+        kernel.stage_lags.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, _DOUBLES]
+        kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
+        kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 4]
+        kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
+    except AttributeError:
+        raise PhaseleadError(
+            "the stage kernel is of an older build; run: python setup.py build_ext --inplace"
+        ) from None
+    for function in (kernel.stage_lags, kernel.stage_slew, kernel.stage_scaled_plays, kernel.stage_smooth_delay):
+        function.restype = None
+    return kernel
+
+
+def _doubles(values: ArrayLike) -> Samples:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _at(values: Samples) -> ctypes._Pointer[ctypes.c_double]:
+    return values.ctypes.data_as(_DOUBLES)
+
+
+def lags(x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] | Samples, step_s: float) -> Samples:
+    """sum_j gain_j / (tau_j s + 1) of ``x``, settled at x[0]; tau 0 passes it on."""
+    x, coefficients = _doubles(x), _lag_coefficients(_doubles(tau_s), _doubles(gain), step_s)
+    states, y = np.empty(len(coefficients)), np.empty_like(x)
+    _kernel().stage_lags(len(x), _at(x), len(states), _at(coefficients), _at(states), _at(y))
+    return y
+
+
+def _lag_coefficients(tau_s: Samples, gain: Samples, step_s: float) -> Samples:
+    """(m, 3): old, new, gain of the ramp-invariant lag."""
+    rows = [
+        (*_lag(step_s / float(tau)), g) if tau * 1e9 > step_s else (0.0, 1.0, g)
+        for tau, g in zip(tau_s, gain, strict=True)
+    ]
+    return _doubles(rows).reshape(-1, 3)
+
+
+def _lag(ratio: float) -> tuple[float, float]:
+    """Weights of the last and the new input, for ratio = step/tau."""
+    if ratio < 1e-4:  # the differences below would cancel
+        return ratio / 2 - ratio**2 / 3, ratio / 2 - ratio**2 / 6
+    mean = -math.expm1(-ratio) / ratio
+    return mean - math.exp(-ratio), 1 - mean
+
+
+def slewed(x: ArrayLike, rise: float) -> Samples:
+    """``x`` with a rate of at most ``rise`` per row."""
+    x = _doubles(x)
+    y = np.empty_like(x)
+    _kernel().stage_slew(len(x), _at(x), rise, _at(y))
+    return y
+
+
+def scaled_plays(v: ArrayLike, scale: ArrayLike, r: ArrayLike, w: ArrayLike, start: ArrayLike) -> Samples:
+    """sum_j w_j play_j[v], thresholds ``scale`` (n,) times ``r`` (m,), from ``start`` (m,)."""
+    v, scale, r, w = _doubles(v), _doubles(scale), _doubles(r), _doubles(w)
+    p, y = np.array(start, dtype=np.float64), np.empty_like(v)
+    if not r.shape == w.shape == p.shape or scale.shape != v.shape:
+        raise ValueError(f"shapes differ: r {r.shape}, w {w.shape}, start {p.shape}; v {v.shape}, scale {scale.shape}")
+    _kernel().stage_scaled_plays(len(v), _at(v), _at(scale), len(r), _at(r), _at(w), _at(p), _at(y))
+    return y
+
+
+def smoothly_delayed(x: ArrayLike, rows: float) -> Samples:
+    """``x`` late by ``rows`` >= 0, a real number, on cubics that overshoot nowhere; x[0] before the first row."""
+    x = _doubles(x)
+    y = np.empty_like(x)
+    if not rows >= 0:
+        raise ValueError(f"a delay of {rows} rows would need the future")
+    _kernel().stage_smooth_delay(len(x), _at(x), rows, _at(y))
+    return y

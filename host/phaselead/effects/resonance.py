@@ -1,0 +1,63 @@
+"""Modes of the mechanics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, columns, numbers
+from phaselead.effects.filters import resonant
+from phaselead.errors import BadInput
+
+
+def modes(params: Params) -> list[tuple[float, float, float]]:
+    """(c, f_Hz, zeta) of every mode. A single mode without c carries all of the motion. Raises BadInput."""
+    f_Hz, zeta = numbers(params, "f_Hz"), numbers(params, "zeta")
+    c = numbers(params, "c") if "c" in params else np.ones(1)
+    if not len(c) == len(f_Hz) == len(zeta):
+        raise BadInput(
+            f"effect 'resonance': c, f_Hz and zeta have {len(c)}, {len(f_Hz)} and {len(zeta)} elements; "
+            "give one of each per mode"
+        )
+    if not ((f_Hz > 0).all() and (zeta > 0).all()):
+        raise BadInput("effect 'resonance': f_Hz and zeta must be above 0")
+    return [(float(a), float(f), float(z)) for a, f, z in zip(c, f_Hz, zeta, strict=True)]
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    y = np.array(signal.value)
+    for c, f_Hz, zeta in modes(params):
+        if c != 0:
+            y += c * (resonant(signal.value, f_Hz, zeta, signal.step_s) - signal.value)
+    return y
+
+
+def basis(signal: Signal, params: Params) -> Samples:
+    return columns(*(resonant(signal.value, f, zeta, signal.step_s) - signal.value for _, f, zeta in modes(params)))
+
+
+def normalise(params: Params) -> Params:
+    return {"c": 1.0, **params} if "f_Hz" in params and np.ndim(params["f_Hz"]) == 0 else params
+
+
+EFFECT = Effect(
+    name="resonance",
+    title="Resonance",
+    place=Place.MECHANICS,
+    order=1,
+    equation="y = (1 - c) x + c w^2 x / (s^2 + 2 zeta w s + w^2),  w = 2 pi f_Hz; the static gain stays 1",
+    source="Devasia, Eleftheriou and Moheimani 2007, A survey of control issues in nanopositioning",
+    parameters=(
+        Parameter("c", "1", 1.0, -2.0, 2.0, doc="share of the static motion that this mode carries"),
+        Parameter("f_Hz", "Hz", 200.0, 10.0, 5000.0, role="shape", log=True, doc="undamped natural frequency"),
+        Parameter("zeta", "1", 0.02, 0.002, 0.5, role="shape", log=True, doc="damping ratio"),
+    ),
+    shows="a peak with a phase drop of 180 degrees in the frequency response, ringing after steps and corners",
+    reveals="a multisine through the peak, or steps, sampled at least five times faster than the mode",
+    confused_with=("load_change", "delay", "amplifier_lowpass"),
+    compensation="A notch at the mode (biquad cascade) in the feed-forward, or a reference without its harmonics; the "
+    "notch follows f_Hz, so a changed load needs a new fit.",
+    apply=apply,
+    picture=Picture("response", {"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),
+    basis=basis,
+    normalise=normalise,
+)

@@ -1,0 +1,27 @@
+/* The parts of the effects that run row by row, in doubles. The row x[0] is how things stood before. */
+#ifndef PHASELEAD_STAGE_EFFECTS_H
+#define PHASELEAD_STAGE_EFFECTS_H
+
+#include "plays.h"
+
+struct stage_lag { /* 1/(tau s + 1) for an input that runs straight between rows: s' = s + old (x - s) + new (x' - s) */
+    double old, new, gain;
+};
+
+/* y[k] = sum gain_j s_j[k], each settled at x[0] in the first row. `s` is room for m states. */
+PHASELEAD_EXPORT void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lags, double *s,
+                                 double *y);
+
+/* y follows x by at most `rise` a row. */
+PHASELEAD_EXPORT void stage_slew(size_t n, const double *x, double rise, double *y);
+
+/* y[k] = sum w_j play_j[v] with thresholds scale[k] r_j that change from row to row; the plays start at p. */
+PHASELEAD_EXPORT void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m, const double *r,
+                                         const double *w, double *p, double *y);
+
+/* y[k] = x at (k - delay) rows, on a cubic through the four rows around it (Everett's formula), so that the gain stays
+ * flat. Where the curvature on both sides differs in sign or more than twofold it is limited: steps and corners do not
+ * overshoot, which plays would never forget. */
+PHASELEAD_EXPORT void stage_smooth_delay(size_t n, const double *x, double delay, double *y);
+
+#endif

@@ -1,0 +1,40 @@
+/* The play operator and the time-domain stage model, in doubles.
+ *
+ * A play of threshold r follows its input v with a slack of r on either side:
+ *     p_k = max(v_k - r, min(v_k + r, p_{k-1}))                (Kuhnen 2003, eq. 5)
+ * Voltages in V, thresholds in V, weights in um/V. Nothing is allocated, nothing is kept between calls:
+ * the plays come in through `p` and leave through `p`, so that a record can be continued. */
+#ifndef PHASELEAD_STAGE_PLAYS_H
+#define PHASELEAD_STAGE_PLAYS_H
+
+#include <stddef.h>
+
+#if defined(_WIN32)
+#define PHASELEAD_EXPORT __declspec(dllexport)
+#else
+#define PHASELEAD_EXPORT __attribute__((visibility("default")))
+#endif
+
+/* v[k] = u at (k - delay) samples, linearly interpolated; u stood at `before` up to and including sample -1. delay >=
+ * 0.
+ *
+ * Straight lines between rows are right for foreign records, whose voltage was sampled from something smooth. A DAC
+ * that holds its value differs by half a sample of lag, which a fit puts into the delay. */
+PHASELEAD_EXPORT void stage_delay(size_t n, const double *u, double before, double delay, double *v);
+
+/* Play j after sample rows[i] into out[i * m + j]; rows ascend. Runs through all n samples of v. */
+PHASELEAD_EXPORT void stage_plays(size_t n, const double *v, size_t m, const double *r, double *p, size_t n_rows,
+                                  const size_t *rows, double *out);
+
+struct stage_operator {
+    double gain;
+    size_t n_plays;
+    const double *play_r, *play_w;
+    size_t n_deadzones;
+    const double *deadzone_d, *deadzone_s;
+};
+
+/* x[k] = gain v + sum w_j play_j[v] + sum s_j max(v - d_j, 0); the offset is the caller's. */
+PHASELEAD_EXPORT void stage_response(const struct stage_operator *op, size_t n, const double *v, double *p, double *x);
+
+#endif

@@ -1,0 +1,118 @@
+"""The kernel of the effects against plain Python and exact answers."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.integrate import solve_ivp
+
+from phaselead.effects.filters import resonant
+from phaselead.effects.native import lags, scaled_plays, slewed, smoothly_delayed
+
+rows = st.integers(1, 40).flatmap(
+    lambda n: arrays(np.float64, n, elements=st.floats(-10, 10).map(lambda v: round(v, 6)))
+)
+laws = settings(max_examples=60, deadline=None)
+
+
+def lag_by_steps(x: np.ndarray, tau: float, step: float) -> np.ndarray:
+    """tau s' = x - s with x straight between rows, solved exactly from row to row."""
+    s = [x[0]]
+    for a, b in pairwise(x):
+        slope = (b - a) / step
+        particular = a - slope * tau
+        s.append(b - slope * tau + (s[-1] - particular) * np.exp(-step / tau))
+    return np.array(s)
+
+
+@laws
+@given(rows, st.floats(1e-3, 1e3), st.floats(-2, 2))
+def test_lags_are_exact(x, tau, gain):
+    found = lags(x, [tau, 0.0], [gain, 1.0], 0.1)
+    assert np.allclose(found, gain * lag_by_steps(x, tau, 0.1) + x, atol=1e-8)
+
+
+@laws
+@given(rows, st.sampled_from([1e-300, 1e-12, 1e-6, 1.0, 1e5, 1e12]))
+def test_lags_of_any_time_constant_stay_between_the_extremes(x, tau):
+    y = lags(x, [tau], [1.0], 1e-3)
+    assert y.min() >= x.min() - 1e-9
+    assert y.max() <= x.max() + 1e-9
+
+
+def test_very_slow_lags_keep_their_digits():
+    x = np.concatenate([np.zeros(1), np.ones(100_000)])
+    y = lags(x, [1e4], [1.0], 2e-4)
+    assert y[-1] == pytest.approx(-np.expm1(-(100_000 - 0.5) * 2e-4 / 1e4), rel=1e-9)
+
+
+@laws
+@given(rows, st.floats(1e-3, 30))
+def test_slewed(x, rise):
+    y = slewed(x, rise)
+    assert y[0] == x[0]
+    assert (np.abs(np.diff(y)) <= rise * (1 + 1e-12) + 1e-12).all()
+    arrived = np.abs(np.diff(y)) < rise * (1 - 1e-12)
+    assert np.array_equal(y[1:][arrived], x[1:][arrived])
+
+
+@laws
+@given(rows, st.integers(0, 2**31))
+def test_scaled_plays_equal_plain_python(v, seed):
+    rng = np.random.default_rng(seed)
+    scale, r, w, p = rng.uniform(0, 2, len(v)), rng.uniform(0, 5, 3), rng.uniform(0, 2, 3), rng.uniform(-5, 5, 3)
+    expected, at = [], list(p)
+    for volt, s in zip(v, scale, strict=True):
+        at = [max(volt - s * a, min(volt + s * a, b)) for a, b in zip(r, at, strict=True)]
+        expected.append(float(np.dot(w, at)))
+    assert np.allclose(scaled_plays(v, scale, r, w, p), expected)
+
+
+def test_scaled_plays_refuse_other_shapes():
+    with pytest.raises(ValueError, match="shapes differ"):
+        scaled_plays(np.zeros(4), np.ones(3), [1.0], [1.0], [0.0])
+
+
+@laws
+@given(rows, st.integers(0, 50))
+def test_whole_delays_shift(x, n):
+    assert np.array_equal(smoothly_delayed(x, n), np.concatenate([np.full(n, x[0]), x])[: len(x)])
+
+
+@laws
+@given(st.lists(st.floats(0, 3), min_size=2, max_size=30), st.floats(0, 5))
+def test_what_only_rises_overshoots_nowhere(steps, delay):
+    x = np.cumsum(steps)
+    y = smoothly_delayed(x, delay)
+    assert (np.diff(y) >= -1e-9).all()
+    assert y.max() <= x.max() + 1e-9
+
+
+def test_cubics_are_exact_where_curvature_is_smooth():
+    k = np.arange(40.0)
+    x = (k - 90) ** 3 / 1e4
+    assert smoothly_delayed(x, 2.3)[5:] == pytest.approx(((k - 92.3) ** 3 / 1e4)[5:], abs=1e-9)
+
+
+def test_delays_of_the_future_are_refused():
+    with pytest.raises(ValueError, match="future"):
+        smoothly_delayed(np.zeros(3), -0.5)
+
+
+def test_modes_are_exact_for_straight_input():
+    rng = np.random.default_rng(0)
+    x, step, f, zeta = np.concatenate([[0.0], rng.uniform(-1, 1, 30)]), 0.01, 17.0, 0.03
+    w = 2 * np.pi * f
+
+    def slope(t: float, s: np.ndarray) -> list[float]:
+        return [s[1], w**2 * (np.interp(t, np.arange(31) * step, x) - s[0]) - 2 * zeta * w * s[1]]
+
+    exact = solve_ivp(
+        slope, (0, 0.3), [0.0, 0.0], t_eval=np.arange(31) * step, max_step=step / 10, rtol=1e-9, atol=1e-10
+    )
+    assert resonant(x, f, zeta, step) == pytest.approx(exact.y[0], abs=1e-5)
