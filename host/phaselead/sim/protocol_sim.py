@@ -1,0 +1,239 @@
+"""sim:// for pyserial: the firmware with a simulated stage, in virtual time.
+
+``sim://xyz250`` or ``sim://FILE.toml`` (``sim:///absolute/FILE.toml``), with ``?seed=N`` for the sensor
+noise, ``&state=FILE`` to keep the flash from one opening to the next, ``&baud=N`` for the line. Each opening is
+a fresh device at rest. Time passes only in reads: until the bytes asked for are there, or the timeout is over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, unquote
+
+import numpy as np
+import serial
+from numpy.typing import NDArray
+from serial.serialutil import PortNotOpenError, SerialBase
+
+from phaselead.errors import BadInput
+from phaselead.record.atomic import atomic_path
+from phaselead.sim.device import BAUD, VirtualDevice
+from phaselead.sim.plant import load_any, plant_parameters
+
+SCHEME = "sim://"
+TICK_RATE_HZ = 5000
+TURN_TICKS = 50_000
+"""A read without a timeout comes up for air this often, so that Ctrl-C works."""
+TRACE_TICKS = 4_000_000
+
+
+@dataclass(frozen=True)
+class Place:
+    """What a sim:// URL says."""
+
+    stage: str
+    seed: int = 0
+    state: Path | None = None
+    baud: int = BAUD
+
+
+def _number(url: str, name: str, text: str, low: int, high: int) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = low - 1
+    if not low <= value <= high:
+        raise BadInput(f"{url}: {name} must be a whole number from {low} to {high}, not {text!r}")
+    return value
+
+
+def parse_url(url: str) -> Place:
+    """Reads a sim:// URL. Raises BadInput with what is wrong with it."""
+    if not url.startswith(SCHEME):
+        raise BadInput(f"{url}: is no simulated port; one looks like sim://xyz250")
+    stage, _, query = url[len(SCHEME) :].partition("?")
+    options: dict[str, Any] = {}
+    for name, text in parse_qsl(query, keep_blank_values=True):
+        if name == "seed":
+            options[name] = _number(url, name, text, 0, 2**64 - 1)
+        elif name == "baud":
+            options[name] = _number(url, name, text, 9600, 100_000_000)
+        elif name == "state" and text:
+            options[name] = Path(text)
+        else:
+            raise BadInput(f"{url}: {name!r} is no option; there are seed=N, state=FILE and baud=N")
+    if not stage:
+        raise BadInput(f"{url}: names no stage; use sim://xyz250 or sim://FILE.toml")
+    return Place(unquote(stage), **options)
+
+
+def _read_flash(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise BadInput(f"{path}: the state file cannot be read ({error.strerror}); name another") from None
+
+
+def open_device(place: Place) -> VirtualDevice:
+    """A fresh device at rest. Raises BadInput for a stage or state file that cannot be used."""
+    parameters = plant_parameters(load_any(place.stage), place.seed)
+    flash = None if place.state is None else _read_flash(place.state)
+    try:
+        return VirtualDevice(parameters, baud=place.baud, flash=flash)
+    except BadInput as error:
+        raise BadInput(f"{place.state}: {error}") from None
+
+
+class FlashKeeper:
+    """Writes a device's flash to its state file whenever it has changed."""
+
+    def __init__(self, device: VirtualDevice, path: Path | None) -> None:
+        self._device, self._path = device, path
+        self._writes = 0
+
+    def keep(self) -> None:
+        if self._path is None:
+            return
+        image, writes = self._device.flash()
+        if writes != self._writes:
+            with atomic_path(self._path) as path:
+                path.write_bytes(image)
+            self._writes = writes
+
+
+class Serial(SerialBase):  # type: ignore[misc]
+    """A serial port whose other end is a simulated device."""
+
+    virtual_time = True
+    is_open: bool
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        self._device: VirtualDevice | None = None
+        self._keeper: FlashKeeper | None = None
+        self._seen = 0
+        """Bytes there were at the last look at ``in_waiting``."""
+        super().__init__(*args, **kwargs)
+
+    def open(self) -> None:
+        if self._port is None:
+            raise serial.SerialException("no port given; use sim://xyz250 or sim://FILE.toml")
+        if self.is_open:
+            raise serial.SerialException("the port is already open")
+        place = parse_url(self._port)
+        self._device = open_device(place)
+        self._keeper = FlashKeeper(self._device, place.state)
+        self.is_open = True
+
+    def close(self) -> None:
+        if self._device is not None:
+            if self._keeper is not None:
+                self._keeper.keep()
+            self._device.close()
+        self._device = self._keeper = None
+        self.is_open = False
+
+    @property
+    def device(self) -> VirtualDevice:
+        """What is at the other end. Raises PortNotOpenError."""
+        if self._device is None:
+            raise PortNotOpenError
+        return self._device
+
+    def _timeout_ticks(self) -> int | None:
+        return None if self._timeout is None else round(self._timeout * TICK_RATE_HZ)
+
+    def read(self, size: int = 1) -> bytes:
+        """Runs the device until ``size`` bytes are there or the timeout has passed in virtual time."""
+        device = self.device
+        left = self._timeout_ticks()
+        chunks: list[bytes] = []
+        missing = size
+        while missing > 0:
+            ticks = TURN_TICKS if left is None else left
+            want = min(missing, 1 << 19)
+            done = device.run(ticks, want)
+            chunk = device.read(missing)
+            chunks.append(chunk)
+            missing -= len(chunk)
+            if left is not None:
+                left -= done
+                if left <= 0 and len(chunk) < want:
+                    break
+        if self._keeper is not None:
+            self._keeper.keep()
+        return b"".join(chunks)
+
+    def write(self, data: Any) -> int:
+        return self.device.write(bytes(data))
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes there are. When there are no more than at the last look a tick passes, so that polling ends."""
+        device = self.device
+        if device.readable <= self._seen:
+            device.run(1)
+        self._seen = device.readable
+        return self._seen
+
+    def advance(self, seconds: float) -> None:
+        """Lets virtual time pass without reading."""
+        self.device.run(round(seconds * TICK_RATE_HZ))
+
+    def trace_true_positions(self, ticks: int = TRACE_TICKS) -> None:
+        """Keeps where the stage truly is, for the last ``ticks`` ticks; 0 stops."""
+        self.device.plant.trace(ticks)
+
+    def true_positions(self) -> tuple[int, NDArray[np.float64]]:
+        """First tick, and true positions in um, shape (n, 3), of the ticks since the last call."""
+        return self.device.plant.take_trace()
+
+    def flush(self) -> None:
+        self._require_open()
+
+    def reset_input_buffer(self) -> None:
+        device = self.device
+        device.read(device.readable)
+
+    def reset_output_buffer(self) -> None:
+        self._require_open()
+
+    @property
+    def out_waiting(self) -> int:
+        self._require_open()
+        return 0
+
+    def _require_open(self) -> None:
+        if not self.is_open:
+            raise PortNotOpenError
+
+    def _reconfigure_port(self, force_reconfig: bool = False) -> None:
+        """Speed and format mean nothing here; the line's speed is in the URL."""
+
+    def _update_dtr_state(self) -> None:
+        """Nothing hangs on DTR: opening must not reset anything."""
+
+    def _update_rts_state(self) -> None:
+        """Nothing hangs on RTS."""
+
+    def _update_break_state(self) -> None:
+        """There is no break."""
+
+    @property
+    def cts(self) -> bool:
+        return True
+
+    @property
+    def dsr(self) -> bool:
+        return True
+
+    @property
+    def ri(self) -> bool:
+        return False
+
+    @property
+    def cd(self) -> bool:
+        return True
