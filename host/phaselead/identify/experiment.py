@@ -1,0 +1,182 @@
+"""Running the identification experiment on a device, then fitting and verifying: what `phaselead identify`
+does."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from phaselead.control.track import LARGEST_STEP, standings, upload_if_other
+from phaselead.errors import BadInput
+from phaselead.identify.fit import FitReport, fit
+from phaselead.identify.plan import Experiment, plan_grid, plan_seconds
+from phaselead.identify.verify import Verification, verify
+from phaselead.link.device import Device
+from phaselead.link.quantities import TICK_HZ
+from phaselead.link.stream import Capture
+from phaselead.link.wire import Channel, Mode
+from phaselead.record.checks import refuse_gapped
+from phaselead.record.recording import Recording
+from phaselead.record.run import recording_of, write_run
+from phaselead.stage.device_model import device_model, from_device_model
+from phaselead.stage.file import AxisModel, Stage
+from phaselead.stage.waveform import Waveform, refuse_out_of_range
+
+CHANNELS = Channel.ADC | Channel.DAC
+FIT_SHARE = 0.1
+"""Of the progress bar, for what comes after the last record."""
+
+
+@dataclass(frozen=True)
+class Identified:
+    """A stage, how it was fitted, and how it does on the held-out records of the same session."""
+
+    stage: Stage
+    report: FitReport
+    verifications: dict[str, list[Verification]]
+    recordings: list[Recording]
+    held_out: list[Recording]
+
+
+def parse_axes(text: str) -> tuple[str, ...]:
+    """ "x" or "x,y,z" as letters. Raises BadInput."""
+    axes = tuple(part.strip() for part in text.split(","))
+    if not set(axes) <= {"x", "y", "z"} or len(set(axes)) != len(axes):
+        raise BadInput(f"--axis {text!r}: name each of x, y, z at most once, e.g. x or x,y,z")
+    return axes
+
+
+def identify_device(
+    device: Device,
+    axes: Sequence[str] = ("x",),
+    on_progress: Callable[[float], None] | None = None,
+    *,
+    plan: Sequence[Experiment] | None = None,
+    save_to: str | None = None,
+    stage: Stage | None = None,
+) -> Identified:
+    """Runs the plan (default: the paper's grid on ``axes``), fits both views, verifies on what was held out.
+
+    One axis is recorded alone; for several, all three are recorded while each is driven, which gives the
+    cross-coupling. The held-out records of the table view are judged whole; those of the time view from
+    their second period on, because in a session no record but the first starts from rest. ``save_to`` keeps
+    every record there. Limits and calibration are those of ``stage``, which is uploaded first, else of the model
+    that the device holds, else its defaults; they go on into what is identified.
+
+    Raises:
+        BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
+    """
+    chosen = list(plan) if plan is not None else plan_grid(axes)
+    if stage is not None:
+        refuse_beyond_limits(chosen, stage)
+        upload_if_other(device, device_model(stage))
+    parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
+    refuse_beyond_limits(chosen, parent)
+    refuse_away_from_zero(device)
+    folder = _folder(save_to)
+    total_s, done_s = plan_seconds(chosen) / (1 - FIT_SHARE), 0.0
+    used: list[Recording] = []
+    kept: list[Recording] = []
+    for experiment in chosen:
+        capture, recording = run_experiment(device, experiment, alone=len(set(axes)) == 1)
+        if folder is not None:
+            write_run(folder / f"{recording.source}.h5", capture, recording)
+        (kept if experiment.held_out else used).append(recording)
+        done_s += experiment.seconds
+        if on_progress is not None:
+            on_progress(done_s / total_s)
+    found, report = fit(used, name="identified", parent=parent)
+    origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
+    found = found.model_copy(update={"provenance": origin})
+    verifications = {
+        "time": verify(found, [after_first_period(r, e) for r, e in _held_out(chosen, kept)], "time"),
+        "table": verify(found, kept, "table"),
+    }
+    return Identified(found, report, verifications, used, kept)
+
+
+def held_by(device: Device) -> tuple[Stage | None, str | None]:
+    """Limits and calibration of the model the device holds, and the hash of the stage file it was made of."""
+    blob = device.read_model()
+    if blob is None:
+        return None, None
+    held = from_device_model(blob)
+    return Stage(name="identified", axes=held.axes), held.stage_sha256
+
+
+def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None) -> None:
+    """Raises BadInput for the first level of the plan that the limits (without a parent: the defaults) leave out."""
+    for e in plan:
+        model = parent.axes.get(e.axis, AxisModel()) if parent is not None else AxisModel()
+        try:
+            refuse_out_of_range(Waveform("sine", e.swing_V, 0.0, "V", e.f_Hz), model)
+        except BadInput as error:
+            limits = model.limits
+            raise BadInput(
+                f"{e.axis}: the level of {e.swing_V:g} V at {e.f_Hz:g} Hz does not fit the limits "
+                f"({limits.u_min_V:g}..{limits.u_max_V:g} V, {limits.slew_V_per_s:g} V/s): identify drives from 0 V; "
+                "widen them with --model if the stage bears it, else record smaller sines and fit those"
+            ) from error
+
+
+def refuse_away_from_zero(device: Device) -> None:
+    """Raises BadInput when an output does not stand at 0 V, where every experiment begins: it would jump there."""
+    for axis, standing in standings(device).items():
+        if abs(standing.u_V) >= LARGEST_STEP["V"]:
+            raise BadInput(
+                f"{axis}: its output stands at {standing.u_V:.3g} V but the experiments begin at 0 V; "
+                "identify with a model whose u_park_V is 0, once the device is parked there"
+            )
+
+
+def _held_out(plan: Sequence[Experiment], kept: Sequence[Recording]) -> list[tuple[Recording, Experiment]]:
+    return list(zip(kept, (e for e in plan if e.held_out), strict=True))
+
+
+def after_first_period(recording: Recording, experiment: Experiment) -> Recording:
+    """The recording scored from its second period on; the first warms the memory."""
+    return replace(recording, scored=slice(round(TICK_HZ / experiment.f_Hz), None))
+
+
+def _folder(save_to: str | None) -> Path | None:
+    if save_to is None:
+        return None
+    folder = Path(save_to)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def run_experiment(device: Device, experiment: Experiment, *, alone: bool) -> tuple[Capture, Recording]:
+    """One sine, open loop, recorded without a gap; scored after its settling periods.
+
+    Raises:
+        BadInput: the record is gapped, with what to do about it.
+    """
+    seconds = experiment.seconds - experiment.rest_s
+    ticks = round(seconds * TICK_HZ)
+    if experiment.rest_s:
+        device.wait(experiment.rest_s)
+    others = () if alone else tuple(a for a in "xyz" if a != experiment.axis)
+    device.set_axis(experiment.axis, Mode.OPEN)
+    device.set_path(experiment.axis, "sine", swing=experiment.swing_V, f_Hz=experiment.f_Hz, ticks=ticks)
+    for other in others:
+        device.set_axis(other, Mode.OPEN)
+        device.set_path(other, "hold")
+    capture = device.capture(ticks, axes="".join(sorted((experiment.axis, *others))), channels=CHANNELS)
+    recording = recording_of(capture, meta={"mode": "open"})
+    settle = round(experiment.settle_periods / experiment.f_Hz * TICK_HZ)
+    name = f"{experiment.axis}-{experiment.swing_V:g}V-{experiment.f_Hz:g}Hz"
+    recording = replace(recording, source=name, scored=slice(settle, None), sha256=_digest(recording))
+    refuse_gapped(recording)
+    return capture, recording
+
+
+def _digest(recording: Recording) -> str:
+    """SHA-256 over the samples, for the stage file's provenance."""
+    digest = hashlib.sha256(recording.t_s.tobytes())
+    for axis in recording.axes.values():
+        for values in (axis.u_V, axis.x_um):
+            digest.update(b"" if values is None else values.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,119 @@
+"""The first mode of the mechanics, from what the operator leaves of fast records: ringing after every kink of the path.
+
+Without it a sine one of whose harmonics falls on the mode is predicted worse than the operator could. It is adopted
+only when it pays on records it was not fitted on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from phaselead.effects.filters import resonant
+from phaselead.identify.checks import AxisRun
+from phaselead.record.recording import Samples
+from phaselead.stage.file import Effect, TimeView
+from phaselead.stage.operator import predict_time_view
+
+SLOWEST_RATE_HZ = 1000.0
+LOWEST_HZ, HIGHEST_OF_RATE = 30.0, 0.2
+"""Range searched: a ringing slower than this is creep or drift to us, a faster one is too coarsely sampled."""
+TRIED_FREQUENCIES, TRIED_ZETAS = 80, (0.01, 0.03, 0.1)
+ZETA = (0.002, 0.5)
+MOST_RUNS = 16
+PAYS = 0.9
+"""Adopted when it leaves less than this share of the squared residual of the runs it was not fitted on."""
+
+
+@dataclass(frozen=True)
+class FittedMode:
+    """A mode that carries all of the motion, and the delay that goes with it (the mode lags too)."""
+
+    f_Hz: float
+    zeta: float
+    delay_s: float
+    left: float
+    """Share of the operator's squared residual that remains, on runs it was not fitted on."""
+
+    def adopted(self, view: TimeView) -> tuple[TimeView, Effect]:
+        """The time view with the delay that remains, and the entry for the stage file."""
+        effect = Effect(
+            name="resonance", params={"f_Hz": self.f_Hz, "zeta": self.zeta}, share=min(max(1 - self.left, 0.0), 1.0)
+        )
+        return view.model_copy(update={"delay_s": self.delay_s}), effect
+
+
+@dataclass(frozen=True)
+class _Ringing:
+    """A run as seen here: the operator's answer and what it leaves, relative to the run's range."""
+
+    base: Samples
+    left: Samples
+    step_s: float
+    scored: slice
+
+    def remaining(self, f_Hz: float, zeta: float) -> tuple[Samples, Samples]:
+        """What a mode leaves, and how a later answer would change that; both centred."""
+        answer = resonant(self.base, f_Hz, zeta, self.step_s)
+        rest = (self.left + self.base - answer)[self.scored]
+        late = np.gradient(answer, self.step_s)[self.scored]
+        return rest - rest.mean(), late - late.mean()
+
+
+def fit_mode(view: TimeView, runs: Sequence[AxisRun]) -> FittedMode | None:
+    """The mode that explains most of what ``view`` leaves, or None: records too slow, or it does not pay."""
+    fast = [run for run in runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
+    if len(fast) < 2:
+        return None
+    fast.sort(key=lambda run: len(run.t_s))  # fast sines ring most, and are short
+    ringing = [_ringing(view, run) for run in fast[:MOST_RUNS]]
+    fitted, judged = ringing[::2], ringing[1::2]
+    f_Hz, zeta = _search(fitted)
+    shift_s = _shift_s(fitted, f_Hz, zeta)
+    left = _power(judged, f_Hz, zeta, shift_s) / sum(float(np.var(r.left[r.scored])) for r in judged)
+    if left >= PAYS:
+        return None
+    return FittedMode(f_Hz, zeta, max(view.delay_s + shift_s, 0.0), left)
+
+
+def _ringing(view: TimeView, run: AxisRun) -> _Ringing:
+    base = predict_time_view(view, run.t_s, run.u_V)
+    return _Ringing(base / run.range_um, (run.x_um - base) / run.range_um, run.step_s, run.scored)
+
+
+def _search(runs: Sequence[_Ringing]) -> tuple[float, float]:
+    """Frequency and damping with the least residual: a grid, then downhill from its best point."""
+    highest_Hz = HIGHEST_OF_RATE / runs[0].step_s
+    grid = [(f, z) for f in np.geomspace(LOWEST_HZ, highest_Hz, TRIED_FREQUENCIES) for z in TRIED_ZETAS]
+    few = runs[:4]
+    start = min(grid, key=lambda point: _best_power(few, *point))
+
+    def cost(point: Samples) -> float:
+        f_Hz, zeta = np.exp(point)
+        if not (LOWEST_HZ <= f_Hz <= highest_Hz and ZETA[0] <= zeta <= ZETA[1]):
+            return float("inf")
+        return _best_power(runs, f_Hz, zeta)
+
+    simplex = np.log(start) + np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.4]])
+    found = minimize(cost, np.log(start), method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 80})
+    f_Hz, zeta = np.exp(found.x)
+    return float(f_Hz), float(zeta)
+
+
+def _shift_s(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> float:
+    """How much later the answer should come, by least squares over all runs."""
+    pairs = [run.remaining(f_Hz, zeta) for run in runs]
+    across = sum(float(rest @ late) / len(rest) for rest, late in pairs)
+    return -across / sum(float(late @ late) / len(late) for _, late in pairs)
+
+
+def _power(runs: Sequence[_Ringing], f_Hz: float, zeta: float, shift_s: float) -> float:
+    pairs = [run.remaining(f_Hz, zeta) for run in runs]
+    return sum(float(np.mean((rest + shift_s * late) ** 2)) for rest, late in pairs)
+
+
+def _best_power(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> float:
+    return _power(runs, f_Hz, zeta, _shift_s(runs, f_Hz, zeta))

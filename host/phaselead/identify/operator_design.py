@@ -1,0 +1,185 @@
+"""Rows and columns of the operator fit: which samples count, and what each play and each segment adds to
+them.
+
+The reversible part of the operator is written as slopes over segments between knots, so that "monotone" is
+simply "no slope is negative"; ``time_view`` turns them into a gain and one-sided dead zones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.identify.checks import AxisRun
+from phaselead.record.recording import Samples
+from phaselead.stage.file import TimeView
+from phaselead.stage.operator import delayed, plays
+
+JUMP_SHARE = 0.05
+"""A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
+AFTER_JUMP = 0.1
+"""Share of a period after a jump in which a model without dynamics is not asked to agree."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Thresholds of the plays (m,), rising, and edges of the segments (s + 1,), rising, all in V."""
+
+    play_r_V: Samples
+    knots_V: Samples
+
+    @property
+    def size(self) -> int:
+        return len(self.knots_V) - 1 + len(self.play_r_V)
+
+    def segments(self, v: Samples) -> Samples:
+        """(n, s): how far ``v`` (n,) has gone through each segment, counted from 0 V; the end segments go
+        on."""
+        low, high = self.knots_V[:-1].copy(), self.knots_V[1:].copy()
+        low[0], high[-1] = -np.inf, np.inf
+        return np.asarray(np.clip(v[:, None], low, high) - np.clip(0.0, low, high))
+
+
+def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int) -> Basis:
+    """Thresholds up to half of ``swing_V``, denser where they are small, and equal segments from low to high.
+
+    The steady loop of a swing never moves a play whose threshold is beyond half of it.
+    """
+    r = swing_V / 2 * (np.arange(1, n_plays + 1) / max(n_plays, 1)) ** 1.5
+    return Basis(r, np.linspace(low_V, high_V, n_segments + 1))
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """One run as the fit sees it: the rows that count and the groups they fall into, row by row."""
+
+    run: AxisRun
+    rows: NDArray[np.uintp]
+    groups: NDArray[np.intp]
+    weight: float
+    """Of a row's square; a run's weights sum to 1 / range^2, so that small records count as much as large
+    ones."""
+    came_from_V: float | None = None
+    """Memory at the start: None is from rest, else the voltage at which the stage last turned round."""
+
+    def position(self) -> Samples:
+        return self.run.x_um[self.rows]
+
+
+def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int) -> FitRun:
+    """Thin the scored rows of ``run`` to about ``most_rows`` and split them into ``n_groups`` stretches of
+    time."""
+    start, stop, _ = run.scored.indices(len(run.u_V))
+    rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
+    settled = rows[~_after_jump(run)[rows]]
+    if len(settled) > len(rows) // 2:
+        rows = settled
+    groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
+    weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
+    return FitRun(run, rows.astype(np.uintp), groups, float(weight))
+
+
+def period_s(run: AxisRun) -> float:
+    """Period of the sine that is as large and as fast as the scored voltage."""
+    u = run.u_V[run.scored]
+    rate = np.abs(np.diff(u)) / run.step_s
+    rate = np.minimum(rate, np.quantile(rate, 0.99))
+    return float(2 * np.pi * u.std() / np.sqrt(np.mean(rate**2)))
+
+
+def jumps(run: AxisRun) -> NDArray[np.intp]:
+    """Rows at which the voltage jumped; row 0 when the record does not begin at 0 V."""
+    steps = np.abs(np.diff(run.u_V, prepend=0.0))
+    usual = float(np.quantile(steps[run.scored], 0.99))
+    return np.flatnonzero(steps > max(JUMP_SHARE * float(np.ptp(run.u_V[run.scored])), 5 * usual))
+
+
+def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
+    flags = np.zeros(len(run.u_V), dtype=np.bool_)
+    length = round(AFTER_JUMP * period_s(run) / run.step_s)
+    for row in jumps(run):
+        flags[row : row + length] = True
+    return flags
+
+
+def late_by(run: AxisRun) -> float:
+    """Longest delay in s that the jumps inside the record allow: when the position has gone half of the
+    way."""
+    slope = np.ptp(run.x_um[run.scored]) / np.ptp(run.u_V[run.scored])
+    bound = np.inf
+    for row in jumps(run):
+        if row == 0:
+            continue
+        way = slope * abs(run.u_V[row] - run.u_V[row - 1])
+        gone = np.abs(run.x_um[row:] - np.median(run.x_um[max(0, row - 5) : row])) > way / 2
+        if gone.any():
+            bound = min(bound, float(np.argmax(gone) + 0.5) * run.step_s)
+    return bound
+
+
+def design(fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
+    """(rows, segments + plays) in V: what a unit slope of each adds to the position, zero at rest at 0 V."""
+    u, r = fit.run.u_V, basis.play_r_V
+    rest = rest_fraction * r
+    came_from = fit.came_from_V
+    start = rest if came_from is None else np.clip(rest, came_from - r, came_from + r)
+    v = delayed(u, delay_s / fit.run.step_s, 0.0 if came_from is None else float(u[0]))
+    moved, _ = plays(v, r, start, fit.rows)
+    return np.concatenate([basis.segments(v[fit.rows]), moved - rest], axis=1)
+
+
+def group_numbers(fits: list[FitRun]) -> NDArray[np.intp]:
+    """The groups that still have rows, ascending."""
+    return np.unique(np.concatenate([f.groups for f in fits]))
+
+
+def gram(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
+    """Weighted moments (group, k, k) of the columns [segments, plays, 1, position], k = basis.size + 2."""
+    present = group_numbers(fits)
+    moments = np.zeros((len(present), basis.size + 2, basis.size + 2))
+    for f in fits:
+        columns = np.empty((len(f.rows), basis.size + 2))
+        columns[:, :-2] = design(f, basis, delay_s, rest_fraction)
+        columns[:, -2] = 1.0
+        columns[:, -1] = f.position()
+        edges = np.flatnonzero(np.diff(f.groups, prepend=-1))
+        for part in np.split(np.arange(len(f.rows)), edges[1:]):
+            piece = columns[part[0] : part[-1] + 1]
+            moments[np.searchsorted(present, f.groups[part[0]])] += f.weight * (piece.T @ piece)
+    return moments
+
+
+def centred(moments: Samples) -> Samples:
+    """Moments (..., k, k) after removing the mean of every column, per matrix: the offset is solved for."""
+    ones = moments[..., :, -2]
+    return np.asarray(moments - ones[..., :, None] * ones[..., None, :] / moments[..., -2, -2, None, None])
+
+
+def time_view(
+    basis: Basis, slopes: Samples, at_rest_um: float, delay_s: float, rest_fraction: float, rate_Hz: float
+) -> TimeView:
+    """The fitted slopes [segments, plays] as a stage file's time view; plays and dead zones of no weight are
+    left out."""
+    n = len(basis.knots_V) - 1
+    segment, weight = slopes[:n], slopes[n:]
+    scale = float(segment.sum() / n + weight.sum())
+    keep = weight > 1e-6 * scale
+    bends = np.diff(segment)
+    knees = np.abs(bends) > 1e-6 * scale
+    r, w = basis.play_r_V[keep], weight[keep]
+    d, s = basis.knots_V[1:-1][knees], bends[knees]
+    rest = float(w @ r * rest_fraction + s @ np.maximum(-d, 0.0))
+    return TimeView(
+        gain_um_per_V=float(segment[0]),
+        play_r_V=tuple(r.tolist()),
+        play_w_um_per_V=tuple(w.tolist()),
+        deadzone_d_V=tuple(d.tolist()),
+        deadzone_s_um_per_V=tuple(s.tolist()),
+        offset_um=at_rest_um - rest,
+        delay_s=delay_s,
+        rest_fraction=rest_fraction,
+        u_range_V=(float(basis.knots_V[0]), float(basis.knots_V[-1])),
+        rate_Hz=rate_Hz,
+    )

@@ -1,0 +1,81 @@
+"""Where the memory of each record starts."""
+
+from __future__ import annotations
+
+import numpy as np
+from bench_stage import Array, record, rising_sine
+
+from phaselead.identify.checks import axis_run
+from phaselead.identify.memory import came_from, settled
+from phaselead.identify.operator_design import FitRun, fit_run
+from phaselead.record.recording import Recording
+
+
+def fitted(recording: Recording) -> FitRun:
+    return fit_run(axis_run(recording, "x"), 10_000, 0, 1)
+
+
+def rising(swing_V: float = 5.0) -> Recording:
+    t, u = rising_sine(swing_V, 2, 3, 500)
+    return record(t, u, 10 * u)
+
+
+def test_settled_begins_at_the_first_top():
+    """From there on no play that still moves remembers the start."""
+    fit = fitted(rising())
+    assert len(fit.rows) == 750
+    assert 115 <= settled(fit).rows[0] <= 125
+    assert settled(fit).rows[-1] == 749
+
+
+def test_rows_before_a_window_settle_it():
+    whole = rising()
+    windowed = Recording(whole.t_s, whole.axes, slice(250, None), "windowed")
+    assert len(settled(fitted(windowed)).rows) == 500
+
+
+def test_a_record_that_grows_to_its_end_is_used_whole():
+    t = np.arange(1000) / 500
+    u = t * (1 - np.cos(2 * np.pi * 4 * t))
+    fit = fitted(record(t, u, 10 * u))
+    assert len(settled(fit).rows) == len(fit.rows)
+
+
+WAVE = np.cos(np.arange(750.0))
+
+
+def explained(
+    from_V: float, offset_um: float = 0.0, wave: float = 0.0, own_offsets: bool = False
+) -> tuple[float | None, list[str]]:
+    """What the second of two records is said to come from, when that explains ``offset_um`` and ``wave`` of it."""
+    fits = [fitted(rising(10.0)), fitted(rising(5.0))]
+
+    def residual(fit: FitRun) -> Array:
+        known = fit.run is fits[0].run or (fit.came_from_V is not None and fit.came_from_V >= from_V)
+        return 0.1 * WAVE if known else (0.1 + wave) * WAVE + offset_um
+
+    (first, second), messages = came_from(fits, residual, own_offsets)
+    assert first.came_from_V is None
+    return second.came_from_V, messages
+
+
+def test_the_nearest_turning_point_that_explains_a_record_is_taken():
+    assert explained(4.9, wave=1.0) == (5.0, ["1 of 2 records do not start from rest: made (from 5 V)"])
+
+
+def test_what_rest_explains_stays_at_rest():
+    assert explained(99.0, wave=1.0) == (None, [])
+    assert explained(4.9, wave=0.01) == (None, [])
+
+
+def test_a_small_offset_is_creep_and_a_large_one_is_memory():
+    """The record spans 50 um; creep is some tenths of a per cent of it."""
+    assert explained(4.9, offset_um=0.4)[0] is None
+    assert explained(4.9, offset_um=4.0)[0] == 5.0
+    assert explained(4.9, offset_um=4.0, own_offsets=True)[0] is None
+
+
+def test_a_single_record_defines_rest():
+    fits, messages = came_from([fitted(rising())], lambda fit: np.arange(750.0), False)
+    assert fits[0].came_from_V is None
+    assert messages == []
