@@ -1,0 +1,47 @@
+"""The next stage file: the base with what was found, its intervals, and where it came from."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import PurePath
+
+from phaselead.gap.result import NamedEffect
+from phaselead.record.recording import Recording
+from phaselead.stage.file import AxisModel, DataSource, Effect, Provenance, Stage
+
+
+def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
+    """The axis with the effects in its list; one of a name that is there already takes its place."""
+    names = {effect.name for effect in found}
+    kept = [effect for effect in axis.effects if effect.name not in names]
+    return axis.model_copy(update={"effects": tuple([*kept, *map(_entry, found)])})
+
+
+def _entry(named: NamedEffect) -> Effect:
+    return Effect(
+        name=named.name,
+        params={name: value for name, (value, _, _) in named.params.items()},
+        ci95={name: interval for name, (_, _, interval) in named.params.items()},
+        share=min(max(named.share, 0.0), 1.0),
+    )
+
+
+def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:
+    """The stage with the axes replaced and its provenance: the parent's hash and the records learned from."""
+    sources = {
+        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256) for r in data if r.sha256
+    }
+    try:
+        tool = f"phaselead {version('phaselead')}"
+    except PackageNotFoundError:
+        tool = "phaselead"
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z")
+    provenance = Provenance(parent_sha256=stage.sha256, data=tuple(sources.values()), tool=tool, created=now)
+    return Stage(
+        name=stage.name,
+        provenance=provenance,
+        cross_coupling=stage.cross_coupling,
+        axes={**stage.axes, **axes},
+    )

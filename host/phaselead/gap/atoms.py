@@ -1,0 +1,159 @@
+"""Atoms: what each effect would add to the position, simulated once at a few shapes, one column per size parameter.
+
+Also the columns of the base model itself: what refitting it could absorb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from phaselead.effects import Effect, Parameter, Place
+from phaselead.gap.residual import Track
+from phaselead.identify.operator_design import nested_basis
+from phaselead.record.recording import Samples
+from phaselead.stage.chain import Extra
+from phaselead.stage.file import AxisModel
+from phaselead.stage.operator import plays
+
+SHAPES = 5
+NARROW_RATIO, NARROW_ZETA = 1.16, 0.08
+"""A mode is looked for at frequencies in this ratio, with this damping: neighbours then overlap."""
+BASE_PLAYS, BASE_SEGMENTS = 10, 8
+RICH_PLAYS, RICH_SEGMENTS, RICH_STD = 24, 12, 0.1
+GAIN_STD, PLAY_STD, OPEN_STD = 0.05, 0.02, 0.3
+"""How far a fitted base can be off where no reference record says better, as shares of its mean slope; OPEN_STD where
+its plays are fitted anew with every effect."""
+
+
+@dataclass(frozen=True)
+class Atom:
+    """One effect at one shape. ``steps``: the size at which each column was simulated."""
+
+    effect: Effect
+    shapes: Mapping[str, float]
+    steps: tuple[float, ...]
+    coarse: bool
+    """Whether it belongs to the few that describe what the base misses on reference records."""
+
+    def params(self, amounts: Sequence[float]) -> dict[str, float]:
+        """Parameters for amounts of each column."""
+        sizes = {p.name: a * s for p, a, s in zip(self.effect.sizes, amounts, self.steps, strict=True)}
+        return {**self.shapes, **sizes}
+
+    def columns(self, track: Track, base_um: Samples, extra: Extra = ()) -> Samples:
+        """(n, sizes) in um over the scored rows, per step, beside the effects ``extra`` that ``base_um`` has."""
+        found = []
+        for i in range(len(self.steps)):
+            amounts = [float(i == j) for j in range(len(self.steps))]
+            found.append(track.answer([*extra, (self.effect, self.params(amounts))]) - base_um)
+        return np.stack(found, axis=1)
+
+
+def atoms_of(effects: Sequence[Effect], step_s: float, longest_s: float) -> list[Atom]:
+    """Atoms of every effect, shapes limited to what records of this step and length can show."""
+    found = []
+    for effect in effects:
+        grids = [_grid(p, effect, step_s, longest_s) for p in effect.shapes]
+        steps = tuple(p.typical if p.typical else p.high for p in effect.sizes)
+        points = list(product(*grids))
+        coarse = set(points[:: max(1, round(len(points) / 6))])
+        for point in points:
+            shapes = {p.name: v for p, v in zip(effect.shapes, point, strict=True)}
+            if _ordered(shapes):
+                common = point in coarse and effect.kind == "response"
+                found.append(Atom(effect, shapes, steps, common))
+    return found
+
+
+def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list[float]:
+    low, high = p.low, p.high
+    narrow = any(other.name == "zeta" for other in effect.shapes)
+    if p.unit == "Hz":
+        high = min(high, 0.45 / step_s)
+        low = min(max(low, 1 / longest_s), high)
+    if p.unit == "s":
+        low, high = max(low, 0.5 * step_s), min(high, 30 * longest_s)
+        high = max(low, high)
+    if p.name == "zeta":
+        return [NARROW_ZETA]
+    if narrow and p.unit == "Hz":
+        count = max(2, int(np.log(high / low) / np.log(NARROW_RATIO)))
+        return [float(v) for v in np.geomspace(low, high, count)]
+    if len(effect.shapes) > 1 and p is not effect.shapes[0]:
+        return [float(np.clip(p.typical, low, high))]
+    if p.log:
+        return [float(v) for v in np.geomspace(low, high, SHAPES)]
+    return [float(v) for v in np.linspace(low, high, SHAPES)]
+
+
+def _ordered(shapes: Mapping[str, float]) -> bool:
+    """A first time constant lies before a last one."""
+    first = [v for name, v in shapes.items() if "first" in name]
+    last = [v for name, v in shapes.items() if "last" in name]
+    return not (first and last) or first[0] < last[0]
+
+
+def base_columns(track: Track, open_plays: bool = False, extra: Extra = ()) -> Samples:
+    """(n, k): one standard deviation of each thing a refit of the base could change, seen through the effects around
+    it. A base without plays has no plays to refit, one without dead zones no dead zones."""
+    view = track.axis.time
+    assert view is not None
+    v = track.chain.signal_at(Place.AMPLIFIER, extra).value
+    slope = mean_slope(track.axis)
+    low, high = view.u_range_V
+    columns = [GAIN_STD * slope * v]
+    if view.play_r_V:
+        r = nested_basis(high - low, low, high, BASE_PLAYS, 1).play_r_V
+        start = view.rest_fraction * r if track.plays_V is None else np.interp(r, view.play_r_V, track.plays_V)
+        moved, _ = plays(v, r, np.clip(start, v[0] - r, v[0] + r))
+        columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * moved).T)
+    if view.deadzone_d_V:
+        knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
+        columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
+    return through_effects(track, np.stack(columns, axis=1), extra)[1:][track.run.rows]
+
+
+def through_effects(track: Track, columns: Samples, extra: Extra) -> Samples:
+    """What changes (n + 1, k) of the operator's output become behind creep, mechanics and sensor."""
+    signal = track.chain.signal_at(Place.HYSTERESIS, extra)
+    behind = [(e, params) for e, params in signal.active if e.place > Place.HYSTERESIS]
+
+    def seen(value: Samples) -> Samples:
+        for e, params in behind:
+            value = e.apply(replace(signal, value=value), params)
+        return value
+
+    if not behind:
+        return columns
+    plain = seen(signal.value)
+    return np.stack([seen(signal.value + column) - plain for column in columns.T], axis=1)
+
+
+def rich_columns(track: Track) -> Samples:
+    """(n, k): a richer operator than any base, for telling noise from misfit where no reference record does."""
+    run, view = track.run, track.axis.time
+    assert view is not None
+    v, slope = run.u_V, RICH_STD * mean_slope(track.axis)
+    low, high = float(v.min()), float(v.max())
+    r = nested_basis(high - low, low, high, RICH_PLAYS, 1).play_r_V
+    rows = np.arange(run.start, run.stop, dtype=np.uintp)
+    moved, _ = plays(v, r, np.clip(view.rest_fraction * r, v[0] - r, v[0] + r), rows)
+    knots = np.linspace(low, high, RICH_SEGMENTS + 2)[1:-1]
+    bends = np.maximum(v[run.rows, None] - knots, 0.0)
+    return np.asarray(slope * np.concatenate([moved, bends], axis=1))
+
+
+def mean_slope(axis: AxisModel) -> float:
+    """um/V over the fitted range, all plays moving."""
+    view = axis.time
+    assert view is not None
+    low, high = view.u_range_V
+    bends = sum(s * (high - d) / (high - low) for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
+    return float(abs(view.gain_um_per_V + sum(view.play_w_um_per_V) + bends)) or 1.0
+
+
+__all__ = ["Atom", "atoms_of", "base_columns", "mean_slope"]

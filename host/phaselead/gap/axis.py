@@ -1,0 +1,156 @@
+"""One axis from its runs to what is named, tied, bounded and adopted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from phaselead.effects import Effect, Place
+from phaselead.gap.adopt import adopted
+from phaselead.gap.bounds import bounds
+from phaselead.gap.disturb import Found, Left, disturbances
+from phaselead.gap.final import Final, finish
+from phaselead.gap.grow import Growth, Named, grow
+from phaselead.gap.intervals import intervals
+from phaselead.gap.locate import Part, locate
+from phaselead.gap.next_experiment import propose
+from phaselead.gap.records import Run
+from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Spectrum, Trace, Value
+from phaselead.gap.spectra import spectra
+from phaselead.gap.surplus import unexplained
+from phaselead.stage.file import AxisModel
+
+NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
+OFFSET = "every record has its own offset, so that a shift of all of them cannot be told apart from it"
+CONSTANT = ("gain_change", "load_change")
+
+
+@dataclass(frozen=True)
+class AxisResult:
+    """What ``run_gap`` puts together."""
+
+    axis: str
+    model: AxisModel
+    effects: list[NamedEffect]
+    ties: list[tuple[str, ...]]
+    unknown: bool
+    excluded: list[Bound]
+    untestable: dict[str, str]
+    where: list[Cell]
+    gap: Gap
+    rows: int
+    next_experiment: NextExperiment | None
+    candidates: list[Candidate]
+    traces: list[Trace]
+    spectra: list[Spectrum]
+    messages: list[str]
+
+
+def search_axis(
+    axis: str,
+    label: str | None,
+    model: AxisModel,
+    runs: Sequence[Run],
+    effects: Sequence[Effect],
+    frozen: bool,
+    seed: int,
+    on_progress: Callable[[float], None],
+) -> AxisResult:
+    """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data."""
+    candidates, refused = responses(effects, frozen)
+    growth = grow(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
+    final = finish(growth, runs)
+    named, ties, file_entries = _named(growth, final, label, seed)
+    disturbed, untested = disturbances(
+        final.lefts("train"), final.lefts("holdout"), final.lefts("reference"), {e.name for e in effects}
+    )
+    noise_like = [_disturbance(found, final, label) for found in disturbed]
+    taken = {e.name for e in [*named, *noise_like]} | {n for tie in ties for n in tie}
+    excluded, hidden = bounds(growth, candidates, taken, label)
+    on_progress(0.97)
+    tied = next((n for n in growth.named if len(n.tied) > 1), None)
+    return AxisResult(
+        axis,
+        adopted(final.axis, [*file_entries, *noise_like]),
+        [*named, *noise_like],
+        ties,
+        unexplained(growth, final),
+        excluded,
+        {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
+        locate([Part(left.run, left.error_um, final.gap.floor) for left in final.before_lefts("holdout")], seed, label),
+        final.gap,
+        final.rows,
+        propose(growth, tied, label) if tied is not None else None,
+        growth.candidates,
+        final.traces(),
+        spectra(disturbed, final, axis),
+        growth.messages,
+    )
+
+
+def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], dict[str, str]]:
+    """Effects that the search may name, and why the others are not among them. Noise-like ones have their own tests."""
+    allowed, refused = [], {}
+    for effect in effects:
+        if effect.name == "offset":
+            refused[effect.name] = OFFSET
+        elif effect.kind == "calibration" and not frozen:
+            refused[effect.name] = NEEDS_FROZEN
+        elif effect.kind != "disturbance" or (effect.place == Place.ENVIRONMENT and effect.name == "thermal_drift"):
+            allowed.append(effect)
+    return allowed, refused
+
+
+def _named(
+    growth: Growth, final: Final, label: str | None, seed: int
+) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
+    """Named effects, ties, and what goes into the file's list (a tie's best member too, so that the model predicts)."""
+    values = intervals(final.fitted, growth.bench.correction, seed)
+    by_name = {effect.name: v for (effect, _), v in zip(final.fitted.entries, values, strict=True)}
+    named, ties, entries = [], [], []
+    for one in growth.named:
+        name = one.effect.name
+        params = by_name.get(name) or _operator_params(one, growth)
+        found = NamedEffect(name, label, params, final.share_of(name), _why(one))
+        if len(one.tied) > 1:
+            ties.append(one.tied)
+        else:
+            named.append(found)
+        if name in by_name:
+            entries.append(found)
+    return named, ties, entries
+
+
+def _operator_params(one: Named, growth: Growth) -> dict[str, Value]:
+    """Of `hysteresis` that became the base's own operator: the catalogue's description of it."""
+    params = growth.operator or {}
+    spread = 2 / max(one.held.z, 1.0)
+    return {
+        p.name: (params[p.name], p.unit, _around(params[p.name], spread))
+        for p in one.effect.parameters
+        if p.name in params
+    }
+
+
+def _around(value: float, share: float) -> tuple[float, float]:
+    return value - share * abs(value), value + share * abs(value)
+
+
+def _why(one: Named) -> str:
+    rivals = [r for r in one.rivals if r.effect.name not in one.tied]
+    found = f"beats no effect by {one.score:.0f} points"
+    if one.held.testable:
+        found += f"; held-out records show {100 * one.held.slope:.0f} % of it (z = {one.held.z:.1f})"
+    else:
+        found += "; the held-out records lack the drive to show it, so this rests on the training records"
+    if rivals:
+        found += f"; {rivals[0].effect.title.lower()} comes next, {one.score - rivals[0].score:.0f} points behind"
+    return found
+
+
+def _disturbance(found: Found, final: Final, label: str | None) -> NamedEffect:
+    share = min(found.power_um2 / max(final.gap.before**2, 1e-30), 1.0)
+    return NamedEffect(found.name, label, found.params, share, found.why)
+
+
+__all__ = ["AxisResult", "Left", "search_axis"]

@@ -1,0 +1,52 @@
+"""What is not there: the largest size of every effect not named, and which these records cannot test at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from phaselead.effects import Effect
+from phaselead.gap.grow import Growth
+from phaselead.gap.result import Bound
+from phaselead.gap.search import Scanned, scan
+
+ONE_SIDED = 1.645
+HOPELESS = 20.0
+"""An effect whose bound lies this many typical sizes up is not tested by these records."""
+
+
+def bounds(
+    growth: Growth, effects: Sequence[Effect], without: set[str], axis: str | None
+) -> tuple[list[Bound], dict[str, str]]:
+    """Bounds of the effects not in ``without``, and why others cannot be bounded, by name."""
+    shapes = {s[0].effect.name: s for s in scan(growth.bench, growth.fitted, effects)}
+    found, untestable = [], {}
+    for effect in effects:
+        if effect.name in without:
+            continue
+        if effect.name not in shapes:
+            untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
+            continue
+        upper = max(_upper(s) for s in shapes[effect.name])
+        size = effect.sizes[0]
+        if upper > HOPELESS * size.typical or upper >= max(abs(size.low), size.high):
+            untestable[effect.name] = (
+                f"{upper / size.typical:.0f} times its typical size could hide here; what would show it: "
+                + effect.reveals
+            )
+            continue
+        found.append(Bound(effect.name, upper, size.unit, axis))
+    return found, untestable
+
+
+def _upper(scanned: Scanned) -> float:
+    """Of the first size parameter: how far its estimate and 1.645 of its deviations reach."""
+    amount, std = abs(scanned.amounts[0]), scanned.std[0] * np.sqrt(scanned.inflation)
+    return float((amount + ONE_SIDED * std) * abs(scanned.atom.steps[0]))
+
+
+def refused(effects: Mapping[str, Effect], allowed: Sequence[Effect], why: str) -> dict[str, str]:
+    """Effects that were not even candidates, and why."""
+    names = {e.name for e in allowed}
+    return {name: why for name in effects if name not in names}

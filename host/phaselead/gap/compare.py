@@ -1,0 +1,222 @@
+"""Which of the refitted effects the data demand: against none, against each other, and on held-out records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from phaselead.effects import Effect
+from phaselead.gap.bench import Bench
+from phaselead.gap.correction import Correction
+from phaselead.gap.evidence import fair_weights
+from phaselead.gap.noise import repetition
+from phaselead.gap.panel import Panel, condition
+from phaselead.gap.refit import Entry, Fitted, fresh_columns, refit
+from phaselead.gap.residual import Track
+from phaselead.gap.search import Tried, block_inflation, penalty, projection
+from phaselead.record.recording import Samples
+
+MARGIN = 10.0
+"""Score by which an effect must beat none, and every rival it is not tied with."""
+TIE = 37.0
+"""Squared whitened distance below which two effects, each at its best, cannot be told apart: errors of 1 in 1000."""
+HELD_OUT_Z = 3.3
+ONE_LOOP = 0.5
+"""Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
+RIVALS = 6
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect beside the best one."""
+
+    effect: Effect
+    fitted: Fitted
+    score: float
+    """Over none, in the metric of the best one's residual."""
+    distance: float
+    """Squared, to the best, when this one is fitted to what the best says."""
+
+    def tied_with(self, best: Rival) -> bool:
+        """Whether these records cannot tell it from the best.
+
+        A richer effect that can imitate a simpler one lies at no distance from it whatever the truth: there the
+        price of its parameters decides, which is in the score.
+        """
+        richer = len(self.effect.parameters) > len(best.effect.parameters)
+        behind = best.score - self.score
+        return behind < MARGIN or (self.distance < TIE and behind < TIE and not richer)
+
+    def about_as_good_as(self, best: Rival) -> bool:
+        """The comparison left on one loop, of one frequency and level: any closed curve can be the operator's own
+        shape, so that only what explains far less is ruled out."""
+        return self.score > ONE_LOOP * best.score
+
+
+@dataclass(frozen=True)
+class Contest:
+    """The refitted effects, best first, in the metric of the best one's residual."""
+
+    bench: Bench
+    before: Fitted
+    rivals: tuple[Rival, ...]
+    inflation: float
+    one_loop: bool = False
+
+    @property
+    def best(self) -> Rival:
+        return self.rivals[0]
+
+    def tied(self) -> list[Rival]:
+        """Those that cannot be told from the best, itself included."""
+        return [self.best, *(r for r in self.rivals[1:] if self.is_tied(r))]
+
+    def is_tied(self, rival: Rival) -> bool:
+        """With the best."""
+        beyond = self.one_loop and self.best.effect.name != "hysteresis"
+        return rival.tied_with(self.best) or (beyond and rival.about_as_good_as(self.best))
+
+
+def reweighed(bench: Bench, entries: Sequence[Entry]) -> Bench:
+    """The bench with weights by what a model leaves of each track."""
+    train = _weights(bench.slim, bench.correction, entries)
+    return replace(
+        bench,
+        train=bench.train.reweighted(train),
+        slim=bench.slim.reweighted(train),
+        holdout=bench.holdout.reweighted(_weights(bench.holdout, bench.correction, entries)),
+    )
+
+
+def _weights(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> list[Samples]:
+    """Per track (blocks,): 1 over the mean whitened square, and over how far the track only repeats itself."""
+    errors = [t.error(entries)[:, None] for t in panel.evidence.tracks]
+    moments = panel.with_columns(errors)
+    amounts = residual_amounts(moments, correction)
+    left = panel.unweighted(np.einsum("i,bij,j->b", amounts, moments, amounts))
+    found = []
+    for i, error in enumerate(errors):
+        white = panel.projected[i] @ amounts[:-1] + panel.evidence.project(i, error)[:, 0]
+        repeated = repetition(white, panel.evidence.tracks[i].period_rows)
+        found.append(fair_weights(left[i], np.diff(panel.evidence.edges[i]).astype(np.float64), repeated))
+    return found
+
+
+def residual_amounts(moments: Samples, correction: Correction) -> Samples:
+    """Amounts (k,) of the residual (last column) after the common columns took their share."""
+    target, index = moments.shape[-1] - 1, correction.index
+    shifted = correction.applied(moments, target).sum(axis=0)
+    amounts = np.zeros(len(shifted))
+    amounts[target] = 1.0
+    inner = shifted[np.ix_(index, index)] + correction.precision
+    amounts[index] = -np.linalg.solve(inner, shifted[index, target]) - correction.mean
+    return amounts
+
+
+def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
+    """Refit the best few once more in the metric of the best and compare them there."""
+    closest = sorted(tried, key=lambda t: t.fitted.squares + penalty(bench, t.effect))[:RIVALS]
+    bench = reweighed(bench, closest[0].fitted.entries)
+    before = refit(bench.slim, bench.correction, fitted.entries)
+    again = [(t.effect, refit(bench.slim, bench.correction, t.fitted.entries, steps=5)) for t in closest]
+    best, inflation = min(again, key=lambda pair: pair[1].squares), 1.0
+    for _ in range(2):
+        inflation = max(_inflation(bench, before, best[1]), bench.mistaken.get(best[0].name, 1.0))
+        best = min(again, key=lambda pair: pair[1].squares / inflation + penalty(bench, pair[0]))
+    rivals = []
+    for effect, result in again:
+        score = (before.squares - result.squares) / inflation - penalty(bench, effect)
+        distance = 0.0 if effect is best[0] else _distance(bench, before, best[1], result) / inflation
+        rivals.append(Rival(effect, result, score, distance))
+    rivals.sort(key=lambda rival: -rival.score)
+    return Contest(bench, before, tuple(rivals), inflation, one_loop(bench.tracks()))
+
+
+def one_loop(tracks: Sequence[Track]) -> bool:
+    """Whether all driven records go round one loop: one frequency, one level, one bias."""
+    sines = [t.sine for t in tracks if t.run.driven]
+    kinds = [(sine.f_Hz, sine.swing_V, sine.mean_V + sine.swing_V) for sine in sines if sine is not None]
+    if not kinds or len(kinds) < len(sines):
+        return False
+    return bool((np.ptp(kinds, axis=0) <= 0.05 * np.abs(kinds).max(axis=0)).all())
+
+
+def _inflation(bench: Bench, before: Fitted, best: Fitted) -> float:
+    """How much more than white noise the residual scatters along what the best effect says."""
+    fresh = []
+    for track in bench.slim.evidence.tracks:
+        after = track.answer(best.entries)
+        fresh.append(np.stack([after - track.answer(before.entries), track.run.x_um[track.run.rows] - after], axis=1))
+    moments = bench.slim.with_columns(fresh)
+    left = residual_amounts(moments, bench.correction)
+    total = moments.sum(axis=0)
+    along = block_inflation(moments, projection(total, bench.correction), left)[-2]
+    rows = bench.slim.evidence.rows
+    return max(1.0, best.squares / rows, float(along))
+
+
+def _distance(bench: Bench, before: Fitted, best: Fitted, other: Fitted) -> float:
+    """Squared whitened distance from what the best says to the nearest that the other could say."""
+    fresh = []
+    for track in bench.slim.evidence.tracks:
+        columns = fresh_columns(track, other.entries, other.free)
+        columns[:, -1] = track.answer(best.entries) - track.answer(other.entries)
+        fresh.append(columns)
+    moment = bench.slim.with_columns(fresh).sum(axis=0)
+    index = bench.correction.index
+    moment = condition(moment, index, bench.correction.precision)
+    tangents = np.arange(len(index), len(moment) - 1)
+    return float(max(condition(moment, tangents)[-1, -1], 0.0))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How much of what an effect adds is found in the held-out records: 1 is all of it."""
+
+    slope: float
+    z: float
+    power: float
+    """The z that the whole of it would have: what the held-out records can show."""
+
+    @property
+    def testable(self) -> bool:
+        """Whether the held-out records could show it at all."""
+        return self.power >= HELD_OUT_Z
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether they show that it is not there as the training records say."""
+        return abs(self.z - self.power) > HELD_OUT_Z
+
+
+def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], least: float = 1.0) -> HeldOut:
+    """Regress the held-out residual on what the new effect says, everything else projected out.
+
+    ``least``: inflation of its variance at least.
+    """
+    fresh = []
+    for track in bench.holdout.evidence.tracks:
+        was = track.answer(before)
+        fresh.append(np.stack([track.answer(after) - was, track.run.x_um[track.run.rows] - was], axis=1))
+    moments = bench.holdout.with_columns(fresh)
+    target = moments.shape[-1] - 1
+    total = bench.correction.conditioned(moments.sum(axis=0), target)
+    power = float(total[target - 1, target - 1])
+    if not power > 1e-9:
+        return HeldOut(0.0, 0.0, 0.0)
+    slope = float(total[target - 1, target]) / power
+    left = residual_amounts(moments, bench.correction)
+    explained = np.zeros(len(left))
+    explained[target - 1] = 1.0
+    projector = projection(moments.sum(axis=0), bench.correction)
+    left = left - slope * (projector @ explained)
+    rows = bench.holdout.evidence.rows
+    squares_left = float(total[target, target]) - slope**2 * power
+    inflation = max(least, squares_left / rows, float(block_inflation(moments, projector, left)[target - 1]))
+    whole = float(np.sqrt(power / inflation))
+    return HeldOut(slope, slope * whole, whole)
+
+
+__all__ = ["Contest", "HeldOut", "Rival", "contest", "held_out", "reweighed"]

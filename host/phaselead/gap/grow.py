@@ -1,0 +1,187 @@
+"""The search from the bare base to the last effect that pays: one step after the other, then pruning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import norm
+
+from phaselead.effects import Effect
+from phaselead.gap.base import with_operator
+from phaselead.gap.bench import Bench, bench, beside
+from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out
+from phaselead.gap.records import Run
+from phaselead.gap.refit import Fitted, refit
+from phaselead.gap.result import Candidate
+from phaselead.gap.search import Scanned, penalty, scan, try_effects
+from phaselead.stage.file import AxisModel
+
+MOST_EFFECTS = 5
+SECOND_CHOICES = 4
+"""How many effects may fail on held-out records before a step is given up."""
+SLOPE = (0.4, 2.5)
+"""Share of what an effect says that held-out records must show of it."""
+UNTESTED = 10.0
+"""Times the usual margin, for an effect that the held-out records lack the drive to show: a mode without a jump."""
+RISK = 0.0125
+"""Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Named:
+    """One accepted effect, who could not be told from it, and how sure it is."""
+
+    effect: Effect
+    score: float
+    held: HeldOut
+    rivals: tuple[Rival, ...]
+    tied: tuple[str, ...]
+    """Names that these records cannot tell apart, its own first."""
+
+
+@dataclass
+class Growth:
+    """Where the search of one axis ended."""
+
+    bench: Bench
+    start: AxisModel
+    """The base as given."""
+    fitted: Fitted
+    named: list[Named] = field(default_factory=list)
+    candidates: list[Candidate] = field(default_factory=list)
+    last_scan: list[list[Scanned]] = field(default_factory=list)
+    inflation: float = 1.0
+    messages: list[str] = field(default_factory=list)
+    operator: dict[str, float] | None = None
+    """Parameters under which `hysteresis` was found, when the base was given an operator for it."""
+
+
+def grow(
+    axis: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> Growth:
+    """Name effects until none pays."""
+    view = axis.time
+    assert view is not None
+    made = bench(axis, runs, effects, frozen, plain=not view.play_r_V)
+    growth = Growth(made, axis, refit(made.slim, made.correction, []))
+    if not view.play_r_V and not _memory(growth, runs, effects, frozen):
+        made = bench(axis, runs, effects, frozen)
+        growth.bench, growth.fitted = made, refit(made.slim, made.correction, [])
+    for step in range(MOST_EFFECTS):
+        on_progress((step + 1) / (MOST_EFFECTS + 1))
+        taken = {name for n in growth.named for name in n.tied}
+        left = [e for e in effects if e.name not in taken]
+        growth.last_scan = scan(growth.bench, growth.fitted, left)
+        if not _step(growth, runs, effects, left, frozen, step + 1):
+            break
+    _prune(growth)
+    return growth
+
+
+def _memory(growth: Growth, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool) -> bool:
+    """Give a line its memory first, if that is what explains most of the plain error; whether it was done."""
+    growth.last_scan = scan(growth.bench, growth.fitted, effects)
+    tried = try_effects(growth.bench, growth.fitted, growth.last_scan)
+    if not tried:
+        return False
+    found = contest(growth.bench, growth.fitted, tried)
+    held = _held_out(found)
+    pays = found.best.effect.name == "hysteresis" and _pays(found, held, len(effects))
+    if pays:
+        _note(growth, found, held, 0, pays)
+        _accept(growth, found, held, runs, effects, frozen)
+    return pays
+
+
+def _step(
+    growth: Growth, runs: Sequence[Run], effects: Sequence[Effect], left: Sequence[Effect], frozen: bool, step: int
+) -> bool:
+    """Try to name one more; whether it was."""
+    tried = try_effects(growth.bench, growth.fitted, growth.last_scan)
+    for _ in range(SECOND_CHOICES):
+        if not tried:
+            return False
+        found = contest(growth.bench, growth.fitted, tried)
+        held = _held_out(found)
+        pays = _pays(found, held, len(left))
+        _note(growth, found, held, step, pays)
+        if pays:
+            _accept(growth, found, held, runs, effects, frozen)
+            return True
+        tried = [t for t in tried if t.effect is not found.best.effect]
+    return False
+
+
+def _held_out(found: Contest) -> HeldOut:
+    least = found.bench.mistaken.get(found.best.effect.name, 1.0)
+    return held_out(found.bench, found.before.entries, found.best.fitted.entries, least)
+
+
+def _pays(found: Contest, held: HeldOut, family: int) -> bool:
+    if not held.testable:
+        return found.best.score >= UNTESTED * MARGIN and not held.contradicted
+    p = float(norm.sf(held.z))
+    sure = held.z >= HELD_OUT_Z and p * family <= RISK
+    return found.best.score >= MARGIN and sure and SLOPE[0] <= held.slope <= SLOPE[1]
+
+
+def _accept(
+    growth: Growth, found: Contest, held: HeldOut, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool
+) -> None:
+    best = found.best
+    tied = tuple(r.effect.name for r in found.tied())
+    growth.named.append(Named(best.effect, best.score, held, found.rivals, tied))
+    growth.inflation = found.inflation
+    view = growth.bench.axis.time
+    assert view is not None
+    if best.effect.name != "hysteresis" or view.play_r_V:
+        growth.bench = beside(found.bench, best.fitted.entries)
+        growth.fitted = refit(growth.bench.slim, growth.bench.correction, best.fitted.entries)
+        return
+    # A base of a line gets the whole operator, not the catalogue's compact one.
+    growth.operator = dict(best.fitted.entries[-1][1])
+    axis = with_operator(growth.bench.axis, [r for r in runs if r.role == "train"])
+    growth.bench = bench(axis, runs, effects, frozen, open_plays=True)
+    others = list(best.fitted.entries[:-1])
+    growth.fitted = refit(growth.bench.slim, growth.bench.correction, others)
+
+
+def _prune(growth: Growth) -> None:
+    """Drop what no longer pays beside the others."""
+    for name in [n.effect.name for n in growth.named if any(e.name == n.effect.name for e, _ in growth.fitted.entries)]:
+        entries = [entry for entry in growth.fitted.entries if entry[0].name != name]
+        if not entries:
+            return
+        without = refit(growth.bench.slim, growth.bench.correction, entries)
+        effect = next(n.effect for n in growth.named if n.effect.name == name)
+        gained = (without.squares - growth.fitted.squares) / growth.inflation - penalty(growth.bench, effect)
+        if gained < MARGIN:
+            growth.fitted = without
+            growth.named = [n for n in growth.named if n.effect.name != name]
+
+
+def _note(growth: Growth, found: Contest, held: HeldOut, step: int, pays: bool) -> None:
+    rows = sum(e[-1] for e in found.bench.slim.evidence.edges)
+    for rival in found.rivals:
+        best = rival is found.best
+        if best:
+            remark = "named" if pays else _why_not(found, held)
+        elif found.is_tied(rival):
+            remark = f"these records cannot tell it from {found.best.effect.name}"
+        else:
+            remark = f"{found.best.score - rival.score:.0f} points behind {found.best.effect.name}"
+        rms = float(np.sqrt(rival.fitted.squares / rows))
+        z = held.z if best else float("nan")
+        growth.candidates.append(Candidate(step, rival.effect.name, rival.score, z, rms, remark))
+
+
+def _why_not(found: Contest, held: HeldOut) -> str:
+    if found.best.score < MARGIN:
+        return f"gains {found.best.score:.1f}, less than the {MARGIN:g} a name costs"
+    if not held.testable:
+        return f"gains {found.best.score:.0f}, but the held-out records cannot show it"
+    return f"does not hold on held-out records (z = {held.z:.1f}, {100 * held.slope:.0f} % of it found there)"

@@ -1,0 +1,251 @@
+"""Noise of a residual: what a sensor adds, and how the misfit of a hysteresis model wanders.
+
+A sensor's noise is the same at rest and in motion. The misfit of a memory model is another thing: it stands still
+while the voltage does and wanders as the voltage goes its way. So it is modelled as a random walk with a restoring
+force (Ornstein and Uhlenbeck 1930) along the *path* of the voltage, not in time: a slow rise during a hold is then
+judged against the sensor's noise alone, while the same rise during a loop may be the operator's fault.
+
+    e_k = m_k + n_k,   m_k = phi_k m_{k-1} + w_k,   phi_k = exp(-|u_k - u_{k-1}| / length_V),
+    var w_k = misfit_um^2 (1 - phi_k^2) + wander_um2_per_s step_s,   n autoregressive
+
+e_k - phi_k e_{k-1} then has a covariance of three diagonals, whose Cholesky factor whitens (n, k) columns at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import LinAlgError, cholesky_banded, get_lapack_funcs, solve
+from scipy.optimize import minimize
+from scipy.signal import lfilter
+
+from phaselead.record.recording import Samples
+
+ORDER, SENSOR_ORDER = 16, 4
+"""Of the autoregressions. The sensor's is short because rows just after a jump, as many, are lost to it."""
+JUMP = 30.0
+"""A jump is a row in which the misfit may change by this many deviations of the sensor's innovations; the short
+filter for the sensor's noise then says nothing for its length."""
+RARE = 0.02
+"""Of the rows: what happens more often is no jump."""
+WHITE_BLOCKS = 24
+"""Fewest blocks over all records before blocks are made shorter than they would like to be."""
+SHORTEST_BLOCK = 64
+REPEATS = 0.98
+"""Correlation with itself a period later from which a voltage counts as periodic."""
+START_STD = 1e3
+"""How uncertain the misfit is in a record's first row, in units of its deviation."""
+LIKELIHOOD_ROWS = 60_000
+MOSTLY = 0.5
+"""Share of moving rows from which a record tells how the misfit behaves in motion."""
+MOVING = 1e-2
+"""A row in which the misfit's variance grows by more than this, in units of the sensor's, is one in motion."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Sensor noise as an autoregression with innovations of ``sigma_um``; misfit as above; what is left of it in
+    motion, where it is smoother than a random walk, as another autoregression, of unit innovations."""
+
+    sensor: Samples
+    sigma_um: float
+    misfit_um: float
+    length_V: float
+    wander_um2_per_s: float
+    rest: Samples
+
+    @property
+    def level_um(self) -> float:
+        """Deviation of misfit and innovations together."""
+        return float(np.hypot(self.sigma_um, self.misfit_um))
+
+    def whitener(self, u_V: Samples, step_s: float) -> Whitener:
+        """For a record of the voltage (n,)."""
+        return Whitener(self, u_V, step_s)
+
+    def amplitude_density(self, f_Hz: Samples, step_s: float) -> Samples:
+        """Of the sensor's noise in um/sqrt(Hz), one-sided."""
+        turn = np.exp(-2j * np.pi * np.outer(f_Hz * step_s, np.arange(len(self.sensor))))
+        return np.asarray(self.sigma_um * np.sqrt(2 * step_s) / np.abs(turn @ self.sensor))
+
+
+class Whitener:
+    """Makes the noise of one record white and of unit variance."""
+
+    def __init__(self, noise: Noise, u_V: Samples, step_s: float) -> None:
+        self._noise = noise
+        path = np.abs(np.diff(u_V, prepend=u_V[0]))
+        self._phi = np.exp(-path / noise.length_V) if noise.misfit_um > 0 else np.zeros(len(u_V))
+        grown = noise.misfit_um**2 * (1 - self._phi**2) + noise.wander_um2_per_s * step_s
+        # The autoregression for the sensor's noise comes first and changes the scale of slow signals by its sum.
+        slow = float(np.sum(noise.sensor)) / noise.sigma_um
+        first = START_STD**2 if noise.misfit_um > 0 else 0.0
+        self.factor = _differences_factor(self._phi, grown * slow**2, first)
+        self._moving = grown * slow**2 > MOVING
+        jumped = np.flatnonzero(grown > (JUMP * noise.sigma_um) ** 2)
+        rare = len(jumped) < RARE * len(u_V)
+        lost = (jumped[:, None] + np.arange(len(noise.sensor))).ravel() if rare else jumped[:0]
+        self._lost = lost[lost < len(u_V)]
+
+    def __call__(self, values: Samples) -> Samples:
+        """Whitened (n, ...) along the first axis; the first rows, which lack a past, become 0."""
+        n = self._noise
+        white = np.asarray(lfilter(n.sensor / n.sigma_um, [1.0], values, axis=0))
+        white[: len(n.sensor) - 1] = 0.0
+        white = self._along_path(white)
+        white[self._moving] = np.asarray(lfilter(n.rest, [1.0], white, axis=0))[self._moving]
+        white[: len(n.sensor) + len(n.rest) - 1] = 0.0
+        white[self._lost] = 0.0
+        return white
+
+    def innovations(self, values: Samples) -> Samples:
+        """Before the last autoregression."""
+        n = self._noise
+        white = np.asarray(lfilter(n.sensor / n.sigma_um, [1.0], values, axis=0))
+        white[: len(n.sensor) - 1] = 0.0
+        return self._along_path(white)
+
+    def _along_path(self, white: Samples) -> Samples:
+        columns = white.reshape(len(white), -1)
+        steps = columns.copy()
+        steps[1:] -= self._phi[1:, None] * columns[:-1]
+        (tbtrs,) = get_lapack_funcs(("tbtrs",), (self.factor, steps))
+        solved, info = tbtrs(self.factor, steps, uplo="L")
+        if info:
+            raise LinAlgError("the noise model is singular")
+        return np.asarray(solved).reshape(white.shape)
+
+
+def _differences_factor(phi: Samples, grown: Samples, first: float) -> Samples:
+    """Lower Cholesky factor, banded (2, n), of the covariance of n_k - phi_k n_{k-1} + w_k for unit white n."""
+    banded = np.zeros((2, len(phi)))
+    banded[0] = 1 + phi**2 + grown
+    banded[0, 0] = 1 + first
+    banded[1, :-1] = -phi[1:]
+    return np.asarray(cholesky_banded(banded, lower=True))
+
+
+def autoregression(series: Sequence[Samples], order: int = ORDER) -> tuple[Samples, float]:
+    """(1, a_1 ... a_p) and the innovations' deviation over all series (n_i,), least squares (covariance method)."""
+    order = min(order, max(1, min(len(s) for s in series) // 20))
+    normal = np.zeros((order + 1, order + 1))
+    count = 0
+    for s in series:
+        lagged = np.lib.stride_tricks.sliding_window_view(s - s.mean(), order + 1)[:, ::-1]
+        normal += lagged.T @ lagged
+        count += len(lagged)
+    ridge = (1e-9 * np.trace(normal) / (order + 1) + 1e-300) * np.eye(order)
+    try:
+        full = np.concatenate([[1.0], -solve(normal[1:, 1:] + ridge, normal[1:, 0], assume_a="pos")])
+    except (LinAlgError, ValueError):
+        full = np.eye(1, order + 1)[0]
+    return full, float(np.sqrt(max(full @ normal @ full / max(count, 1), 1e-18)))
+
+
+def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples], step_s: float) -> Noise:
+    """Noise of residuals: ``driven`` are (residual, voltage) pairs, ``idle`` residuals at rest; each (n_i,)."""
+    if not driven:
+        sensor, sigma = autoregression(idle)
+        return Noise(sensor, sigma, 0.0, 1.0, 0.0, np.ones(1))
+    sensor, sigma = autoregression(idle, SENSOR_ORDER) if idle else (np.ones(1), _roughness([e for e, _ in driven]))
+    span = max(float(np.ptp(u)) for _, u in driven)
+    spread = float(np.sqrt(np.mean(np.concatenate([e for e, _ in driven]) ** 2)))
+    noise = Noise(sensor, sigma, max(spread, sigma), 0.3 * span, 1e-6 * spread**2, np.ones(1))
+    noise = _likeliest(noise, driven, idle, step_s)
+    white = [noise.whitener(u, step_s).innovations(e)[len(sensor) :] for e, u in driven]
+    moved = [np.abs(np.diff(u, prepend=u[0]))[len(sensor) :] > 0 for _, u in driven]
+    white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOSTLY]
+    if not white:
+        return noise
+    rest, scale = autoregression(white)
+    return replace(noise, rest=rest / scale)
+
+
+def _roughness(series: Sequence[Samples]) -> float:
+    """Deviation of white noise in smooth residuals, from the quieter half of their third differences (gain 20)."""
+    rough = np.concatenate([np.diff(s, 3) for s in series])
+    return max(float(1.4826 * np.quantile(np.abs(rough), 0.5) / np.sqrt(20.0)), 1e-6)
+
+
+def _likeliest(
+    noise: Noise, driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples], step_s: float
+) -> Noise:
+    """Misfit, length and wander of the largest likelihood."""
+    parts = [(e, u) for e, u in driven] + [(e, np.zeros(len(e))) for e in idle]
+    parts = [(e[:LIKELIHOOD_ROWS], u[:LIKELIHOOD_ROWS]) for e, u in parts]
+    own_sigma = not idle
+
+    def at(x: Samples) -> Noise:
+        x = np.clip(x, -14, 14)
+        sigma = noise.sigma_um * float(np.exp(x[3])) if own_sigma else noise.sigma_um
+        return replace(
+            noise,
+            misfit_um=noise.misfit_um * float(np.exp(x[0])),
+            length_V=noise.length_V * float(np.exp(x[1])),
+            wander_um2_per_s=noise.wander_um2_per_s * float(np.exp(x[2])),
+            sigma_um=sigma,
+        )
+
+    def cost(x: Samples) -> float:
+        tried, total = at(x), 0.0
+        for e, u in parts:
+            whitener = tried.whitener(u, step_s)
+            white = whitener.innovations(e)[len(tried.sensor) :]
+            logs = np.log(whitener.factor[0, len(tried.sensor) :]) + np.log(tried.sigma_um)
+            total += float(np.sum(0.5 * white**2 + logs))
+        return total + 1e-3 * float(np.sum(x**2))
+
+    start = np.zeros(4 if own_sigma else 3)
+    options = {"xatol": 0.05, "fatol": 0.5, "maxfev": 90, "initial_simplex": _simplex(start)}
+    return at(minimize(cost, start, method="Nelder-Mead", options=options).x)
+
+
+def _simplex(start: Samples) -> Samples:
+    return np.vstack([start, start + 1.5 * np.eye(len(start))])
+
+
+def repetition(white: Samples, period: int | None) -> float:
+    """At least 1: power of the mean over the last periods of a whitened residual (n,), over what noise would leave.
+
+    What a model misses on a periodic drive comes back in every period and is the same evidence each time: without
+    this, thirty periods of one fault would count thirtyfold.
+    """
+    if period is None or len(white) < 2 * period:
+        return 1.0
+    count = len(white) // period
+    folded = white[len(white) - count * period :].reshape(count, period)
+    power = float(np.mean(folded**2))
+    return max(1.0, count * float(np.mean(folded.mean(axis=0) ** 2)) / power) if power > 0 else 1.0
+
+
+def period_of(u_V: Samples) -> int | None:
+    """Rows after which a voltage (n,) repeats, or None: the first strong peak of its autocorrelation."""
+    n = len(u_V)
+    u = u_V - u_V.mean()
+    power = float(np.mean(u**2))
+    if not power > 0:
+        return None
+    spectrum = np.abs(np.fft.rfft(u, 2 * n)) ** 2
+    rho = np.fft.irfft(spectrum)[: n // 2 + 1] / np.arange(n, n - n // 2 - 1, -1) / power
+    below = np.flatnonzero(rho < 0.5)
+    if not len(below):
+        return None
+    strong = np.flatnonzero(rho[below[0] :] > REPEATS)
+    if not len(strong):
+        return None
+    first = int(below[0] + strong[0])
+    last = first + int(np.argmax(rho[first : first + max(2, first // 8)]))
+    return last if float(np.mean((u[last:] - u[:-last]) ** 2)) < (1 - REPEATS) * power else None
+
+
+def block_edges(rows: Sequence[int], wanted: int) -> list[list[int]]:
+    """Edges of blocks of about ``wanted`` rows in each series, shorter where that leaves too few in all."""
+    total = sum(rows)
+    length = max(SHORTEST_BLOCK, min(wanted, total // WHITE_BLOCKS))
+    edges = []
+    for n in rows:
+        count = max(1, round(n / length))
+        edges.append(np.linspace(0, n, count + 1).astype(int).tolist())
+    return edges

@@ -1,0 +1,183 @@
+"""What the gap workflow reads from recordings: one run per axis and record, checked, with its part in the trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import PurePath
+from typing import Literal
+
+import numpy as np
+
+from phaselead.errors import BadInput
+from phaselead.identify.checks import STILL_V
+from phaselead.record.checks import refuse_clipped, refuse_gapped
+from phaselead.record.recording import AxisRecord, Recording, Samples
+from phaselead.stage.file import Stage
+
+Role = Literal["train", "holdout", "reference"]
+
+FEWEST_ROWS = 256
+"""Scored rows of a record: below it neither its noise nor a block of it can be judged."""
+SAME_RATE = 0.01
+
+
+@dataclass(frozen=True)
+class Run:
+    """One axis of one recording: arrays (n,), the rows to score, the other axes' voltages and positions."""
+
+    axis: str
+    role: Role
+    t_s: Samples
+    u_V: Samples
+    x_um: Samples
+    r_um: Samples | None
+    start: int
+    stop: int
+    source: str
+    sha256: str
+    others_um: Mapping[str, Samples]
+    others_V: Mapping[str, Samples]
+
+    @property
+    def step_s(self) -> float:
+        return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1)
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.start, self.stop)
+
+    @property
+    def name(self) -> str:
+        return PurePath(self.source).name or "recording"
+
+    @cached_property
+    def driven(self) -> bool:
+        """Whether its own voltage moves where it is scored."""
+        return bool(np.ptp(self.u_V[self.rows]) > STILL_V)
+
+    @cached_property
+    def idle(self) -> bool:
+        """Whether no axis is driven where it is scored: what moves then is noise and surroundings."""
+        moved = any(np.ptp(u[self.rows]) > STILL_V for u in self.others_V.values())
+        return not self.driven and not moved
+
+
+def axis_runs(
+    stage: Stage,
+    train: Sequence[Recording],
+    holdout: Sequence[Recording],
+    reference: Sequence[Recording],
+) -> dict[str, list[Run]]:
+    """The runs of every axis that model and records share. Raises BadInput, one line, for what cannot be used."""
+    if not train or not holdout:
+        raise BadInput("the gap needs training and held-out records; give --train and --holdout")
+    refuse_overlap(train, holdout, "training")
+    refuse_overlap(reference, holdout, "reference")
+    parts: list[tuple[Role, Sequence[Recording]]] = [("train", train), ("holdout", holdout), ("reference", reference)]
+    for _, records in parts:
+        for record in records:
+            _check(record)
+    axes = [a for a in sorted(stage.axes) if stage.axes[a].time is not None and _all_have(a, [*train, *holdout])]
+    if not axes:
+        have = sorted({name for record in [*train, *holdout] for name in record.axes})
+        raise BadInput(
+            f"{train[0].source}: no common channel: the model has axes {', '.join(sorted(stage.axes))}, the records "
+            f"have voltage and position of {', '.join(have) or 'none'}; map the columns or fit that axis first"
+        )
+    runs = {a: [_run(r, a, role) for role, rs in parts for r in rs if _has(r, a)] for a in axes}
+    for a, of_axis in runs.items():
+        _refuse_other_rate(stage, a, of_axis)
+    _refuse_all_still([r for of_axis in runs.values() for r in of_axis])
+    return runs
+
+
+def refuse_overlap(first: Sequence[Recording], holdout: Sequence[Recording], what: str) -> None:
+    """Refuse held-out rows that were also used before: the same file in windows that share time."""
+    for record in first:
+        for held in holdout:
+            same = record.sha256 == held.sha256 if record.sha256 and held.sha256 else _same_samples(record, held)
+            if same and _share_time(record, held):
+                raise BadInput(
+                    f"{held.source}: the held-out record is also a {what} record ({record.source}); "
+                    "hold out other rows, e.g. another window of the file"
+                )
+
+
+def _same_samples(a: Recording, b: Recording) -> bool:
+    return a.t_s.shape == b.t_s.shape and all(
+        name in b.axes and _equal(a.axes[name].x_um, b.axes[name].x_um) for name in a.axes
+    )
+
+
+def _equal(a: Samples | None, b: Samples | None) -> bool:
+    return a is not None and b is not None and np.array_equal(a, b)
+
+
+def _share_time(a: Recording, b: Recording) -> bool:
+    ta, tb = a.t_s[a.scored], b.t_s[b.scored]
+    return bool(ta[0] <= tb[-1] and tb[0] <= ta[-1])
+
+
+def _check(record: Recording) -> None:
+    refuse_gapped(record)
+    refuse_clipped(record)
+    rows = len(record.t_s[record.scored])
+    if rows < FEWEST_ROWS:
+        raise BadInput(
+            f"{record.source}: {rows} rows are too short to compare a model with; record at least {FEWEST_ROWS}"
+        )
+    for name, axis in record.axes.items():
+        for column, values in (("u_V", axis.u_V), ("x_um", axis.x_um)):
+            if values is not None and not np.isfinite(values).all():
+                raise BadInput(f"{record.source}: {column} of {name} holds what is no number; cut those rows")
+
+
+def _complete(axis: AxisRecord | None) -> bool:
+    return axis is not None and axis.u_V is not None and axis.x_um is not None
+
+
+def _has(record: Recording, axis: str) -> bool:
+    return _complete(record.axes.get(axis))
+
+
+def _all_have(axis: str, records: Sequence[Recording]) -> bool:
+    return all(_has(record, axis) for record in records)
+
+
+def _run(record: Recording, axis: str, role: Role) -> Run:
+    own = record.axes[axis]
+    assert own.u_V is not None
+    assert own.x_um is not None
+    start, stop, _ = record.scored.indices(len(record.t_s))
+    others = {name: a for name, a in record.axes.items() if name != axis and _complete(a)}
+    return Run(
+        axis, role, record.t_s, own.u_V, own.x_um, own.r_um, start, stop, record.source, record.sha256,
+        {name: a.x_um for name, a in others.items() if a.x_um is not None},
+        {name: a.u_V for name, a in others.items() if a.u_V is not None},
+    )  # fmt: skip
+
+
+def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[Run]) -> None:
+    view = stage.axes[axis].time
+    assert view is not None
+    for run in runs:
+        rate_Hz = 1 / run.step_s
+        if abs(rate_Hz / view.rate_Hz - 1) > SAME_RATE:
+            raise BadInput(
+                f"{run.source}: is sampled at {rate_Hz:.6g} Hz but the model was fitted at {view.rate_Hz:.6g} Hz; "
+                "resample the record or fit a model at its rate"
+            )
+        if np.ptp(run.x_um[run.rows]) == 0:
+            raise BadInput(f"{run.source}: the position of {axis} never changes; is the sensor connected and mapped?")
+
+
+def _refuse_all_still(runs: Sequence[Run]) -> None:
+    for role in ("train", "holdout"):
+        mine = [run for run in runs if run.role == role]
+        if not any(run.driven for run in mine):
+            raise BadInput(
+                f"{mine[0].source}: the voltage is constant in every {role} record; nothing can be learned from it: "
+                "drive the stage"
+            )

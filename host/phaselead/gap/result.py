@@ -1,0 +1,174 @@
+"""What the gap workflow found, as one value: what gap.json says and what the report draws."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from phaselead.record.recording import Samples
+from phaselead.stage.file import Stage
+
+Value = tuple[float, str, tuple[float, float]]
+"""Value, unit, 95 % interval."""
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect the data demand."""
+
+    name: str
+    axis: str | None
+    params: dict[str, Value]
+    share: float
+    """Of the unexplained power over the held-out records."""
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of the map of where model and measurement part."""
+
+    by: str
+    cell: str
+    share: float
+    """Of the unexplained power."""
+    sentence: str
+    p: float = 1.0
+    """Family-wise, by max-T."""
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The largest size of an effect that the data allow at 95 %."""
+
+    name: str
+    upper_95: float
+    unit: str
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS over all held-out records."""
+
+    before: float
+    after: float
+    floor: float
+    unit: str = "um"
+    floor_from: str = ""
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The excitation that would best tell the members of a tie apart."""
+
+    waveform: str
+    level: float
+    band: tuple[float, float]
+    bias: float
+    axis: str | None
+    seconds: float
+    separation: float
+    """Predicted smallest squared distance, in standard deviations, between the members."""
+    needs_sensor: str | None = None
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """How one effect (or none) did in one step of the search."""
+
+    step: int
+    name: str
+    score: float
+    held_out_z: float
+    rms_um: float
+    """Over the training records after its refit; nan where it was not refitted."""
+    remark: str
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One held-out record: (n,) arrays over its scored rows."""
+
+    source: str
+    axis: str
+    t_s: Samples
+    u_V: Samples
+    measured_um: Samples
+    before_um: Samples
+    after_um: Samples
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """What a disturbance looks like: amplitude densities (n,) in um/sqrt(Hz)."""
+
+    name: str
+    axis: str
+    f_Hz: Samples
+    seen: Samples
+    reference: Samples | None
+
+
+@dataclass(frozen=True)
+class GapResult:
+    """Verdicts and all that led to them. ``stage`` is the next stage; the input is untouched."""
+
+    stage: Stage
+    verdicts: tuple[str, ...]
+    effects: tuple[NamedEffect, ...]
+    ties: tuple[tuple[str, ...], ...]
+    excluded: tuple[Bound, ...]
+    untestable: tuple[str, ...]
+    where: tuple[Cell, ...]
+    gap: Gap
+    next_experiment: NextExperiment | None
+    holdout_sha256: tuple[str, ...]
+    candidates: tuple[Candidate, ...] = ()
+    traces: tuple[Trace, ...] = ()
+    spectra: tuple[Spectrum, ...] = ()
+    untestable_why: dict[str, str] = field(default_factory=dict)
+    adopted_of_ties: dict[str, str] = field(default_factory=dict)
+    """Which member stands in the next stage for each tie, by the tie's names joined with " | "."""
+    messages: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        """gap.json."""
+        return {
+            "verdicts": list(self.verdicts),
+            "effects": [_effect(effect) for effect in self.effects],
+            "ties": [list(tie) for tie in self.ties],
+            "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit} for b in self.excluded],
+            "untestable": list(self.untestable),
+            "where": [{"by": c.by, "cell": c.cell, "share": c.share} for c in self.where],
+            "gap": {
+                "before": self.gap.before,
+                "after": self.gap.after,
+                "floor": self.gap.floor,
+                "unit": self.gap.unit,
+                "floor_from": self.gap.floor_from,
+            },
+            "next_experiment": _experiment(self.next_experiment),
+            "holdout_sha256": list(self.holdout_sha256),
+        }
+
+
+def _effect(effect: NamedEffect) -> dict[str, Any]:
+    params = {
+        name: {"value": value, "unit": unit, "ci95": [low, high]}
+        for name, (value, unit, (low, high)) in effect.params.items()
+    }
+    return {"name": effect.name, "axis": effect.axis, "params": params, "share": effect.share}
+
+
+def _experiment(experiment: NextExperiment | None) -> dict[str, Any] | None:
+    if experiment is None:
+        return None
+    values = dict(vars(experiment))
+    values["band"] = list(experiment.band)
+    values["separation"] = experiment.separation if math.isfinite(experiment.separation) else None
+    return values

@@ -1,0 +1,108 @@
+"""The gap workflow from stage and records to the result: every axis searched, one answer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from phaselead.effects import catalogue
+from phaselead.gap.adopt import next_stage
+from phaselead.gap.axis import AxisResult, search_axis
+from phaselead.gap.records import axis_runs
+from phaselead.gap.result import Gap, GapResult
+from phaselead.record.recording import Recording
+from phaselead.stage.file import Stage
+
+Progress = Callable[[float], None]
+
+
+def run_gap(
+    stage: Stage,
+    train: Sequence[Recording],
+    holdout: Sequence[Recording],
+    reference: Sequence[Recording] = (),
+    *,
+    frozen: bool | None = None,
+    without: tuple[str, ...] = (),
+    seed: int = 0,
+    on_progress: Progress | None = None,
+) -> GapResult:
+    """Find where ``stage`` and the records part, name what is missing, and add it.
+
+    ``frozen``: whether the base may be refitted; by default it may not where ``reference`` records, known to be
+    without the missing effect, hold it. ``without``: effects to leave out of the catalogue. Raises BadInput, one line.
+    """
+    began = time.monotonic()
+    report = on_progress or _silent
+    runs = axis_runs(stage, train, holdout, reference)
+    held = frozen if frozen is not None else bool(reference)
+    effects = list(catalogue(without).values())
+    results: list[AxisResult] = []
+    for i, (axis, of_axis) in enumerate(runs.items()):
+
+        def advance(share: float, done: int = i) -> None:
+            report((done + share) / len(runs))
+
+        label = axis if len(runs) > 1 else None
+        results.append(search_axis(axis, label, stage.axes[axis], of_axis, effects, held, seed, advance))
+    report(1.0)
+    next_axes = {r.axis: r.model for r in results}
+    return GapResult(
+        stage=next_stage(stage, next_axes, [*train, *reference]),
+        verdicts=_verdicts(results),
+        effects=tuple(sorted((e for r in results for e in r.effects), key=lambda e: -e.share)),
+        ties=tuple(t for r in results for t in r.ties),
+        excluded=tuple(b for r in results for b in r.excluded),
+        untestable=_untestable(results),
+        where=tuple(sorted((c for r in results for c in r.where), key=lambda c: -c.share)),
+        gap=_gap(results),
+        next_experiment=next((r.next_experiment for r in results if r.next_experiment is not None), None),
+        holdout_sha256=tuple(dict.fromkeys(r.sha256 for r in holdout)),
+        candidates=tuple(c for r in results for c in r.candidates),
+        traces=tuple(t for r in results for t in r.traces),
+        spectra=tuple(s for r in results for s in r.spectra),
+        untestable_why={name: why for r in results for name, why in r.untestable.items()},
+        adopted_of_ties={" | ".join(t): t[0] for r in results for t in r.ties},
+        messages=tuple(m for r in results for m in r.messages),
+        seconds=time.monotonic() - began,
+    )
+
+
+def _silent(share: float) -> None:
+    pass
+
+
+def _verdicts(results: Sequence[AxisResult]) -> tuple[str, ...]:
+    found = []
+    if any(r.effects for r in results):
+        found.append("named")
+    if any(r.ties for r in results):
+        found.append("tie")
+    if any(r.unknown for r in results):
+        found.append("unknown")
+    return tuple(found or ["none"])
+
+
+def _untestable(results: Sequence[AxisResult]) -> tuple[str, ...]:
+    """What no axis could test: an effect named, tied or bounded on one axis was tested."""
+    tested = {e.name for r in results for e in r.effects} | {n for r in results for t in r.ties for n in t}
+    tested |= {b.name for r in results for b in r.excluded}
+    names = dict.fromkeys(name for r in results for name in r.untestable)
+    return tuple(name for name in names if name not in tested)
+
+
+def _gap(results: Sequence[AxisResult]) -> Gap:
+    rows = sum(r.rows for r in results)
+
+    def pooled(values: Sequence[float]) -> float:
+        return float(np.sqrt(sum(v**2 * r.rows for v, r in zip(values, results, strict=True)) / rows))
+
+    return Gap(
+        pooled([r.gap.before for r in results]),
+        pooled([r.gap.after for r in results]),
+        pooled([r.gap.floor for r in results]),
+        "um",
+        results[0].gap.floor_from,
+    )

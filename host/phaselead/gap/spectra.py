@@ -1,0 +1,32 @@
+"""Spectra of the disturbances that were found, beside those of records without them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from phaselead.gap.disturb import Found, Left
+from phaselead.gap.final import Final
+from phaselead.gap.result import Spectrum
+from phaselead.record.recording import Samples
+
+SEGMENT = 4096
+
+
+def spectra(found: Sequence[Found], final: Final, axis: str) -> list[Spectrum]:
+    """One per disturbance; its idle records where there are any."""
+    if not found:
+        return []
+    f, seen = _density(final.lefts("holdout"))
+    reference = final.lefts("reference")
+    beside = np.interp(f, *_density(reference)) if reference else None
+    return [Spectrum(one.name, axis, f, seen, beside) for one in found]
+
+
+def _density(lefts: Sequence[Left]) -> tuple[Samples, Samples]:
+    idle = [left for left in lefts if left.run.idle] or list(lefts)
+    length = min(SEGMENT, *(len(left.error_um) for left in idle))
+    parts = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in idle]
+    return parts[0][0], np.sqrt(np.mean([s for _, s in parts], axis=0))
