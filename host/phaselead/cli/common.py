@@ -1,0 +1,123 @@
+"""Options and output that the commands share."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from phaselead.errors import BadInput
+from phaselead.record.atomic import check_output, write_text
+from phaselead.record.columns import parse_column_map, parse_rate
+from phaselead.record.read import read_recording, split_argument
+from phaselead.record.recording import Recording
+
+SHORTEST_S = 0.0004
+
+port_option = click.option(
+    "--port",
+    default="sim://xyz250",
+    envvar="PHASELEAD_PORT",
+    show_default=True,
+    show_envvar=True,
+    help="Serial port, or sim://xyz250, or sim://STAGE.toml.",
+)
+
+
+def _checked_output(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
+    check_output(path)
+    return path
+
+
+json_option = click.option(
+    "--json",
+    "json_to",
+    metavar="F",
+    callback=_checked_output,
+    help="Also write the figures as JSON to F; - is stdout.",
+)
+
+
+def checked_duration(_context: click.Context, _option: click.Parameter, seconds: float | None) -> float | None:
+    """A duration that is a number of at least two ticks. Raises BadInput."""
+    if seconds is not None and not SHORTEST_S <= seconds < math.inf:
+        raise BadInput(f"--duration {seconds:g}: give seconds, at least {SHORTEST_S:g} (two ticks)")
+    return seconds
+
+
+def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """--duration; ``default`` says what happens without it."""
+    text = f"Seconds; default: {default}."
+    return click.option("--duration", metavar="S", type=float, callback=checked_duration, help=text)
+
+
+axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+map_option = click.option(
+    "--map",
+    "column_map",
+    metavar="COLUMNS",
+    help="1-based columns of a file without our header, e.g. u_V=1,x_um=5 or x_um=3*1e6 for metres.",
+)
+rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
+
+
+def record_files(arguments: tuple[str, ...] | list[str]) -> list[str]:
+    """The files that recording arguments name, their windows taken off."""
+    return [split_argument(argument)[0] for argument in arguments]
+
+
+def read_recordings(
+    arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
+) -> list[Recording]:
+    """Reads every recording argument under one --map and --rate."""
+    columns = parse_column_map(column_map) if column_map else None
+    rate_Hz = parse_rate(rate) if rate else None
+    return [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
+
+
+def jsonable(value: Any) -> Any:
+    """Plain JSON types; what is not finite becomes null, so that every reader can parse it."""
+    if isinstance(value, dict):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [jsonable(item) for item in value]
+    if isinstance(value, float) or hasattr(value, "dtype"):
+        number = value.item() if hasattr(value, "item") else value
+        return number if not isinstance(number, float) or math.isfinite(number) else None
+    return value
+
+
+def emit(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
+    """Prints for a person, or JSON alone when ``--json -``; writes the JSON file otherwise."""
+    text = json.dumps(jsonable(figures), indent=2) + "\n"
+    if json_to == "-":
+        click.echo(text, nl=False)
+        return
+    if json_to:
+        write_text(json_to, text)
+    human(Console(highlight=False, width=None if sys.stdout.isatty() else 120))
+
+
+@contextmanager
+def progress(description: str, total: float) -> Iterator[Callable[[float], None]]:
+    """A progress bar on stderr, on a terminal only; yields a function that takes what is done so far."""
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f}%"),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(description, total=total)
+        yield lambda done: bar.update(task, completed=done)

@@ -1,0 +1,23 @@
+"""demo: the whole story on the built-in stage."""
+
+from __future__ import annotations
+
+import click
+
+from phaselead.cli.common import emit, json_option, progress
+
+
+@click.command()
+@click.option("--out", metavar="DIR", default="phaselead-demo", show_default=True, help="Where everything is kept.")
+@json_option
+def demo(out: str, json_to: str | None) -> None:
+    """Identify, fit, verify, upload, track, record and replay on the built-in virtual stage; ends with a report."""
+    from phaselead.demo import run_demo
+
+    lines: list[str] = []
+    say = lines.append if json_to == "-" else click.echo
+    with progress("demo", 1.0) as advance:
+        report = run_demo(out, say, advance)
+    emit({"report": str(report)}, json_to, lambda console: None)
+    if json_to != "-":
+        click.echo(report)

@@ -1,0 +1,120 @@
+"""arm, park, stop, status, info, ports, upload: talk to a device."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from phaselead.cli.common import emit, json_option, port_option
+from phaselead.link.device import Device
+from phaselead.link.ports import list_ports
+from phaselead.stage.device_model import device_model
+from phaselead.stage.file import load_stage
+
+
+def print_pairs(console: Console, figures: dict[str, Any]) -> None:
+    """One line a figure."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in figures.items():
+        table.add_row(name.replace("_", " "), str(value))
+    console.print(table)
+
+
+def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:
+    """Figures as they are, for a person or as JSON."""
+    emit(figures, json_to, lambda console: print_pairs(console, figures))
+
+
+@click.command()
+@port_option
+@click.option("--model-crc", metavar="CRC", default="0", help="Names the model, which a fallback model requires.")
+@json_option
+def arm(port: str, model_crc: str, json_to: str | None) -> None:
+    """Arm the device: its output is live and at the safe value until a path is started."""
+    with Device.open(port, park_on_exit=False) as device:
+        device.set_timeout(0)
+        device.arm(parse_crc(model_crc))
+        emit_pairs(device.status().as_dict(), json_to)
+
+
+def parse_crc(text: str) -> int:
+    """A CRC as `info` prints it (hexadecimal), or 0."""
+    try:
+        return int(text, 16)
+    except ValueError:
+        raise click.BadParameter(
+            f"{text!r} is no CRC; `phaselead info` prints the model's", param_hint="--model-crc"
+        ) from None
+
+
+@click.command()
+@port_option
+@json_option
+def park(port: str, json_to: str | None) -> None:
+    """Ramp every axis to its safe value and disarm."""
+    with Device.open(port) as device:
+        device.park()
+        emit_pairs(device.status().as_dict(), json_to)
+
+
+@click.command()
+@port_option
+@json_option
+def stop(port: str, json_to: str | None) -> None:
+    """Ramp to the safe value at once, whatever session armed the device.
+
+    It needs the port: a phaselead command that is running holds it, and Ctrl-C there parks.
+    """
+    state = Device.stop_now(port)
+    emit_pairs({"stopped": True, "tick": state.tick}, json_to)
+
+
+@click.command()
+@port_option
+@json_option
+def status(port: str, json_to: str | None) -> None:
+    """Print what the device is doing."""
+    with Device.open(port, park_on_exit=False) as device:
+        emit_pairs(device.status().as_dict(), json_to)
+
+
+@click.command()
+@port_option
+@json_option
+def info(port: str, json_to: str | None) -> None:
+    """Print what the device is: build, schema, model, timing of its tick, last fault."""
+    with Device.open(port, park_on_exit=False) as device:
+        emit_pairs(device.info(), json_to)
+
+
+@click.command()
+@json_option
+def ports(json_to: str | None) -> None:
+    """List serial ports, without opening them. The virtual stage sim://xyz250 is always there."""
+    found = list_ports()
+
+    def human(console: Console) -> None:
+        table = Table("port", "what it is")
+        for entry in found:
+            table.add_row(entry.url, entry.description)
+        console.print(table)
+
+    emit({"ports": [{"url": entry.url, "description": entry.description} for entry in found]}, json_to, human)
+
+
+@click.command()
+@click.argument("model_path", metavar="M")
+@port_option
+@click.option("--persist", is_flag=True, help="Also write it to flash, so that it survives a power cycle.")
+@json_option
+def upload(model_path: str, port: str, persist: bool, json_to: str | None) -> None:
+    """Upload a stage file's model as one transaction, read it back and compare."""
+    blob = device_model(load_stage(model_path))
+    with Device.open(port) as device:
+        crc = device.upload(blob)
+        sequence = device.persist() if persist else None
+        figures = {"model": model_path, "bytes": len(blob), "crc": f"{crc:08x}", "read_back": "equal"}
+        emit_pairs(figures | ({"flash_record": sequence} if persist else {}), json_to)

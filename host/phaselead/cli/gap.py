@@ -1,0 +1,77 @@
+"""gap: where model and measurement part, what is missing, and the next stage file."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import click
+
+# One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
+# ten times what they save.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+LISTS = ("--train", "--holdout", "--reference")
+
+
+class Gap(click.Group):
+    """A group that does the comparison itself unless a subcommand comes first, and whose lists take several words."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and args[0] in self.commands:
+            return super().parse_args(ctx, args)
+        return super().parse_args(ctx, spread(args))
+
+
+def spread(args: list[str]) -> list[str]:
+    """``--train a b`` as ``--train a --train b``, which is what click understands."""
+    found: list[str] = []
+    current = None
+    for arg in args:
+        if arg.startswith("-") and arg != "-":
+            current = arg if arg in LISTS else None
+            if current is None:
+                found.append(arg)
+        elif current is not None:
+            found += [current, arg]
+        else:
+            found.append(arg)
+    return found
+
+
+@click.group(cls=Gap, invoke_without_command=True, subcommand_metavar="[next ...]")
+@click.option("--model", "model_path", metavar="M", help="Stage file.")
+@click.option("--train", multiple=True, metavar="REC...", help="Records to learn from.")
+@click.option("--holdout", multiple=True, metavar="REC...", help="Records to judge on; nothing is fitted to them.")
+@click.option("--reference", multiple=True, metavar="REC...", help="Records known to be without the missing effect.")
+@click.option("--frozen/--refit", default=None, help="Whether the base is beyond doubt. Default: with --reference.")
+@click.option("-o", "--output", metavar="next.toml", help="Where the next stage file goes.")
+@click.option("--report", metavar="gap.html", help="A page that shows it all.")
+@click.option("--json", "json_to", metavar="F", help="Also write the figures as JSON to F; - is stdout.")
+@click.option("--map", "column_map", metavar="COLUMNS", help="1-based columns of files without our header.")
+@click.option("--rate", metavar="RATE", help="Sampling rate of files without times, e.g. 200Hz.")
+@click.pass_context
+def gap(ctx: click.Context, /, **options: Any) -> None:
+    """Find where model and measurement part, name the missing effect, add it, show the gap shrink.
+
+    \b
+    phaselead gap --model M --train REC... --holdout REC... [--reference REC...] [--frozen|--refit]
+                  -o next.toml --report gap.html --json gap.json
+    phaselead gap next gap.json --port P -o more.h5
+    """
+    if ctx.invoked_subcommand is None:
+        from phaselead.cli.gap_run import compare
+
+        compare(**options)
+
+
+@gap.command("next")
+@click.argument("gap_json", metavar="gap.json")
+@click.option("--port", default="sim://xyz250", envvar="PHASELEAD_PORT", show_default=True, help="The device.")
+@click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+@click.option("-o", "--output", metavar="more.h5", required=True)
+def next_experiment(gap_json: str, port: str, axis: str, output: str) -> None:
+    """Run the experiment that a tie asks for, open loop, and keep the record."""
+    from phaselead.cli.gap_run import run_next
+
+    run_next(gap_json, port, axis, output)

@@ -1,0 +1,130 @@
+"""log record, export, info, recover; replay."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+from rich.console import Console
+
+from phaselead.cli.common import (
+    axis_option,
+    duration_option,
+    emit,
+    json_option,
+    map_option,
+    port_option,
+    progress,
+    rate_option,
+    read_recordings,
+    record_files,
+)
+from phaselead.cli.device import emit_pairs
+from phaselead.record.atomic import RUN_SUFFIXES, check_output
+
+
+@click.group()
+def log() -> None:
+    """Take recordings, look into them, convert them."""
+
+
+@log.command()
+@port_option
+@click.option("--drive", metavar="WAVE", help="Drive this in volts meanwhile, e.g. sine:5V@5Hz; default: only listen.")
+@duration_option("ten periods, or 1 s when only listening")
+@click.option("-o", "--output", metavar="RUN.h5", required=True)
+@axis_option
+@json_option
+def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
+    """Record what the device does, open loop; needs no model."""
+    from phaselead.control.journal import journalled_listen, journalled_track
+    from phaselead.link.device import Device
+    from phaselead.record.info import recording_facts
+    from phaselead.stage.waveform import parse_waves
+
+    check_output(output, suffixes=RUN_SUFFIXES)
+    waveforms = parse_waves(drive, axis) if drive else None
+    with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
+        if waveforms is None:
+            recording = journalled_listen(device, axis, duration or 1.0, output=output, on_progress=advance)
+        else:
+            recording = journalled_track(
+                device, waveforms, "open", output=output, duration_s=duration, on_progress=advance
+            ).recording
+    emit_pairs(recording_facts(recording) | {"output": output}, json_to)
+
+
+@log.command()
+@click.argument("recording_path", metavar="REC")
+@map_option
+@rate_option
+@json_option
+def info(recording_path: str, column_map: str | None, rate: str | None, json_to: str | None) -> None:
+    """Say what a recording holds."""
+    from phaselead.record.info import recording_facts
+
+    (recording,) = read_recordings([recording_path], column_map, rate)
+    emit_pairs(recording_facts(recording), json_to)
+
+
+@log.command()
+@click.argument("recording_path", metavar="REC")
+@click.argument("output", metavar="OUT")
+@click.option("--force", is_flag=True, help="Write over OUT if it exists.")
+@map_option
+@rate_option
+@json_option
+def export(
+    recording_path: str,
+    output: str,
+    force: bool,
+    column_map: str | None,
+    rate: str | None,
+    json_to: str | None,
+) -> None:
+    """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet."""
+    from phaselead.record.export import SUFFIXES
+    from phaselead.record.export import export as export_recording
+
+    check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=force)
+    (recording,) = read_recordings([recording_path], column_map, rate)
+    export_recording(recording, output, overwrite=force)
+    emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
+
+
+@log.command()
+@click.argument("journal", metavar="JOURNAL")
+@click.option("-o", "--output", metavar="RUN.h5", required=True)
+@json_option
+def recover(journal: str, output: str, json_to: str | None) -> None:
+    """Finish a capture whose program was killed: turn its journal into a recording."""
+    from phaselead.control.journal import recover_run
+
+    emit_pairs(recover_run(journal, output), json_to)
+
+
+@click.command()
+@click.argument("run", metavar="RUN")
+@json_option
+def replay(run: str, json_to: str | None) -> None:
+    """Execute a run again and compare every DAC code.
+
+    Exit status 0: every code is the same. 1: prints the first tick that differs. 2: the recording lacks what a replay
+    needs (it is gapped, decimated, or was not taken from a device).
+    """
+    from phaselead.record.run import read_capture
+    from phaselead.sim.replay import replay as replay_capture
+
+    capture = read_capture(run)
+    first_difference = replay_capture(capture)
+    equal = first_difference is None
+    figures = {"run": run, "ticks": len(capture.ticks), "equal": equal, "first_difference": first_difference}
+
+    def human(console: Console) -> None:
+        if equal:
+            console.print(f"{run}: {len(capture.ticks)} ticks executed again, every DAC code is the same")
+        else:
+            console.print(f"{run}: the DAC code of tick {first_difference} differs; it is the first that does")
+
+    emit(figures, json_to, human)
+    sys.exit(0 if equal else 1)

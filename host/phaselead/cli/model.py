@@ -1,0 +1,164 @@
+"""identify, fit, verify, predict: from recordings to a stage file and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from phaselead.cli.common import (
+    emit,
+    json_option,
+    map_option,
+    port_option,
+    progress,
+    rate_option,
+    read_recordings,
+    record_files,
+)
+from phaselead.identify.fit import Base, FitReport
+from phaselead.identify.fit import fit as fit_stage
+from phaselead.identify.predict import predict as predict_position
+from phaselead.identify.verify import Verification, View, verification_dict
+from phaselead.identify.verify import verify as verify_stage
+from phaselead.record.atomic import check_output
+from phaselead.record.export import write_csv
+from phaselead.stage.file import load_stage, save_stage
+
+STAGE_SUFFIXES = (".toml",)
+records_argument = click.argument("records", metavar="REC...", nargs=-1, required=True)
+model_option = click.option("--model", "model_path", metavar="M", required=True, help="Stage file.")
+
+
+def verification_table(verifications: list[Verification], title: str) -> Table:
+    """Errors of a model on recordings, as a table."""
+    table = Table("record", "max (µm)", "mean |e| (µm)", "range (µm)", "max (%)", "mean (%)", title=title)
+    for v in verifications:
+        table.add_row(
+            v.file,
+            f"{v.max_um:.4g}",
+            f"{v.mean_um:.4g}",
+            f"{v.range_um:.4g}",
+            f"{v.max_pct:.2f}",
+            f"{v.mean_pct:.2f}",
+        )
+    return table
+
+
+def print_fit(console: Console, report: FitReport, output: str) -> None:
+    """What was fitted, what it left, and what could not be."""
+    for line in report.lines():
+        console.print(line)
+    console.print(f"wrote {output}")
+
+
+@click.command()
+@records_argument
+@click.option("--base", type=click.Choice(["operator", "linear"]), default="operator", show_default=True)
+@click.option("-o", "--output", metavar="STAGE.toml", required=True)
+@map_option
+@rate_option
+@json_option
+def fit(
+    records: tuple[str, ...],
+    base: Base,
+    output: str,
+    column_map: str | None,
+    rate: str | None,
+    json_to: str | None,
+) -> None:
+    """Fit a stage file to recordings (CSV or HDF5, any sampling rate).
+
+    A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
+    """
+    check_output(output, suffixes=STAGE_SUFFIXES, inputs=record_files(records))
+    stage, report = fit_stage(read_recordings(records, column_map, rate), base=base)
+    save_stage(output, stage)
+    emit(report.as_dict() | {"output": output}, json_to, lambda console: print_fit(console, report, output))
+
+
+@click.command()
+@records_argument
+@model_option
+@click.option("--view", type=click.Choice(["time", "table"]), default="time", show_default=True)
+@map_option
+@rate_option
+@json_option
+def verify(
+    records: tuple[str, ...],
+    model_path: str,
+    view: View,
+    column_map: str | None,
+    rate: str | None,
+    json_to: str | None,
+) -> None:
+    """Judge a stage file on recordings that it was not fitted on."""
+    stage = load_stage(model_path)
+    verifications = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
+    emit(
+        {"records": [verification_dict(v) for v in verifications]},
+        json_to,
+        lambda console: console.print(verification_table(verifications, f"{view} view of {Path(model_path).name}")),
+    )
+
+
+@click.command()
+@click.argument("record", metavar="REC")
+@model_option
+@click.option("-o", "--output", metavar="OUT.csv", required=True)
+@map_option
+@rate_option
+@json_option
+def predict(
+    record: str, model_path: str, output: str, column_map: str | None, rate: str | None, json_to: str | None
+) -> None:
+    """Predict the response to a recorded voltage; writes t_s,u_V,x_um. The memory starts from rest."""
+    check_output(output, suffixes=(".csv",), inputs=[model_path, *record_files([record])])
+    stage = load_stage(model_path)
+    (recording,) = read_recordings([record], column_map, rate)
+    predicted = predict_position(stage, recording)
+    write_csv(output, predicted)
+    figures = {"output": output, "samples": len(predicted.t_s)}
+    emit(figures, json_to, lambda console: console.print(f"wrote {output}, {len(predicted.t_s)} samples"))
+
+
+@click.command()
+@port_option
+@click.option("-o", "--output", metavar="STAGE.toml", required=True)
+@click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
+@click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
+@click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
+@json_option
+def identify(
+    port: str, output: str, model_path: str | None, axes: str, save_to: str | None, json_to: str | None
+) -> None:
+    """Run the identification experiment on a device, fit both views, verify on held-out inputs.
+
+    Sines of 0.5-10 V peak-to-peak at 1-20 Hz, open loop, rising level by level; 5 V at 5 Hz and 3 V at 15 Hz are
+    recorded but not used for the fit. Limits and calibration are those of --model, else of the model the device holds.
+    """
+    from phaselead.control.track import assumed_limits
+    from phaselead.identify.experiment import identify_device, parse_axes
+    from phaselead.link.device import Device
+
+    check_output(output, suffixes=STAGE_SUFFIXES)
+    axis_names = parse_axes(axes)
+    stage = load_stage(model_path) if model_path else None
+    with Device.open(port) as device, progress("identifying", 1.0) as advance:
+        if stage is None and (warning := assumed_limits(device)) is not None:
+            click.echo(f"warning: {warning}", err=True)
+        result = identify_device(device, axis_names, advance, save_to=save_to, stage=stage)
+    save_stage(output, result.stage)
+
+    def human(console: Console) -> None:
+        print_fit(console, result.report, output)
+        for view, verifications in result.verifications.items():
+            console.print(verification_table(verifications, f"held out, {view} view"))
+
+    figures = result.report.as_dict() | {
+        "output": output,
+        "held_out": {view: [verification_dict(v) for v in vs] for view, vs in result.verifications.items()},
+    }
+    emit(figures, json_to, human)

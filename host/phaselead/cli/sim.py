@@ -1,0 +1,23 @@
+"""sim: a long-lived virtual device."""
+
+from __future__ import annotations
+
+import click
+
+from phaselead.errors import BadInput
+
+
+@click.command()
+@click.argument("url", metavar="[STAGE]", default="sim://xyz250")
+@click.option("--pty", is_flag=True, help="Serve it on a pseudo-terminal, at real time.")
+@click.option("--link", metavar="PATH", help="Also make a symbolic link PATH to the pseudo-terminal.")
+def sim(url: str, pty: bool, link: str | None) -> None:
+    """Serve a virtual stage that any serial program can talk to.
+
+    STAGE is sim://xyz250, sim://FILE.toml or a stage file. The device lives until Ctrl-C.
+    """
+    from phaselead.sim.pty import serve
+
+    if not pty:
+        raise BadInput("say how to serve it: phaselead sim --pty (in-process use needs no server: --port sim://xyz250)")
+    serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link)

@@ -1,0 +1,86 @@
+"""track: drive axes along paths and judge the result."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from phaselead.cli.common import axis_option, duration_option, emit, json_option, port_option, progress
+from phaselead.control.gains import parse_gains
+from phaselead.control.journal import journalled_track
+from phaselead.control.track import MODES
+from phaselead.link.device import Device
+from phaselead.record.atomic import RUN_SUFFIXES, check_output
+from phaselead.stage.file import load_stage
+from phaselead.stage.waveform import parse_waves
+
+
+def print_run(console: Console, figures: dict[str, Any], axis: str, output: str | None) -> None:
+    """Errors per axis: over the last four periods, and from rest. ``axis`` is the one there is, if only one."""
+    table = Table("axis", "", "max (µm)", "max (%)", "rms (µm)", "mean removed (µm)", title=f"mode {figures['mode']}")
+    for name, row in figures.get("axes", {axis: figures}).items():
+        if row["max_um"] is None:
+            console.print(f"{name} moved {row['measured_range_um']:.4g} µm peak-to-peak (open loop: no error to judge)")
+            continue
+        for label, part in (("last four periods", row), ("from rest", row["from_rest"])):
+            table.add_row(
+                name,
+                label,
+                f"{part['max_um']:.4g}",
+                f"{part['max_pct']:.2f}",
+                f"{part['rms_um']:.4g}",
+                f"{part['max_um_mean_removed']:.4g}",
+            )
+    if table.row_count:
+        console.print(table)
+    console.print(f"{figures['ticks']} ticks, {figures['dropped']} dropped" + (f"; wrote {output}" if output else ""))
+
+
+@click.command()
+@click.argument("wave", metavar="WAVE")
+@port_option
+@click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
+@click.option("--mode", type=click.Choice(MODES), default="ff+pid", show_default=True)
+@click.option(
+    "--gains", metavar="paper|KP,KI,KD", help="V/um, V/(um s), V s/um; default: the stage file's, else paper."
+)
+@duration_option("ten periods, or a move and a second")
+@click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
+@axis_option
+@json_option
+def track(
+    wave: str,
+    port: str,
+    model_path: str | None,
+    mode: str,
+    gains: str | None,
+    duration: float | None,
+    output: str | None,
+    axis: str,
+    json_to: str | None,
+) -> None:
+    """Drive along WAVE, record, and print the tracking error.
+
+    WAVE: sine:60um@5Hz, triangle:100um@20Hz, file:path.csv@10Hz, goto:120um, sine:60um+20um@5Hz (20 to 80 um; the
+    output goes to 20 um at the slew limit first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
+    peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
+    """
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path] if model_path else [])
+    waveforms = parse_waves(wave, axis)
+    stage = load_stage(model_path) if model_path else None
+    axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
+    with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
+        run = journalled_track(
+            device,
+            waveforms,
+            mode,
+            output=output,
+            stage=stage,
+            gains=axis_gains,
+            duration_s=duration,
+            on_progress=advance,
+        )
+    emit(run.figures, json_to, lambda console: print_run(console, run.figures, next(iter(waveforms)), output))
