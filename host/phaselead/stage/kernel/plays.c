@@ -1,5 +1,7 @@
 #include "plays.h"
 
+#include <stdbool.h>
+
 /* The conditional forms compile to packed min/max, which gcc does not do for fmin/fmax (their NaN rules differ). */
 static inline void step(double v, size_t m, const double *restrict r, double *restrict p)
 {
@@ -22,13 +24,25 @@ void stage_delay(size_t n, const double *u, double before, double delay, double 
     }
 }
 
+/* Where a voltage only goes on in its direction, the plays are where its end alone would put them. */
+static inline bool goes_on(double from, double at, double to)
+{
+    return (from <= at && at <= to) || (from >= at && at >= to);
+}
+
 void stage_plays(size_t n, const double *v, size_t m, const double *r, double *p, size_t n_rows, const size_t *rows,
                  double *out)
 {
     size_t row = 0;
+    double from = 0.0;
     for (size_t k = 0; k < n; k++) {
+        bool wanted = row < n_rows && rows[row] == k;
+        if (!wanted && k > 0 && k + 1 < n && goes_on(from, v[k], v[k + 1])) {
+            continue;
+        }
+        from = v[k];
         step(v[k], m, r, p);
-        if (row < n_rows && rows[row] == k) {
+        if (wanted) {
             for (size_t j = 0; j < m; j++) {
                 out[row * m + j] = p[j];
             }
