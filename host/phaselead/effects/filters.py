@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from phaselead.effects.effect import Samples
@@ -28,12 +27,13 @@ def _mode(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
     """Ramp-invariant mode: exact states under an input that is linear over each step (Franklin, Powell and
     Workman 1998: triangle-hold equivalent)."""
     w = 2 * np.pi * turns_per_step
-    block = np.zeros((4, 4))
-    block[:2, :2] = [[0.0, w], [-w, -2 * zeta * w]]
-    block[1, 2] = w
-    block[2, 3] = 1.0
-    e = expm(block)
-    phi, held, ramp = e[:2, :2], e[:2, 2], e[:2, 3]
+    system, drive = np.array([[0.0, w], [-w, -2 * zeta * w]]), np.array([0.0, w])
+    inverse = np.array([[-2 * zeta, -1.0], [1.0, 0.0]]) / w
+    damped = w * np.emath.sqrt(1 - zeta**2)  # imaginary beyond critical damping
+    decay, turn, sine = np.exp(-zeta * w), np.real(np.cos(damped)), np.real(np.sinc(damped / np.pi))
+    phi = decay * (turn * np.eye(2) + sine * (system + zeta * w * np.eye(2)))
+    held = inverse @ (phi @ drive - drive)
+    ramp = inverse @ (held - drive)
     # state' = phi state + (held - ramp) x_k + ramp x_{k+1}; the output is the first state.
     a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
     old, new = held - ramp, ramp
