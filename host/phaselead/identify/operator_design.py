@@ -8,6 +8,8 @@ simply "no slope is negative"; ``time_view`` turns them into a gain and one-side
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +68,12 @@ class FitRun:
 
     def position(self) -> Samples:
         return self.run.x_um[self.rows]
+
+    @cached_property
+    def stretches(self) -> list[tuple[int, slice]]:
+        """Each group and where its rows are."""
+        edges = [*np.flatnonzero(np.diff(self.groups, prepend=-1)).tolist(), len(self.rows)]
+        return [(int(self.groups[a]), slice(a, b)) for a, b in pairwise(edges)]
 
 
 def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int) -> FitRun:
@@ -144,10 +152,9 @@ def gram(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float)
         columns[:, :-2] = design(f, basis, delay_s, rest_fraction)
         columns[:, -2] = 1.0
         columns[:, -1] = f.position()
-        edges = np.flatnonzero(np.diff(f.groups, prepend=-1))
-        for part in np.split(np.arange(len(f.rows)), edges[1:]):
-            piece = columns[part[0] : part[-1] + 1]
-            moments[np.searchsorted(present, f.groups[part[0]])] += f.weight * (piece.T @ piece)
+        for group, part in f.stretches:
+            piece = columns[part]
+            moments[np.searchsorted(present, group)] += f.weight * (piece.T @ piece)
     return moments
 
 

@@ -24,19 +24,16 @@ from phaselead.stage.file import TimeView
 
 Samples = NDArray[np.float64]
 
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
-_SIZES = ctypes.POINTER(ctypes.c_size_t)
-
 
 class _Operator(ctypes.Structure):
     _fields_ = (
         ("gain", ctypes.c_double),
         ("n_plays", ctypes.c_size_t),
-        ("play_r", _DOUBLES),
-        ("play_w", _DOUBLES),
+        ("play_r", ctypes.c_void_p),
+        ("play_w", ctypes.c_void_p),
         ("n_deadzones", ctypes.c_size_t),
-        ("deadzone_d", _DOUBLES),
-        ("deadzone_s", _DOUBLES),
+        ("deadzone_d", ctypes.c_void_p),
+        ("deadzone_s", ctypes.c_void_p),
     )
 
 
@@ -47,9 +44,10 @@ def _kernel() -> ctypes.CDLL:
         raise PhaseleadError("the stage kernel is not built; run: python setup.py build_ext --inplace")
     kernel = ctypes.CDLL(spec.origin)
     size, double = ctypes.c_size_t, ctypes.c_double
-    kernel.stage_delay.argtypes = [size, _DOUBLES, double, double, _DOUBLES]
-    kernel.stage_plays.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, size, _SIZES, _DOUBLES]
-    kernel.stage_response.argtypes = [ctypes.POINTER(_Operator), size, _DOUBLES, _DOUBLES, _DOUBLES]
+    array = ctypes.c_void_p
+    kernel.stage_delay.argtypes = [size, array, double, double, array]
+    kernel.stage_plays.argtypes = [size, array, size, array, array, size, array, array]
+    kernel.stage_response.argtypes = [ctypes.POINTER(_Operator), size, array, array, array]
     for function in (kernel.stage_delay, kernel.stage_plays, kernel.stage_response):
         function.restype = None
     return kernel
@@ -59,8 +57,8 @@ def _doubles(values: ArrayLike) -> Samples:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _at(values: Samples) -> ctypes._Pointer[ctypes.c_double]:
-    return values.ctypes.data_as(_DOUBLES)
+def _at(values: NDArray[np.generic]) -> int:
+    return values.ctypes.data
 
 
 def delayed(u: ArrayLike, samples: float, before: float = 0.0) -> Samples:
@@ -86,7 +84,7 @@ def plays(
         raise ValueError(f"{len(r)} plays need as many starting positions, got {end.shape}")
     rows = np.arange(len(v), dtype=np.uintp) if rows is None else np.ascontiguousarray(rows, dtype=np.uintp)
     out = np.empty((len(rows), len(r)))
-    _kernel().stage_plays(len(v), _at(v), len(r), _at(r), _at(end), len(rows), rows.ctypes.data_as(_SIZES), _at(out))
+    _kernel().stage_plays(len(v), _at(v), len(r), _at(r), _at(end), len(rows), _at(rows), _at(out))
     return out, end
 
 
