@@ -36,12 +36,22 @@ class Basis:
     def size(self) -> int:
         return len(self.knots_V) - 1 + len(self.play_r_V)
 
+    def equals(self, other: Basis) -> bool:
+        """Whether both have the same plays and segments."""
+        return np.array_equal(self.play_r_V, other.play_r_V) and np.array_equal(self.knots_V, other.knots_V)
+
     def segments(self, v: Samples) -> Samples:
         """(n, s): how far ``v`` (n,) has gone through each segment, counted from 0 V; the end segments go
         on."""
+        low, high, at_rest = self._ends
+        return np.asarray(np.minimum(np.maximum(v[:, None], low), high) - at_rest)
+
+    @cached_property
+    def _ends(self) -> tuple[Samples, Samples, Samples]:
+        """Of every segment, and where 0 V stands in it."""
         low, high = self.knots_V[:-1].copy(), self.knots_V[1:].copy()
         low[0], high[-1] = -np.inf, np.inf
-        return np.asarray(np.clip(v[:, None], low, high) - np.clip(0.0, low, high))
+        return low, high, np.clip(0.0, low, high)
 
 
 def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int) -> Basis:

@@ -143,9 +143,12 @@ def fit_operator(runs: Sequence[AxisRun]) -> OperatorFit:
         if elsewhere.error**2 < OTHER_MEMORY * at_rest.error**2:
             search, at_rest = moved, elsewhere
             messages += odd
-    basis, _ = _choose(search, runs, low, high, at_rest.delay_s, at_rest.rest_fraction)
-    delay, rest = _search(search, basis, bound, own_offsets, (at_rest.delay_s, at_rest.rest_fraction), evaluations=30)
-    basis, choices = _choose(search, runs, low, high, delay, rest)
+    delay, rest = at_rest.delay_s, at_rest.rest_fraction
+    finer, choices = _choose(search, runs, low, high, delay, rest)
+    if not finer.equals(basis):
+        delay, rest = _search(search, finer, bound, own_offsets, (delay, rest), evaluations=30)
+        finer, choices = _choose(search, runs, low, high, delay, rest)
+    basis = finer
     if not _rest_matters(search, basis, delay, rest, own_offsets):
         rest = 0.0
         messages.append("no record starts from rest: the memory at rest is unknown and taken as 0")
