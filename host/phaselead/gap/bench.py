@@ -99,6 +99,14 @@ def beside(made: Bench, extra: Extra) -> Bench:
     return replace(made, train=full, slim=full.restricted(made.layout.common()), holdout=holdout)
 
 
+def slim_beside(made: Bench, extra: Extra) -> Panel:
+    """The common columns of the training records alone, simulated anew beside the effects ``extra``."""
+    coarse = made.layout.coarser()
+    raws = [raw(t, coarse.atoms, made.open_plays, extra) for t in made.tracks()]
+    found = panel(made.train.evidence, coarse, raws)
+    return found.restricted(np.arange(found.size))
+
+
 def _errors(raws: Sequence[Raw]) -> list[Samples]:
     return [np.asarray(r.track.run.x_um[r.track.run.rows] - r.base_um) for r in raws]
 

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from phaselead.effects import Effect
 from phaselead.gap.base import with_operator
-from phaselead.gap.bench import Bench, bench, beside
+from phaselead.gap.bench import Bench, bench, beside, slim_beside
 from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted, refit
@@ -151,16 +151,18 @@ def _accept(
 
 
 def _prune(growth: Growth) -> None:
-    """Drop what no longer pays beside the others."""
+    """Drop what no longer pays beside the others. What the base can absorb is simulated without it: seen through an
+    effect, the base's own columns carry some of it."""
     for name in [n.effect.name for n in growth.named if any(e.name == n.effect.name for e, _ in growth.fitted.entries)]:
         entries = [entry for entry in growth.fitted.entries if entry[0].name != name]
         if not entries:
             return
-        without = refit(growth.bench.slim, growth.bench.correction, entries)
+        without = refit(slim_beside(growth.bench, entries), growth.bench.correction, entries)
         effect = next(n.effect for n in growth.named if n.effect.name == name)
         gained = (without.squares - growth.fitted.squares) / growth.inflation - penalty(growth.bench, effect)
         if gained < MARGIN:
-            growth.fitted = without
+            growth.bench = beside(growth.bench, without.entries)
+            growth.fitted = refit(growth.bench.slim, growth.bench.correction, without.entries)
             growth.named = [n for n in growth.named if n.effect.name != name]
 
 
