@@ -192,7 +192,8 @@ def _read_fast(content: bytes, layout: _Layout) -> dict[str, Samples] | None:
     try:
         table = pyarrow.csv.read_csv(
             io.BytesIO(data),
-            pyarrow.csv.ReadOptions(column_names=names),
+            # The pool of threads sometimes aborted the process at exit.
+            pyarrow.csv.ReadOptions(use_threads=False, column_names=names),
             pyarrow.csv.ParseOptions(delimiter=layout.delimiter),
             pyarrow.csv.ConvertOptions(
                 column_types={name: pyarrow.float64() for name in wanted},
