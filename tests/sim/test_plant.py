@@ -9,7 +9,7 @@ from scipy.special import erfc
 
 from phaselead.errors import BadInput
 from phaselead.sim.device import Plant
-from phaselead.sim.plant import EFFECTS, built_in, plant_parameters
+from phaselead.sim.plant import built_in, plant_parameters
 from phaselead.stage.file import AxisModel, Effect, Sensor, Stage, TimeView
 
 TS = 1 / 5000
@@ -317,28 +317,20 @@ def test_the_sensor_has_a_kilohertz_at_least(stage):
 @pytest.mark.parametrize(
     ("effect", "words"),
     [
-        (Effect(name="backlash"), "does not know effect 'backlash'"),
         (Effect(name="creep", params={"k": 0.1}), "no parameter tau_s"),
         (creep([0.1, 0.2], [1]), "its partner has 2"),
         (creep([0.1], [0]), "tau_s must be above 0"),
         (creep([0.1] * 9, [1.0] * 9), "takes 8"),
-        (Effect(name="resonance", params={"f_Hz": [100, 200], "zeta": [0.1, 0.1]}), "no parameter c"),
+        (Effect(name="resonance", params={"f_Hz": [100, 200], "zeta": [0.1, 0.1]}), "c has 1 terms, its partner has 2"),
         (Effect(name="resonance", params={"f_Hz": 100, "zeta": 1.5}), "zeta"),
         (Effect(name="sensor_lowpass", params={"corner_Hz": 100, "order": 2}), "unknown parameter order"),
-        (Effect(name="delay", params={"delay_s": 1.0}), "up to 12 ms"),
-        (Effect(name="delay", params={"delay_s": -1.0}), "up to 12 ms"),
+        (Effect(name="delay", params={"delay_s": -1.0}), "delay_s must be at least 0"),
     ],
 )
 def test_what_the_simulator_does_not_know_is_refused(effect, words):
     with pytest.raises(BadInput, match=words) as refusal:
         plant_parameters(stage_of(VIEW, [effect]))
     assert "\n" not in str(refusal.value)
-
-
-def test_every_known_effect_is_told_in_the_refusal():
-    with pytest.raises(BadInput) as refusal:
-        plant_parameters(stage_of(VIEW, [Effect(name="vibration")]))
-    assert all(name in str(refusal.value) for name in EFFECTS)
 
 
 def test_a_table_alone_cannot_be_simulated():

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.plant import PlantParameters
+from phaselead.sim.structures import LinkedParameters
 
 BAUD = 2_000_000
 AXES = "xyz"
@@ -55,6 +56,7 @@ _SIGNATURES = {
     "plant_open": (_POINTER, (ctypes.POINTER(PlantParameters),)),
     "plant_close": (None, (_POINTER,)),
     "plant_parameters_size": (_SIZE, ()),
+    "plant_linked_parameters_size": (_SIZE, ()),
     "plant_run": (None, (_POINTER, _POINTER, _POINTER, _U64)),
     "plant_trace": (ctypes.c_int, (_POINTER, _SIZE)),
     "plant_take_trace": (_SIZE, (_POINTER, _POINTER, _SIZE, ctypes.POINTER(_U64))),
@@ -73,7 +75,8 @@ def load_library(path: str | None = None) -> ctypes.CDLL:
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
-    if library.plant_parameters_size() != ctypes.sizeof(PlantParameters):
+    sizes = library.plant_parameters_size(), library.plant_linked_parameters_size()
+    if sizes != (ctypes.sizeof(PlantParameters), ctypes.sizeof(LinkedParameters)):
         raise PhaseleadError("the firmware library is of another version than the package; build it again")
     return library
 

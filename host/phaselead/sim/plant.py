@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ctypes
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
+
 from phaselead.errors import BadInput
-from phaselead.stage.file import AxisModel, Effect, Stage, load_stage, parse_stage
+from phaselead.sim.linked import creep_terms, linked_parameters, mode_terms
+from phaselead.sim.structures import LinkedParameters
+from phaselead.sim.terms import Terms
+from phaselead.stage.file import AxisModel, Stage, load_stage, parse_stage
 
 TICK_S = 1 / 5000
 LATCH_S = 20e-6
@@ -57,94 +61,46 @@ class PlantParameters(ctypes.Structure):
         ("tick_s", ctypes.c_double),
         ("coupling", ctypes.c_double * 3 * 3),
         ("seed", ctypes.c_uint64),
+        ("linked", ctypes.POINTER(LinkedParameters)),
         ("axes", AxisParameters * 3),
     )
 
 
-class _Terms:
-    """The parameters of one effect, taken out by name, each checked and each used once."""
-
-    def __init__(self, effect: Effect, where: str) -> None:
-        self._left = dict(effect.params)
-        self._where = f"{where}: effect {effect.name!r}"
-
-    def numbers(self, name: str, *, default: Sequence[float] | None = None, most: int) -> list[float]:
-        value = self._left.pop(name, None)
-        if value is None:
-            if default is None:
-                raise BadInput(f"{self._where} has no parameter {name}; add it")
-            return list(default)
-        values = [float(value)] if isinstance(value, (int, float)) else [float(item) for item in value]
-        if len(values) > most:
-            raise BadInput(f"{self._where}: {name} has {len(values)} terms, the simulator takes {most}")
-        return values
-
-    def number(self, name: str) -> float:
-        return self.numbers(name, most=1)[0]
-
-    def positive(self, name: str, values: Sequence[float]) -> None:
-        if not all(value > 0 for value in values):
-            raise BadInput(f"{self._where}: {name} must be above 0")
-
-    def alike(self, name: str, values: Sequence[float], count: int) -> None:
-        if len(values) != count:
-            raise BadInput(f"{self._where}: {name} has {len(values)} terms, its partner has {count}; give one for each")
-
-    def done(self) -> None:
-        if self._left:
-            raise BadInput(f"{self._where}: unknown parameter {', '.join(sorted(self._left))}; remove it")
-
-
-def _creep(axis: AxisParameters, terms: _Terms) -> None:
-    room = CREEPS - axis.creeps
-    k, tau_s = terms.numbers("k", most=room), terms.numbers("tau_s", most=room)
-    terms.alike("tau_s", tau_s, len(k))
-    terms.positive("tau_s", tau_s)
-    for i in range(len(k)):
-        axis.creep_k[axis.creeps] = k[i]
-        axis.creep_tau_s[axis.creeps] = tau_s[i]
+def _creep(axis: AxisParameters, terms: Terms) -> None:
+    for k, tau_s in zip(*creep_terms(terms), strict=True):
+        axis.creep_k[axis.creeps] = k
+        axis.creep_tau_s[axis.creeps] = tau_s
         axis.creeps += 1
 
 
-def _resonance(axis: AxisParameters, terms: _Terms) -> None:
-    room = MODES - axis.modes
-    f_Hz, zeta = terms.numbers("f_Hz", most=room), terms.numbers("zeta", most=room)
-    c = terms.numbers("c", default=[1.0] if len(f_Hz) == 1 else None, most=room)
-    terms.alike("zeta", zeta, len(f_Hz))
-    terms.alike("c", c, len(f_Hz))
-    terms.positive("f_Hz", f_Hz)
-    terms.positive("zeta", zeta)
-    if any(value >= 1 for value in zeta):
-        raise BadInput("effect 'resonance': zeta must be below 1 to be simulated")
-    for i in range(len(f_Hz)):
-        axis.mode_c[axis.modes] = c[i]
-        axis.mode_f_Hz[axis.modes] = f_Hz[i]
-        axis.mode_zeta[axis.modes] = zeta[i]
+def _resonance(axis: AxisParameters, terms: Terms) -> None:
+    for c, f_Hz, zeta in zip(*mode_terms(terms), strict=True):
+        axis.mode_c[axis.modes] = c
+        axis.mode_f_Hz[axis.modes] = f_Hz
+        axis.mode_zeta[axis.modes] = zeta
         axis.modes += 1
 
 
-def _sensor_lowpass(axis: AxisParameters, terms: _Terms) -> None:
-    corner_Hz = terms.number("corner_Hz")
-    terms.positive("corner_Hz", [corner_Hz])
-    axis.sensor_corner_Hz = corner_Hz
+def _sensor_lowpass(axis: AxisParameters, terms: Terms) -> None:
+    axis.sensor_corner_Hz = terms.corner_Hz()
 
 
-def _delay(axis: AxisParameters, terms: _Terms) -> None:
-    axis.delay_ticks += terms.number("delay_s") / TICK_S
+def _delay(axis: AxisParameters, terms: Terms) -> None:
+    axis.delay_ticks += terms.one("delay_s", low=0.0) / TICK_S
 
 
-def _offset(axis: AxisParameters, terms: _Terms) -> None:
-    axis.offset_um += terms.number("offset_um")
+def _offset(axis: AxisParameters, terms: Terms) -> None:
+    axis.offset_um += terms.one("offset_um")
 
 
-EFFECTS: dict[str, Callable[[AxisParameters, _Terms], None]] = {
+EXACT: dict[str, Callable[[AxisParameters, Terms], None]] = {
     "creep": _creep,
     "resonance": _resonance,
     "sensor_lowpass": _sensor_lowpass,
     "delay": _delay,
     "offset": _offset,
 }
-"""Effects the simulator knows, by their name in a stage file."""
+"""Effects of the exact kernel; a stage with any other is stepped by the linked one."""
 
 
 def built_in(name: str) -> Stage:
@@ -171,31 +127,39 @@ def plant_parameters(stage: Stage, seed: int = 0) -> PlantParameters:
     for i in range(3):
         for j in range(3):
             parameters.coupling[i][j] = float(i == j) if coupling is None else coupling[i][j]
+    for name, axis in stage.axes.items():
+        if axis.time is None:
+            raise BadInput(
+                f"stage {stage.name!r}, axis {name}: only a table view, which cannot be simulated; "
+                "give a stage file with a time view"
+            )
+    linked = not all(_is_exact(model) for model in stage.axes.values())
     for i, name in enumerate(AXES):
-        model = stage.axes.get(name)
-        _fill_axis(parameters.axes[i], model, f"stage {stage.name!r}, axis {name}")
+        where, model = f"stage {stage.name!r}, axis {name}", stage.axes.get(name)
+        _fill_converters(parameters.axes[i], model or AxisModel(), where)
+        parameters.axes[i].delay_ticks = LATCH_S / TICK_S
+        if model is not None and not linked:
+            _fill_axis(parameters.axes[i], model, where)
+    if linked:
+        parameters.linked = ctypes.pointer(linked_parameters(stage, TICK_S, LATCH_S, seed))
     return parameters
 
 
-def _fill_axis(axis: AxisParameters, model: AxisModel | None, where: str) -> None:
-    _fill_converters(axis, model or AxisModel(), where)
-    axis.delay_ticks = LATCH_S / TICK_S
-    if model is None:
-        return
-    if model.time is None:
-        raise BadInput(f"{where}: only a table view, which cannot be simulated; give a stage file with a time view")
+def _is_exact(model: AxisModel) -> bool:
+    """Whether the exact kernel can be this axis: a short delay, and each of its effects once, with room for it."""
+    names = [effect.name for effect in model.effects]
+    once = all(names.count(name) == 1 for name in names if name not in ("delay", "offset"))
+    modes = [np.size(effect.params.get("f_Hz", 0)) for effect in model.effects if effect.name == "resonance"]
+    delays = [effect.params.get("delay_s", 0.0) for effect in model.effects if effect.name == "delay"]
+    assert model.time is not None
+    delay_s = LATCH_S + model.time.delay_s + sum(float(d) for d in delays if isinstance(d, (int, float)))
+    return set(names) <= set(EXACT) and once and sum(modes) <= MODES and delay_s / TICK_S < DELAY_TICKS - 1
+
+
+def _fill_axis(axis: AxisParameters, model: AxisModel, where: str) -> None:
     _fill_time_view(axis, model, where)
     for effect in model.effects:
-        add = EFFECTS.get(effect.name)
-        if add is None:
-            raise BadInput(
-                f"{where}: the simulator does not know effect {effect.name!r}; it knows {', '.join(EFFECTS)}"
-            )
-        terms = _Terms(effect, where)
-        add(axis, terms)
-        terms.done()
-    if not 0 <= axis.delay_ticks < DELAY_TICKS:
-        raise BadInput(f"{where}: a delay of {axis.delay_ticks * TICK_S:g} s; the simulator takes up to 12 ms")
+        EXACT[effect.name](axis, Terms(effect.name, effect.params, where))
 
 
 def _fill_converters(axis: AxisParameters, model: AxisModel, where: str) -> None:
@@ -224,5 +188,3 @@ def _fill_time_view(axis: AxisParameters, model: AxisModel, where: str) -> None:
         axis.play_start_V[i] = view.rest_fraction * r_V
     for i, (d_V, s) in enumerate(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)):
         axis.deadzone_d_V[i], axis.deadzone_s_um_per_V[i] = d_V, s
-    if not math.isfinite(axis.delay_ticks):
-        raise BadInput(f"{where}: delay_s must be finite")

@@ -32,6 +32,7 @@ struct axis {
 struct plant {
     double coupling[PLANT_AXES][PLANT_AXES];
     struct axis axes[PLANT_AXES];
+    struct linked *linked; /* not NULL: it is the stage */
     struct ziggurat ziggurat;
     uint64_t tick, sampled;
     double *trace_um;
@@ -123,19 +124,30 @@ struct plant *plant_open(const struct plant_parameters *parameters)
             return NULL;
         }
     }
+    if (parameters->linked && !(plant->linked = linked_open(parameters->linked))) {
+        free(plant);
+        return NULL;
+    }
     return plant;
 }
 
 void plant_close(struct plant *plant)
 {
-    if (plant)
+    if (plant) {
         free(plant->trace_um);
+        linked_close(plant->linked);
+    }
     free(plant);
 }
 
 size_t plant_parameters_size(void)
 {
     return sizeof(struct plant_parameters);
+}
+
+size_t plant_linked_parameters_size(void)
+{
+    return sizeof(struct linked_parameters);
 }
 
 static uint16_t sensor_code(const struct axis *axis, double x_um)
@@ -146,22 +158,20 @@ static uint16_t sensor_code(const struct axis *axis, double x_um)
     return code >= axis->code_max ? (uint16_t)axis->code_max : (uint16_t)code;
 }
 
-static void keep_true(struct plant *plant)
+static void true_positions(const struct plant *plant, double x_um[PLANT_AXES])
 {
     double own[PLANT_AXES];
-    double *row = plant->trace_um + PLANT_AXES * (plant->trace_count++ % plant->trace_capacity);
     for (int j = 0; j < PLANT_AXES; j++)
         own[j] = dynamics_output(&plant->axes[j].dynamics, DYNAMICS_TRUE, plant->axes[j].arrived);
     for (int i = 0; i < PLANT_AXES; i++) {
-        row[i] = plant->axes[i].rest_um;
+        x_um[i] = plant->axes[i].rest_um;
         for (int j = 0; j < PLANT_AXES; j++)
-            row[i] += plant->coupling[i][j] * own[j];
+            x_um[i] += plant->coupling[i][j] * own[j];
     }
 }
 
-void plant_sample(struct plant *plant, uint16_t adc_codes[PLANT_AXES])
+static void sensed_positions(struct plant *plant, double x_um[PLANT_AXES])
 {
-    double x_um[PLANT_AXES];
     for (int i = 0; i < PLANT_AXES; i++) {
         struct axis *axis = &plant->axes[i];
         x_um[i] = axis->rest_um + axis->noise_um * noise_gaussian(&axis->noise, &plant->ziggurat);
@@ -176,11 +186,23 @@ void plant_sample(struct plant *plant, uint16_t adc_codes[PLANT_AXES])
         for (int i = 0; i < PLANT_AXES; i++)
             x_um[i] += plant->coupling[i][j] * seen[plant->axes[i].sensor];
     }
+}
+
+void plant_sample(struct plant *plant, uint16_t adc_codes[PLANT_AXES])
+{
+    double x_um[PLANT_AXES], true_um[PLANT_AXES];
+    if (plant->linked)
+        linked_sample(plant->linked, x_um, true_um);
+    else
+        sensed_positions(plant, x_um);
     for (int i = 0; i < PLANT_AXES; i++)
         adc_codes[i] = sensor_code(&plant->axes[i], x_um[i]);
     plant->sampled++;
-    if (plant->trace_capacity)
-        keep_true(plant);
+    if (plant->trace_capacity) {
+        if (!plant->linked)
+            true_positions(plant, true_um);
+        memcpy(plant->trace_um + PLANT_AXES * (plant->trace_count++ % plant->trace_capacity), true_um, sizeof true_um);
+    }
 }
 
 static double delayed(struct axis *axis, uint64_t tick)
@@ -195,6 +217,10 @@ static double delayed(struct axis *axis, uint64_t tick)
 
 void plant_drive(struct plant *plant, const uint16_t dac_codes[PLANT_AXES])
 {
+    if (plant->linked) {
+        linked_drive(plant->linked, dac_codes);
+        return;
+    }
     for (int i = 0; i < PLANT_AXES; i++) {
         struct axis *axis = &plant->axes[i];
         if (dac_codes[i] != axis->dac_code) { /* the operator is rate-independent: the same voltage changes nothing */

@@ -2,10 +2,13 @@
  *
  * Per axis: DAC code -> volts -> delay -> hysteresis (gain, plays, one-sided dead zones) -> creep -> resonances ->
  * cross-coupling -> sensor low-pass -> noise -> ADC code. Everything linear after the hysteresis is stepped exactly:
- * its input is constant between the instants at which a DAC code arrives.
+ * its input is constant between the instants at which a DAC code arrives. Stages with other effects are stepped by
+ * linked.h instead.
  */
 #ifndef PHASELEAD_SIM_PLANT_H
 #define PHASELEAD_SIM_PLANT_H
+
+#include "linked.h"
 
 #include <stddef.h>
 #include <stdint.h>
@@ -38,6 +41,7 @@ struct plant_parameters {
     double tick_s;
     double coupling[PLANT_AXES][PLANT_AXES]; /* row: the axis that responds */
     uint64_t seed;
+    const struct linked_parameters *linked; /* not NULL: this is the stage, and of the axes only the ADC counts */
     struct plant_axis_parameters axes[PLANT_AXES];
 };
 
@@ -47,6 +51,7 @@ struct plant;
 PLANT_API struct plant *plant_open(const struct plant_parameters *parameters);
 PLANT_API void plant_close(struct plant *plant);
 PLANT_API size_t plant_parameters_size(void);
+PLANT_API size_t plant_linked_parameters_size(void);
 
 /* The converter codes of this instant. To be called once per tick, before plant_drive(): it draws the noise. */
 PLANT_API void plant_sample(struct plant *plant, uint16_t adc_codes[PLANT_AXES]);

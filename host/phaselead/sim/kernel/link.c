@@ -1,0 +1,158 @@
+#include "link.h"
+
+#include <complex.h>
+#include <math.h>
+#include <string.h>
+
+static double clamp(double x, double low, double high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+/* How much wider every threshold is at the mean rate over the last tick: a converter's stairs have no rate of their
+ * own. */
+static double widened(struct operator_state *o, double u_V)
+{
+    double before = o->recent_V[o->now];
+    o->recent_V[o->now] = u_V;
+    o->now = (o->now + 1) % LINK_SUBSTEPS;
+    if (o->with->widening == 0)
+        return 1;
+    return 1 + o->with->widening * log10(1 + fabs(u_V - before) / o->with->tick_s / o->with->onset_V_per_s);
+}
+
+static double square_of(const struct operator_parameters *p, double u_V)
+{
+    double q = (2 * u_V - p->low_V - p->high_V) / (p->high_V - p->low_V);
+    return q * q;
+}
+
+/* Curvature, and plays of the squared voltage whose lag sits at one end of the loop. */
+static double asymmetry_um(struct operator_state *o, double u_V)
+{
+    const struct operator_parameters *p = o->with;
+    if (p->bend_um == 0 && p->skew_um == 0)
+        return 0;
+    double q = square_of(p, u_V), lag = 0, opening = 0;
+    for (int i = 0; i < LINK_RING_PLAYS; i++) {
+        double r = p->skew_reach * (i + 1) / LINK_RING_PLAYS;
+        o->square_play[i] = clamp(o->square_play[i], q - r, q + r);
+        lag += o->square_play[i] - q;
+        opening += 2 * r;
+    }
+    return p->bend_um * (q - square_of(p, 0)) + p->skew_um * lag / opening;
+}
+
+static double operator_um(struct operator_state *o, double u_V)
+{
+    const struct operator_parameters *p = o->with;
+    double x = p->gain_um_per_V * u_V, scale = widened(o, u_V);
+    for (uint32_t i = 0; i < p->plays; i++) {
+        o->play[i] = clamp(o->play[i], u_V - scale * p->play_r_V[i], u_V + scale * p->play_r_V[i]);
+        x += p->play_w_um_per_V[i] * o->play[i];
+    }
+    for (uint32_t i = 0; i < p->deadzones; i++)
+        x += u_V > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (u_V - p->deadzone_d_V[i]) : 0;
+    return x + asymmetry_um(o, u_V);
+}
+
+static void operator_rest(struct operator_state *o, double rest_V)
+{
+    const struct operator_parameters *p = o->with;
+    memcpy(o->play, p->play_start_V, sizeof o->play);
+    for (int i = 0; i < LINK_RING_PLAYS; i++)
+        o->square_play[i] = square_of(p, rest_V);
+    for (int i = 0; i < LINK_SUBSTEPS; i++)
+        o->recent_V[i] = rest_V;
+    o->rest_um = operator_um(o, rest_V);
+}
+
+static bool poles_make(struct link *link)
+{
+    const struct link_parameters *p = link->with;
+    for (uint32_t i = 0; i < p->poles; i++) {
+        double complex pole = p->pole_re[i] + I * p->pole_im[i];
+        if (!(p->pole_re[i] < 0))
+            return false;
+        double complex decay = cexp(pole * link->step_s), behind = -1 / (pole * link->step_s);
+        link->decay_re[i] = creal(decay);
+        link->decay_im[i] = cimag(decay);
+        link->behind_re[i] = creal(behind); /* a ramp is followed by so many steps too late */
+        link->behind_im[i] = cimag(behind);
+    }
+    return true;
+}
+
+bool link_make(struct link *link, const struct link_parameters *from, struct operator_state *operator, double step_s,
+               double rest)
+{
+    memset(link, 0, sizeof *link);
+    link->with = from;
+    link->operator = operator;
+    link->step_s = step_s;
+    link->rest = link->in = link->out = rest;
+    switch (from->kind) {
+    case LINK_POLES_SUM:
+        return from->poles <= LINK_POLES && poles_make(link);
+    case LINK_CLIP:
+        link->out = clamp(rest, from->number[0], from->number[1]);
+        return true;
+    case LINK_OPERATOR:
+        operator_rest(operator, rest);
+        link->out = 0;
+        return true;
+    default:
+        return from->kind <= LINK_BACKLASH;
+    }
+}
+
+static double poles_step(struct link *link, double x)
+{
+    const struct link_parameters *p = link->with;
+    double before = link->in - link->rest, now = x - link->rest, rise = now - before, sum = p->number[0] * now;
+    for (uint32_t i = 0; i < p->poles; i++) {
+        double lag_re = link->behind_re[i] * rise, lag_im = link->behind_im[i] * rise;
+        double far_re = link->state_re[i] - before + lag_re, far_im = link->state_im[i] + lag_im;
+        link->state_re[i] = now - lag_re + link->decay_re[i] * far_re - link->decay_im[i] * far_im;
+        link->state_im[i] = -lag_im + link->decay_re[i] * far_im + link->decay_im[i] * far_re;
+        sum += p->weight_re[i] * link->state_re[i] - p->weight_im[i] * link->state_im[i];
+    }
+    return link->rest + sum;
+}
+
+/* The level follows by the midpoint rule: it is hundreds of substeps slow. */
+static double softening_step(struct link *link, double x)
+{
+    const double *n = link->with->number;
+    double z = x / n[1], share = -expm1(-link->step_s / n[2]);
+    link->mean += share * (0.5 * (z + link->in / n[1]) - link->mean);
+    z -= n[3] * link->mean;
+    link->level += share * (z * z - link->level);
+    return x + n[0] * n[1] * z * sqrt(link->level);
+}
+
+double link_step(struct link *link, double x)
+{
+    const double *n = link->with->number;
+    switch (link->with->kind) {
+    case LINK_POLES_SUM:
+        link->out = poles_step(link, x);
+        break;
+    case LINK_SLEW:
+        link->out += clamp(x - link->out, -n[0] * link->step_s, n[0] * link->step_s);
+        break;
+    case LINK_CLIP:
+        link->out = clamp(x, n[0], n[1]);
+        break;
+    case LINK_OPERATOR:
+        link->out = operator_um(link->operator, x) - link->operator->rest_um;
+        break;
+    case LINK_SOFTENING:
+        link->out = softening_step(link, x);
+        break;
+    default: /* LINK_BACKLASH, as link_make() has seen to */
+        link->out = clamp(link->out, x - n[0], x + n[0]);
+    }
+    link->in = x;
+    return link->out;
+}

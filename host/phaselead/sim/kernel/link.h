@@ -1,0 +1,64 @@
+/* One step of a stage that is put together from parts: what goes in runs straight from one substep to the next, what
+ * comes out does so again. Voltages rest where 0 V at the converter puts them, positions are displacements from rest.
+ */
+#ifndef PHASELEAD_SIM_LINK_H
+#define PHASELEAD_SIM_LINK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define LINK_POLES 48
+#define LINK_PLAYS 64
+#define LINK_DEADZONES 32
+#define LINK_RING_PLAYS 8
+#define LINK_SUBSTEPS 8
+
+enum link_kind {
+    LINK_POLES_SUM = 1, /* number[0] x + sum Re(weight / (1 - s / pole)) x: lags, creep, leakage, modes */
+    LINK_SLEW,          /* follows by at most number[0] a second */
+    LINK_CLIP,          /* between number[0] and number[1] */
+    LINK_OPERATOR,      /* the hysteresis operator: V in, um from rest out */
+    LINK_SOFTENING,     /* kappa, X, tau, share of the mean that does not count */
+    LINK_BACKLASH,      /* number[0]: half the slack */
+};
+
+struct link_parameters {
+    uint32_t kind, poles;
+    double number[4];
+    double pole_re[LINK_POLES], pole_im[LINK_POLES], weight_re[LINK_POLES], weight_im[LINK_POLES];
+};
+
+struct operator_parameters { /* a stage file's time view, with what can bend its loops */
+    double gain_um_per_V;
+    double play_r_V[LINK_PLAYS], play_w_um_per_V[LINK_PLAYS], play_start_V[LINK_PLAYS];
+    double deadzone_d_V[LINK_DEADZONES], deadzone_s_um_per_V[LINK_DEADZONES];
+    double low_V, high_V;                   /* the voltages that shares below refer to */
+    double bend_um, skew_um, skew_reach;    /* asymmetry: common curvature, one-sided width */
+    double widening, onset_V_per_s, tick_s; /* growth of the thresholds per decade of rate over the last tick */
+    uint32_t plays, deadzones;
+};
+
+struct operator_state {
+    const struct operator_parameters *with;
+    double play[LINK_PLAYS], square_play[LINK_RING_PLAYS];
+    double recent_V[LINK_SUBSTEPS];
+    unsigned now;
+    double rest_um;
+};
+
+struct link {
+    const struct link_parameters *with;
+    struct operator_state *operator;                   /* of LINK_OPERATOR */
+    double step_s, rest, in, out;                      /* `rest` of what goes in */
+    double state_re[LINK_POLES], state_im[LINK_POLES]; /* of LINK_POLES_SUM */
+    double decay_re[LINK_POLES], decay_im[LINK_POLES], behind_re[LINK_POLES], behind_im[LINK_POLES];
+    double mean, level; /* of LINK_SOFTENING */
+};
+
+/* At rest under `rest` volts, or micrometres beyond the operator; link->out is then what rests behind it. False when
+ * the parameters cannot be stepped. `operator` is the one of a LINK_OPERATOR. */
+bool link_make(struct link *link, const struct link_parameters *from, struct operator_state *operator, double step_s,
+               double rest);
+double link_step(struct link *link, double x);
+
+#endif

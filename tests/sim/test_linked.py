@@ -1,0 +1,189 @@
+"""Virtual stages with any effect of the catalogue: the kernel's own equations against the model's, and its laws."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from phaselead.effects import catalogue
+from phaselead.errors import BadInput
+from phaselead.sim.device import Plant
+from phaselead.sim.linked import EFFECTS, linked_parameters
+from phaselead.sim.plant import LATCH_S, TICK_S, built_in, plant_parameters
+from phaselead.stage.chain import simulate
+from phaselead.stage.file import AxisModel, Effect, Sensor, Stage, TimeView
+
+ROWS = 20_000
+VIEW = TimeView(
+    gain_um_per_V=12,
+    play_r_V=(0.1, 0.4, 1.0, 2.0),
+    play_w_um_per_V=(1.5, 1.0, 1.5, 1.0),
+    deadzone_d_V=(3.0, 6.0),
+    deadzone_s_um_per_V=(0.5, 0.4),
+    rest_fraction=0.3,
+    u_range_V=(0, 10),
+    rate_Hz=5000,
+)
+STAIRS_S = LATCH_S + TICK_S / 2
+"""How late a held voltage acts, beside one that runs straight from row to row."""
+SMOOTH = Effect(name="sensor_lowpass", params={"tau_s": 4e-4})
+MODE = Effect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.05})
+NOISES = ("vibration", "sampling_jitter", "quantisation")
+
+
+def sizes(name):
+    """Large enough to stand out of the converter's steps."""
+    larger = {
+        "slew_limit": {"traverse_s": 0.2},
+        "offset": {"offset_um": 1.0},
+        "dac_nonlinearity": {"bow_LSB": 100.0, "s_LSB": 80.0, "segment_LSB": 50.0},
+        "thermal_drift": {"ramp_um_per_s": 0.2, "rise_um": 3.0, "tau_s": 6.0},
+        "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
+        "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01},
+        "load_change": {"mass": 0.5},
+        "sensor_lowpass": {"tau_s": 1e-3},
+        "amplifier_lowpass": {"tau_s": 1e-3},
+        "delay": {"delay_s": 2.345e-3},
+        "hysteresis": {"width": 0.15, "slope": 1.0, "rest_fraction": 0.4},
+        "asymmetric_hysteresis": {"bend": 0.03, "skew": 0.05, "reach": 0.3},
+        "softening": {"kappa": 0.2, "about_mean": 0.5, "tau_s": 0.2},
+        "charge_leakage": {"rate_per_s": 0.2},
+    }
+    return {**catalogue()[name].typical, **larger.get(name, {})}
+
+
+def drive():
+    """Voltages (n,) that the converter can say."""
+    t = np.arange(ROWS) * TICK_S
+    u = 5 - 4 * np.cos(2 * np.pi * 3 * t) * np.exp(-t / 6) - 0.9 * np.cos(2 * np.pi * 11 * t)
+    return t, np.round((u - u[0]) * 3200) / 3200
+
+
+def measure(stage, u, *, linked=False, axis=0, seed=0):
+    """Sensed positions (n, 3) and true ones."""
+    codes = np.full((len(u), 3), 32768, np.uint16)
+    codes[:, axis] = np.round(32768 + 3200 * u)
+    parameters = plant_parameters(stage, seed)
+    if linked:
+        parameters.linked = ctypes.pointer(linked_parameters(stage, TICK_S, LATCH_S, seed))
+    plant = Plant(parameters)
+    plant.trace(len(u))
+    adc = plant.run(codes)
+    return adc * (280 / 65536) - 10, plant.take_trace()[1]
+
+
+def stage_of(*effects, view=VIEW, noise=0.0):
+    return Stage(name="t", axes={"x": AxisModel(time=view, effects=effects, sensor=Sensor(noise_um_rms=noise))})
+
+
+def test_it_is_the_exact_kernel_where_both_can_be_the_stage():
+    stage = built_in("xyz250")
+    _, u = drive()
+    assert not plant_parameters(stage).linked
+    for axis in range(3):
+        exact, linked = (measure(stage, u, linked=on, axis=axis)[1] for on in (False, True))
+        assert abs(exact - linked).max() < 2e-3  # of 200 um
+
+
+@pytest.mark.parametrize("name", [n for n in catalogue() if n not in (*NOISES, "cross_coupling")])
+def test_an_effect_shows_as_its_equation_says(name):
+    """Written twice: C here, the catalogue's own there. The base is subtracted from both."""
+    t, u = drive()
+    base = (MODE, SMOOTH) if name == "load_change" else (SMOOTH,)
+    effect = Effect(name=name, params=sizes(name))
+    shown = [measure(stage_of(*base, *more), u, linked=True)[0][:, 0] for more in ((effect,), ())]
+    late = VIEW.model_copy(update={"delay_s": STAIRS_S})
+    told = [simulate(AxisModel(time=late, effects=(*base, *more)), t, u) for more in ((effect,), ())]
+    made, meant = shown[0] - shown[1], told[0] - told[1]
+    assert np.sqrt(np.mean(meant**2)) > 0.05
+    assert np.std(made - meant) < 0.006 + 0.02 * np.std(meant)
+    assert abs(np.mean(made - meant)) < 0.003 + 0.01 * abs(np.mean(meant))
+
+
+@pytest.mark.parametrize("name", ["creep", "resonance", "sensor_lowpass", "delay", "amplifier_lowpass", "hysteresis"])
+def test_what_stands_twice_acts_twice(name):
+    t, u = drive()
+    effects = (SMOOTH, *[Effect(name=name, params=sizes(name))] * 2)
+    shown = measure(stage_of(*effects), u)[0][:, 0]
+    told = simulate(AxisModel(time=VIEW.model_copy(update={"delay_s": STAIRS_S}), effects=effects), t, u)
+    assert np.std(shown - told) < 0.06  # of 110 um
+
+
+def test_a_delay_of_many_ticks_is_a_shift():
+    _, u = drive()
+    late = VIEW.model_copy(update={"delay_s": 0.017})
+    assert abs(measure(stage_of(), u, linked=True)[1][:-85] - measure(stage_of(view=late), u)[1][85:]).max() < 1e-9
+
+
+def test_rest_is_rest_even_beyond_a_rail():
+    effects = [Effect(name=name, params=sizes(name)) for name in ("saturation", "charge_leakage", "creep", "softening")]
+    still = measure(stage_of(*effects, MODE), np.zeros(2000))[1]
+    assert np.ptp(still[:, 0]) == 0
+
+
+def test_other_axes_move_this_one():
+    model = AxisModel(time=VIEW, sensor=Sensor(noise_um_rms=0))
+    coupled = model.model_copy(
+        update={"effects": (Effect(name="cross_coupling", params={"from_x": 0.03, "lag_s": 0.002}),)}
+    )
+    _, u = drive()
+    x = measure(Stage(name="t", axes={"x": model, "y": coupled}), u)[1]
+    moved = x[:, 0] - x[0, 0]
+    state, lagged = 0.0, []
+    for now in moved:
+        lagged.append(state)
+        state += (1 - np.exp(-TICK_S / 0.002)) * (now - state)
+    assert np.std(x[:, 1] - x[0, 1] - 0.03 * np.array(lagged)) < 0.01 * 0.03 * np.std(moved) + 0.02
+    assert not (x[:, 2] - x[0, 2]).any()
+
+
+def test_vibration_has_its_size_and_its_peak():
+    shaking = Effect(name="vibration", params={"rms_um": 0.5, "f_Hz": 120.0, "bandwidth_Hz": 10.0})
+    x = np.concatenate([measure(stage_of(shaking), np.zeros(ROWS), seed=s)[0][:, 0] for s in range(5)])
+    assert x.std() == pytest.approx(0.5, rel=0.1)
+    power = np.mean(abs(np.fft.rfft((x - x.mean()).reshape(20, -1) * np.hanning(5000))) ** 2, axis=0)
+    assert power.argmax() == pytest.approx(120, abs=4)
+    above_half = np.flatnonzero(power > power.max() / 2)
+    assert 5 < np.ptp(above_half) < 20
+
+
+def test_jitter_grows_with_the_speed():
+    _, u = drive()
+    jitter = Effect(name="sampling_jitter", params={"rms_s": 2e-4})
+    calm, shaky = (measure(stage_of(*effects), u, linked=True)[0][:, 0] for effects in ((), (jitter,)))
+    speed = np.gradient(calm, TICK_S)
+    fast = abs(speed) > np.quantile(abs(speed), 0.9)
+    noise = shaky - calm
+    assert noise[fast].std() == pytest.approx(2e-4 * np.sqrt(np.mean(speed[fast] ** 2)), rel=0.1)
+    assert noise[abs(speed) < 5].std() < 0.05 * noise[fast].std() + 0.004
+
+
+def test_a_coarse_converter_says_its_steps_only():
+    coarse = Effect(name="quantisation", params={"lsb_um": 0.5})
+    x = measure(stage_of(coarse, noise=0.01), drive()[1])[0][:, 0]
+    off = x - 0.5 * np.round(x / 0.5)
+    assert abs(off).max() <= 280 / 65536
+    assert len(np.unique(np.round(x / 0.5))) > 100
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        ([Effect(name="mains_hum")] * 2, "stands there 2 times"),
+        ([Effect(name="load_change", params={"mass": 0.1})], "there is none; add one"),
+        ([Effect(name="saturation", params={"top": 0.6})], "top must be .*below 0.5"),
+        ([Effect(name="slew_limit", params={"traverse_s": -1.0})], "at least 0"),
+        ([Effect(name="gain_change", params={"gain": [0.1, 0.2]})], "has 2 terms; the simulator takes one"),
+        ([Effect(name="hysteresis", params={"wide": 0.1})], "unknown parameter wide"),
+        ([Effect(name="hysteresis", params={"width": 0.1})] * 7, "more plays"),
+        ([Effect(name="delay", params={"delay_s": 20.0})], "up to 10 s"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused_in_one_line(effects, words):
+    with pytest.raises(BadInput, match=words) as refusal:
+        plant_parameters(stage_of(*effects))
+    assert "\n" not in str(refusal.value)
+
+
+def test_every_effect_of_the_catalogue_can_be_simulated():
+    assert set(EFFECTS) == set(catalogue())
