@@ -3,22 +3,17 @@
 They hold no Python API (they are called through ctypes), so no Python headers are needed.
 """
 
-import hashlib
+import runpy
 from glob import glob
 from pathlib import Path
 
 from setuptools import Extension, setup
 
+ROOT = Path(__file__).parent
+build_id = runpy.run_path(str(ROOT / "firmware" / "build_id.py"))["build_id"]
+
 # Contraction would let one compiler fuse a multiply-add that another does not.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-strict-aliasing", "-Wall", "-Wextra", "-fvisibility=hidden"]
-
-
-def build_id() -> str:
-    """SHA-1 over the firmware's source, names and contents: what the device says it was built from."""
-    digest = hashlib.sha1()
-    for path in sorted(glob("firmware/**/*.[ch]", recursive=True)):
-        digest.update(path.encode() + b"\0" + Path(path).read_bytes())
-    return digest.hexdigest()
 
 
 setup(
@@ -33,7 +28,7 @@ setup(
             ),
             depends=sorted(glob("firmware/**/*.h", recursive=True) + glob("host/phaselead/sim/kernel/*.h")),
             include_dirs=["firmware", "host/phaselead/sim/kernel"],
-            define_macros=[("PHASELEAD_BUILD_ID", f'"{build_id()}"')],
+            define_macros=[("PHASELEAD_BUILD_ID", f'"{build_id(ROOT)}"')],
             extra_compile_args=FLAGS,
             libraries=["m"],
         ),

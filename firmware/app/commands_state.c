@@ -171,6 +171,7 @@ enum wire_status command_info(struct device *device, const struct request *reque
     struct wire_info_reply reply = {.cycles_last = device->cycles_last,
                                     .cycles_max = device->cycles_max,
                                     .overruns = device->overruns,
+                                    .latched_late = device->latched_late,
                                     .last_fault = (uint8_t)device->last_fault,
                                     .last_fault_detail = device->last_fault_detail,
                                     .flash_sequence = device->models.sequence};

@@ -209,6 +209,8 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
         device->adc_codes[axis] = adc_codes[axis];
         device->dac_codes[axis] = dac_codes[axis] = traces[axis].dac_code;
     }
+    if (device->port.drive)
+        device->port.drive(device->port.context, dac_codes);
     if (control->state == WIRE_STATE_RUNNING) {
         watch_rails(device);
         for (unsigned axis = 0; axis < AXES; axis++)
@@ -220,4 +222,10 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     if (recorder_tick(&device->recorder, control->tick, traces))
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
     control->tick++;
+}
+
+void device_miss_ticks(struct device *device, uint32_t ticks)
+{
+    device->control.tick += ticks;
+    recorder_miss(&device->recorder, ticks);
 }

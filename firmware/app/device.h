@@ -41,6 +41,9 @@ struct device_port {
     struct flash_port flash;
     void (*lock)(void *context);
     void (*unlock)(void *context);
+    /* Takes the codes of a tick as soon as they are known, before the tick is recorded; NULL: device_tick() gives them.
+     */
+    void (*drive)(void *context, const uint16_t dac_codes[AXES]);
     void *context;
     uint32_t baud;
     enum wire_reset_cause reset_cause;
@@ -77,7 +80,7 @@ struct device {
     _Atomic uint32_t raised; /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
     uint32_t raised_axis;
     uint32_t raised_detail;
-    uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns; /* kept by the port */
+    uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns, latched_late; /* kept by the port */
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct model_store models;
@@ -99,6 +102,10 @@ void device_init(struct device *device, const struct device_port *port);
 
 /* One control tick: codes in, codes out. */
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES]);
+
+/* For ports: so many ticks went by without device_tick(), at rest, because flash was busy. They count, and a stream
+ * says that it lacks them. */
+void device_miss_ticks(struct device *device, uint32_t ticks);
 
 /* For ports, from any context: this fault was detected; the next tick reacts to it. */
 void device_raise(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail);

@@ -128,6 +128,18 @@ bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_t
     return false;
 }
 
+void recorder_miss(struct recorder *recorder, uint32_t ticks)
+{
+    uint32_t decimation = recorder->format.decimation;
+    if (!recorder->recording || ticks == 0)
+        return;
+    uint32_t rows = ticks > recorder->skip ? (ticks - recorder->skip - 1) / decimation + 1 : 0;
+    recorder->skip = (uint16_t)(recorder->skip + rows * decimation - ticks);
+    if (rows > 0)
+        close_batch(recorder);
+    recorder->dropped += rows;
+}
+
 struct recorder_batch *recorder_next(struct recorder *recorder, size_t *payload_size)
 {
     uint32_t drained = atomic_load_explicit(&recorder->drained, memory_order_relaxed);

@@ -65,6 +65,9 @@ void recorder_discard(struct recorder *recorder);
 /* Takes a tick. True when it is the first of a row that had to be dropped. */
 bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_trace *traces);
 
+/* These ticks went by unseen: they count as dropped. */
+void recorder_miss(struct recorder *recorder, uint32_t ticks);
+
 /* The oldest full batch, its payload complete but for header and CRC; NULL when there is none. */
 struct recorder_batch *recorder_next(struct recorder *recorder, size_t *payload_size);
 

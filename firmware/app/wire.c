@@ -108,7 +108,7 @@ static const struct {
     {"set_timeout", {4, false}, 0x14},
     {"set_timeout", {9, false}, 0x94},
     {"info", {0, false}, 0x15},
-    {"info", {94, false}, 0x95},
+    {"info", {98, false}, 0x95},
     {"samples", {20, true}, 0x70},
     {"event", {13, false}, 0x71},
 };
@@ -770,6 +770,7 @@ int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, s
     for (size_t i = 0; i < 16; i++)
         out = put_u32(out, from->histogram[i]);
     out = put_u32(out, from->overruns);
+    out = put_u32(out, from->latched_late);
     out = put_u8(out, from->last_fault);
     out = put_u32(out, from->last_fault_detail);
     out = put_u32(out, from->flash_sequence);
@@ -787,6 +788,7 @@ bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_
     for (size_t i = 0; i < 16; i++)
         to->histogram[i] = get_u32(&in);
     to->overruns = get_u32(&in);
+    to->latched_late = get_u32(&in);
     to->last_fault = get_u8(&in);
     to->last_fault_detail = get_u32(&in);
     to->flash_sequence = get_u32(&in);

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0x0000DBBBu
+#define WIRE_FINGERPRINT 0x5FB3C661u
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -119,6 +119,20 @@ enum wire_reset_cause {
     WIRE_RESET_CAUSE_BROWN_OUT = 4,
 };
 #define WIRE_RESET_CAUSE_COUNT 5
+
+/* Top four bits of a core_lost fault's detail: what ended the program; below them the address at which it happened */
+enum wire_core_loss {
+    WIRE_CORE_LOSS_WATCHDOG = 0,
+    WIRE_CORE_LOSS_HARD_FAULT = 1,
+    WIRE_CORE_LOSS_MEMORY_FAULT = 2,
+    WIRE_CORE_LOSS_BUS_FAULT = 3,
+    WIRE_CORE_LOSS_USAGE_FAULT = 4,
+    WIRE_CORE_LOSS_STACK_OVERFLOW = 5,
+    WIRE_CORE_LOSS_CLOCK_STOPPED = 6,
+    WIRE_CORE_LOSS_NO_CRYSTAL = 7,
+    WIRE_CORE_LOSS_STRAY_INTERRUPT = 8,
+};
+#define WIRE_CORE_LOSS_COUNT 9
 
 /* Bits of the stream's channel mask; per tick and axis, in this order */
 enum wire_channel {
@@ -402,7 +416,7 @@ struct wire_set_timeout_request {
 };
 
 /* 0x95: Timing of the tick and the fault log */
-#define WIRE_INFO_REPLY_SIZE 94
+#define WIRE_INFO_REPLY_SIZE 98
 struct wire_info_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
@@ -410,6 +424,7 @@ struct wire_info_reply {
     uint32_t cycles_max;
     uint32_t histogram[16]; /* ticks by log2 of cycles */
     uint32_t overruns;
+    uint32_t latched_late; /* ticks whose output came later than 20 us after the sample */
     uint8_t last_fault;
     uint32_t last_fault_detail;
     uint32_t flash_sequence;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/build_id.h"
 #include "app/device.h"
 #include "app/service.h"
 #include "core/fixed.h"
@@ -28,22 +29,6 @@ struct host_device {
 
 static const char TARGET[] = "host";
 
-#ifndef PHASELEAD_BUILD_ID
-#define PHASELEAD_BUILD_ID ""
-#endif
-
-static uint8_t hex_digit(char digit)
-{
-    return (uint8_t)(digit <= '9' ? digit - '0' : digit - 'a' + 10);
-}
-
-static void fill_build_id(uint8_t *id, size_t size)
-{
-    const char *text = PHASELEAD_BUILD_ID;
-    for (size_t i = 0; i < size && text[0] != 0 && text[1] != 0; i++, text += 2)
-        id[i] = (uint8_t)(hex_digit(text[0]) << 4 | hex_digit(text[1]));
-}
-
 struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size)
 {
     if (flash && flash_size != HOST_FLASH_SIZE)
@@ -56,7 +41,7 @@ struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_
                                       .baud = baud,
                                       .reset_cause = WIRE_RESET_CAUSE_POWER_ON,
                                       .target = TARGET};
-    fill_build_id(host->port.build_id, sizeof host->port.build_id);
+    build_id(host->port.build_id);
     device_init(&host->device, &host->port);
     return host;
 }

@@ -64,6 +64,14 @@ def _name(kind: type[IntEnum], value: int) -> str:
     return kind(value).name.lower() if value in list(kind) else f"unknown ({value})"
 
 
+def _fault_detail(fault: int, detail: int) -> int | str:
+    """As a number, but for core_lost: what ended the program, and where."""
+    if fault != wire.Fault.CORE_LOST:
+        return detail
+    loss, address = _name(wire.CoreLoss, detail >> 28), detail & 0x0FFFFFFF
+    return f"{loss} at 0x{address:08x}" if address else loss
+
+
 def axis_index(axis: str) -> int:
     """0, 1, 2 of "x", "y", "z". Raises BadInput for anything else."""
     if len(axis) != 1 or axis not in AXES:
@@ -167,8 +175,9 @@ class Device:
             "cycles_max": r.cycles_max,
             "cycles_histogram": list(r.histogram),
             "overruns": r.overruns,
+            "latched_late": r.latched_late,
             "last_fault": _name(wire.Fault, r.last_fault),
-            "last_fault_detail": r.last_fault_detail,
+            "last_fault_detail": _fault_detail(r.last_fault, r.last_fault_detail),
             "flash_record": r.flash_sequence,
         }
 

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0x0000DBBB
+FINGERPRINT = 0x5FB3C661
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -169,6 +169,20 @@ class ResetCause(IntEnum):
     WATCHDOG = 2
     SOFTWARE = 3
     BROWN_OUT = 4
+
+
+class CoreLoss(IntEnum):
+    """Top four bits of a core_lost fault's detail: what ended the program; below them the address at which it happened."""
+
+    WATCHDOG = 0
+    HARD_FAULT = 1
+    MEMORY_FAULT = 2
+    BUS_FAULT = 3
+    USAGE_FAULT = 4
+    STACK_OVERFLOW = 5
+    CLOCK_STOPPED = 6
+    NO_CRYSTAL = 7
+    STRAY_INTERRUPT = 8
 
 
 class Channel(IntEnum):
@@ -1385,11 +1399,11 @@ class InfoReply(Reply):
 
     NAME: ClassVar[str] = "info reply"
     NUMBER: ClassVar[int] = 0x95
-    SIZE: ClassVar[int] = 94
+    SIZE: ClassVar[int] = 98
     PLATFORM: ClassVar[frozenset[str]] = frozenset(
-        {"cycles_last", "cycles_max", "histogram", "overruns", "last_fault_detail"}
+        {"cycles_last", "cycles_max", "histogram", "overruns", "latched_late", "last_fault_detail"}
     )
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIBII")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIIBII")
     status: int
     tick: int
     """the tick before which the command took effect."""
@@ -1398,6 +1412,8 @@ class InfoReply(Reply):
     histogram: tuple[int, ...]
     """ticks by log2 of cycles."""
     overruns: int
+    latched_late: int
+    """ticks whose output came later than 20 us after the sample."""
     last_fault: int
     last_fault_detail: int
     flash_sequence: int
@@ -1412,6 +1428,7 @@ class InfoReply(Reply):
             self.cycles_max,
             *self.histogram,
             self.overruns,
+            self.latched_late,
             self.last_fault,
             self.last_fault_detail,
             self.flash_sequence,
@@ -1421,7 +1438,7 @@ class InfoReply(Reply):
     def unpack(cls, payload: bytes) -> InfoReply:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23])
+        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24])
 
 
 @dataclass(frozen=True, slots=True)
