@@ -1,0 +1,213 @@
+"""The cases of a campaign: what is hidden in which rig, by seeds that follow from a case's own name."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from phaselead.record.recording import Recording
+
+from . import electrical, ferroelectric, mechanical, sensor, sessions, surroundings
+from .coupling import CrossCoupling
+from .rig import Rig
+from .stage import Character, Effect, draw
+
+EFFECTS: dict[str, type[Effect]] = {
+    e.name: e for m in (electrical, ferroelectric, mechanical, sensor, surroundings) for e in m.EFFECTS
+}
+SETS = {"tuning": "tuning-2026", "sealed": "sealed-2026-11"}
+"""Name of each set of seeds. The sealed ones are for the published figure alone."""
+KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
+COUNTS = {
+    "none": 200, "single": 2, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
+    "poor": 20,
+}  # fmt: skip
+"""Cases at scale 1; of "single" and "sines" per effect and size."""
+SIZES = (0.05, 0.2, 1.0)
+SLOW = {"creep", "charge_leakage", "thermal_drift", "softening"}
+FAST = {"delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "load_change", "slew_limit", "sampling_jitter",
+        "rate_dependence"}  # fmt: skip
+RATES_HZ = {"fast": 5000.0, "slow": 500.0}
+ALIKE = [
+    {"delay", "amplifier_lowpass", "sensor_lowpass", "slew_limit"},
+    {"creep", "charge_leakage", "thermal_drift", "offset"},
+    {"asymmetric_hysteresis", "sensor_nonlinearity", "saturation", "dac_nonlinearity"},
+    {"hysteresis", "backlash", "rate_dependence"},
+    {"gain_change", "softening"},
+    {"resonance", "load_change"},
+    {"quantisation", "vibration", "sampling_jitter", "mains_hum"},
+]
+"""Pairs and triples take at most one of each group."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One hidden effect: its size as a multiple of the typical, and as the catalogue would measure it."""
+
+    name: str
+    size: float
+    value: float
+    unit: str
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """One blind trial. ``name`` says it all and is its seed: set/kind/effects/size/rate/number."""
+
+    set_name: str
+    kind: str
+    effects: tuple[str, ...]
+    size: float
+    rate: str
+    number: int
+
+    @property
+    def name(self) -> str:
+        what = "+".join(self.effects) or "nothing"
+        return f"{self.set_name}/{self.kind}/{what}/{self.size:g}/{self.rate}/{self.number}"
+
+    @property
+    def without(self) -> tuple[str, ...]:
+        """Effects to leave out of the catalogue."""
+        return self.effects if self.kind == "removed" else ()
+
+    @property
+    def seed(self) -> int:
+        words = "/".join([SETS[self.set_name], *self.name.split("/")[1:]])
+        return int.from_bytes(hashlib.sha256(words.encode()).digest()[:8], "big")
+
+    @cached_property
+    def characters(self) -> dict[str, Character]:
+        """The stages."""
+        rng = np.random.default_rng([self.seed, 1])
+        rate_Hz = RATES_HZ[self.rate]
+        bits = 12 if "dac_nonlinearity" in self.effects else 16
+        found = {axis: draw(rng, rate_Hz, bits) for axis in ("xyz" if self.kind == "coupling" else "x")}
+        if "hysteresis" in self.effects:
+            found = {axis: replace(c, loop=0.005) for axis, c in found.items()}
+        if self.kind == "poor":
+            found = {
+                axis: replace(c, white_um=20 * c.white_um, coloured_um=20 * c.coloured_um) for axis, c in found.items()
+            }
+        return found
+
+    @cached_property
+    def hidden(self) -> tuple[Hidden, ...]:
+        """The truth."""
+        axis = "x" if self.kind == "coupling" else None
+        known = {**EFFECTS, CrossCoupling.name: CrossCoupling}
+        return tuple(
+            Hidden(name, self.size, self.size * known[name].typical, known[name].unit, axis) for name in self.effects
+        )
+
+    @property
+    def bits(self) -> int:
+        """Of the converters, as a lab knows them."""
+        return next(iter(self.characters.values())).bits
+
+    def records(self, *, hidden: bool = True) -> tuple[list[Recording], list[Recording], list[Recording]]:
+        """(reference, train, holdout): the first without what is hidden; with ``hidden`` False all of them are."""
+        rig = Rig(self.characters, np.random.default_rng([self.seed, 2]))
+        session = {
+            "sines": sessions.sines, "closed_loop": sessions.tracked, "coupling": sessions.three_axes,
+            "poor": sessions.poor,
+        }.get(self.kind, sessions.mixed)  # fmt: skip
+        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", "poor") else []
+        reference += session(rig, "reference") if self.kind != "poor" else []
+        rig.pause(30)
+        if hidden:
+            self.hide(rig)
+        train = session(rig, "train")
+        rig.pause(10)
+        holdout = session(rig, "holdout", held_out=True)
+        return reference, train, holdout
+
+    def hide(self, rig: Rig) -> None:
+        """Switch it on."""
+        rng = np.random.default_rng([self.seed, 3])
+        if self.kind == "coupling":
+            rig.switch({}, CrossCoupling(self.size, self.characters, rng) if self.effects else None)
+        elif self.effects:
+            character = self.characters["x"]
+            rig.switch({"x": [EFFECTS[name](self.size, character, rng) for name in self.effects]})
+
+
+def cases(
+    set_name: str, kinds: Sequence[str] = KINDS, sizes: Sequence[float] = SIZES, scale: float = 1.0
+) -> list[Case]:
+    """The campaign's cases in an order that any beginning of represents. ``scale`` multiplies their numbers.
+
+    Raises ValueError for a set or kind that does not exist.
+    """
+    if set_name not in SETS or (wrong := set(kinds) - set(KINDS)):
+        raise ValueError(f"no set {set_name!r}" if set_name not in SETS else f"no kind {', '.join(sorted(wrong))}")
+    found = [case for kind in kinds for case in _of_kind(set_name, kind, sizes, scale)]
+    return sorted(found, key=lambda case: case.seed)
+
+
+def case(name: str) -> Case:
+    """The case of that name. Raises ValueError."""
+    set_name, kind, what, size, rate, number = name.split("/")
+    effects = () if what == "nothing" else tuple(what.split("+"))
+    return Case(set_name, kind, effects, float(size), rate, int(number))
+
+
+def _of_kind(set_name: str, kind: str, sizes: Sequence[float], scale: float) -> list[Case]:
+    count = COUNTS[kind] * scale
+    if kind in ("single", "sines"):
+        return _singles(set_name, kind, sizes, count)
+    number = max(1, round(count))
+    names = [_combination(set_name, kind, i) for i in range(number)]
+    found = []
+    for i, effects in enumerate(names):
+        size = {"none": 0.0, "poor": 0.05, "coupling": SIZES[i % 3]}.get(kind, 1.0)
+        found.append(Case(set_name, kind, effects, size, _rate(effects, i), i))
+    return found
+
+
+def _singles(set_name: str, kind: str, sizes: Sequence[float], count: float) -> list[Case]:
+    """``count`` of each effect and size; below 1, that share of them."""
+    made = [(e, s, i) for e, s, i in product(EFFECTS, sizes, range(max(1, int(np.ceil(count)))))]
+    found = [Case(set_name, kind, (e,), s, _rate((e,), i), i) for e, s, i in made]
+    whole = max(1, round(len(EFFECTS) * len(sizes) * count))
+    return sorted(found, key=lambda case: (case.number, case.seed))[:whole]
+
+
+def _rate(effects: Sequence[str], number: int) -> str:
+    if set(effects) & FAST:
+        return "fast"
+    if set(effects) & SLOW:
+        return "slow"
+    return "slow" if number % 2 else "fast"
+
+
+def _combination(set_name: str, kind: str, number: int) -> tuple[str, ...]:
+    """What is hidden in the ``number``-th case of a kind."""
+    if kind == "none":
+        return ()
+    if kind == "coupling":
+        return (CrossCoupling.name,)
+    words = f"{SETS[set_name]}/{kind}/{number}"
+    rng = np.random.default_rng(int.from_bytes(hashlib.sha256(words.encode()).digest()[:8], "big"))
+    if kind in ("removed", "closed_loop", "poor"):
+        block = np.random.default_rng(len(kind) + number // len(EFFECTS)).permutation(list(EFFECTS))
+        return (str(block[number % len(EFFECTS)]),)
+    return _unlike(rng, {"pair": 2, "triple": 3}[kind])
+
+
+def _unlike(rng: np.random.Generator, count: int) -> tuple[str, ...]:
+    found: list[str] = []
+    for name in rng.permutation(list(EFFECTS)):
+        clash = any({str(name), other} <= group for group in ALIKE for other in found)
+        speeds = {"fast" if n in FAST else "slow" for n in [*found, str(name)] if n in FAST | SLOW}
+        if not clash and len(speeds) < 2:
+            found.append(str(name))
+        if len(found) == count:
+            break
+    return tuple(found)

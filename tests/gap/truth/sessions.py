@@ -1,0 +1,102 @@
+"""What a lab records in a session: which waves, how long, at which levels; never the same twice."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.record.recording import Recording
+
+from . import waves
+from .rig import Rig
+
+Samples = NDArray[np.float64]
+UNIT_ROWS = 5000
+"""Rows of a "second": records last longer where they are sampled more slowly."""
+
+
+def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
+    """Multisines at two levels, steps with holds, a decaying triangle, idle, fast sines."""
+    rng, (axis, stage) = rig.rng, next(iter(rig.stages.items()))
+    c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
+    span, rate = c.span_V, rig.rate_Hz
+    fast = min(0.03 * rate, 0.45 * c.f_Hz) * rng.uniform(0.7, 1.0)
+    made = {
+        "idle": waves.idle(rate, (0.7 if held_out else 1.0) * unit),
+        "steps": waves.steps(rng, span, rate, (1.8 if held_out else 2.4) * unit, 5 if held_out else 6),
+        "fast": waves.sine(span, rate, 0.6 * unit, fast, rng.uniform(0.25, 0.45), rng.uniform(0.4, 0.6)),
+    }
+    if held_out:
+        made["multisine"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.35, 0.55), 0.4, c.f_Hz)
+        made["triangle"] = waves.triangle(rng, span, rate, 1.0 * unit)
+    else:
+        made["small"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.12, 0.25), 0.1, c.f_Hz)
+        made["large"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.7, 0.95), 0.6, c.f_Hz)
+        made["triangle"] = waves.triangle(rng, span, rate, 1.4 * unit)
+    order = ["idle", "triangle", *[k for k in ("small", "large", "multisine") if k in made], "steps", "fast"]
+    return [rig.record(f"{name}-{kind}", {axis: made[kind]}) for kind in order]
+
+
+def sines(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
+    """Sines alone: a few levels, frequencies and middles."""
+    rng, (axis, stage) = rig.rng, next(iter(rig.stages.items()))
+    c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
+    top = min(0.03 * rig.rate_Hz, 0.45 * c.f_Hz)
+    levels = [(1.0, 0.5), (0.5, 0.5), (0.35, 0.3), (0.3, 0.5)] if not held_out else [(0.8, 0.5), (0.4, 0.6)]
+    found = []
+    for i, (level, middle) in enumerate(levels):
+        f_Hz = (4.0 / unit) * (top * unit / 4.0) ** ((i + rng.uniform(0, 0.6)) / len(levels))
+        wave = waves.sine(c.span_V, rig.rate_Hz, 1.6 * unit, f_Hz, level * rng.uniform(0.93, 1.0), middle)
+        found.append(rig.record(f"{name}-sine{i}", {axis: wave}))
+    return found
+
+
+def tracked(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
+    """Paths followed under feed-forward and feedback: a triangle, a slow and a quick multisine, steps."""
+    rng, stage = rig.rng, next(iter(rig.stages.values()))
+    c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
+    level, quick = (0.45, 0.5) if held_out else (0.75, 0.2)
+
+    def path(wave_V: Samples) -> Samples:
+        share = 0.06 + 0.85 * wave_V / c.span_V
+        return np.asarray(c.offset_um + share * c.range_um)
+
+    made = {
+        "triangle": waves.triangle(rng, c.span_V, rig.rate_Hz, unit),
+        "slow": waves.multisine(rng, c.span_V, rig.rate_Hz, unit, level, 0.6, c.f_Hz, 0.08),
+        "quick": waves.multisine(rng, c.span_V, rig.rate_Hz, unit, quick, 0.1, c.f_Hz, 0.4),
+        "steps": waves.steps(rng, c.span_V, rig.rate_Hz, 1.2 * unit, 5),
+    }
+    return [rig.track(f"{name}-{kind}", path(wave)) for kind, wave in made.items()]
+
+
+def three_axes(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
+    """Each axis driven alone, then all at once."""
+    rng, unit = rig.rng, UNIT_ROWS / rig.rate_Hz
+    found = []
+    n = round(1.0 * unit * rig.rate_Hz)
+
+    def wave(axis: str) -> Samples:
+        c = rig.stages[axis].character
+        if held_out:
+            return waves.multisine(rng, c.span_V, rig.rate_Hz, unit, rng.uniform(0.4, 0.7), 0.5, c.f_Hz, 0.3)
+        return waves.triangle(rng, c.span_V, rig.rate_Hz, unit)
+
+    still = np.zeros(n)
+    for driven in rig.stages:
+        found.append(rig.record(f"{name}-{driven}", {a: wave(a) if a == driven else still for a in rig.stages}))
+    found.append(rig.record(f"{name}-all", {a: wave(a) for a in rig.stages}))
+    return found
+
+
+def poor(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
+    """One slow sine of a tenth of the range."""
+    axis, stage = next(iter(rig.stages.items()))
+    c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
+    level = 0.08 if held_out else 0.12
+    found = []
+    for i in range(1 if held_out else 2):
+        f_Hz = rig.rng.uniform(3, 6) / unit
+        wave = waves.sine(c.span_V, rig.rate_Hz, 1.2 * unit, f_Hz, level, 0.5)
+        found.append(rig.record(f"{name}-sine{i}", {axis: wave}))
+    return found
