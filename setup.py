@@ -33,6 +33,12 @@ setup(
             libraries=["m"],
         ),
         Extension(
+            "phaselead.gap._kernel",
+            sources=sorted(glob("host/phaselead/gap/kernel/*.c")),
+            include_dirs=["host/phaselead/gap/kernel"],
+            extra_compile_args=[*FLAGS, "-O3"],
+        ),
+        Extension(
             "phaselead.stage._kernel",
             sources=sorted(glob("host/phaselead/stage/kernel/*.c")),
             include_dirs=["host/phaselead/stage/kernel"],

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -44,16 +45,23 @@ class Evidence:
 
     def project(self, index: int, columns: Samples) -> Samples:
         """Columns (n, k) of one track: whitened, weighted, its own nuisances taken out."""
-        root = np.sqrt(self.row_weights(index))[:, None]
+        root, local, factor = self._locals[index]
         white = root * self.whiteners[index](columns)
-        local = root * self.whiteners[index](self.tracks[index].local)
-        return white - local @ self._shrunk(local, white)
+        return np.asarray(white - local @ cho_solve(factor, local.T @ white))
 
-    def _shrunk(self, local: Samples, white: Samples) -> Samples:
-        normal = local.T @ local
-        normal[0, 0] *= 1 + OFFSET_RIDGE
-        normal += np.diag([OFFSET_RIDGE, *np.ones(len(normal) - 1)])
-        return np.asarray(cho_solve(cho_factor(normal), local.T @ white))
+    @cached_property
+    def _locals(self) -> list[tuple[Samples, Samples, tuple[Samples, bool]]]:
+        """Per track: roots of the row weights (n, 1), its own nuisances as they are projected out, and the factor of
+        their normal matrix, shrunk."""
+        found = []
+        for i, track in enumerate(self.tracks):
+            root = np.sqrt(self.row_weights(i))[:, None]
+            local = root * self.whiteners[i](track.local)
+            normal = local.T @ local
+            normal[0, 0] *= 1 + OFFSET_RIDGE
+            normal += np.diag([OFFSET_RIDGE, *np.ones(len(normal) - 1)])
+            found.append((root, local, cho_factor(normal)))
+        return found
 
     def moments(self, projected: Sequence[Samples]) -> Samples:
         """Moments (blocks, k, k) of projected columns, track after track."""

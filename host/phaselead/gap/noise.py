@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky_banded, get_lapack_funcs, solve
+from scipy.linalg import LinAlgError, cholesky_banded, solve
 from scipy.optimize import minimize
-from scipy.signal import lfilter
 
+from phaselead.gap.native import whitened
 from phaselead.record.recording import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
@@ -92,30 +92,18 @@ class Whitener:
     def __call__(self, values: Samples) -> Samples:
         """Whitened (n, ...) along the first axis; the first rows, which lack a past, become 0."""
         n = self._noise
-        white = np.asarray(lfilter(n.sensor / n.sigma_um, [1.0], values, axis=0))
-        white[: len(n.sensor) - 1] = 0.0
-        white = self._along_path(white)
-        white[self._moving] = np.asarray(lfilter(n.rest, [1.0], white, axis=0))[self._moving]
+        white = self._whitened(values, n.rest)
         white[: len(n.sensor) + len(n.rest) - 1] = 0.0
         white[self._lost] = 0.0
         return white
 
     def innovations(self, values: Samples) -> Samples:
         """Before the last autoregression."""
-        n = self._noise
-        white = np.asarray(lfilter(n.sensor / n.sigma_um, [1.0], values, axis=0))
-        white[: len(n.sensor) - 1] = 0.0
-        return self._along_path(white)
+        return self._whitened(values, np.ones(1))
 
-    def _along_path(self, white: Samples) -> Samples:
-        columns = white.reshape(len(white), -1)
-        steps = columns.copy()
-        steps[1:] -= self._phi[1:, None] * columns[:-1]
-        (tbtrs,) = get_lapack_funcs(("tbtrs",), (self.factor, steps))
-        solved, info = tbtrs(self.factor, steps, uplo="L")
-        if info:
-            raise LinAlgError("the noise model is singular")
-        return np.asarray(solved).reshape(white.shape)
+    def _whitened(self, values: Samples, rest: Samples) -> Samples:
+        n = self._noise
+        return whitened(values, n.sensor / n.sigma_um, self._phi, self.factor, rest, self._moving)
 
 
 def _differences_factor(phi: Samples, grown: Samples, first: float) -> Samples:

@@ -1,0 +1,30 @@
+/* Whitening many columns of one record at once, in doubles; see host/phaselead/gap/noise.py for the model. */
+#ifndef PHASELEAD_GAP_WHITEN_H
+#define PHASELEAD_GAP_WHITEN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define PHASELEAD_EXPORT __declspec(dllexport)
+#else
+#define PHASELEAD_EXPORT __attribute__((visibility("default")))
+#endif
+
+struct gap_whitener {
+    size_t n_sensor;      /* taps of the sensor's filter */
+    const double *sensor; /* in units of the innovations' deviation */
+    const double *phi;    /* (n): how much of the misfit lasts from one row to the next */
+    const double *diag;   /* (n): Cholesky factor of the covariance of e_k - phi_k e_{k-1}, */
+    const double *below;  /* (n): below[k] stands right of diag[k + 1] */
+    size_t n_rest;        /* taps of the filter for rows in motion */
+    const double *rest;
+    const uint8_t *moving; /* (n) */
+};
+
+/* Rows of k columns: values (n, k) -> white (n, k), row after row. `steps` (n, k) is scratch and holds the innovations
+ * before the filter for rows in motion. Rows that lack the sensor filter's past are 0. */
+PHASELEAD_EXPORT void gap_whiten(const struct gap_whitener *w, size_t n, size_t k, const double *values, double *steps,
+                                 double *white);
+
+#endif
