@@ -96,12 +96,21 @@ def jsonable(value: Any) -> Any:
 
 def emit(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
     """Prints for a person, or JSON alone when ``--json -``; writes the JSON file otherwise."""
-    text = json.dumps(jsonable(figures), indent=2) + "\n"
+    if json_to and json_to != "-":
+        write_text(json_to, json_text(figures))
+    tell(figures, json_to, human)
+
+
+def json_text(figures: dict[str, Any]) -> str:
+    """Figures as a JSON file."""
+    return json.dumps(jsonable(figures), indent=2) + "\n"
+
+
+def tell(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
+    """Prints for a person, or JSON alone when ``--json -``; files are the caller's."""
     if json_to == "-":
-        click.echo(text, nl=False)
+        click.echo(json_text(figures), nl=False)
         return
-    if json_to:
-        write_text(json_to, text)
     human(Console(highlight=False, width=None if sys.stdout.isatty() else 120))
 
 

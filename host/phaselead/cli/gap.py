@@ -69,9 +69,10 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 @click.argument("gap_json", metavar="gap.json")
 @click.option("--port", default="sim://xyz250", envvar="PHASELEAD_PORT", show_default=True, help="The device.")
 @click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+@click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("-o", "--output", metavar="more.h5", required=True)
-def next_experiment(gap_json: str, port: str, axis: str, output: str) -> None:
+def next_experiment(gap_json: str, port: str, axis: str, model_path: str | None, output: str) -> None:
     """Run the experiment that a tie asks for, open loop, and keep the record."""
     from phaselead.cli.gap_run import run_next
 
-    run_next(gap_json, port, axis, output)
+    run_next(gap_json, port, axis, output, model_path)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from phaselead.cli.common import emit, progress, read_recordings
+from phaselead.cli.common import json_text, progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap
-from phaselead.stage.file import load_stage, save_stage
+from phaselead.record.atomic import RUN_SUFFIXES, check_output, is_special, write_texts
+from phaselead.stage.file import load_stage, stage_text
 
 
 def compare(
@@ -30,18 +32,33 @@ def compare(
     """Read, search, write: nothing is written unless all of it can be."""
     if model_path is None:
         raise BadInput("gap needs a model; give --model STAGE.toml")
+    check_outputs(output, report, json_to, [model_path, *record_files([*train, *holdout, *reference])])
     stage = load_stage(model_path)
     parts = [read_recordings(part, column_map, rate) for part in (train, holdout, reference)]
     with progress("comparing", 1.0) as advance:
         result = run_gap(stage, *parts, frozen=frozen, on_progress=advance)
+    texts = {}
     if output:
-        save_stage(output, result.stage)
+        texts[output] = stage_text(result.stage)
     if report:
-        from phaselead.report.gap import write_gap_report
+        from phaselead.report.gap import gap_page
 
-        write_gap_report(Path(report), result, stage, Path(model_path).name)
-    written = [path for path in (output, report) if path]
-    emit(result.as_json(), json_to, lambda console: show(console, result, written))
+        texts[report] = gap_page(result, stage, Path(model_path).name)
+    written = list(texts)
+    if json_to and json_to != "-":
+        texts[json_to] = json_text(result.as_json())
+    write_texts(texts)
+    tell(result.as_json(), json_to, lambda console: show(console, result, written))
+
+
+def check_outputs(output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str]) -> None:
+    """Refuse, before any work, outputs that could not or must not be written. Raises BadInput."""
+    check_output(output, suffixes=(".toml",), inputs=inputs)
+    check_output(report, suffixes=(".html", ".htm"), inputs=inputs)
+    check_output(json_to, inputs=inputs)
+    named = [path for path in (output, report, json_to) if path and path != "-" and not is_special(path)]
+    if len({os.path.realpath(path) for path in named}) < len(named):
+        raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
 def show(console: Console, result: GapResult, written: list[str]) -> None:
@@ -84,16 +101,13 @@ def experiment_sentence(result: GapResult) -> str:
     return f"{text}; no voltage tells them apart, it takes {e.needs_sensor}" if e.needs_sensor else text
 
 
-def run_next(gap_json: str, port: str, axis: str, output: str) -> None:
+def run_next(gap_json: str, port: str, axis: str, output: str, model_path: str | None) -> None:
     """Record the proposed experiment."""
-    from phaselead.gap.perform import perform
+    from phaselead.gap.perform import perform, read_proposal
 
-    try:
-        content = json.loads(Path(gap_json).read_text(encoding="utf-8"))
-        proposed = content["next_experiment"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise BadInput(f"{gap_json}: is no gap.json; make one with phaselead gap --json") from None
-    if proposed is None:
-        raise BadInput(f"{gap_json}: proposes no experiment; there is no tie to resolve")
-    rows = perform(proposed, port, proposed.get("axis") or axis, output)
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[gap_json, *([model_path] if model_path else [])])
+    proposed = read_proposal(gap_json)
+    stage = load_stage(model_path) if model_path else None
+    with progress("recording", 1.0) as advance:
+        rows = perform(proposed, port, proposed.get("axis") or axis, output, stage, advance)
     Console(highlight=False).print(f"wrote {output}, {rows} samples; add it to --train and run gap again")

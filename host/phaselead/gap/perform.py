@@ -2,42 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from phaselead.control.journal import journalled_track
+from phaselead.control.journal import journalled_listen, journalled_track
 from phaselead.errors import BadInput
-from phaselead.gap.next_experiment import SHAPES, Option
+from phaselead.gap.excitation import SHAPES, Excitation
 from phaselead.link.device import Device
-from phaselead.stage.waveform import POINTS, Waveform
+from phaselead.stage.file import Stage
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
+LONGEST_S = 3600.0
 
 
-def option_of(proposed: Mapping[str, Any]) -> Option:
+def read_proposal(path: str) -> Mapping[str, Any]:
+    """The next experiment of a gap.json. Raises BadInput when there is none, or no gap.json."""
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        ties, proposed = content["ties"], content["next_experiment"]
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); make it with phaselead gap --json") from None
+    except (ValueError, KeyError, TypeError):
+        raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
+    if not ties:
+        raise BadInput(f"{path}: holds no tie, so there is no experiment to run; its verdicts stand as they are")
+    if proposed is None:
+        raise BadInput(f"{path}: proposes no experiment for its tie; record other waveforms, levels and biases")
+    if not isinstance(proposed, Mapping):
+        raise BadInput(f"{path}: its next_experiment is damaged; make gap.json anew with phaselead gap --json")
+    if proposed.get("needs_sensor"):
+        raise BadInput(f"{path}: no voltage tells the members of the tie apart; it takes {proposed['needs_sensor']}")
+    return proposed
+
+
+def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
     """The excitation of a gap.json. Raises BadInput."""
     try:
         low, high = (float(f) for f in proposed["band"])
-        option = Option(
+        found = Excitation(
             str(proposed["waveform"]), float(proposed["level"]), (low, high), float(proposed["bias"]),
             float(proposed["seconds"]),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"the next experiment lacks one of {', '.join(KEYS)}; make gap.json anew") from None
-    if option.waveform not in SHAPES or not option.seconds > 0:
-        raise BadInput(f"the next experiment {option.waveform!r} of {option.seconds:g} s is none that can be run")
-    return option
+    numbers = (found.level_V, low, high, found.bias_V, found.seconds)
+    sound = all(map(math.isfinite, numbers)) and 0 < low <= high and 0 < found.seconds <= LONGEST_S
+    if not sound or not (found.idle or (found.waveform in SHAPES and found.level_V > 0)):
+        raise BadInput(
+            f"the next experiment {found.waveform!r}, {found.level_V:g} V for {found.seconds:g} s is none that can be "
+            "run; make gap.json anew"
+        )
+    return found
 
 
-def perform(proposed: Mapping[str, Any], port: str, axis: str, output: str) -> int:
-    """Record the excitation and write it; how many samples. Raises BadInput and what the device says."""
-    option = option_of(proposed)
-    t = np.arange(POINTS) / POINTS * option.seconds
-    low = option.bias_V - option.level_V / 2
-    points = ((option.voltage(t) - low) / option.level_V).clip(0.0, 1.0)
-    wave = Waveform("file", option.level_V, low, "V", 1 / option.seconds, points)
+def perform(
+    proposed: Mapping[str, Any],
+    port: str,
+    axis: str,
+    output: str,
+    stage: Stage | None = None,
+    on_progress: Callable[[float], None] | None = None,
+) -> int:
+    """Record the excitation and write it; how many samples. ``stage`` gives the device its limits and calibration.
+
+    Raises BadInput and what the device says.
+    """
+    excitation = excitation_of(proposed)
     with Device.open(port) as device:
-        run = journalled_track(device, {axis: wave}, "open", output=output, duration_s=option.seconds)
+        if excitation.idle:
+            recording = journalled_listen(device, axis, excitation.seconds, output=output, on_progress=on_progress)
+            return len(recording.t_s)
+        run = journalled_track(
+            device, {axis: excitation.wave()}, "open", output=output, stage=stage, duration_s=excitation.seconds,
+            on_progress=on_progress,
+        )  # fmt: skip
     return len(run.recording.t_s)

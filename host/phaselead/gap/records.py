@@ -21,6 +21,8 @@ Role = Literal["train", "holdout", "reference"]
 FEWEST_ROWS = 256
 """Scored rows of a record: below it neither its noise nor a block of it can be judged."""
 SAME_RATE = 0.01
+SAME_SHARE = 1e-6
+"""Of the span of a position: what printing it can change."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,12 @@ def axis_runs(
         for record in records:
             _check(record)
     axes = [a for a in sorted(stage.axes) if stage.axes[a].time is not None and _all_have(a, [*train, *holdout])]
+    shared = [a for a in sorted(stage.axes) if _all_have(a, [*train, *holdout])]
+    if shared and not axes:
+        raise BadInput(
+            f"the model's axis {', '.join(shared)} has no time view to compare with; fit it to recordings first "
+            "(phaselead fit)"
+        )
     if not axes:
         have = sorted({name for record in [*train, *holdout] for name in record.axes})
         raise BadInput(
@@ -94,30 +102,58 @@ def axis_runs(
 
 
 def refuse_overlap(first: Sequence[Recording], holdout: Sequence[Recording], what: str) -> None:
-    """Refuse held-out rows that were also used before: the same file in windows that share time."""
+    """Refuse held-out rows that were also used before: windows of one file that share time, or a copy of it."""
     for record in first:
         for held in holdout:
-            same = record.sha256 == held.sha256 if record.sha256 and held.sha256 else _same_samples(record, held)
-            if same and _share_time(record, held):
+            one_file = bool(record.sha256) and record.sha256 == held.sha256
+            if (one_file and _share_time(record, held)) or (not one_file and _copy_of(record, held)):
                 raise BadInput(
                     f"{held.source}: the held-out record is also a {what} record ({record.source}); "
                     "hold out other rows, e.g. another window of the file"
                 )
 
 
-def _same_samples(a: Recording, b: Recording) -> bool:
-    return a.t_s.shape == b.t_s.shape and all(
-        name in b.axes and _equal(a.axes[name].x_um, b.axes[name].x_um) for name in a.axes
-    )
-
-
-def _equal(a: Samples | None, b: Samples | None) -> bool:
-    return a is not None and b is not None and np.array_equal(a, b)
-
-
 def _share_time(a: Recording, b: Recording) -> bool:
     ta, tb = a.t_s[a.scored], b.t_s[b.scored]
     return bool(ta[0] <= tb[-1] and tb[0] <= ta[-1])
+
+
+def _copy_of(a: Recording, b: Recording) -> bool:
+    """Whether the scored rows of two files are the same measurement: at the same times, or row by row.
+
+    The sensor's noise makes two measurements differ; a position that stands still without any tells nothing.
+    """
+    if not _noisy(a):
+        return False
+    if a.t_s.shape == b.t_s.shape and _equal_rows(a, b, a.scored, b.scored):
+        return True
+    early, late = (a, b) if a.t_s[0] <= b.t_s[0] else (b, a)
+    ta, tb = early.t_s[early.scored], late.t_s[late.scored]
+    start = int(np.searchsorted(ta, tb[0] - 1e-3 / early.rate_Hz))
+    count = min(len(ta) - start, len(tb))
+    if count < FEWEST_ROWS or abs(ta[start] - tb[0]) > 1e-3 / early.rate_Hz:
+        return False
+    first, second = (r.scored.indices(len(r.t_s))[0] for r in (early, late))
+    return _equal_rows(early, late, slice(first + start, first + start + count), slice(second, second + count))
+
+
+def _noisy(record: Recording) -> bool:
+    """Whether some position never quite repeats itself."""
+    seen = [axis.x_um[record.scored] for axis in record.axes.values() if axis.x_um is not None]
+    return any(len(np.unique(np.diff(x, 2))) > len(x) // 100 for x in seen)
+
+
+def _equal_rows(a: Recording, b: Recording, of_a: slice, of_b: slice) -> bool:
+    """Whether every axis that both have stands at the same positions, but for printed digits."""
+    shared = [n for n in a.axes if n in b.axes and a.axes[n].x_um is not None and b.axes[n].x_um is not None]
+    for name in shared:
+        xa, xb = a.axes[name].x_um, b.axes[name].x_um
+        assert xa is not None
+        assert xb is not None
+        xa, xb = xa[of_a], xb[of_b]
+        if xa.shape != xb.shape or np.abs(xa - xb).max() > SAME_SHARE * max(float(np.ptp(xa)), 1e-12):
+            return False
+    return bool(shared)
 
 
 def _check(record: Recording) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from phaselead.errors import BadInput
@@ -103,3 +103,14 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Tru
     """Write ``text`` as UTF-8, whole or not at all."""
     with atomic_path(path, overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_texts(texts: Mapping[str, str]) -> None:
+    """Write several texts as UTF-8: all of them or none, as far as a file system can promise it."""
+    with ExitStack() as stack:
+        for path, text in texts.items():
+            temporary = stack.enter_context(atomic_path(path))
+            try:
+                temporary.write_text(text, encoding="utf-8", newline="\n")
+            except OSError as error:  # here, for the files around this one would take it for theirs
+                raise BadInput(f"{path}: cannot be written ({error.strerror or error})") from error

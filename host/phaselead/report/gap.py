@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,17 +10,16 @@ from matplotlib.figure import Figure
 
 from phaselead.effects import catalogue
 from phaselead.gap.result import Candidate, GapResult, NamedEffect, Spectrum, Trace
-from phaselead.report.page import write_page
+from phaselead.report.page import render
 from phaselead.report.style import BLUE, GREEN, GREY, ORANGE, RED, figure_style, new_figure, thin
 from phaselead.stage.file import Stage
 
 MOST_TRACES = 4
 
 
-def write_gap_report(path: Path, result: GapResult, stage: Stage, model_name: str) -> None:
-    """Write the page, whole or not at all."""
-    write_page(
-        path,
+def gap_page(result: GapResult, stage: Stage, model_name: str) -> str:
+    """The page as HTML."""
+    return render(
         "gap.html",
         model_name=model_name,
         headline=headline(result),

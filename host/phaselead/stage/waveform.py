@@ -219,11 +219,11 @@ def refuse_out_of_range(wave: Waveform, axis: AxisModel, *, table: bool = False)
     if wave.unit == "V":
         limits = axis.limits
         _inside(wave, limits.u_min_V, limits.u_max_V, "the limits of the output")
-        steepest = _steepest(wave)
-        if steepest > limits.slew_V_per_s:
-            slower = wave.f_Hz * limits.slew_V_per_s / steepest
+        rate = steepest(wave)
+        if rate > limits.slew_V_per_s:
+            slower = wave.f_Hz * limits.slew_V_per_s / rate
             raise BadInput(
-                f"waveform: it needs {steepest:.4g} V/s, the slew limit is {limits.slew_V_per_s:g} V/s; "
+                f"waveform: it needs {rate:.4g} V/s, the slew limit is {limits.slew_V_per_s:g} V/s; "
                 f"stay below {slower:.3g} Hz or lower the swing"
             )
         return
@@ -244,7 +244,7 @@ def _inside(wave: Waveform, lowest: float, highest: float, what: str) -> None:
         )
 
 
-def _steepest(wave: Waveform) -> float:
+def steepest(wave: Waveform) -> float:
     """Largest rate, in units per second."""
     if wave.kind == "goto":
         return PEAK_SPEED * abs(wave.swing) * wave.f_Hz

@@ -1,0 +1,166 @@
+"""Excitations for telling rivals apart, as the device can play them: one period of 1024 points, again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from phaselead.record.recording import Samples
+from phaselead.stage.file import AxisModel
+from phaselead.stage.waveform import POINTS, Waveform, refuse_out_of_range, steepest
+
+LINES = 60
+"""Of a multisine."""
+FEWEST_POINTS = 5
+"""Of a waveform on one cycle of its highest line."""
+LEAST_LEVEL = 0.02
+"""Of the voltage range: below it a drive is not worth its time."""
+LONGEST_S = 60.0
+LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, LONGEST_S)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A waveform by name, from ``bias_V - level_V / 2`` to ``bias_V + level_V / 2``; one period takes 1 / band[0]."""
+
+    waveform: str
+    level_V: float
+    band_Hz: tuple[float, float]
+    bias_V: float
+    seconds: float
+
+    @property
+    def period_s(self) -> float:
+        return 1 / self.band_Hz[0]
+
+    @property
+    def idle(self) -> bool:
+        return self.waveform == "idle"
+
+    def wave(self) -> Waveform:
+        """As the device plays it, in volts. It goes to its first value at the slew limit."""
+        points = SHAPES[self.waveform](self.band_Hz)
+        lowest, span = float(points.min()), float(np.ptp(points))
+        # A kind whose start may lie where the axis does not stand yet.
+        return Waveform(
+            "triangle", self.level_V * span, self.bias_V + self.level_V * (lowest - 0.5), "V", self.band_Hz[0],
+            (points - lowest) / span,
+        )  # fmt: skip
+
+    def voltage(self, t_s: Samples) -> Samples:
+        """(n,) in V at times from the start."""
+        return np.zeros(len(t_s)) if self.idle else self.wave().value(t_s)
+
+    def within(self, axis: AxisModel) -> Excitation | None:
+        """The same at the level that the slew limit allows; None where too little is left of it."""
+        if self.idle:
+            return self
+        slew = axis.limits.slew_V_per_s
+        fitting = replace(self, level_V=self.level_V * min(1.0, 0.98 * slew / steepest(self.wave())))
+        low, high = span_V(axis)
+        if fitting.level_V < LEAST_LEVEL * (high - low):
+            return None
+        refuse_out_of_range(fitting.wave(), axis)
+        return fitting
+
+
+def _turns() -> Samples:
+    return np.arange(POINTS) / POINTS
+
+
+def _multisine(band_Hz: tuple[float, float]) -> Samples:
+    """Lines spread evenly in the logarithm, amplitudes falling as 1/sqrt(f), phases of Schroeder (1970)."""
+    highest = min(band_Hz[1] / band_Hz[0], POINTS / FEWEST_POINTS)
+    orders = np.unique(np.round(np.geomspace(1, highest, LINES)))
+    phases = np.pi * np.arange(len(orders)) ** 2 / len(orders)
+    wave = np.zeros(POINTS)
+    for order, phase in zip(orders, phases, strict=True):
+        wave += np.cos(2 * np.pi * order * _turns() + phase) / np.sqrt(order)
+    return np.asarray(0.5 + 0.5 * wave / np.abs(wave).max())
+
+
+def _sine(band_Hz: tuple[float, float]) -> Samples:
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * _turns()))
+
+
+def _triangle(band_Hz: tuple[float, float]) -> Samples:
+    """Decaying: five loops, each four fifths of the one before."""
+    corners, size = [0.5], 0.5
+    for _ in range(5):
+        corners += [0.5 + size, 0.5 - size]
+        size *= 0.8
+    return np.interp(_turns(), np.linspace(0, 1, len(corners) + 1), [*corners, 0.5])
+
+
+def _steps(band_Hz: tuple[float, float]) -> Samples:
+    """Up and down by different ways, each held: two tenths at the lowest level first and last."""
+    levels = np.array([0.0, 1.0, 0.25, 0.75, 0.0])
+    return np.asarray(levels[np.minimum((_turns() * len(levels)).astype(int), len(levels) - 1)])
+
+
+def _ladder(band_Hz: tuple[float, float]) -> Samples:
+    """Small loops of one size at eight biases, each gone round four times."""
+    rungs, loops, share = 8, 4, 0.12
+    at = _turns() * rungs
+    bias = share / 2 + (1 - share) * np.floor(at) / (rungs - 1)
+    loop = (at % 1.0) * loops % 1.0
+    return np.asarray(bias - share / 2 * np.cos(2 * np.pi * loop))
+
+
+def _swell(band_Hz: tuple[float, float]) -> Samples:
+    """A sine about the middle that grows from nothing to the whole level and shrinks again."""
+    cycles = max(2.0, np.round(band_Hz[1] / band_Hz[0]))
+    size = 1 - np.abs(2 * _turns() - 1)
+    return np.asarray(0.5 + 0.5 * size * np.sin(2 * np.pi * cycles * _turns()))
+
+
+SHAPES: dict[str, Callable[[tuple[float, float]], Samples]] = {
+    "multisine": _multisine,
+    "sine": _sine,
+    "triangle": _triangle,
+    "steps": _steps,
+    "ladder": _ladder,
+    "swell": _swell,
+}
+"""One period as 1024 shares of the level; ``idle`` has none."""
+
+
+def span_V(axis: AxisModel) -> tuple[float, float]:
+    """The voltages that the model was fitted on and the device may put out."""
+    assert axis.time is not None
+    low, high = axis.time.u_range_V
+    inner = max(low, axis.limits.u_min_V), min(high, axis.limits.u_max_V)
+    return inner if inner[0] < inner[1] else (low, high)
+
+
+def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:
+    """A few dozen within the limits of voltage and slew, each at its shortest."""
+    low, high = span_V(axis)
+    rate_Hz = 1 / step_s
+    found = [Excitation("idle", 0.0, (1 / 20.0, rate_Hz / 2), 0.0, 20.0)]
+    for share, biases in ((0.95, (0.5,)), (0.3, (0.5, 0.2, 0.8))):
+        level = share * (high - low)
+        for place in biases:
+            middle = low + level / 2 + place * (high - low - level)
+            found += [Excitation(name, level, band, middle, s) for name, band, s in _kinds(rate_Hz)]
+    return [e for e in (one.within(axis) for one in found) if e is not None]
+
+
+def _kinds(rate_Hz: float) -> list[tuple[str, tuple[float, float], float]]:
+    """Name, band in Hz and seconds, by what a sampling rate can show."""
+    fine = rate_Hz / POINTS
+    """One point per row: the fastest period without loss."""
+    kinds: list[tuple[str, tuple[float, float], float]] = [
+        ("multisine", (fine, 0.05 * rate_Hz), 2.0),
+        ("multisine", (fine, 0.2 * rate_Hz), 2.0),
+        ("multisine", (0.5, min(100.0, 0.2 * rate_Hz)), 4.0),
+        ("triangle", (0.1, 0.5), 10.0),
+        ("ladder", (0.1, 3.2), 10.0),
+        ("swell", (0.25, 10.0), 4.0),
+        ("swell", (4 * fine, min(200 * fine, 0.05 * rate_Hz)), 2.0),
+    ]
+    kinds += [("steps", (1 / s, 512 / s), s) for s in (2.0, 10.0, 40.0)]
+    kinds += [("sine", (f, f), max(2.0, 4 / f)) for f in (0.2, 2.0, 0.004 * rate_Hz)]
+    return [kind for kind in kinds if kind[1][0] <= kind[1][1] <= 0.5 * rate_Hz]
