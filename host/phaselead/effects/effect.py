@@ -76,6 +76,8 @@ class Signal:
     """Where the plays of the time view stood in the first row; None at rest."""
     active: Sequence[Entry] = ()
     """All effects of this run."""
+    pushes: Mapping[str, Signal] = field(default_factory=dict)
+    """At the mechanics of a stage whose axes share modes: of every axis, this one too, what pushes them."""
 
     @property
     def step_s(self) -> float:

@@ -6,6 +6,8 @@ import numpy as np
 
 from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, columns, numbers
 from phaselead.effects.filters import resonant
+from phaselead.effects.mode_bank import poles, state_weights, states
+from phaselead.effects.softening import mode_levels
 from phaselead.errors import BadInput
 
 
@@ -24,11 +26,28 @@ def modes(params: Params) -> list[tuple[float, float, float]]:
 
 
 def apply(signal: Signal, params: Params) -> Samples:
+    if "velocity" in params:
+        return _shared_modes(signal, params)
     y = np.array(signal.value)
     for c, f_Hz, zeta in modes(params):
         if c != 0:
             y += c * (resonant(signal.value, f_Hz, zeta, signal.step_s) - signal.value)
     return y
+
+
+def _shared_modes(signal: Signal, params: Params) -> Samples:
+    """All modes in one pass, with what moves in proportion to velocity, and with poles that fall with the level."""
+    own = np.array(modes(params))
+    velocity = numbers(params, "velocity")
+    if len(velocity) != len(own):
+        raise BadInput(
+            f"effect 'resonance': {len(own)} modes but {len(velocity)} of velocity; give one of each per mode"
+        )
+    c, f_Hz, zeta = own.T
+    level, drop = mode_levels(signal, zeta)
+    moved = signal.displacement_um
+    through = states(moved, poles(f_Hz, zeta), signal.step_s, level, drop) @ state_weights(c, velocity, zeta)
+    return np.asarray(signal.value - c.sum() * moved + through)
 
 
 def basis(signal: Signal, params: Params) -> Samples:
@@ -45,7 +64,9 @@ EFFECT = Effect(
     place=Place.MECHANICS,
     order=1,
     equation="y = (1 - c) x + c w^2 x / (s^2 + 2 zeta w s + w^2),  w = 2 pi f_Hz; the static gain stays 1",
-    source="Devasia, Eleftheriou and Moheimani 2007, A survey of control issues in nanopositioning",
+    source="Devasia, Eleftheriou and Moheimani 2007, A survey of control issues in nanopositioning. Lists of c, f_Hz "
+    "and zeta are several modes; beside them `velocity`, a list too, adds velocity w s x / (s^2 + 2 zeta w s + w^2) "
+    "for modes that the axes share (Gawronski 2004, Advanced structural dynamics, section 2.3: complex modes)",
     parameters=(
         Parameter("c", "1", 1.0, -2.0, 2.0, doc="share of the static motion that this mode carries"),
         Parameter("f_Hz", "Hz", 200.0, 10.0, 5000.0, role="shape", log=True, doc="undamped natural frequency"),
@@ -59,5 +80,6 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("response", {"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),
     basis=basis,
+    accepts=("velocity",),
     normalise=normalise,
 )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, number, numbers
 from phaselead.effects.filters import relaxed
+from phaselead.effects.mode_bank import Complex
+from phaselead.errors import BadInput
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -17,12 +19,52 @@ def basis(signal: Signal, params: Params) -> Samples:
 
 
 def _column(signal: Signal, params: Params) -> Samples:
-    tau_s, about_mean = number(params, "tau_s"), number(params, "about_mean")
+    z = _strain(signal, params)
+    return np.asarray(signal.range_um * z * _level(z, params, signal.step_s))
+
+
+def _strain(signal: Signal, params: Params) -> Samples:
+    """z (n,): displacement as a share of the range."""
     z = signal.displacement_um / signal.range_um
-    if about_mean:
-        z = z - about_mean * relaxed(z, tau_s, signal.step_s)
-    level = relaxed(z**2, tau_s, signal.step_s)
-    return np.asarray(signal.range_um * z * np.sqrt(np.maximum(level, 0.0)))
+    about_mean = number(params, "about_mean")
+    return np.asarray(z - about_mean * relaxed(z, number(params, "tau_s"), signal.step_s) if about_mean else z)
+
+
+def _level(z: Samples, params: Params, step_s: float) -> Samples:
+    """sqrt(e) (n,)."""
+    return np.sqrt(np.maximum(relaxed(z**2, number(params, "tau_s"), step_s), 0.0))
+
+
+def push_level(push: Signal, params: Params) -> Samples:
+    """sqrt(e) (n,) of an actuator, from what it gives to the mechanics."""
+    return _level(_strain(push, params), params, push.step_s)
+
+
+def mode_levels(signal: Signal, zeta: Samples) -> tuple[Samples | None, Complex | None]:
+    """Levels (n, k) of the actuators whose softening moves modes, and by how much (m, k): pole r becomes
+    p_r (1 - sum drop_rk level_k). None without any. Raises BadInput when the lists do not fit the modes (m,)."""
+    levels, drops = [], []
+    for push in signal.pushes.values() or [signal]:
+        for effect, params in push.active:
+            if effect.name == "softening" and "f_drop" in params:
+                levels.append(push_level(push, params))
+                drops.append(_drop(params, zeta))
+    return (np.stack(levels, axis=1), np.stack(drops, axis=1)) if levels else (None, None)
+
+
+def _drop(params: Params, zeta: Samples) -> Complex:
+    """(m,). A turn of the pole by an angle changes zeta by its sine: zeta = -cos(angle)."""
+    f_drop, zeta_rise = numbers(params, "f_drop"), numbers(params, "zeta_rise")
+    if not len(f_drop) == len(zeta_rise) == len(zeta):
+        raise BadInput(
+            f"effect 'softening': f_drop and zeta_rise have {len(f_drop)} and {len(zeta_rise)} elements for "
+            f"{len(zeta)} modes; give one of each per mode of the resonance"
+        )
+    return np.asarray(f_drop - 1j * zeta_rise / np.sqrt(1 - zeta**2))
+
+
+def normalise(params: Params) -> Params:
+    return {"kappa": 0.0, "tau_s": EFFECT.parameter("tau_s").typical, "about_mean": 0.0, **params}
 
 
 EFFECT = Effect(
@@ -33,7 +75,8 @@ EFFECT = Effect(
     equation="y = x + kappa X z sqrt(e),  tau_s de/dt = z^2 - e,  z = (x - x_rest)/X less "
     "about_mean times its slow mean",
     source="Damjanovic 1998 (Rayleigh law: the piezo coefficient grows with the amplitude of the field), "
-    "with a recent level instead of the amplitude",
+    "with a recent level instead of the amplitude. The lists f_drop and zeta_rise move the modes of the resonance: "
+    "f_Hz (1 - f_drop sqrt(e)), zeta + zeta_rise sqrt(e), with e of what the actuator gives to the mechanics",
     parameters=(
         Parameter("kappa", "1", 0.15, -2.0, 2.0, doc="relative growth of the gain at a level (rms) of the whole range"),
         Parameter("tau_s", "s", 0.5, 0.02, 100.0, role="shape", log=True, doc="memory of the level"),
@@ -49,5 +92,7 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("level", {"kappa": 0.15}),
     basis=basis,
+    accepts=("f_drop", "zeta_rise"),
+    normalise=normalise,
     compensated=False,
 )

@@ -13,9 +13,10 @@ from typing import Any, Literal
 from phaselead.errors import BadInput
 from phaselead.identify.checks import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
+from phaselead.identify.in_turn import fit_in_turn
 from phaselead.identify.lockin import lock_in
-from phaselead.identify.mode_fit import FittedMode, fit_mode
-from phaselead.identify.operator_fit import fit_linear, fit_operator
+from phaselead.identify.mode_fit import FittedMode
+from phaselead.identify.operator_fit import fit_linear
 from phaselead.identify.operator_result import OperatorFit
 from phaselead.identify.table_fit import beside_table_1, comparison_text, table_fit
 from phaselead.record.recording import Recording
@@ -97,8 +98,7 @@ def fit(
         if base == "operator":
             for run in axis_runs:
                 refuse_too_short(run)
-            time[axis] = fit_operator(axis_runs)
-            mode = fit_mode(time[axis].view, axis_runs)
+            time[axis], mode = fit_in_turn(axis_runs)
             if mode is not None:
                 modes[axis] = mode
                 messages.append(_said_of_mode(axis, mode))

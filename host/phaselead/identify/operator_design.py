@@ -100,11 +100,12 @@ def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int) -> Fi
 
 
 def period_s(run: AxisRun) -> float:
-    """Period of the sine that is as large and as fast as the scored voltage."""
+    """Period of the sine that is as large and as fast as the scored voltage; infinite where it only jumps."""
     u = run.u_V[run.scored]
     rate = np.abs(np.diff(u)) / run.step_s
     rate = np.minimum(rate, np.quantile(rate, 0.99))
-    return float(2 * np.pi * u.std() / np.sqrt(np.mean(rate**2)))
+    speed = float(np.sqrt(np.mean(rate**2)))
+    return float(2 * np.pi * u.std()) / speed if speed > 0 else np.inf
 
 
 def jumps(run: AxisRun) -> NDArray[np.intp]:
@@ -116,7 +117,7 @@ def jumps(run: AxisRun) -> NDArray[np.intp]:
 
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
     flags = np.zeros(len(run.u_V), dtype=np.bool_)
-    length = round(AFTER_JUMP * period_s(run) / run.step_s)
+    length = round(min(AFTER_JUMP * period_s(run) / run.step_s, len(flags)))
     for row in jumps(run):
         flags[row : row + length] = True
     return flags

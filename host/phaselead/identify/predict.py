@@ -28,7 +28,9 @@ def predict(stage: Stage, recording: Recording) -> Recording:
     if not with_voltage:
         raise BadInput(f"{recording.source}: has no voltage to predict from; it needs a column u_V")
     known = [name for name in with_voltage if name in stage.axes] or with_voltage
-    chains = {name: _chain(stage, recording, name) for name in known}
+    alone = {name: _chain(stage, recording, name) for name in known}
+    pushes = {name: chain.push() for name, chain in alone.items()}
+    chains = {name: chain.beside(pushes) for name, chain in alone.items()}
     moved = {name: chain.signal_at(Place.MECHANICS).displacement_um[1:] for name, chain in chains.items()}
     axes = {}
     for name, chain in chains.items():

@@ -86,6 +86,20 @@ class Chain:
         chain._see(others_um)
         return chain
 
+    def push(self, extra: Extra = ()) -> Signal:
+        """What the actuator would do without the mechanics, slack included; one row more than the record, in front."""
+        entries = self._entries(extra)
+        links = [link for link in _links(self._view, entries) if (link.place, link.order) < MODES_FROM]
+        value, drive = self._through(links, entries, None)
+        return replace(self._input, value=value, drive_V=drive, active=tuple(entries), pushes={})
+
+    def beside(self, pushes: Mapping[str, Signal]) -> Chain:
+        """The same record, and all that is known of it, with what pushes the mechanics on every axis."""
+        chain = copy(self)
+        chain._known = {path: value for path, value in self._known.items() if path[-1].place < Place.MECHANICS}
+        chain._input = replace(self._input, pushes=pushes)
+        return chain
+
     def _see(self, others_um: Mapping[str, Samples]) -> None:
         others = {name: np.concatenate([[x[0] if self._continues else 0.0], x]) for name, x in others_um.items()}
         self._input = replace(self._input, others_um=others)
@@ -130,6 +144,8 @@ class Chain:
 
 
 OPERATOR = "operator"
+MODES_FROM = (Place.MECHANICS, 1)
+"""Place and order from which on effects belong to the moving structure; what comes before is the actuator's own."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +155,7 @@ class _Link:
     name: str
     params: tuple[tuple[str, object], ...]
     place: Place
+    order: int
     apply: Callable[[Signal], Samples] = field(compare=False)
 
 
@@ -154,8 +171,8 @@ def _links(view: TimeView, entries: Sequence[Entry]) -> list[_Link]:
     def of_effect(entry: Entry) -> _Link:
         e, params = entry
         values = {name: v if isinstance(v, (int, float)) else tuple(v) for name, v in params.items()}
-        return _Link(e.name, tuple(sorted(values.items())), e.place, lambda signal: e.apply(signal, params))
+        return _Link(e.name, tuple(sorted(values.items())), e.place, e.order, lambda signal: e.apply(signal, params))
 
-    own = [_Link("late", (), Place.TIMING, late), _Link(OPERATOR, (), Place.HYSTERESIS, operator)]
+    own = [_Link("late", (), Place.TIMING, 0, late), _Link(OPERATOR, (), Place.HYSTERESIS, 0, operator)]
     links = [*own, *map(of_effect, entries)]
     return sorted(links, key=lambda link: link.place)  # stable: the view's own come first in their place

@@ -1,0 +1,106 @@
+"""Common modes between all actuators and all sensors, and what one record asks of them.
+
+    x_i = sum_j (direct_ij + sum_r (c_ijr w_r^2 + v_ijr w_r s) / (s^2 + 2 zeta_r w_r s + w_r^2)) push_j
+
+``push`` is where an actuator would go without the mechanics, in um from rest. The poles may fall with the levels of
+the actuators: p_r (1 - sum_j drop_rj level_j).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.effects.mode_bank import modes_of, shares, states, states_and_slopes
+
+Samples = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One record: pushes (n, inputs) in um from rest, levels of the actuators (n, inputs) or none, positions
+    (n, outputs) in um, the rows to score. The first row is how things stood before."""
+
+    push_um: Samples
+    level: Samples | None
+    x_um: Samples
+    rows: slice
+    step_s: float
+
+    def states(self, p: Complex, drop: Complex | None) -> Samples:
+        """(n, inputs (1 + 2m)): every push, then the states of every mode for each push."""
+        moved = drop if self.level is not None else None
+        level = self.level if moved is not None else None
+        found = [states(push, p, self.step_s, level, moved) for push in self.push_um.T]
+        return np.hstack([self.push_um, *found])
+
+    def states_and_slopes(self, p: Complex, drop: Complex | None) -> Samples:
+        """The same with the slopes in the poles behind: (n, inputs (1 + 4m))."""
+        moved = drop if self.level is not None else None
+        level = self.level if moved is not None else None
+        found = [states_and_slopes(push, p, self.step_s, level, moved) for push in self.push_um.T]
+        return np.hstack([self.push_um, *(a for a, _ in found), *(b for _, b in found)])
+
+
+@dataclass(frozen=True)
+class ModalModel:
+    """``weights`` (inputs (1 + 2m), outputs): what each column of ``Drive.states`` counts at each output."""
+
+    poles: Complex
+    weights: Samples
+    inputs: int
+    drop: Complex | None = None
+    """(m, inputs)."""
+
+    @property
+    def f_Hz(self) -> Samples:
+        """(m,)."""
+        return modes_of(self.poles)[0]
+
+    @property
+    def zeta(self) -> Samples:
+        """(m,)."""
+        return modes_of(self.poles)[1]
+
+    @property
+    def direct(self) -> Samples:
+        """(outputs, inputs)."""
+        return self.weights[: self.inputs].T
+
+    @property
+    def residues(self) -> Samples:
+        """(outputs, inputs, 2m): weights of the states."""
+        m, outputs = len(self.poles), self.weights.shape[1]
+        return np.asarray(np.moveaxis(self.weights[self.inputs :].reshape(self.inputs, 2 * m, outputs), 2, 0))
+
+    @property
+    def displacement(self) -> Samples:
+        """c (outputs, inputs, m)."""
+        return shares(self.residues, self.zeta)[0]
+
+    @property
+    def velocity(self) -> Samples:
+        """v (outputs, inputs, m)."""
+        return shares(self.residues, self.zeta)[1]
+
+    @property
+    def static(self) -> Samples:
+        """(outputs, inputs) um/um."""
+        return np.asarray(self.direct + self.displacement.sum(axis=2))
+
+    def participation(self) -> Samples:
+        """(m, inputs): what each actuator has of a mode's strain, as shares. A mode's residues are of rank one up to
+        noise, shape at the sensors times shape at the actuators."""
+        m = len(self.poles)
+        found = np.empty((m, self.inputs))
+        for r in range(m):
+            matrix = self.residues[:, :, 2 * r] - 1j * self.residues[:, :, 2 * r + 1]
+            found[r] = np.abs(np.linalg.svd(matrix)[2][0]) ** 2
+        return found
+
+    def answer(self, drive: Drive) -> Samples:
+        """Positions (n, outputs) in um from rest."""
+        return np.asarray(drive.states(self.poles, self.drop) @ self.weights)
