@@ -1,18 +1,26 @@
 # make demo   the whole story on the built-in stage        make test   everything CI runs
+# make toolchain   PlatformIO without its registry         make firmware   the boards' ELF files
 # Each sets up what it needs: a virtual environment in .venv with pinned packages, and the compiled parts.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phaselead/*/kernel/*.[ch])
+NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phaselead/*/kernel/*.[ch] host/phaselead/sim/emulator/*.[ch])
 
-.PHONY: demo test bench lint generate setup clean
+# Where PlatformIO finds what it would otherwise download; `pio run` by itself uses the registry.
+PIO_CORE := .pio-core
+PIO_STAMP := $(PIO_CORE)/.prepared
+BOARD_EXTRA = $$($(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))\
+['project']['optional-dependencies']['board'])")
+
+.PHONY: demo test bench lint generate setup toolchain firmware clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
 
 test: $(STAMP)
 	@sh tests/tools.sh
+	@! command -v arm-none-eabi-gcc >/dev/null || $(MAKE) --no-print-directory firmware
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
@@ -21,8 +29,8 @@ bench: $(STAMP)
 	@$(BIN)/python benchmarks/speed.py
 
 lint: $(STAMP)
-	@$(BIN)/ruff check host tests protocol benchmarks setup.py
-	@$(BIN)/ruff format --check host tests protocol benchmarks setup.py
+	@$(BIN)/ruff check host tests protocol firmware benchmarks setup.py
+	@$(BIN)/ruff format --check host tests protocol firmware benchmarks setup.py
 	@$(BIN)/clang-format --dry-run --Werror $$(find firmware host tests -name '*.[ch]')
 	@$(BIN)/mypy
 
@@ -32,9 +40,19 @@ generate: $(STAMP)
 
 setup: $(STAMP)
 
+toolchain: $(PIO_STAMP)
+
+firmware: $(PIO_STAMP)
+	@PLATFORMIO_CORE_DIR=$(PIO_CORE) $(BIN)/pio run -s
+
+$(PIO_STAMP): $(STAMP) $(wildcard firmware/port/stm32f4/offline/*.py firmware/port/stm32f4/offline/platform/*/*)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q $(BOARD_EXTRA)
+	@$(BIN)/python firmware/port/stm32f4/offline/prepare.py $(PIO_CORE)
+	@touch $@
+
 $(STAMP): pyproject.toml setup.py $(NATIVE_SOURCES)
 	@sh setup.sh $(PYTHON) $(VENV)
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build out host/*.egg-info host/phaselead/*/*.so
+	rm -rf $(VENV) build out .pio $(PIO_CORE) host/*.egg-info host/phaselead/*/*.so

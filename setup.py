@@ -4,6 +4,7 @@ They hold no Python API (they are called through ctypes), so no Python headers a
 """
 
 import runpy
+import sys
 from glob import glob
 from pathlib import Path
 
@@ -15,6 +16,17 @@ build_id = runpy.run_path(str(ROOT / "firmware" / "build_id.py"))["build_id"]
 # Contraction would let one compiler fuse a multiply-add that another does not.
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-strict-aliasing", "-Wall", "-Wextra", "-fvisibility=hidden"]
 
+
+# A QEMU plugin: its QEMU functions are found when QEMU loads it, which only Linux allows.
+EMULATOR = [
+    Extension(
+        "phaselead.sim._emulator",
+        sources=sorted(glob("host/phaselead/sim/emulator/*.c")),
+        depends=glob("host/phaselead/sim/emulator/*.h"),
+        extra_compile_args=["-std=gnu11", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"],
+        libraries=["dl"],
+    )
+]
 
 setup(
     ext_modules=[
@@ -45,5 +57,6 @@ setup(
             extra_compile_args=[*FLAGS, "-O3"],
             libraries=["m"],
         ),
+        *(EMULATOR if sys.platform == "linux" else []),
     ]
 )

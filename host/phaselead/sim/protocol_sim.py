@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import parse_qsl, unquote
 
 import numpy as np
@@ -39,7 +39,7 @@ class Place:
     baud: int = BAUD
 
 
-def _number(url: str, name: str, text: str, low: int, high: int) -> int:
+def number_option(url: str, name: str, text: str, low: int, high: int) -> int:
     try:
         value = int(text)
     except ValueError:
@@ -57,9 +57,9 @@ def parse_url(url: str) -> Place:
     options: dict[str, Any] = {}
     for name, text in parse_qsl(query, keep_blank_values=True):
         if name == "seed":
-            options[name] = _number(url, name, text, 0, 2**64 - 1)
+            options[name] = number_option(url, name, text, 0, 2**64 - 1)
         elif name == "baud":
-            options[name] = _number(url, name, text, 9600, 100_000_000)
+            options[name] = number_option(url, name, text, 9600, 100_000_000)
         elif name == "state" and text:
             options[name] = Path(text)
         else:
@@ -69,7 +69,7 @@ def parse_url(url: str) -> Place:
     return Place(unquote(stage), **options)
 
 
-def _read_flash(path: Path) -> bytes | None:
+def read_flash(path: Path) -> bytes | None:
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -81,17 +81,38 @@ def _read_flash(path: Path) -> bytes | None:
 def open_device(place: Place) -> VirtualDevice:
     """A fresh device at rest. Raises BadInput for a stage or state file that cannot be used."""
     parameters = plant_parameters(load_any(place.stage), place.seed)
-    flash = None if place.state is None else _read_flash(place.state)
+    flash = None if place.state is None else read_flash(place.state)
     try:
         return VirtualDevice(parameters, baud=place.baud, flash=flash)
     except BadInput as error:
         raise BadInput(f"{place.state}: {error}") from None
 
 
+class TracedStage(Protocol):
+    """A simulated stage that can say where it truly is."""
+
+    def trace(self, capacity: int) -> None: ...
+    def take_trace(self) -> tuple[int, NDArray[np.float64]]: ...
+
+
+class SimulatedDevice(Protocol):
+    """What a simulated port has at its other end; its time passes in ``run``."""
+
+    @property
+    def plant(self) -> TracedStage: ...
+    @property
+    def readable(self) -> int: ...
+    def run(self, ticks: int, want_bytes: int = 0) -> int: ...
+    def read(self, size: int) -> bytes: ...
+    def write(self, data: bytes) -> int: ...
+    def flash(self) -> tuple[bytes, int]: ...
+    def close(self) -> None: ...
+
+
 class FlashKeeper:
     """Writes a device's flash to its state file whenever it has changed."""
 
-    def __init__(self, device: VirtualDevice, path: Path | None) -> None:
+    def __init__(self, device: SimulatedDevice, path: Path | None) -> None:
         self._device, self._path = device, path
         self._writes = 0
 
@@ -112,7 +133,7 @@ class Serial(SerialBase):  # type: ignore[misc]
     is_open: bool
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        self._device: VirtualDevice | None = None
+        self._device: SimulatedDevice | None = None
         self._keeper: FlashKeeper | None = None
         self._seen = 0
         """Bytes there were at the last look at ``in_waiting``."""
@@ -123,10 +144,14 @@ class Serial(SerialBase):  # type: ignore[misc]
             raise serial.SerialException("no port given; use sim://xyz250 or sim://FILE.toml")
         if self.is_open:
             raise serial.SerialException("the port is already open")
-        place = parse_url(self._port)
-        self._device = open_device(place)
-        self._keeper = FlashKeeper(self._device, place.state)
+        self._device, state = self._open_device(self._port)
+        self._keeper = FlashKeeper(self._device, state)
         self.is_open = True
+
+    def _open_device(self, url: str) -> tuple[SimulatedDevice, Path | None]:
+        """A fresh device, and the file that keeps its flash."""
+        place = parse_url(url)
+        return open_device(place), place.state
 
     def close(self) -> None:
         if self._device is not None:
@@ -137,7 +162,7 @@ class Serial(SerialBase):  # type: ignore[misc]
         self.is_open = False
 
     @property
-    def device(self) -> VirtualDevice:
+    def device(self) -> SimulatedDevice:
         """What is at the other end. Raises PortNotOpenError."""
         if self._device is None:
             raise PortNotOpenError

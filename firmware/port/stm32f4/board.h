@@ -1,0 +1,57 @@
+/* What differs between the boards, and the wiring they share. docs/board.md has it as a table.
+ *
+ * PA0 CONVST and PA1 LDAC are driven by TIM2 itself, so that sampling and latching do not wait for the program.
+ */
+#ifndef PHASELEAD_STM32F4_BOARD_H
+#define PHASELEAD_STM32F4_BOARD_H
+
+#include "port/stm32f4/registers.h"
+
+#if defined(BOARD_NUCLEO_F446RE)
+#define BOARD_NAME "nucleo_f446re"
+#define BOARD_HSE_BYPASS 1 /* the debugger's MCO gives 8 MHz */
+#define BOARD_USART 2      /* through the on-board debugger: PA2, PA3 */
+#elif defined(BOARD_GENERIC_F405)
+#define BOARD_NAME "generic_f405"
+#define BOARD_HSE_BYPASS 0 /* an 8 MHz crystal */
+#define BOARD_USART 1      /* PA9, PA10 */
+#else
+#error "define BOARD_NUCLEO_F446RE or BOARD_GENERIC_F405"
+#endif
+
+#ifndef PHASELEAD_BAUD
+#define PHASELEAD_BAUD 2000000u
+#endif
+
+#define SYSCLK_HZ 168000000u
+#define APB1_HZ 42000000u
+#define APB2_HZ 84000000u
+#define TIMER_HZ 84000000u
+
+#define CONVST_HIGH_COUNTS 84u /* 1 us */
+#define LATCH_COUNTS 1680u     /* 20 us from the sample to LDAC */
+
+enum port { PORT_A, PORT_B, PORT_C };
+enum pin_a { PIN_CONVST = 0, PIN_LDAC = 1, PIN_ADC_CS = 4, PIN_ADC_SCK = 5, PIN_ADC_DOUT = 6 };
+enum pin_b {
+    PIN_ADC_BUSY = 0,
+    PIN_ADC_FRSTDATA = 1,
+    PIN_DAC_SYNC = 12,
+    PIN_DAC_SCK = 13,
+    PIN_DAC_SDO = 14,
+    PIN_DAC_SDIN = 15
+};
+enum pin_c { PIN_ADC_RESET = 5, PIN_DAC_CLEAR = 6 /* low: 0 V; pulled down on the board */, PIN_INTERLOCK = 7 };
+
+#define AF_TIM2 1u
+#define AF_SPI 5u
+#define AF_USART 7u
+
+#define MODEL_SECTOR 6u /* and 7: present on both parts, 128 KB each */
+#define MODEL_SLOT_SIZE 0x20000u
+#define MODEL_FLASH 0x08040000u
+
+/* Code that runs while the flash is busy, and what only it may read. */
+#define RAM_CODE __attribute__((section(".ram_code"), noinline, long_call))
+
+#endif

@@ -1,0 +1,5 @@
+from platformio.public import PlatformBase
+
+
+class Ststm32Platform(PlatformBase):
+    pass

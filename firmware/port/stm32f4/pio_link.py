@@ -1,0 +1,20 @@
+"""PlatformIO, before linking: build_flags do not reach the linker, and the platform would add start-up files."""
+
+# ruff: noqa: F821
+Import("env")
+board = env.subst("$PIOENV")
+env.Replace(
+    LINKFLAGS=[
+        "-Os",
+        "-mthumb",
+        "-mcpu=cortex-m4",
+        "-mfloat-abi=soft",
+        "-nostartfiles",
+        "--specs=nano.specs",
+        "-Wl,--gc-sections,--fatal-warnings",
+        "-Wl,-Map=${BUILD_DIR}/firmware.map",
+        "-L${PROJECT_DIR}/firmware/port/stm32f4",
+        f"-T{board}.ld",
+    ],
+    LIBS=[library for library in env["LIBS"] if library != "stdc++"],
+)

@@ -1,0 +1,117 @@
+#include "port/stm32f4/tick.h"
+
+#include "core/fixed.h"
+#include "port/stm32f4/board.h"
+#include "port/stm32f4/converters.h"
+#include "port/stm32f4/pins.h"
+#include "port/stm32f4/watchdog.h"
+
+#define PERIOD_COUNTS (TIMER_HZ / TICK_RATE_HZ)
+_Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divide the timer's");
+
+/* The longest the main loop is busy is the expansion of a model's tables, some 10 ms. */
+#define MAIN_LOOP_TICKS 500u
+#define INTERLOCK_TICKS 3u /* open that long, it is no spike */
+
+volatile uint32_t tick_parked_count;
+
+static struct device *ticking;
+static volatile uint32_t since_main_loop;
+static uint32_t interlock_open_ticks;
+static bool late;
+
+static void watch_interlock(void)
+{
+    interlock_open_ticks = pin_is_high(GPIOC, PIN_INTERLOCK) ? interlock_open_ticks + 1 : 0;
+    if (interlock_open_ticks == INTERLOCK_TICKS)
+        device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
+}
+
+static void keep_time(uint32_t start)
+{
+    struct device *device = ticking;
+    uint32_t cycles = DWT->CYCCNT - start;
+    uint32_t bin = 31u - (uint32_t)__builtin_clz(cycles | 1u);
+    device->cycles_last = cycles;
+    if (cycles > device->cycles_max)
+        device->cycles_max = cycles;
+    device->cycles_histogram[bin < 15u ? bin : 15u]++;
+    if ((TIM2->SR & TIM_SR_UIF) != 0) {
+        device->overruns++;
+        device_raise(device, WIRE_FAULT_TICK_OVERRUN, NO_AXIS, cycles);
+    }
+}
+
+void tick_interrupt(void)
+{
+    uint32_t start = DWT->CYCCNT;
+    uint16_t adc_codes[AXES], dac_codes[AXES];
+    TIM2->SR = ~TIM_SR_UIF;
+    if (!converters_sample(adc_codes))
+        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
+    watch_interlock();
+    device_tick(ticking, adc_codes, dac_codes);
+    if (!converters_dac_answers())
+        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
+    if (late)
+        ticking->latched_late++;
+    if (since_main_loop++ < MAIN_LOOP_TICKS)
+        watchdog_feed();
+    keep_time(start);
+}
+
+void tick_drive(void *context, const uint16_t dac_codes[AXES])
+{
+    (void)context;
+    converters_drive(dac_codes);
+    late = TIM2->CNT >= LATCH_COUNTS;
+}
+
+RAM_CODE void tick_parked(void)
+{
+    TIM2->SR = ~TIM_SR_UIF;
+    if ((GPIOC->IDR >> PIN_INTERLOCK & 1u) == 0)
+        interlock_open_ticks = 0;
+    else if (interlock_open_ticks < INTERLOCK_TICKS - 1) /* the last of them is left to a tick that can react */
+        interlock_open_ticks++;
+    tick_parked_count++;
+    IWDG->KR = IWDG_FEED;
+}
+
+void tick_main_loop_alive(void)
+{
+    since_main_loop = 0;
+}
+
+void tick_lock(void *context)
+{
+    (void)context;
+    __asm volatile("cpsid i" ::: "memory");
+}
+
+void tick_unlock(void *context)
+{
+    (void)context;
+    __asm volatile("cpsie i" ::: "memory");
+}
+
+void tick_start(struct device *device)
+{
+    ticking = device;
+    pin_set_up(GPIOC, PIN_INTERLOCK, PIN_INPUT, PULL_UP, 0);
+    DEMCR |= DEMCR_TRCENA;
+    DWT->CYCCNT = 0;
+    DWT->CTRL |= DWT_CTRL_CYCCNTENA;
+    RCC->APB1ENR |= RCC_APB1ENR_TIM2;
+    TIM2->ARR = PERIOD_COUNTS - 1u;
+    TIM2->CCR1 = CONVST_HIGH_COUNTS;
+    TIM2->CCR2 = LATCH_COUNTS;
+    TIM2->CCMR1 = TIM_CCMR1_OC1_PWM1 | TIM_CCMR1_OC2_PWM1;
+    TIM2->CCER = TIM_CCER_CC1E | TIM_CCER_CC2E;
+    TIM2->EGR = TIM_EGR_UG;
+    TIM2->SR = 0;
+    TIM2->DIER = TIM_DIER_UIE;
+    NVIC->IPR[IRQ_TIM2] = 0;
+    NVIC->ISER[IRQ_TIM2 / 32] = BIT(IRQ_TIM2 % 32);
+    TIM2->CR1 = TIM_CR1_CEN;
+}

@@ -1,0 +1,302 @@
+"""The emulated board: the ELF that a board gets, run by QEMU, with a simulated stage behind its converters."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import importlib.util
+import os
+import re
+import shutil
+import struct
+import subprocess
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.errors import BadInput, PhaseleadError
+from phaselead.sim.device import BAUD, Codes
+from phaselead.sim.plant import PlantParameters
+
+BOARDS = ("nucleo_f446re", "generic_f405")
+QEMU = "qemu-system-arm"
+QEMU_VERSION = "7.2"
+MACHINE = "netduinoplus2"
+"""QEMU's STM32F405; the plugin makes it the board."""
+FLASH_SIZE = 2 * 128 * 1024
+"""Both model sectors."""
+BOOT_TICKS = 100
+"""Time for the firmware to come up, in ticks of 200 us."""
+_BROKEN = 0xFFFF_FFFF
+
+
+class _Ask(enum.IntEnum):
+    """enum ask of emulator/world.c."""
+
+    STAGE = 1
+    RUN = 2
+    WRITE = 3
+    BAUD = 4
+    INJECT = 5
+    FLASH = 6
+    SET_FLASH = 7
+    TRACE = 8
+    TAKE_TRACE = 9
+    CODES = 10
+    COUNTS = 11
+    PEEK = 12
+    POKE = 13
+    TIME = 14
+
+
+class Injection(enum.IntEnum):
+    """enum injection of emulator/board.h."""
+
+    CRYSTAL_STOPS = 1
+    NO_CRYSTAL = 2
+    ADC_SILENT = 3
+    DAC_SILENT = 4
+    INTERLOCK = 5
+    BROWN_OUT = 6
+    NOISE = 7
+    RAIL = 8
+    FLASH_CUT = 9
+    RESET_PIN = 10
+
+
+def find_firmware(board: str) -> Path:
+    """The ELF that `make firmware` left in the source tree. Raises BadInput when there is none."""
+    for root in (Path(__file__).resolve().parents[3], Path.cwd()):
+        elf = root / ".pio" / "build" / board / "firmware.elf"
+        if elf.is_file():
+            return elf
+    raise BadInput(f"there is no firmware for {board} yet; run `make firmware` in the source tree, or give ?elf=FILE")
+
+
+def _plugin() -> str:
+    spec = importlib.util.find_spec("phaselead.sim._emulator")
+    if spec is None or spec.origin is None:
+        raise PhaseleadError("the emulated board is not built; it needs Linux and a C compiler (`make setup`)")
+    return spec.origin
+
+
+def _stage_library() -> str:
+    spec = importlib.util.find_spec("phaselead.sim._firmware")
+    if spec is None or spec.origin is None:
+        raise PhaseleadError("the firmware library is not built; run `make setup`")
+    return spec.origin
+
+
+def check_qemu() -> str:
+    """The emulator's path. Raises BadInput when it is missing or of another version than the model was made for."""
+    path = shutil.which(QEMU)
+    if path is None:
+        raise BadInput(f"{QEMU} is not installed; the emulated board needs its version {QEMU_VERSION} (Debian 12's)")
+    said = subprocess.run([path, "--version"], capture_output=True, text=True, check=False).stdout
+    match = re.search(r"version (\d+\.\d+)", said)
+    version = match[1] if match else "unknown"
+    if version != QEMU_VERSION:
+        raise BadInput(f"{path} is version {version}; the emulated board is made for {QEMU_VERSION} (Debian 12's)")
+    return path
+
+
+class EmulatedStage:
+    """Where the stage truly is."""
+
+    def __init__(self, device: EmulatedDevice) -> None:
+        self._device = device
+
+    def trace(self, capacity: int) -> None:
+        """Keeps true positions from now on, the last ``capacity`` ticks of them; 0 stops."""
+        self._device.ask(_Ask.TRACE, struct.pack("<Q", capacity))
+
+    def take_trace(self) -> tuple[int, NDArray[np.float64]]:
+        """First tick, and true positions in um, shape (n, 3), since the last call."""
+        answer = self._device.ask(_Ask.TAKE_TRACE)
+        return int.from_bytes(answer[:8], "little"), np.frombuffer(answer, np.float64, offset=8).reshape(-1, 3).copy()
+
+
+class EmulatedDevice:
+    """A board in QEMU. Its time passes in ``run`` alone, so a run is the same every time.
+
+    Args:
+        board: one of ``BOARDS``.
+        parameters: of the stage.
+        elf: the firmware; by default what `make firmware` built.
+        flash: image of the two model sectors, ``FLASH_SIZE`` bytes; by default erased.
+        baud: speed of the host's end of the line.
+        count: places between which instructions are counted, see emulator/count.c.
+        boot: let the firmware come up first.
+
+    Raises:
+        BadInput: an unknown board, no firmware, no fitting QEMU, a flash image of another size.
+    """
+
+    def __init__(
+        self,
+        board: str,
+        parameters: PlantParameters,
+        *,
+        elf: Path | None = None,
+        flash: bytes | None = None,
+        baud: int = BAUD,
+        count: str | None = None,
+        boot: bool = True,
+    ) -> None:
+        if board not in BOARDS:
+            raise BadInput(f"there is no emulated board {board!r}; there are {' and '.join(BOARDS)}")
+        if flash is not None and len(flash) != FLASH_SIZE:
+            raise BadInput("the flash image has the wrong size; give one that an emulated board wrote, or none")
+        self._process: subprocess.Popen[bytes] | None = None
+        self._start(board, elf or find_firmware(board), count)
+        self._buffer = bytearray()
+        self._flash: tuple[bytes, int] | None = None
+        self._flash_changes = 0
+        self.plant = EmulatedStage(self)
+        self._send_stage(parameters)
+        self.ask(_Ask.BAUD, struct.pack("<I", baud))
+        if flash is not None:
+            self.ask(_Ask.SET_FLASH, flash)
+        if boot:
+            self.run(BOOT_TICKS)
+
+    def _start(self, board: str, elf: Path, count: str | None) -> None:
+        if not elf.is_file():
+            raise BadInput(f"{elf}: there is no such firmware")
+        down, to_board = os.pipe()
+        from_board, up = os.pipe()
+        plugin = f"{_plugin()},in={down},out={up},library={_stage_library()},board={board}"
+        if count is not None:
+            plugin += f",count={count}"
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115
+        machine = ["-M", MACHINE, "-nodefaults", "-display", "none", "-serial", "none", "-monitor", "none"]
+        self._process = subprocess.Popen(
+            [check_qemu(), *machine, "-icount", "shift=3,sleep=off", "-kernel", str(elf), "-plugin", plugin],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            pass_fds=(down, up),
+            start_new_session=True,  # Ctrl-C is for us, who park first
+        )
+        os.close(down)
+        os.close(up)
+        self._to_board = os.fdopen(to_board, "wb")
+        self._from_board = os.fdopen(from_board, "rb")
+
+    def _send_stage(self, parameters: PlantParameters) -> None:
+        stage = bytes(parameters)
+        linked = bytes(parameters.linked.contents) if parameters.linked else b""
+        head = struct.pack("<II", len(stage), type(parameters).linked.offset)
+        if self.ask(_Ask.STAGE, head + stage + linked) != b"\1":
+            raise BadInput("the stage cannot be simulated: a time constant, frequency or delay is out of bounds")
+
+    def close(self) -> None:
+        if self._process is None:
+            return
+        for stream in (self._to_board, self._from_board):
+            with contextlib.suppress(OSError):
+                stream.close()
+        self._process.kill()
+        self._process.wait()
+        self._said.close()
+        self._process = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        if getattr(self, "_process", None):
+            self.close()
+
+    def _read(self, size: int) -> bytes:
+        data = self._from_board.read(size)
+        if len(data) < size:
+            raise PhaseleadError(f"the emulated board stopped: {self._last_words()}")
+        return data
+
+    def _last_words(self) -> str:
+        self._said.seek(0)
+        said = self._said.read().decode("utf-8", "replace").strip()
+        return said.splitlines()[-1] if said else "it said nothing"
+
+    def ask(self, what: _Ask, payload: bytes = b"") -> bytes:
+        """One exchange with the plugin. Raises PhaseleadError when the emulator is gone or the board broken."""
+        try:
+            self._to_board.write(struct.pack("<IB", len(payload), what) + payload)
+            self._to_board.flush()
+        except OSError:
+            raise PhaseleadError(f"the emulated board stopped: {self._last_words()}") from None
+        size = int.from_bytes(self._read(4), "little")
+        if size == _BROKEN:
+            text = self._read(int.from_bytes(self._read(4), "little")).decode("utf-8", "replace")
+            raise PhaseleadError(f"emulated board: {text}")
+        return self._read(size)
+
+    # ---------------------------------------------------------------- the line and time
+
+    def run(self, ticks: int, want_bytes: int = 0) -> int:
+        """Runs up to ``ticks`` times 200 us, or until ``want_bytes`` (not 0) are readable. Gives those run."""
+        if ticks == 0 or (want_bytes and len(self._buffer) >= want_bytes):
+            return 0
+        want = want_bytes - len(self._buffer) if want_bytes else 0
+        answer = self.ask(_Ask.RUN, struct.pack("<QQ", ticks, want))
+        ran, self._flash_changes = struct.unpack_from("<QQ", answer)
+        self._buffer += answer[16:]
+        return int(ran)
+
+    @property
+    def readable(self) -> int:
+        return len(self._buffer)
+
+    def read(self, size: int) -> bytes:
+        """What has left the device, at most ``size`` bytes."""
+        data = bytes(self._buffer[:size])
+        del self._buffer[:size]
+        return data
+
+    def write(self, data: bytes) -> int:
+        self.ask(_Ask.WRITE, data)
+        return len(data)
+
+    # ---------------------------------------------------------------- what only an emulator lets one do
+
+    def flash(self) -> tuple[bytes, int]:
+        """Image of the model sectors, and how often they have been written to."""
+        if self._flash is None or self._flash[1] != self._flash_changes:
+            self._flash = self.ask(_Ask.FLASH), self._flash_changes
+        return self._flash
+
+    def inject(self, what: Injection, value: int = 1) -> None:
+        """Makes a fault happen in the hardware."""
+        self.ask(_Ask.INJECT, struct.pack("<II", what, value))
+
+    def codes(self) -> tuple[Codes, Codes]:
+        """ADC and DAC codes, shape (n, 3) each, of the ticks since the last call."""
+        rows = np.frombuffer(self.ask(_Ask.CODES), np.uint16).reshape(-1, 2, 3)
+        return rows[:, 0].copy(), rows[:, 1].copy()
+
+    def counts(self) -> tuple[int, int, int, int]:
+        """Runs counted, their instructions in all, the most of one, the most up to a mark; since the last call."""
+        runs, total, most, most_to_mark = struct.unpack("<4Q", self.ask(_Ask.COUNTS))
+        return runs, total, most, most_to_mark
+
+    def peek(self, address: int, size: int) -> bytes:
+        return self.ask(_Ask.PEEK, struct.pack("<II", address, size))
+
+    def poke(self, address: int, data: bytes) -> None:
+        """Writes to memory, to the program in flash too."""
+        self.ask(_Ask.POKE, struct.pack("<I", address) + data)
+
+    def time(self) -> tuple[int, int]:
+        """Nanoseconds since power-on, and ticks of the timer."""
+        ns, ticks = struct.unpack("<2Q", self.ask(_Ask.TIME))
+        return ns, ticks

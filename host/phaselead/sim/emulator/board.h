@@ -1,0 +1,119 @@
+/* The emulated board: what lies around the processor, as far as the firmware uses it. One file a part.
+ *
+ * It is a model of the parts, not of this firmware: a peripheral without its clock does not answer, a converter spoken
+ * to in the wrong SPI mode hears nothing, and a read of flash that is being erased ends the run.
+ */
+#ifndef PHASELEAD_EMULATOR_BOARD_H
+#define PHASELEAD_EMULATOR_BOARD_H
+
+#include "qemu.h"
+
+#define AXES 3
+#define TICK_NS 200000
+#define ZERO_V_CODE 0x8000
+
+struct board {
+    bool f446;
+    const char *problem; /* NULL: none yet */
+};
+extern struct board board;
+
+/* Ends the run: the firmware did what silicon would not forgive. The message goes to the host. */
+_Noreturn void board_broken(const char *format, ...) __attribute__((format(printf, 1, 2)));
+int64_t now_ns(void);
+/* Lays a region over what QEMU has there. */
+void board_map(MemoryRegion *region, const MemoryRegionOps *ops, const char *name, uint64_t address, uint64_t size);
+void board_irq(int number, bool level);
+void board_nmi(void);
+
+/* ---- rcc.c: clocks and the cause of a reset */
+enum reset_flag { RESET_POWER_ON, RESET_BROWN_OUT, RESET_WATCHDOG, RESET_SOFTWARE };
+void rcc_map(void);
+void rcc_reset(void);
+void rcc_reset_by(enum reset_flag flag); /* of the reset that follows */
+void rcc_crystal(bool runs);
+bool rcc_on(unsigned reg_offset, unsigned bit); /* an enable bit, by its register's offset */
+uint64_t rcc_sysclk_Hz(void);
+uint64_t rcc_apb_Hz(unsigned apb);
+#define RCC_AHB1ENR 0x30
+#define RCC_APB1ENR 0x40
+#define RCC_APB2ENR 0x44
+
+/* ---- timer.c: TIM2, which starts conversions and ticks */
+void timer_map(void);
+void timer_reset(void);
+bool timer_runs(void);
+int64_t timer_period_began_ns(void);
+
+/* ---- gpio.c */
+enum gpio_port { GPIO_A, GPIO_B, GPIO_C };
+void gpio_map(void);
+void gpio_reset(void);
+bool gpio_is_function(enum gpio_port port, unsigned pin, unsigned function);
+/* What the pin is driven to; `pull` when it is not driven. */
+bool gpio_output(enum gpio_port port, unsigned pin, bool pull);
+
+/* ---- converters.c: AD7606B on SPI1, AD5764R on SPI2 */
+void converters_map(void);
+void converters_reset(void);
+void converters_power_on(void);
+void converters_pins_changed(void);
+void converters_convert(const uint16_t codes[AXES]);
+void converters_output(uint16_t codes[AXES]); /* of the tick that ends now */
+bool converters_busy(void);
+bool converters_frstdata(void);
+bool converters_interlock_open(void);
+
+/* ---- line.c: USART and its DMA */
+void line_map(void);
+void line_reset(void);
+void line_pass(int64_t ns); /* so much time went by */
+void line_write(const uint8_t *bytes, size_t size);
+size_t line_readable(void);
+size_t line_take(uint8_t *bytes, size_t size);
+void line_set_baud(uint32_t baud);
+void line_garble(uint32_t bytes); /* noise on so many of the next bytes to the board */
+
+/* ---- flash.c: controller, the model sectors, and what must not be touched while busy */
+#define FLASH_MODEL_SIZE 0x40000
+void flash_map(void);
+void flash_reset(void);
+uint8_t *flash_models(void);
+uint64_t flash_changes(void);          /* so many erases and programs began */
+void flash_cut_after(int64_t changes); /* bytes; the byte under way is left half done; negative: never */
+
+/* ---- watchdog.c */
+void watchdog_map(void);
+void watchdog_reset(void);
+
+/* ---- world.c: the stage, time, and the host process */
+bool world_open(int in, int out, const char *library);
+void world_start(void);
+/* A tick of 200 us begins: the last one's output moves the stage, the line has moved, then the sensors are sampled. */
+void world_tick(void);
+void world_say_broken(const char *text);
+
+/* ---- inject.c: faults, asked for by the host */
+enum injection {
+    INJECT_CRYSTAL_STOPS = 1,
+    INJECT_NO_CRYSTAL,
+    INJECT_ADC_SILENT,
+    INJECT_DAC_SILENT,
+    INJECT_INTERLOCK,
+    INJECT_BROWN_OUT,
+    INJECT_NOISE,
+    INJECT_RAIL,
+    INJECT_FLASH_CUT,
+    INJECT_RESET_PIN
+};
+extern struct injected {
+    bool adc_silent, dac_silent, interlock_open;
+    uint32_t rail_mask;
+} injected;
+void inject(uint32_t what, uint32_t value);
+
+/* ---- count.c: exact instruction counts between two places */
+void count_open(qemu_plugin_id_t id, const char *argument);
+size_t count_report(uint64_t *figures, size_t room);
+
+#endif

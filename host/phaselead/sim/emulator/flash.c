@@ -1,0 +1,197 @@
+/* The flash controller with sectors 6 and 7. While it erases or programs, a read or fetch of any flash ends the run:
+ * silicon would only stall, for up to two seconds, and no tick would come.
+ */
+#include "board.h"
+
+#include <string.h>
+
+#define FLASH_BASE 0x08000000
+#define FLASH_SIZE 0x100000
+#define MODELS 0x08040000
+#define SECTOR_SIZE 0x20000
+#define FIRST_SECTOR 6u
+#define ERASE_NS 1000000000 /* of 128 KB, a word at a time: typical by the data sheets */
+#define PROGRAM_NS 16000
+#define ACR 0
+#define KEYR 1
+#define SR 3
+#define CR 4
+#define SR_PGSERR 0x80u
+#define SR_PGPERR 0x40u
+#define SR_WRPERR 0x10u
+#define SR_BSY (1u << 16)
+#define CR_PG 1u
+#define CR_SER 2u
+#define CR_STRT (1u << 16)
+#define CR_LOCK (1u << 31)
+#define HALF_DONE 0x55u /* bits of the last byte that still changed when the power went */
+
+static MemoryRegion controller, models, guard, guard_alias;
+static QEMUTimer end;
+static uint8_t cells[FLASH_MODEL_SIZE];
+static bool filled;
+static uint32_t regs[8];
+static bool half_unlocked, busy;
+static int64_t cut_after = -1;
+static uint64_t changes;
+
+uint8_t *flash_models(void)
+{
+    if (!filled)
+        memset(cells, 0xFF, sizeof cells);
+    filled = true;
+    return cells;
+}
+
+uint64_t flash_changes(void)
+{
+    return changes;
+}
+
+void flash_cut_after(int64_t changes)
+{
+    cut_after = changes;
+}
+
+static bool change(uint8_t *cell, uint8_t to)
+{
+    if (cut_after == 0)
+        return false;
+    if (cut_after > 0 && --cut_after == 0) {
+        *cell = (uint8_t)((*cell & ~HALF_DONE) | (to & HALF_DONE));
+        inject(INJECT_BROWN_OUT, 0);
+        return false;
+    }
+    *cell = to;
+    return true;
+}
+
+static void set_busy(bool now)
+{
+    busy = now;
+    memory_region_set_enabled(&guard, now);
+    memory_region_set_enabled(&guard_alias, now);
+}
+
+static void on_end(void *opaque)
+{
+    (void)opaque;
+    set_busy(false);
+}
+
+static void start(int64_t ns)
+{
+    changes++;
+    set_busy(true);
+    timer_mod(&end, now_ns() + ns);
+}
+
+static uint64_t touched(void *opaque, uint64_t offset, unsigned size)
+{
+    (void)opaque, (void)size;
+    board_broken("flash was read at 0x%08llx while it was busy", (unsigned long long)(FLASH_BASE + offset));
+}
+
+static void touched_by_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
+{
+    (void)value;
+    touched(opaque, offset, size);
+}
+
+static uint64_t cell_read(void *opaque, uint64_t offset, unsigned size)
+{
+    uint64_t value = 0;
+    (void)opaque;
+    memcpy(&value, flash_models() + offset, size);
+    return value;
+}
+
+static void cell_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
+{
+    (void)opaque;
+    if ((regs[CR] & CR_LOCK) || !(regs[CR] & CR_PG)) {
+        regs[SR] |= SR_PGSERR;
+        return;
+    }
+    if (size != 1u << (regs[CR] >> 8 & 3u)) {
+        regs[SR] |= SR_PGPERR;
+        return;
+    }
+    for (unsigned i = 0; i < size; i++)
+        if (!change(&flash_models()[offset + i], flash_models()[offset + i] & (uint8_t)(value >> 8 * i)))
+            break;
+    start(PROGRAM_NS);
+}
+
+static void erase(uint32_t sector)
+{
+    if (sector - FIRST_SECTOR > 1) {
+        regs[SR] |= SR_WRPERR;
+        return;
+    }
+    uint8_t *from = flash_models() + (sector - FIRST_SECTOR) * SECTOR_SIZE;
+    for (size_t i = 0; i < SECTOR_SIZE; i++)
+        if (!change(&from[i], 0xFF))
+            break;
+    start(ERASE_NS);
+}
+
+static uint64_t controller_read(void *opaque, uint64_t offset, unsigned size)
+{
+    (void)opaque, (void)size;
+    if (offset / 4 >= 8)
+        return 0;
+    return regs[offset / 4] | (offset / 4 == SR && busy ? SR_BSY : 0);
+}
+
+static void write_key(uint32_t key)
+{
+    if (key == 0xCDEF89ABu && half_unlocked)
+        regs[CR] &= ~CR_LOCK;
+    half_unlocked = key == 0x45670123u;
+}
+
+static void controller_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
+{
+    (void)opaque, (void)size;
+    if (offset / 4 == KEYR)
+        write_key((uint32_t)value);
+    else if (offset / 4 == SR)
+        regs[SR] &= ~(uint32_t)value;
+    else if (offset / 4 == CR) {
+        if (!(regs[CR] & CR_LOCK) && !busy)
+            regs[CR] = (uint32_t)value & ~CR_STRT;
+        if (!(regs[CR] & CR_LOCK) && (value & CR_STRT) && (value & CR_SER) && !busy)
+            erase((uint32_t)value >> 3 & 15u);
+    } else if (offset / 4 == ACR) {
+        regs[ACR] = (uint32_t)value;
+    }
+}
+
+void flash_reset(void)
+{
+    memset(regs, 0, sizeof regs);
+    regs[CR] = CR_LOCK;
+    half_unlocked = false;
+    timer_del(&end);
+    set_busy(false);
+}
+
+void flash_map(void)
+{
+    static const MemoryRegionOps cell_ops = {
+        .read = cell_read, .write = cell_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
+    static const MemoryRegionOps guard_ops = {
+        .read = touched, .write = touched_by_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
+    static const MemoryRegionOps controller_ops = {.read = controller_read,
+                                                   .write = controller_write,
+                                                   .endianness = LITTLE_ENDIAN_DEVICE,
+                                                   .valid = {4, 4, false, NULL}};
+    board_map(&controller, &controller_ops, "flash controller", 0x40023C00, 0x400);
+    board_map(&models, &cell_ops, "model sectors", MODELS, FLASH_MODEL_SIZE);
+    /* Around the model sectors, which are written to while busy. */
+    board_map(&guard, &guard_ops, "busy flash", FLASH_BASE, MODELS - FLASH_BASE);
+    board_map(&guard_alias, &guard_ops, "busy flash at 0", 0, FLASH_SIZE);
+    set_busy(false);
+    timer_init_full(&end, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_end, NULL);
+}
