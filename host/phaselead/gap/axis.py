@@ -77,7 +77,9 @@ def search_axis(
         unexplained(growth, final),
         excluded,
         {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
-        locate([Part(left.run, left.error_um, final.gap.floor) for left in final.before_lefts("holdout")], seed, label),
+        locate(
+            [Part(left.run, left.error_um, growth.bench.noise) for left in final.before_lefts("holdout")], seed, label
+        ),
         final.gap,
         final.rows,
         propose(growth, tied, label) if tied is not None else None,

@@ -1,183 +1,166 @@
-"""Where model and measurement part: cells of the held-out and training residual, ranked, each with a sentence."""
+"""Where model and measurement part: the residual in cells, ranked, each with a sentence.
+
+Records are cut into blocks and every block into cells of six kinds: frequency, amplitude of the voltage, time since a
+step, direction of motion, harmonic order, and the axis (``axis_cells``). A cell stands out when its share of the power
+is larger than noise of the records' own colour would give it. One draw of the null takes each block from one of
+several simulations of that noise; the largest standardised share over all cells of all kinds gives a p value that
+holds for the whole family (max-T, Westfall and Young 1993).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import welch
+from scipy.linalg import solve_banded
+from scipy.signal import lfilter
 
+from phaselead.gap.cells import AXIS, STEP, Cut, Powers, cut
+from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.result import Cell
+from phaselead.gap.told import ALL, LEVEL, holds, told
 from phaselead.record.recording import Samples
 
-Mask = NDArray[np.bool_]
-DRAWS = 500
-BLOCKS = 24
-STEP_SHARE = 0.05
-"""Of its span: a change of voltage between two rows that starts the clock of a step."""
-LEVEL = 0.01
-MOST = 12
+__all__ = ["LEVEL", "Part", "axis_cells", "locate", "simulate_noise"]
 
-Ranked = tuple[str, str, float, float, str]
-"""By, cell, share, family-wise p, sentence."""
+DRAWS = 500
+SIMULATIONS = 24
+"""Of every record's noise; a draw picks one for each block."""
+LEAST_SHARE = 0.02
+MOST = 14
 
 
 @dataclass(frozen=True)
 class Part:
-    """Residual of one run (n,) about its own offset, and how large it is where nothing is missing."""
+    """Residual of one run (n,) about its own offset, and the noise that is there when nothing is missing."""
 
     run: Run
     error_um: Samples
-    floor_um: float
+    noise: Noise
 
 
 def locate(parts: Sequence[Part], seed: int, axis: str | None = None) -> list[Cell]:
-    """Cells ranked by share of the unexplained power; those that a constant floor would also show are left out.
-
-    Family-wise at 1 % by max-T (Westfall and Young 1993): the excess of each cell over its share of the rows, against
-    blocks of the residual dealt out at random.
-    """
+    """Cells ranked by share of the unexplained power, those that stand out first; nothing when there is no residual."""
     power = sum(float(np.sum(p.error_um**2)) for p in parts)
     if not power > 0:
         return []
-    found: list[Ranked] = []
-    for by, cells in _families(parts).items():
-        shares, p_values = _tested(parts, cells, seed)
-        for (name, words, _), share, p in zip(cells, shares, p_values, strict=True):
-            if share > 0.01:
-                found.append((by, name, share, p, f"{100 * share:.0f} % of the unexplained power {words}"))
-    found += [*_frequency(parts), *_harmonics(parts)]
-    ranked = sorted(found, key=lambda c: (c[3] > LEVEL, -c[2]))[:MOST]
-    return [Cell(by, name, share, sentence, p, axis) for by, name, share, p, sentence in ranked]
-
-
-Family = list[tuple[str, str, Callable[[Part], Mask]]]
-
-
-def _families(parts: Sequence[Part]) -> dict[str, Family]:
-    span = max((float(np.ptp(p.run.u_V[p.run.rows])) for p in parts), default=0.0)
-    low = min(float(p.run.u_V[p.run.rows].min()) for p in parts)
-    families: dict[str, Family] = {
-        "direction": [
-            ("rising", "is left while the voltage rises", lambda p: _slope(p) > 0),
-            ("falling", "is left while it falls", lambda p: _slope(p) < 0),
-            ("still", "is left while it stands still", lambda p: _slope(p) == 0),
-        ],
-        "amplitude": [],
-        "time since a step": [],
-    }
-    if span > 0:
-        for i in range(4):
-            a, b = low + span * i / 4, low + span * (i + 1) / 4
-            families["amplitude"].append(
-                (f"{a:.3g}..{b:.3g} V", f"is left between {a:.3g} and {b:.3g} V", _between(a, b))
-            )
-    for exponent in range(-4, 2):
-        a, b = 10.0**exponent, 10.0 ** (exponent + 1)
-        words = f"comes {a:g} to {b:g} s after a step"
-        families["time since a step"].append((f"{a:g}..{b:g} s", words, _since(a, b)))
-    return {by: family for by, family in families.items() if family}
-
-
-def _slope(part: Part) -> Samples:
-    return np.diff(part.run.u_V, prepend=part.run.u_V[0])[part.run.rows]
-
-
-def _between(a: float, b: float) -> Callable[[Part], Mask]:
-    def cell(part: Part) -> Mask:
-        u = part.run.u_V[part.run.rows]
-        return np.asarray((u >= a) & (u <= b) & part.run.driven)
-
-    return cell
-
-
-def _since(a: float, b: float) -> Callable[[Part], Mask]:
-    def cell(part: Part) -> Mask:
-        since = since_step(part.run)
-        return np.asarray((since >= a) & (since < b))
-
-    return cell
-
-
-def since_step(run: Run) -> Samples:
-    """Seconds since the last jump of the voltage (n,) over the scored rows; infinite before the first."""
-    jumps = np.abs(np.diff(run.u_V, prepend=run.u_V[0])) > STEP_SHARE * max(float(np.ptp(run.u_V)), 1e-12)
-    lasts = np.where(jumps, np.arange(len(run.u_V)), -1)
-    last = np.maximum.accumulate(lasts)
-    since = (np.arange(len(run.u_V)) - last + 1) * run.step_s
-    return np.where(last >= 0, since, np.inf)[run.rows]
-
-
-def _tested(parts: Sequence[Part], cells: Family, seed: int) -> tuple[Samples, Samples]:
-    """Shares (cells,) and family-wise p values."""
-    power, rows = [], []
-    for part in parts:
-        masks = np.stack([cell(part) for _, _, cell in cells]).astype(np.float64)
-        edges = np.linspace(0, len(part.error_um), BLOCKS + 1).astype(int)
-        squares = np.add.reduceat(part.error_um**2, edges[:-1])
-        of_cell = np.stack([np.add.reduceat(part.error_um**2 * m, edges[:-1]) for m in masks], axis=1)
-        power.append(np.concatenate([of_cell, squares[:, None]], axis=1))
-        rows.append(np.stack([np.add.reduceat(m, edges[:-1]) / len(part.error_um) for m in masks], axis=1))
-    counted, expected = np.concatenate(power), np.concatenate(rows)
-    total = counted[:, -1].sum()
-    shares = counted[:, :-1].sum(axis=0) / total
+    cuts, names = cut([p.run for p in parts])
     rng = np.random.default_rng(seed)
-    null = np.array([_excess(rng.permutation(counted[:, -1]), expected) for _ in range(DRAWS)])
-    centre, spread = null.mean(axis=0), null.std(axis=0) + 1e-12
-    seen = (shares - centre) / spread
-    largest = ((null - centre) / spread).max(axis=1)
-    p = (1 + (largest[:, None] >= seen).sum(axis=0)) / (DRAWS + 1)
-    return shares, p
+    simulated = [_simulated(c, p, rng) for c, p in zip(cuts, parts, strict=True)]
+    seen = [c.powers(p.error_um[None]) for c, p in zip(cuts, parts, strict=True)]
+    blocks = _shares([_dealt(s, rng, by_block=True) for s in simulated])
+    whole = _shares([_dealt(s, rng, by_block=False) for s in simulated])
+    shares = _shares([_dealt(s, rng, by_block=False, draws=1) for s in seen])[0]
+    p_values = _family_wise(shares, blocks, whole.std(axis=0))
+    floor = sum(float(s.total.sum(axis=1).mean()) for s in simulated)
+    excess = _excess(shares, whole.mean(axis=0), min(floor / power, 1.0))
+    found = [
+        Cell(by, name, float(share), told(by, name, float(share)), float(p), axis)
+        for (by, name), share, p in zip(names, excess, p_values, strict=True)
+        if share > LEAST_SHARE
+    ]
+    found += _after_steps(parts, found, axis)
+    return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST]
 
 
-def _excess(squares: Samples, expected: Samples) -> Samples:
-    within = expected / np.maximum(expected.sum(axis=1, keepdims=True), 1e-12)
-    return np.asarray((squares[:, None] * within).sum(axis=0) / squares.sum())
+def simulate_noise(noise: Noise, run: Run, rng: np.random.Generator) -> Samples:
+    """(n,) over the scored rows: sensor noise, and misfit that wanders along the way of the voltage."""
+    u, n = run.u_V[run.rows], run.stop - run.start
+    lead = 8 * len(noise.sensor)
+    drawn = lfilter([noise.sigma_um], noise.sensor, rng.standard_normal(n + lead))[lead:]
+    if noise.misfit_um > 0:
+        phi = np.exp(-np.abs(np.diff(u, prepend=u[0])) / noise.length_V)
+        grown = noise.misfit_um**2 * (1 - phi**2) + noise.wander_um2_per_s * run.step_s
+        grown[0] = noise.misfit_um**2
+        banded = np.stack([np.ones(n), np.append(-phi[1:], 0.0)])
+        drawn = drawn + solve_banded((1, 0), banded, np.sqrt(grown) * rng.standard_normal(n))
+    return np.asarray(drawn - drawn.mean())
 
 
-def _frequency(parts: Sequence[Part]) -> list[Ranked]:
-    """Octaves of the residual's spectrum."""
-    density: dict[int, float] = {}
-    for part in parts:
-        f, s = welch(part.error_um, 1 / part.run.step_s, nperseg=min(len(part.error_um), 8192))
-        width = float(f[1] - f[0])
-        for octave, value in zip(np.floor(np.log2(np.maximum(f[1:], width))).astype(int), s[1:], strict=True):
-            density[int(octave)] = density.get(int(octave), 0.0) + float(value) * width * len(part.error_um)
-    total = sum(density.values()) or 1.0
-    found = []
-    for octave, value in density.items():
-        a, b, share = 2.0**octave, 2.0 ** (octave + 1), value / total
-        if share > 0.1:
-            words = f"{100 * share:.0f} % of the unexplained power lies between {a:.3g} and {b:.3g} Hz"
-            found.append(("frequency", f"{a:.3g}..{b:.3g} Hz", share, 0.0, words))
-    return found
+def _simulated(of_run: Cut, part: Part, rng: np.random.Generator) -> Powers:
+    return of_run.powers(np.stack([simulate_noise(part.noise, part.run, rng) for _ in range(SIMULATIONS)]))
 
 
-def _harmonics(parts: Sequence[Part]) -> list[Ranked]:
-    """Orders of the drive's frequency where a run is driven by a sine: odd and even tell symmetric from asymmetric."""
-    from phaselead.identify.checks import AxisRun
+@dataclass(frozen=True)
+class _Dealt:
+    """One record in every draw: (draws, cells), (draws,) and (draws, orders)."""
 
-    power, total = np.zeros(8), 0.0
-    for part in parts:
-        run = part.run
-        sine = AxisRun(run.t_s, run.u_V, run.x_um, run.rows, run.axis, run.source).sine if run.driven else None
-        if sine is None:
-            continue
-        turn = 2 * np.pi * sine.f_Hz * run.t_s[run.rows]
-        for order in range(1, 8):
-            even, odd = np.mean(part.error_um * np.cos(order * turn)), np.mean(part.error_um * np.sin(order * turn))
-            power[order] += 2 * float(even**2 + odd**2) * len(turn)
-        total += float(np.sum(part.error_um**2))
-    names = {1: "the fundamental", 2: "the second harmonic: one half of the loop differs from the other"}
+    additive: Samples
+    total: Samples
+    orders: Samples
+
+
+def _dealt(powers: Powers, rng: np.random.Generator, *, by_block: bool, draws: int = DRAWS) -> _Dealt:
+    """Each draw takes each block from a simulation of its own, or all of them from one."""
+    simulations, blocks = powers.total.shape
+    picked = rng.integers(simulations, size=(draws, blocks if by_block else 1))
+    at = (picked, np.arange(blocks))
+    return _Dealt(
+        powers.additive[at].sum(axis=1), powers.total[at].sum(axis=1), np.abs(powers.coherent[at].sum(axis=1)) ** 2
+    )
+
+
+def _shares(records: Sequence[_Dealt]) -> Samples:
+    """(draws, cells) of the power of all records."""
+    total = np.sum([r.total for r in records], axis=0)
+    cells = np.sum([np.concatenate([r.additive, r.orders], axis=1) for r in records], axis=0)
+    return np.asarray(cells / total[:, None])
+
+
+def _family_wise(shares: Samples, null: Samples, spread: Samples) -> Samples:
+    """p values (cells,) by the largest standardised share of each draw of the null (draws, cells).
+
+    Misfit that wanders ties the blocks of a record together, so that shares may scatter by more (``spread``, of whole
+    records) than blocks dealt one by one say.
+    """
+    centre, own = null.mean(axis=0), null.std(axis=0)
+    live = own > 1e-9
+    seen, drawn = np.zeros(len(shares)), np.zeros_like(null)
+    seen[live] = (shares[live] - centre[live]) / np.maximum(own, spread)[live]
+    drawn[:, live] = (null[:, live] - centre[live]) / own[live]
+    largest = drawn.max(axis=1)
+    return np.asarray((1 + (largest[:, None] >= seen).sum(axis=0)) / (len(null) + 1))
+
+
+def _excess(shares: Samples, expected: Samples, floor: float) -> Samples:
+    """Shares (cells,) of what is beyond the noise, which has ``floor`` of the power and lies as ``expected``."""
+    if floor > 0.5:
+        return shares
+    return np.asarray(np.clip((shares - floor * expected) / (1 - floor), 0.0, 1.0))
+
+
+def _after_steps(parts: Sequence[Part], found: Sequence[Cell], axis: str | None) -> list[Cell]:
+    """All times after steps as one cell, where the residual goes on in a line over the logarithm of time."""
+    sure = [c.p for c in found if c.by == STEP]
+    line = holds([(p.run, p.error_um) for p in parts]) if sure else None
+    return [] if line is None else [Cell(STEP, ALL, line.share, line.sentence(), min(sure), axis)]
+
+
+def axis_cells(errors: Mapping[str, Sequence[Samples]], floors_um: Mapping[str, float]) -> list[Cell]:
+    """Which axis the power is on, for several: residuals (n,) by axis beside the noise that each axis has.
+
+    The null deals every axis its noise's power; how far that scatters is taken from blocks of the residual.
+    """
+    power = {a: float(sum(np.sum(e**2) for e in of_axis)) for a, of_axis in errors.items()}
+    total = sum(power.values())
+    if len(errors) < 2 or not total > 0:
+        return []
+    floor = {a: floors_um[a] ** 2 * sum(len(e) for e in of_axis) for a, of_axis in errors.items()}
+    ratios = np.array([power[a] / max(floor[a], 1e-30) for a in errors])
+    scatter = np.array([_scatter(of_axis) for of_axis in errors.values()])
+    rng = np.random.default_rng(0)
+    null = np.exp(scatter * rng.standard_normal((DRAWS, len(errors))))
+    null = null / null.mean(axis=1, keepdims=True) / scatter
+    p = _family_wise(ratios / ratios.mean() / scatter, null, np.zeros(len(ratios)))
     return [
-        (
-            "harmonic order", str(order), power[order] / total, 0.0,
-            f"{100 * power[order] / total:.0f} % of the power left under sines is "
-            f"{names.get(order, f'harmonic {order}')}",
-        )
-        for order in range(1, 8)
-        if total > 0 and power[order] / total > 0.05
-    ]  # fmt: skip
+        Cell(AXIS, a, power[a] / total, told(AXIS, a, power[a] / total), float(p[i]), a) for i, a in enumerate(errors)
+    ]
+
+
+def _scatter(errors: Sequence[Samples]) -> float:
+    """Relative standard deviation of the mean power, from blocks."""
+    blocks = np.array([float(np.mean(part**2)) for e in errors for part in np.array_split(e, 24)])
+    mean = float(blocks.mean())
+    return max(float(blocks.std() / np.sqrt(len(blocks)) / mean), 1e-3) if mean > 0 else 1.0

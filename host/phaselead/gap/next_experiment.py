@@ -27,6 +27,10 @@ from phaselead.record.recording import Samples
 
 ROWS = 10_000
 """Of one prediction; longer excitations are predicted at a coarser step."""
+MOST_MEMBERS = 4
+"""Of a tie that are told apart at once, the best first."""
+SENSOR_ROOM = 0.02
+"""Of the sensor's span, kept free at either end."""
 SURE = 2.0
 """Times the distance that breaks a tie: asked of the prediction, which knows neither the truth nor its own misfit."""
 SENSORS = {
@@ -38,31 +42,29 @@ SENSORS = {
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Two members of a tie, and what the records at hand say about the second one's parameters and the base."""
+class Member:
+    """One member of a tie, and what the records at hand say about its parameters and the base's."""
 
-    first: Rival
-    second: Rival
+    rival: Rival
     known: Samples
-    """Information (k, k) about the base's columns, then the second's tangents; units as in the refit."""
+    """Information (k, k) about the base's columns, then the tangents of all effects; units as in the refit."""
 
 
 def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie; None when it has no members to tell apart or no model to predict with."""
-    members = [r for r in tied.rivals if r.effect.name in tied.tied]
+    members = [Member(r, _known(growth, r)) for r in tied.rivals if r.effect.name in tied.tied][:MOST_MEMBERS]
     if len(members) < 2 or growth.bench.axis.time is None:
         return None
     step_s = growth.bench.tracks()[0].run.step_s
-    pairs = [Pair(members[0], other, _known(growth, other)) for other in members[1:]]
     best: tuple[float, Excitation, float] | None = None
     for option in excitations(growth.bench.axis, step_s):
-        apart = min(_separation(growth, option, pair, step_s) for pair in pairs)
+        apart = _separation(growth, option, members, step_s)
         if best is None or apart / option.seconds > best[0]:
             best = (apart / option.seconds, option, apart)
     if best is None:
         return None
     option, apart = _long_enough(best[1], best[2])
-    sensor = None if apart >= TIE else sensor_for([m.effect for m in members])
+    sensor = None if apart >= TIE else sensor_for([m.rival.effect for m in members])
     return NextExperiment(
         option.waveform, option.level_V, option.band_Hz, option.bias_V, label, option.seconds, apart, sensor
     )
@@ -100,24 +102,41 @@ def _marginal(information: Samples, kept: Samples) -> Samples:
     return np.asarray(information[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(inner, cross))
 
 
-def _separation(growth: Growth, option: Excitation, pair: Pair, step_s: float) -> float:
-    """Predicted squared distance after the second was fitted to what the first would show."""
+def _separation(growth: Growth, option: Excitation, members: Sequence[Member], step_s: float) -> float:
+    """Predicted least squared distance between two members, after the later one was fitted to what the other shows."""
     every = max(1, int(np.ceil(option.seconds / step_s / ROWS)))
     n = int(option.seconds / (every * step_s))
     t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
     run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, 0, n, "proposed", "", {}, {})
     made = track(growth.bench.axis, run)
+    shown = [made.answer(m.rival.fitted.entries) for m in members]
+    if not _in_sight(growth, shown):
+        return 0.0
     metric = evidence([made], coarser(growth.bench.noise, every))
-    first, second = pair.first.fitted, pair.second.fitted
-    columns = fresh_columns(made, second.entries, second.free)
-    columns[:, -1] = made.answer(first.entries) - made.answer(second.entries)
-    columns = np.concatenate([base_columns(made, growth.bench.open_plays, second.entries), columns], axis=1)
-    white = metric.project(0, columns)
-    moment = white.T @ white / growth.inflation
-    normal = moment[:-1, :-1] + pair.known
-    normal += 1e-9 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
-    gained = moment[:-1, -1] @ np.linalg.solve(normal, moment[:-1, -1])
-    return float(max(moment[-1, -1] - gained, 0.0))
+    base = metric.project(0, base_columns(made, growth.bench.open_plays, members[0].rival.fitted.entries))
+    answers = [metric.project(0, answer[:, None])[:, 0] for answer in shown]
+    least = np.inf
+    for j, member in enumerate(members[1:], 1):
+        fitted = member.rival.fitted
+        tangents = metric.project(0, fresh_columns(made, fitted.entries, fitted.free)[:, :-1])
+        columns = np.concatenate([base, tangents], axis=1)
+        normal = columns.T @ columns / growth.inflation + member.known
+        normal += 1e-9 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
+        for answer in answers[:j]:
+            apart = answer - answers[j]
+            right = columns.T @ apart / growth.inflation
+            left = apart @ apart / growth.inflation - right @ np.linalg.solve(normal, right)
+            least = min(least, float(left))
+    return max(least, 0.0)
+
+
+def _in_sight(growth: Growth, answers: Sequence[Samples]) -> bool:
+    """Whether the sensor would see all of it, with some room for what is not known yet; where it has been, it can."""
+    sensor, been = growth.bench.axis.sensor, [t.run.x_um for t in growth.bench.tracks()]
+    room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
+    low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
+    high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
+    return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
 
 
 def coarser(noise: Noise, every: int) -> Noise:

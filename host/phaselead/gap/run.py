@@ -10,8 +10,9 @@ import numpy as np
 from phaselead.effects import catalogue
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
+from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import axis_runs
-from phaselead.gap.result import Gap, GapResult
+from phaselead.gap.result import Cell, Gap, GapResult
 from phaselead.record.recording import Recording
 from phaselead.stage.file import Stage
 
@@ -56,7 +57,7 @@ def run_gap(
         ties=tuple(t for r in results for t in r.ties),
         excluded=tuple(b for r in results for b in r.excluded),
         untestable=_untestable(results),
-        where=tuple(sorted((c for r in results for c in r.where), key=lambda c: -c.share)),
+        where=_where(results),
         gap=_gap(results),
         next_experiment=next((r.next_experiment for r in results if r.next_experiment is not None), None),
         holdout_sha256=tuple(dict.fromkeys(r.sha256 for r in holdout)),
@@ -72,6 +73,13 @@ def run_gap(
 
 def _silent(share: float) -> None:
     pass
+
+
+def _where(results: Sequence[AxisResult]) -> tuple[Cell, ...]:
+    """Cells of all axes, those that stand out first; with several, each share is of its own axis' power."""
+    errors = {r.axis: [t.measured_um - t.before_um for t in r.traces] for r in results}
+    cells = [*axis_cells(errors, {r.axis: r.gap.floor for r in results}), *(c for r in results for c in r.where)]
+    return tuple(sorted(cells, key=lambda c: (c.p > LEVEL, -c.share)))
 
 
 def _verdicts(results: Sequence[AxisResult]) -> tuple[str, ...]:

@@ -1,0 +1,161 @@
+"""Cells of a residual: what part of its power lies at which frequency, voltage, time since a step, direction, order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.gap.records import Run
+from phaselead.identify.checks import AxisRun, Sine
+from phaselead.record.recording import Samples
+
+Mask = NDArray[np.bool_]
+Complex = NDArray[np.complex128]
+
+BLOCKS = 24
+"""Of every record."""
+LEVELS = 4
+"""Voltage bands of equal width."""
+ORDERS = range(1, 8)
+STEP_SHARE = 0.05
+"""Of its span: a change of voltage between two rows that starts the clock of a step."""
+FREQUENCY, AMPLITUDE, STEP, DIRECTION, HARMONIC, AXIS = (
+    "frequency", "amplitude", "time since a step", "direction", "harmonic order", "axis",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Powers:
+    """Sums over each block of one record, um^2, for k residuals: of additive cells (k, blocks, cells), of all
+    (k, blocks); and the amplitudes (k, blocks, orders) whose squares only add up over the whole record."""
+
+    additive: Samples
+    total: Samples
+    coherent: Complex
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How one record is cut into blocks of ``length`` rows; fewer rows than there are blocks stay out at its end. All
+    records of an axis have the same cells in the same order."""
+
+    length: int
+    masks: NDArray[np.float32]
+    """(cells, blocks, length), 1 inside."""
+    octaves: Samples
+    """Edges in Hz of the frequency cells; what is slower than the first lies in the first cell."""
+    step_s: float
+    turn: Samples | None
+    """Phase (n,) of the sine that drives it."""
+
+    def powers(self, errors_um: Samples) -> Powers:
+        """Of residuals (k, n), or simulations of one."""
+        blocks = errors_um[:, : BLOCKS * self.length].reshape(len(errors_um), BLOCKS, self.length)
+        squares = (blocks**2).astype(np.float32)
+        by_time = np.einsum("cbl,kbl->kbc", self.masks, squares, optimize=True)
+        additive = np.concatenate([self._octaves(blocks), by_time], axis=2).astype(np.float64)
+        return Powers(additive, np.asarray((blocks**2).sum(axis=2)), self._orders(blocks))
+
+    def _octaves(self, blocks: Samples) -> Samples:
+        """Power per octave of each block; a straight line through it counts as slower than all of them."""
+        line = np.linspace(-1, 1, self.length)
+        line /= float(np.sqrt(np.sum(line**2)))
+        mean, slope = blocks.mean(axis=2), blocks @ line
+        bent = blocks - mean[..., None] - slope[..., None] * line
+        lines = 2 * np.abs(np.fft.rfft(bent)[..., 1:]) ** 2 / self.length
+        f = np.fft.rfftfreq(self.length, self.step_s)[1:]
+        cell = np.searchsorted(self.octaves[1:-1], f, side="right")
+        found = lines @ (cell[:, None] == np.arange(len(self.octaves) - 1)).astype(np.float64)
+        found[..., 0] += self.length * mean**2 + slope**2
+        return np.asarray(found)
+
+    def _orders(self, blocks: Samples) -> Complex:
+        if self.turn is None:
+            return np.zeros((*blocks.shape[:2], len(ORDERS)), np.complex128)
+        turn = self.turn[: BLOCKS * self.length].reshape(BLOCKS, self.length)
+        waves = np.exp(-1j * np.array(ORDERS)[:, None, None] * turn) * np.sqrt(2 / turn.size)
+        return np.asarray(np.einsum("obl,kbl->kbo", waves, blocks, optimize=True))
+
+
+def cut(runs: Sequence[Run]) -> tuple[list[Cut], list[tuple[str, str]]]:
+    """Every record cut, and the names of the cells: kind and cell, additive ones first, then the orders."""
+    masks = _masks(runs)
+    lengths = [(r.stop - r.start) // BLOCKS for r in runs]
+    longest_s = max(length * r.step_s for length, r in zip(lengths, runs, strict=True))
+    octaves = 2.0 ** np.arange(np.floor(np.log2(2 / longest_s)), np.ceil(np.log2(0.5 / runs[0].step_s)) + 1)
+    cuts = []
+    for length, run in zip(lengths, runs, strict=True):
+        inside = np.stack([of_run(run)[: BLOCKS * length] for _, _, of_run in masks])
+        of_cells = inside.reshape(len(masks), BLOCKS, length).astype(np.float32)
+        cuts.append(Cut(length, of_cells, octaves, run.step_s, _turn(run)))
+    names = [(FREQUENCY, f"0..{octaves[1]:.3g} Hz"), *((FREQUENCY, f"{a:.3g}..{b:.3g} Hz") for a, b in _pairs(octaves))]
+    names += [(by, name) for by, name, _ in masks] + [(HARMONIC, str(order)) for order in ORDERS]
+    return cuts, names
+
+
+def _pairs(octaves: Samples) -> list[tuple[float, float]]:
+    return [(float(a), float(b)) for a, b in pairwise(octaves[1:])]
+
+
+def _masks(runs: Sequence[Run]) -> list[tuple[str, str, Callable[[Run], Mask]]]:
+    found: list[tuple[str, str, Callable[[Run], Mask]]] = [
+        (DIRECTION, "rising", lambda r: _slope(r) > 0),
+        (DIRECTION, "falling", lambda r: _slope(r) < 0),
+        (DIRECTION, "still", lambda r: _slope(r) == 0),
+    ]
+    driven = [r for r in runs if r.driven]
+    if driven:
+        low = min(float(r.u_V[r.rows].min()) for r in driven)
+        high = max(float(r.u_V[r.rows].max()) for r in driven)
+        for a, b in pairwise(np.linspace(low, high, LEVELS + 1).tolist()):
+            found.append((AMPLITUDE, f"{a:.3g}..{b:.3g} V", _between(a, b, b == high)))
+    for exponent in range(-4, 3):
+        a, b = 10.0**exponent, 10.0 ** (exponent + 1)
+        found.append((STEP, f"{a:g}..{b:g} s", _since(a, b)))
+    return found
+
+
+def _slope(run: Run) -> Samples:
+    return np.diff(run.u_V, prepend=run.u_V[0])[run.rows]
+
+
+def _between(a: float, b: float, last: bool) -> Callable[[Run], Mask]:
+    def cell(run: Run) -> Mask:
+        u = run.u_V[run.rows]
+        return np.asarray((u >= a) & ((u <= b) if last else (u < b)) & run.driven)
+
+    return cell
+
+
+def _since(a: float, b: float) -> Callable[[Run], Mask]:
+    def cell(run: Run) -> Mask:
+        since = since_step(run)
+        return np.asarray((since >= a) & (since < b))
+
+    return cell
+
+
+def steps_of(run: Run) -> NDArray[np.intp]:
+    """Rows (m,) of the whole recording at which the voltage jumps."""
+    jumps = np.abs(np.diff(run.u_V, prepend=run.u_V[0])) > STEP_SHARE * max(float(np.ptp(run.u_V)), 1e-12)
+    return np.flatnonzero(jumps)
+
+
+def since_step(run: Run) -> Samples:
+    """Seconds since the last jump of the voltage (n,) over the scored rows; infinite before the first."""
+    rows = np.arange(len(run.u_V))
+    lasts = np.full(len(rows), -1)
+    lasts[steps_of(run)] = steps_of(run)
+    last = np.maximum.accumulate(lasts)
+    return np.where(last >= 0, (rows - last + 1) * run.step_s, np.inf)[run.rows]
+
+
+def _turn(run: Run) -> Samples | None:
+    sine: Sine | None = None
+    if run.driven:
+        sine = AxisRun(run.t_s, run.u_V, run.x_um, run.rows, run.axis, run.source).sine
+    return None if sine is None else np.asarray(2 * np.pi * sine.f_Hz * run.t_s[run.rows])
