@@ -11,7 +11,7 @@ from rich.table import Table
 
 from phaselead.cli.common import json_text, progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
-from phaselead.gap.result import GapResult
+from phaselead.gap.result import GapResult, lines
 from phaselead.gap.run import run_gap
 from phaselead.record.atomic import RUN_SUFFIXES, check_output, is_special, write_texts
 from phaselead.stage.file import load_stage, stage_text
@@ -68,7 +68,7 @@ def show(console: Console, result: GapResult, written: list[str]) -> None:
         on = f" ({effect.axis})" if effect.axis else ""
         console.print(f"{effect.name}{on}: {100 * effect.share:.0f} % of the unexplained power; {effect.why}")
         table = Table("parameter", "value", "95 % interval", "unit")
-        for name, (value, unit, (low, high)) in effect.params.items():
+        for name, value, low, high, unit in lines(effect.params):
             table.add_row(name, f"{value:.4g}", f"{low:.4g} .. {high:.4g}", unit)
         console.print(table)
     for tie in result.ties:
@@ -85,6 +85,8 @@ def show(console: Console, result: GapResult, written: list[str]) -> None:
         console.print("not testable with these records: " + ", ".join(result.untestable))
     if result.next_experiment is not None:
         console.print(experiment_sentence(result))
+    for message in result.messages:
+        console.print(message)
     for path in written:
         console.print(f"wrote {path}")
 

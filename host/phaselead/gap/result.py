@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from phaselead.record.recording import Samples
 from phaselead.stage.file import Stage
 
-Value = tuple[float, str, tuple[float, float]]
+Interval = tuple[float, float]
+Value = tuple[float, str, Interval]
 """Value, unit, 95 % interval."""
+Values = tuple[tuple[float, ...], str, tuple[Interval, ...]]
+"""One for each of several modes."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +23,7 @@ class NamedEffect:
 
     name: str
     axis: str | None
-    params: dict[str, Value]
+    params: Mapping[str, Value | Values]
     share: float
     """Of the unexplained power over the held-out records."""
     why: str = ""
@@ -157,10 +161,22 @@ class GapResult:
         }
 
 
+def lines(params: Mapping[str, Value | Values]) -> list[tuple[str, float, float, float, str]]:
+    """Name, value, low, high and unit of every number; those of a list are numbered from 1."""
+    found = []
+    for name, (value, unit, interval) in params.items():
+        if isinstance(value, tuple):
+            pairs = zip(value, interval, strict=True)
+            found += [(f"{name} {i + 1}", v, float(p[0]), float(p[1]), unit) for i, (v, p) in enumerate(pairs)]  # type: ignore[index]
+        else:
+            found.append((name, value, interval[0], interval[1], unit))  # type: ignore[arg-type]
+    return found
+
+
 def _effect(effect: NamedEffect) -> dict[str, Any]:
     params = {
-        name: {"value": value, "unit": unit, "ci95": [low, high]}
-        for name, (value, unit, (low, high)) in effect.params.items()
+        name: {"value": value, "unit": unit, "ci95": list(interval)}
+        for name, (value, unit, interval) in effect.params.items()
     }
     return {"name": effect.name, "axis": effect.axis, "params": params, "share": effect.share}
 

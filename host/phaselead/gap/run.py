@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from phaselead.effects import catalogue
+from phaselead.effects import Effect, catalogue
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
 from phaselead.gap.locate import LEVEL, axis_cells
-from phaselead.gap.records import axis_runs
+from phaselead.gap.multi_axis import search_together
+from phaselead.gap.records import Run, axis_runs
 from phaselead.gap.result import Cell, Gap, GapResult
 from phaselead.record.recording import Recording
 from phaselead.stage.file import Stage
@@ -40,14 +41,9 @@ def run_gap(
     runs = axis_runs(stage, train, holdout, reference)
     held = frozen if frozen is not None else bool(reference)
     effects = list(catalogue(without).values())
-    results: list[AxisResult] = []
-    for i, (axis, of_axis) in enumerate(runs.items()):
-
-        def advance(share: float, done: int = i) -> None:
-            report((done + share) / len(runs))
-
-        label = axis if len(runs) > 1 else None
-        results.append(search_axis(axis, label, stage.axes[axis], of_axis, effects, held, seed, advance))
+    results = search_together(stage, runs, holdout, effects, seed, report)
+    if results is None:
+        results = _each_axis(stage, runs, effects, held, seed, report)
     report(1.0)
     next_axes = {r.axis: r.model for r in results}
     return GapResult(
@@ -69,6 +65,25 @@ def run_gap(
         messages=tuple(m for r in results for m in r.messages),
         seconds=time.monotonic() - began,
     )
+
+
+def _each_axis(
+    stage: Stage,
+    runs: Mapping[str, Sequence[Run]],
+    effects: Sequence[Effect],
+    held: bool,
+    seed: int,
+    report: Progress,
+) -> list[AxisResult]:
+    results = []
+    for i, (axis, of_axis) in enumerate(runs.items()):
+
+        def advance(share: float, done: int = i) -> None:
+            report((done + share) / len(runs))
+
+        label = axis if len(runs) > 1 else None
+        results.append(search_axis(axis, label, stage.axes[axis], of_axis, effects, held, seed, advance))
+    return results
 
 
 def _silent(share: float) -> None:

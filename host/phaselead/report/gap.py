@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phaselead.effects import catalogue
-from phaselead.gap.result import Candidate, GapResult, NamedEffect, Spectrum, Trace
+from phaselead.gap.result import Candidate, GapResult, NamedEffect, Spectrum, Trace, lines
 from phaselead.report.page import render
 from phaselead.report.style import BLUE, GREEN, GREY, ORANGE, RED, figure_style, new_figure, thin
 from phaselead.stage.file import Stage
@@ -94,7 +94,7 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
     entry = catalogue().get(effect.name)
     rows = [
         {"name": name, "value": value, "low": low, "high": high, "unit": unit}
-        for name, (value, unit, (low, high)) in effect.params.items()
+        for name, value, low, high, unit in lines(effect.params)
     ]
     return {
         "title": _title(effect), "share": 100 * effect.share, "why": effect.why, "rows": rows,
