@@ -63,7 +63,7 @@ class Message:
     @classmethod
     def check_length(cls, payload: bytes) -> None:
         size = len(payload)
-        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or size > MAX_PAYLOAD:
+        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or (cls.TAIL and size > MAX_PAYLOAD):
             at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
             raise WireError(f"{{cls.NAME}}: {{at_least}}{{cls.SIZE}} bytes expected, got {{size}}")
 

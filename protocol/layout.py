@@ -186,7 +186,7 @@ def _check(schema: Schema) -> None:
                 raise SchemaError(f"{where}: bytes field {f.name} must be the last of a message")
             if f.enum and f.enum not in schema.enums:
                 raise SchemaError(f"{where}: field {f.name} names unknown enum {f.enum}")
-        if schema.size(fields) > schema.max_payload:
+        if where.startswith("message") and schema.size(fields) > schema.max_payload:
             raise SchemaError(f"{where}: {schema.size(fields)} bytes exceed max_payload {schema.max_payload}")
     for what in ("number", "full_name"):
         seen = [getattr(m, what) for m in schema.messages]

@@ -10,11 +10,6 @@
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "waveforms lie in memory as on the wire");
 
-static bool uses_tables(uint32_t mode)
-{
-    return mode == AXIS_FF || mode == AXIS_FF_PID;
-}
-
 enum wire_status command_set_axis(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_set_axis_request set;
@@ -23,9 +18,9 @@ enum wire_status command_set_axis(struct device *device, const struct request *r
     if (set.axis >= AXES || set.mode >= WIRE_MODE_COUNT || set.kp_q24 < 0 || set.ki_ts_q32 < 0 ||
         set.kd_over_ts_q24 < 0 || set.d_alpha_q31 <= 0)
         return WIRE_STATUS_BAD_VALUE;
-    if (set.mode == AXIS_INVERSE || set.mode == AXIS_INVERSE_PID)
-        return WIRE_STATUS_MODE_UNSUPPORTED;
-    if (uses_tables(set.mode) && !device_tables(device, set.axis))
+    if (axis_mode_uses_tables(set.mode) && !device_tables(device, set.axis))
+        return WIRE_STATUS_NO_MODEL;
+    if (axis_mode_inverts(set.mode) && !device_compensation(device, set.axis))
         return WIRE_STATUS_NO_MODEL;
     struct axis_config *config = &device->control.config[set.axis];
     config->mode = set.mode;
@@ -99,6 +94,27 @@ static enum wire_status check_tables(const struct device *device, const struct w
                                                                            : WIRE_STATUS_OUTSIDE_LIMITS;
 }
 
+/* step x preview, of which only the part of a turn counts. */
+static int32_t preview_turn32(const struct compensation *compensation, uint64_t step_turn64)
+{
+    uint64_t ticks_q16 = compensation->preview_ticks_q16;
+    uint64_t lead_turn64 = ((step_turn64 >> 32) * ticks_q16 << 16) + ((step_turn64 & UINT32_MAX) * ticks_q16 >> 16);
+    return (int32_t)(uint32_t)((lead_turn64 + (1u << 31)) >> 32);
+}
+
+static enum wire_status check_inverse(const struct device *device, const struct wire_set_path_request *set,
+                                      int64_t low_q16, int64_t high_q16, struct feedforward_point *point)
+{
+    const struct compensation *compensation = device_compensation(device, set->axis);
+    int32_t least_q16, most_q16;
+    if (!compensation)
+        return WIRE_STATUS_NO_MODEL;
+    inverse_reach_q16(&compensation->inverse, &least_q16, &most_q16);
+    if (is_periodic(set->path))
+        point->lead_turn32 = preview_turn32(compensation, set->step_turn64);
+    return within(low_q16, high_q16, least_q16, most_q16) ? WIRE_STATUS_OK : WIRE_STATUS_OUTSIDE_LIMITS;
+}
+
 static enum wire_status check_path(const struct device *device, const struct wire_set_path_request *set,
                                    struct feedforward_point *point)
 {
@@ -116,7 +132,9 @@ static enum wire_status check_path(const struct device *device, const struct wir
     if (!within(low, high, converter_position_q16(&config->converter, 0, &saturated),
                 converter_position_q16(&config->converter, UINT16_MAX, &saturated)))
         return WIRE_STATUS_OUTSIDE_LIMITS;
-    return uses_tables(config->mode) ? check_tables(device, set, low, high, point) : WIRE_STATUS_OK;
+    if (axis_mode_inverts(config->mode))
+        return check_inverse(device, set, low, high, point);
+    return axis_mode_uses_tables(config->mode) ? check_tables(device, set, low, high, point) : WIRE_STATUS_OK;
 }
 
 enum wire_status command_set_path(struct device *device, const struct request *request, struct answer *answer)

@@ -1,9 +1,6 @@
 /* The model transaction, its read-back and its place in flash. */
 #include "app/commands.h"
-
-/* Fields of record axis_model by their place in protocol/schema.toml, as model_check.c counts them. */
-#define FIELD_DAC_ZERO 7
-#define FIELD_DAC_SCALE 8
+#include "app/model_fields.h"
 
 enum wire_status command_model_begin(struct device *device, const struct request *request, struct answer *answer)
 {
@@ -82,6 +79,7 @@ enum wire_status command_model_commit(struct device *device, const struct reques
     } else {
         model_store_swap(&device->models);
         device_reset_axes(device);
+        device_rest(device);
         stand_still(device);
     }
     answer->tick = device->control.tick;

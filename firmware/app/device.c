@@ -38,6 +38,12 @@ const struct feedforward_tables *device_tables(const struct device *device, unsi
     return slot && slot->table_mask >> axis & 1u ? &slot->tables[axis] : NULL;
 }
 
+const struct compensation *device_compensation(const struct device *device, unsigned axis)
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    return slot && slot->inverse_mask >> axis & 1u ? &slot->compensation[axis] : NULL;
+}
+
 const int32_t *device_wave_q30(const struct device *device, unsigned axis)
 {
     return device->wave_mask >> axis & 1u ? device->waves_q30[axis] : NULL;
@@ -73,6 +79,18 @@ void device_reset_axes(struct device *device)
         reset_axis(device, axis);
 }
 
+void device_rest(struct device *device)
+{
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &device->control.axis[axis];
+        const struct compensation *compensation = device_compensation(device, axis);
+        if (compensation)
+            compensation_rest(compensation, &state->compensation, state->u_q24);
+        else
+            memset(&state->compensation, 0, sizeof state->compensation);
+    }
+}
+
 void device_init(struct device *device, const struct device_port *port)
 {
     memset(device, 0, sizeof *device);
@@ -81,6 +99,7 @@ void device_init(struct device *device, const struct device_port *port)
     device->control.fault_axis = NO_AXIS;
     model_store_boot(&device->models, &device->port.flash);
     device_reset_axes(device);
+    device_rest(device);
     service_init(device);
     for (unsigned axis = 0; axis < AXES; axis++) {
         bool saturated = false;
@@ -190,10 +209,52 @@ static void watch_rails(struct device *device)
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *config = &control->config[axis];
         const struct axis_state *state = &control->axis[axis];
-        bool closed = config->mode == AXIS_PID || config->mode == AXIS_FF_PID;
-        if (closed && state->drive == DRIVE_PATH && state->rail_ticks >= RAIL_TICKS)
+        if (axis_mode_closes(config->mode) && state->drive == DRIVE_PATH && state->rail_ticks >= RAIL_TICKS)
             device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
     }
+}
+
+struct mixed { /* of the axes whose bit is set */
+    uint32_t inverting, closed;
+    int32_t ahead_q16[AXES], error_q16[AXES];
+};
+
+/* What the others cause in an axis is taken from its reference and from its error. */
+static void decouple_aims(const struct device *device, struct axis_aim aims[AXES])
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    const struct decoupling *decoupling = slot ? &slot->decoupling : NULL;
+    struct mixed mixed = {0};
+    bool saturated = false;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        mixed.inverting |= (uint32_t)aims[axis].inverts << axis;
+        mixed.closed |= (uint32_t)aims[axis].closes << axis;
+        mixed.ahead_q16[axis] = aims[axis].ahead_q16;
+        mixed.error_q16[axis] = aims[axis].error_q16;
+    }
+    decouple(decoupling, mixed.inverting, mixed.ahead_q16, &saturated);
+    decouple(decoupling, mixed.closed, mixed.error_q16, &saturated);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        aims[axis].ahead_q16 = mixed.ahead_q16[axis];
+        aims[axis].error_q16 = mixed.error_q16[axis];
+        aims[axis].saturated = aims[axis].saturated || (saturated && aims[axis].follows);
+    }
+}
+
+static void step_axes(struct device *device, const uint16_t adc_codes[AXES], struct axis_trace traces[AXES])
+{
+    struct control *control = &device->control;
+    struct axis_model models[AXES];
+    struct axis_aim aims[AXES];
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        models[axis] = (struct axis_model){device_tables(device, axis), device_compensation(device, axis),
+                                           device_wave_q30(device, axis)};
+        axis_aim(&control->config[axis], &models[axis], &control->axis[axis], adc_codes[axis], &aims[axis]);
+    }
+    decouple_aims(device, aims);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        axis_step(&control->config[axis], &models[axis], &control->axis[axis], &aims[axis], adc_codes[axis],
+                  &traces[axis]);
 }
 
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES])
@@ -203,9 +264,8 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     if (atomic_load_explicit(&device->raised, memory_order_relaxed) != 0)
         take_raised(device);
     watch_host(device);
+    step_axes(device, adc_codes, traces);
     for (unsigned axis = 0; axis < AXES; axis++) {
-        axis_step(&control->config[axis], device_tables(device, axis), device_wave_q30(device, axis),
-                  &control->axis[axis], adc_codes[axis], &traces[axis]);
         device->adc_codes[axis] = adc_codes[axis];
         device->dac_codes[axis] = dac_codes[axis] = traces[axis].dac_code;
     }

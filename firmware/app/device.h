@@ -17,7 +17,7 @@
 #define RAIL_TICKS 3            /* consecutive samples at a rail that count as clipped */
 #define REPLIES_KEPT 8
 #define REPLY_KEPT_SIZE 128 /* bytes of header and payload; longer replies are reads, which may be done twice */
-#define RAM_BUDGET (90 * 1024)
+#define RAM_BUDGET (100 * 1024)
 
 /* Everything that the next tick depends on, besides model and waveforms: what SNAPSHOT_READ gives and a replay starts
  * from. Fixed-size fields and no hole, so that it is the same bytes in every build. */
@@ -119,10 +119,15 @@ void device_fault(struct device *device, enum wire_fault fault, unsigned axis, u
 /* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. */
 void device_reset_axes(struct device *device);
 
+/* The memory of the active model as of a stage at rest at 0 V whose voltages have then gone to where they are. */
+void device_rest(struct device *device);
+
 uint8_t device_at_rest_mask(const struct device *device);
 
 /* NULL when the axis has no table view. */
 const struct feedforward_tables *device_tables(const struct device *device, unsigned axis);
+/* NULL when the axis has no time view that can be inverted. */
+const struct compensation *device_compensation(const struct device *device, unsigned axis);
 /* NULL when the axis has no whole waveform. */
 const int32_t *device_wave_q30(const struct device *device, unsigned axis);
 

@@ -1,30 +1,12 @@
 #include "app/model_store.h"
 
+#include <string.h>
+
+#include "app/model_inverse.h"
 #include "core/fixed.h"
 
-/* Fields of record axis_model by their place in protocol/schema.toml, counted from 1. */
-enum field {
-    FIELD_NONE,
-    FIELD_FLAGS,
-    FIELD_U_MIN,
-    FIELD_U_MAX,
-    FIELD_U_PARK,
-    FIELD_SLEW,
-    FIELD_RAMP,
-    FIELD_DAC_ZERO,
-    FIELD_DAC_SCALE,
-    FIELD_ADC_ZERO,
-    FIELD_ADC_SCALE,
-    FIELD_SWING_MIN,
-    FIELD_SWING_MAX,
-    FIELD_F_MIN,
-    FIELD_F_MAX,
-    FIELD_A,
-    FIELD_B,
-    FIELD_C,
-};
-
 #define FLAG_TABLE 1u
+#define FLAG_INVERSE 2u
 #define CODE_MAX 65535
 #define COEFFICIENT_LIMIT ((int64_t)1 << 48) /* 65536 um: further than any stage goes */
 #define NYQUIST_HZ_Q16 ((int32_t)(TICK_RATE_HZ / 2) << 16)
@@ -41,7 +23,7 @@ static bool position_fits(const struct wire_axis_model *model, int32_t code)
     return x_q16 >= INT32_MIN && x_q16 <= INT32_MAX;
 }
 
-static enum field check_converters(const struct wire_axis_model *model)
+static enum model_field check_converters(const struct wire_axis_model *model)
 {
     if (model->dac_zero_code < 0 || model->dac_zero_code > CODE_MAX)
         return FIELD_DAC_ZERO;
@@ -55,7 +37,7 @@ static enum field check_converters(const struct wire_axis_model *model)
 }
 
 /* 0 V must be allowed: it is where the converter powers on, and leaving it may not be a jump. */
-static enum field check_limits(const struct wire_axis_model *model)
+static enum model_field check_limits(const struct wire_axis_model *model)
 {
     if (model->u_min_q24 > 0 || !dac_reaches(model, model->u_min_q24))
         return FIELD_U_MIN;
@@ -70,7 +52,7 @@ static enum field check_limits(const struct wire_axis_model *model)
     return FIELD_NONE;
 }
 
-static enum field check_rectangle(const struct wire_axis_model *model)
+static enum model_field check_rectangle(const struct wire_axis_model *model)
 {
     if (model->swing_min_q24 <= 0)
         return FIELD_SWING_MIN;
@@ -86,7 +68,7 @@ static enum field check_rectangle(const struct wire_axis_model *model)
     return FIELD_NONE;
 }
 
-static enum field expand_tables(const struct wire_axis_model *model, struct feedforward_tables *tables)
+static enum model_field expand_tables(const struct wire_axis_model *model, struct feedforward_tables *tables)
 {
     struct feedforward_model law = {.swing_min_q24 = model->swing_min_q24,
                                     .swing_max_q24 = model->swing_max_q24,
@@ -110,35 +92,58 @@ static enum field expand_tables(const struct wire_axis_model *model, struct feed
     }
 }
 
-static enum field expand_axis(struct model_slot *slot, unsigned axis)
+static enum model_field expand_table_view(struct model_slot *slot, unsigned axis, const struct wire_axis_model *model)
 {
-    struct wire_axis_model model;
-    model_axis(slot, axis, &model);
-    if ((model.flags & ~FLAG_TABLE) != 0)
-        return FIELD_FLAGS;
-    enum field field = check_converters(&model);
+    enum model_field field = check_rectangle(model);
     if (field == FIELD_NONE)
-        field = check_limits(&model);
-    if (field != FIELD_NONE || !(model.flags & FLAG_TABLE))
-        return field;
-    field = check_rectangle(&model);
-    if (field == FIELD_NONE)
-        field = expand_tables(&model, &slot->tables[axis]);
+        field = expand_tables(model, &slot->tables[axis]);
     if (field == FIELD_NONE)
         slot->table_mask |= 1u << axis;
     return field;
 }
 
+static enum model_field expand_axis(struct model_slot *slot, unsigned axis)
+{
+    struct wire_axis_model model;
+    model_axis(slot, axis, &model);
+    if ((model.flags & ~(FLAG_TABLE | FLAG_INVERSE)) != 0)
+        return FIELD_FLAGS;
+    enum model_field field = check_converters(&model);
+    if (field == FIELD_NONE)
+        field = check_limits(&model);
+    if (field == FIELD_NONE && model.flags & FLAG_TABLE)
+        field = expand_table_view(slot, axis, &model);
+    if (field == FIELD_NONE && model.flags & FLAG_INVERSE) {
+        field = model_compensation(&model, &slot->compensation[axis]);
+        slot->inverse_mask |= field == FIELD_NONE ? 1u << axis : 0;
+    }
+    return field;
+}
+
+/* Of the first axis whose row is to blame; of x when it is the whole that has no inverse. */
+static uint16_t expand_coupling(struct model_slot *slot)
+{
+    int32_t coupling_q28[MODEL_AXES][MODEL_AXES];
+    for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
+        struct wire_axis_model model;
+        model_axis(slot, axis, &model);
+        memcpy(coupling_q28[axis], model.coupling_q28, sizeof coupling_q28[axis]);
+        if (!decoupling_takes(coupling_q28[axis], axis))
+            return (uint16_t)(100 * axis + FIELD_COUPLING);
+    }
+    return decoupling_make((const int32_t (*)[MODEL_AXES])coupling_q28, &slot->decoupling) ? 0 : FIELD_COUPLING;
+}
+
 uint16_t model_expand(struct model_slot *slot)
 {
     struct wire_model model;
-    slot->table_mask = 0;
+    slot->table_mask = slot->inverse_mask = 0;
     if (!wire_unpack_model(&model, slot->blob, WIRE_MODEL_SIZE) || model.magic != MODEL_MAGIC)
         return MODEL_FIELD_MAGIC;
     for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
-        enum field field = expand_axis(slot, axis);
+        enum model_field field = expand_axis(slot, axis);
         if (field != FIELD_NONE)
             return (uint16_t)(100 * axis + field);
     }
-    return 0;
+    return expand_coupling(slot);
 }

@@ -7,6 +7,8 @@
 #define PHASELEAD_APP_MODEL_STORE_H
 
 #include "app/wire.h"
+#include "core/compensation.h"
+#include "core/decouple.h"
 #include "core/feedforward.h"
 
 #define MODEL_AXES 3
@@ -27,8 +29,11 @@ struct flash_port {
 struct model_slot {
     uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */
     uint32_t crc;
-    uint32_t table_mask; /* axes with a table view */
+    uint32_t table_mask;   /* axes with a table view */
+    uint32_t inverse_mask; /* axes with a time view that can be inverted */
     struct feedforward_tables tables[MODEL_AXES];
+    struct compensation compensation[MODEL_AXES];
+    struct decoupling decoupling;
 };
 
 struct model_store {
@@ -61,7 +66,8 @@ void model_store_swap(struct model_store *store);
 
 enum wire_status model_store_persist(struct model_store *store, const struct flash_port *flash, uint32_t *sequence);
 
-/* 0, or the number of the first field that is not usable. Fills the slot's tables and table_mask. */
+/* 0, or the number of the first field that is not usable. Fills the slot's tables, compensation, decoupling and
+ * masks. */
 uint16_t model_expand(struct model_slot *slot);
 
 #endif

@@ -193,6 +193,30 @@ bool wire_unpack_reply_head(struct wire_reply_head *to, const uint8_t *in, size_
     return true;
 }
 
+int32_t wire_pack_biquad(const struct wire_biquad *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_BIQUAD_SIZE)
+        return -1;
+    out = put_u32(out, (uint32_t)from->b0_q26);
+    out = put_u32(out, (uint32_t)from->b1_q26);
+    out = put_u32(out, (uint32_t)from->b2_q26);
+    out = put_u32(out, (uint32_t)from->a1_q26);
+    out = put_u32(out, (uint32_t)from->a2_q26);
+    return WIRE_BIQUAD_SIZE;
+}
+
+bool wire_unpack_biquad(struct wire_biquad *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_BIQUAD_SIZE)
+        return false;
+    to->b0_q26 = (int32_t)get_u32(&in);
+    to->b1_q26 = (int32_t)get_u32(&in);
+    to->b2_q26 = (int32_t)get_u32(&in);
+    to->a1_q26 = (int32_t)get_u32(&in);
+    to->a2_q26 = (int32_t)get_u32(&in);
+    return true;
+}
+
 int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, size_t capacity)
 {
     if (capacity < WIRE_AXIS_MODEL_SIZE)
@@ -217,6 +241,32 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
         out = put_u64(out, (uint64_t)from->b_q40[i]);
     for (size_t i = 0; i < 6; i++)
         out = put_u64(out, (uint64_t)from->c_q32[i]);
+    out = put_u32(out, from->preview_ticks_q16);
+    for (size_t i = 0; i < 6; i++) {
+        wire_pack_biquad(&from->shape[i], out, WIRE_BIQUAD_SIZE);
+        out += WIRE_BIQUAD_SIZE;
+    }
+    for (size_t i = 0; i < 1; i++) {
+        wire_pack_biquad(&from->drive[i], out, WIRE_BIQUAD_SIZE);
+        out += WIRE_BIQUAD_SIZE;
+    }
+    for (size_t i = 0; i < 8; i++)
+        out = put_u32(out, (uint32_t)from->creep_k_q30[i]);
+    for (size_t i = 0; i < 8; i++)
+        out = put_u64(out, (uint64_t)from->creep_alpha_q48[i]);
+    out = put_u32(out, (uint32_t)from->gain_q20);
+    out = put_u32(out, (uint32_t)from->offset_q16);
+    out = put_u32(out, (uint32_t)from->rest_fraction_q30);
+    for (size_t i = 0; i < 32; i++)
+        out = put_u32(out, (uint32_t)from->play_r_q24[i]);
+    for (size_t i = 0; i < 32; i++)
+        out = put_u32(out, (uint32_t)from->play_w_q20[i]);
+    for (size_t i = 0; i < 24; i++)
+        out = put_u32(out, (uint32_t)from->knot_d_q24[i]);
+    for (size_t i = 0; i < 24; i++)
+        out = put_u32(out, (uint32_t)from->knot_s_q20[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, (uint32_t)from->coupling_q28[i]);
     return WIRE_AXIS_MODEL_SIZE;
 }
 
@@ -244,6 +294,32 @@ bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_
         to->b_q40[i] = (int64_t)get_u64(&in);
     for (size_t i = 0; i < 6; i++)
         to->c_q32[i] = (int64_t)get_u64(&in);
+    to->preview_ticks_q16 = get_u32(&in);
+    for (size_t i = 0; i < 6; i++) {
+        wire_unpack_biquad(&to->shape[i], in, WIRE_BIQUAD_SIZE);
+        in += WIRE_BIQUAD_SIZE;
+    }
+    for (size_t i = 0; i < 1; i++) {
+        wire_unpack_biquad(&to->drive[i], in, WIRE_BIQUAD_SIZE);
+        in += WIRE_BIQUAD_SIZE;
+    }
+    for (size_t i = 0; i < 8; i++)
+        to->creep_k_q30[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 8; i++)
+        to->creep_alpha_q48[i] = (int64_t)get_u64(&in);
+    to->gain_q20 = (int32_t)get_u32(&in);
+    to->offset_q16 = (int32_t)get_u32(&in);
+    to->rest_fraction_q30 = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 32; i++)
+        to->play_r_q24[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 32; i++)
+        to->play_w_q20[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 24; i++)
+        to->knot_d_q24[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 24; i++)
+        to->knot_s_q20[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->coupling_q28[i] = (int32_t)get_u32(&in);
     return true;
 }
 

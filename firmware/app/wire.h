@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0x5FB3C661u
+#define WIRE_FINGERPRINT 0xFEFA7131u
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -120,7 +120,7 @@ enum wire_reset_cause {
 };
 #define WIRE_RESET_CAUSE_COUNT 5
 
-/* Top four bits of a core_lost fault's detail: what ended the program; below them the address at which it happened */
+/* Top four bits of a core_lost fault's detail: what ended the program; below them its address */
 enum wire_core_loss {
     WIRE_CORE_LOSS_WATCHDOG = 0,
     WIRE_CORE_LOSS_HARD_FAULT = 1,
@@ -187,10 +187,20 @@ struct wire_tick {
     int16_t feedback; /* V q11 */
 };
 
-/* One axis of the model: converters, limits and the paper's table view */
-#define WIRE_AXIS_MODEL_SIZE 176
+/* One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2 */
+#define WIRE_BIQUAD_SIZE 20
+struct wire_biquad {
+    int32_t b0_q26;
+    int32_t b1_q26;
+    int32_t b2_q26;
+    int32_t a1_q26;
+    int32_t a2_q26;
+};
+
+/* One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes */
+#define WIRE_AXIS_MODEL_SIZE 888
 struct wire_axis_model {
-    uint32_t flags; /* bit 0: table view present */
+    uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are */
     int32_t u_min_q24; /* lower clamp, V */
     int32_t u_max_q24; /* upper clamp, V */
     int32_t u_park_q24; /* safe value, V */
@@ -207,10 +217,23 @@ struct wire_axis_model {
     int64_t a_q32[3]; /* K(um) in um/V, um/V^2, um/V^3 */
     int64_t b_q40[6]; /* theta(um, f) in turns (not degrees), regressors 1 um f um*f um^2 f^2 */
     int64_t c_q32[6]; /* x0(um, f) in um, same regressors; kept for read-back, not used by the law */
+    uint32_t preview_ticks_q16; /* how far ahead the feed-forward looks; at most 1024 ticks */
+    struct wire_biquad shape[6]; /* sections on the position that is asked for; those not in use: b0 = 1 */
+    struct wire_biquad drive[1]; /* section on the voltage */
+    int32_t creep_k_q30[8]; /* creep x = d + sum k lag[d]; sum |k| at most 1/2 */
+    int64_t creep_alpha_q48[8]; /* 1 - exp(-T/tau) */
+    int32_t gain_q20; /* x = offset + gain v + sum w play_r[v] + sum s max(v - d, 0); um/V */
+    int32_t offset_q16; /* um */
+    int32_t rest_fraction_q30; /* where plays stand at rest, of their thresholds */
+    int32_t play_r_q24[32]; /* V, rising; those not in use: 0x7fffffff */
+    int32_t play_w_q20[32]; /* um/V */
+    int32_t knot_d_q24[24]; /* V, rising; those not in use: 0x7fffffff */
+    int32_t knot_s_q20[24]; /* um/V */
+    int32_t coupling_q28[3]; /* what this axis sees of x, y, z; its own share is 1 */
 };
 
 /* The model blob that is uploaded, checked, persisted and read back */
-#define WIRE_MODEL_SIZE 564
+#define WIRE_MODEL_SIZE 2700
 struct wire_model {
     uint32_t magic; /* 0x314C4850, 'PHL1' */
     uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */
@@ -296,7 +319,7 @@ struct wire_set_path_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
     int32_t inverse_gain_q28; /* V/um, looked up */
-    int32_t lead_turn32; /* phase lead, looked up */
+    int32_t lead_turn32; /* phase lead, looked up; under inverse: the preview */
 };
 
 /* 0x0A: Writes points of an axis' periodic waveform; while parked. One period is 1024 points in q30 of the swing (0 .. 2^30) */
@@ -494,6 +517,8 @@ int32_t wire_pack_header(const struct wire_header *from, uint8_t *out, size_t ca
 bool wire_unpack_header(struct wire_header *to, const uint8_t *in, size_t size);
 int32_t wire_pack_reply_head(const struct wire_reply_head *from, uint8_t *out, size_t capacity);
 bool wire_unpack_reply_head(struct wire_reply_head *to, const uint8_t *in, size_t size);
+int32_t wire_pack_biquad(const struct wire_biquad *from, uint8_t *out, size_t capacity);
+bool wire_unpack_biquad(struct wire_biquad *to, const uint8_t *in, size_t size);
 int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, size_t capacity);
 bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_t size);
 int32_t wire_pack_model(const struct wire_model *from, uint8_t *out, size_t capacity);

@@ -93,7 +93,28 @@ static inline uint64_t magnitude_i64(int64_t value)
     return value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
 }
 
-/* a x b / 2^bits, rounded to nearest, saturated to int64. 1 <= bits <= 63. For work outside the tick: it is slow. */
+/* a x b / 2^bits, rounded to nearest, for |a| < 2^(bits + 31): two products instead of four. 1 <= bits <= 31. */
+static inline int64_t mul_shift_i64_i32(int64_t a, int32_t b, unsigned bits)
+{
+    int64_t low = a & (((int64_t)1 << bits) - 1);
+    return floor_shift_i64(a, bits) * b + round_shift_i64(low * b, bits);
+}
+
+/* a / b, towards 0, without a division: 32 steps whatever the values. At most UINT32_MAX. 0 < b < 2^32. */
+static inline uint32_t ratio_u32(uint64_t a, uint64_t b)
+{
+    uint32_t ratio = 0;
+    for (unsigned step = 0; step < 32; step++) {
+        unsigned bit = 31 - step;
+        if (a >= b << bit) {
+            a -= b << bit;
+            ratio |= 1u << bit;
+        }
+    }
+    return ratio;
+}
+
+/* a x b / 2^bits, rounded to nearest, saturated to int64. 1 <= bits <= 63. Four products: sparingly in a tick. */
 static inline int64_t mul_shift_i64(int64_t a, int64_t b, unsigned bits, bool *saturated)
 {
     bool negative = (a < 0) != (b < 0);

@@ -20,6 +20,7 @@ SLEW_CODES = 640
 RAMP_CODES = 32
 """0.01 V a tick, the default ramp."""
 SESSION = 0x1234_5678_9ABC_DEF0
+MODEL_CHUNK = 1000
 UM = 1 << 16
 V = 1 << 24
 
@@ -107,7 +108,7 @@ class Bench:
 
     def drive(self, axis=0, mode=wire.Mode.OPEN, **path):
         """Arms and starts one axis."""
-        gains = {"kp": V // 50, "ki": 1 << 20} if mode in (wire.Mode.PID, wire.Mode.FF_PID) else {}
+        gains = {"kp": V // 50, "ki": 1 << 20} if "PID" in mode.name else {}
         assert self.set_axis(axis, mode, **gains) == wire.Status.OK
         if mode != wire.Mode.OPEN:
             path = {"swing": 60 * UM} | path
@@ -118,8 +119,14 @@ class Bench:
     def upload(self, model):
         blob = model if isinstance(model, bytes) else model.pack()
         self.ok(wire.ModelBeginRequest(len(blob), crc32(blob)))
-        self.ok(wire.ModelChunkRequest(0, blob))
+        for at in range(0, len(blob), MODEL_CHUNK):
+            self.ok(wire.ModelChunkRequest(at, blob[at : at + MODEL_CHUNK]))
         return self.ask(wire.ModelCommitRequest())
+
+    def model(self):
+        """The active model blob, read back."""
+        pieces = [self.ok(wire.ModelReadRequest(at, MODEL_CHUNK)) for at in range(0, wire.Model.SIZE, MODEL_CHUNK)]
+        return b"".join(piece.data for piece in pieces)
 
     def park(self):
         self.ok(wire.ParkRequest())
@@ -134,8 +141,19 @@ class Head:
         self.status, self.tick = wire.REPLY_HEAD.unpack(payload)
 
 
+UNUSED = 2**31 - 1
+PLAYS = ((0.1, 2.0), (0.5, 1.5), (1.2, 2.2), (3.0, 0.6))
+KNOTS = ((1.0, 1.6), (3.0, 1.5), (6.0, -2.4))
+PASS = wire.Biquad(1 << 26, 0, 0, 0, 0)
+
+
+def padded(values, bits, count, unused=0):
+    """Fixed point, the places not in use filled."""
+    return (*(round(v * 2**bits) for v in values), *[unused] * (count - len(values)))
+
+
 AXIS_MODEL = wire.AxisModel(
-    flags=1,
+    flags=3,
     u_min_q24=-2 * V,
     u_max_q24=10 * V,
     u_park_q24=0,
@@ -153,10 +171,25 @@ AXIS_MODEL = wire.AxisModel(
     a_q32=tuple(round(a * 2**32) for a in (15.2536, 1.9619, -0.1013)),
     b_q40=tuple(round(b / 360 * 2**40) for b in (1.9238, 0.7477, 0.0456, 0.0047, -0.0466, 0.0003)),
     c_q32=tuple(round(c * 2**32) for c in (-1.7893, 1.1365, 0.3635, -0.0463, -0.0140, -0.0150)),
+    # A stage of 14 um/V with loops, bends, creep, a lead of one tick and one more in the amplifier.
+    preview_ticks_q16=3 << 15,
+    shape=(wire.Biquad(2 << 26, -(1 << 26), 0, 0, 0), *[PASS] * 5),
+    drive=(wire.Biquad(3 << 25, -(1 << 25), 0, 0, 0),),
+    creep_k_q30=padded((0.004, 0.006), 30, 8),
+    creep_alpha_q48=padded((0.002, 0.0002), 48, 8),
+    gain_q20=14 << 20,
+    offset_q16=-2 * UM,
+    rest_fraction_q30=1 << 29,
+    play_r_q24=padded([r for r, _ in PLAYS], 24, 32, UNUSED),
+    play_w_q20=padded([w for _, w in PLAYS], 20, 32),
+    knot_d_q24=padded([d for d, _ in KNOTS], 24, 24, UNUSED),
+    knot_s_q20=padded([s for _, s in KNOTS], 20, 24),
+    coupling_q28=(1 << 28, 0, 0),
 )
+COUPLING = ((1.0, 0.02, -0.013), (0.04, 1.0, 0.017), (-0.024, 0.031, 1.0))
 
 
 def model(hash_byte=0, **first_axis):
-    """The paper's stage on three axes, with some fields of the first one changed."""
-    axes = (replace(AXIS_MODEL, **first_axis), AXIS_MODEL, AXIS_MODEL)
-    return wire.Model(magic=0x314C4850, stage_hash=bytes([hash_byte]) * 32, axes=axes)
+    """The paper's stage on three axes, coupled, with some fields of the first one changed."""
+    x, y, z = (replace(AXIS_MODEL, coupling_q28=padded(row, 28, 3)) for row in COUPLING)
+    return wire.Model(magic=0x314C4850, stage_hash=bytes([hash_byte]) * 32, axes=(replace(x, **first_axis), y, z))

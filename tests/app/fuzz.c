@@ -17,7 +17,7 @@ static struct host_flash flash;
 static uint64_t random_state;
 static uint16_t next_id;
 static uint32_t replies, frames, ok_replies, ticks;
-static uint32_t running_ticks, faults;
+static uint32_t running_ticks, inverse_ticks, faults;
 
 static void fail(const char *what, int line)
 {
@@ -126,7 +126,7 @@ static void send_mode_and_path(void)
 {
     uint8_t payload[WIRE_SET_PATH_REQUEST_SIZE];
     struct wire_set_axis_request set = {(uint8_t)below(3),
-                                        (uint8_t)below(5),
+                                        (uint8_t)below(WIRE_MODE_COUNT),
                                         (int32_t)(random_value() >> 1 & INT32_MAX),
                                         (int32_t)(random_value() & INT32_MAX),
                                         (int32_t)(random_value() & INT32_MAX),
@@ -152,11 +152,49 @@ static void send_arm_and_start(void)
     send(WIRE_START, SESSION, payload, 1);
 }
 
+#define MODEL_CHUNK 900
+
+static struct wire_biquad stable_section(void)
+{
+    struct wire_biquad section = {.a1_q26 = (int32_t)below(1 << 25) - (1 << 24), .a2_q26 = (int32_t)below(1 << 25)};
+    section.b0_q26 = (int32_t)below(1 << 29) - (1 << 28);
+    section.b1_q26 = BIQUAD_ONE_Q26 + section.a1_q26 + section.a2_q26 - section.b0_q26;
+    return section;
+}
+
+/* An operator with an inverse, leads, creep and coupling, all of random size. */
+static void make_invertible(struct wire_axis_model *model, unsigned axis)
+{
+    int32_t r_q24 = 0, d_q24 = -(3 << 24);
+    model->flags |= 2;
+    model->preview_ticks_q16 = below(20 << 16);
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
+        model->shape[i] = stable_section();
+    model->drive[0] = stable_section();
+    for (unsigned i = 0; i < CREEP_TERMS; i++) {
+        model->creep_k_q30[i] = (int32_t)below(1 << 26) - (1 << 25);
+        model->creep_alpha_q48[i] = (int64_t)(random_bits() >> (16 + below(40)));
+    }
+    model->gain_q20 = (int32_t)(1 << 10) + (int32_t)below(80 << 20);
+    model->offset_q16 = -(int32_t)below(1 << 19);
+    model->rest_fraction_q30 = (int32_t)below(1 << 30);
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++) {
+        model->play_r_q24[i] = r_q24 += (int32_t)below(1 << 23);
+        model->play_w_q20[i] = (int32_t)below(1 << 20);
+    }
+    for (unsigned j = 0; j < INVERSE_KNOTS; j++) {
+        model->knot_d_q24[j] = d_q24 += (int32_t)below(1 << 24);
+        model->knot_s_q20[j] = (int32_t)below(1 << 20);
+    }
+    for (unsigned j = 0; j < AXES; j++)
+        model->coupling_q28[j] = j == axis ? DECOUPLE_ONE_Q28 : (int32_t)below(1 << 26) - (1 << 25);
+}
+
 static void send_model(void)
 {
     static uint8_t blob[WIRE_MODEL_SIZE];
-    uint8_t payload[4 + WIRE_MODEL_SIZE] = {0};
-    struct wire_model model = {.magic = MODEL_MAGIC};
+    static struct wire_model model;
+    model = (struct wire_model){.magic = MODEL_MAGIC};
     for (unsigned i = 0; i < AXES; i++)
         model.axes[i] = (struct wire_axis_model){.flags = 1,
                                                  .u_min_q24 = -(2 << 24),
@@ -180,6 +218,7 @@ static void send_model(void)
         model.axes[i].u_park_q24 = (int32_t)below((uint32_t)most + 1) << 24;
         model.axes[i].slew_q24 >>= below(50) ? below(5) : 24;
         model.axes[i].ramp_q24 = model.axes[i].slew_q24 >> below(3);
+        make_invertible(&model.axes[i], i);
     }
     wire_pack_model(&model, blob, sizeof blob);
     for (unsigned bent = below(4) ? 0 : 1 + below(2); bent > 0; bent--) { /* some fields of it made strange */
@@ -189,8 +228,13 @@ static void send_model(void)
     }
     uint32_t head[2] = {WIRE_MODEL_SIZE, crc32(0, blob, sizeof blob)};
     send(WIRE_MODEL_BEGIN, SESSION, (const uint8_t *)head, sizeof head);
-    memcpy(payload + 4, blob, sizeof blob);
-    send(WIRE_MODEL_CHUNK, SESSION, payload, sizeof payload);
+    for (uint32_t at = 0; at < WIRE_MODEL_SIZE; at += MODEL_CHUNK) {
+        uint8_t payload[4 + MODEL_CHUNK];
+        uint32_t size = at + MODEL_CHUNK < WIRE_MODEL_SIZE ? MODEL_CHUNK : WIRE_MODEL_SIZE - at;
+        memcpy(payload, &at, 4);
+        memcpy(payload + 4, blob + at, size);
+        send(WIRE_MODEL_CHUNK, SESSION, payload, 4 + size);
+    }
     send(WIRE_MODEL_COMMIT, SESSION, NULL, 0);
     if (below(4) == 0)
         send(WIRE_MODEL_PERSIST, SESSION, NULL, 0);
@@ -241,6 +285,9 @@ static void run(unsigned count)
         check(&before);
         ticks++;
         running_ticks += device.control.state == WIRE_STATE_RUNNING;
+        for (unsigned axis = 0; axis < AXES; axis++)
+            inverse_ticks += device.control.state == WIRE_STATE_RUNNING && device.control.axis[axis].path.running &&
+                             axis_mode_inverts(device.control.config[axis].mode);
         if (below(2))
             take_outgoing();
     }
@@ -309,6 +356,6 @@ int main(int count, char **arguments)
         }
         round_trip();
     }
-    printf("%u %u %u %u %u %u\n", frames, replies, ok_replies, ticks, running_ticks, faults);
+    printf("%u %u %u %u %u %u %u\n", frames, replies, ok_replies, ticks, running_ticks, inverse_ticks, faults);
     return 0;
 }

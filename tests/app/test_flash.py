@@ -7,7 +7,8 @@ from device_bench import Bench, model
 
 from phaselead.link import wire
 
-SAVE_BYTES = 1024 + 564 + 16
+SLOT = 4096
+SAVE_BYTES = SLOT + wire.Model.SIZE + 16
 """Erase, blob, header."""
 LOADED, FALLBACK, PERSISTED = 1, 2, 4
 
@@ -59,7 +60,12 @@ def test_the_newest_save_loads():
 def test_a_save_cut_at_any_byte_leaves_the_old_or_the_new_model(before):
     flash, new = saved(*before), 99
     old = crc_of(before[-1]) if before else 0
-    for at in range(SAVE_BYTES + 2):
+    for at in (
+        *range(0, SLOT - 20, 37),
+        *range(SLOT - 20, SLOT + 40),
+        *range(SLOT + 40, SAVE_BYTES - 40, 7),
+        *range(SAVE_BYTES - 40, SAVE_BYTES + 2),
+    ):  # around the ends of erase, header and record every byte
         torn, acknowledged = cut_save(flash, new, at)
         hello = boot(torn)[1]
         assert hello.model_crc in ({crc_of(new)} if acknowledged else {old, crc_of(new)}), at
@@ -70,7 +76,7 @@ def test_a_save_cut_at_any_byte_leaves_the_old_or_the_new_model(before):
 
 def test_the_save_after_a_torn_one_heals():
     flash = saved(1, 2)
-    for at in (1, 700, 1024, 1500, 1603):
+    for at in (1, 2800, SLOT, SLOT + 1500, SAVE_BYTES - 1):
         torn, _ = cut_save(flash, 9, at)
         healed = saved(5, flash=torn)
         assert boot(healed)[1].model_crc == crc_of(5)
@@ -121,9 +127,9 @@ def test_a_failed_save_is_a_fault(bench):
 @pytest.mark.parametrize("slot", [0, 1])
 def test_a_damaged_record_is_never_taken(slot):
     flash = bytearray(saved(1, 2))
-    for at in range(0, 16 + 564, 7):
+    for at in range(0, 16 + wire.Model.SIZE, 19):
         damaged = bytearray(flash)
-        damaged[slot * 1024 + at] ^= 0x10
+        damaged[slot * SLOT + at] ^= 0x10
         hello = boot(bytes(damaged))[1]
         assert hello.model_crc == crc_of(1 if slot == 1 else 2)
         assert hello.model_flags & FALLBACK
@@ -132,16 +138,16 @@ def test_a_damaged_record_is_never_taken(slot):
 def test_two_damaged_records_are_no_model():
     flash = bytearray(saved(1, 2))
     flash[100] ^= 1
-    flash[1024 + 100] ^= 1
+    flash[SLOT + 100] ^= 1
     assert boot(bytes(flash))[1].model_flags == 0
 
 
 def test_sequence_numbers_may_wrap():
     flash = bytearray(saved(1, 2))
     for slot, sequence in ((0, 2**32 - 2), (1, 2**32 - 1)):
-        at = slot * 1024
-        blob = bytes(flash[at + 16 : at + 16 + 564])
-        head = sequence.to_bytes(4, "little") + (564).to_bytes(4, "little")
+        at = slot * SLOT
+        blob = bytes(flash[at + 16 : at + 16 + wire.Model.SIZE])
+        head = sequence.to_bytes(4, "little") + wire.Model.SIZE.to_bytes(4, "little")
         flash[at + 4 : at + 12] = head
         flash[at + 12 : at + 16] = crc32(head + blob).to_bytes(4, "little")
     assert boot(bytes(flash))[1].model_crc == crc_of(2)

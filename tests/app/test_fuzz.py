@@ -25,10 +25,11 @@ def driver(tmp_path_factory):
 def test_nothing_a_host_sends_does_worse_than_an_error_reply(driver, seed):
     done = subprocess.run([driver, str(seed), "20000"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    frames, replies, ok, ticks, running, faults = map(int, done.stdout.split())
+    frames, replies, ok, ticks, running, inverse, faults = map(int, done.stdout.split())
     # The driver must have got somewhere, or it proves nothing.
     assert replies > frames // 2
     assert ok > frames // 10
     assert ticks > 100_000
     assert running > ticks // 20
+    assert inverse > running // 20
     assert faults > 100

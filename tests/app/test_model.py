@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 from zlib import crc32
 
 import pytest
-from device_bench import AXIS_MODEL, RAMP_CODES, UM, Bench, V, model, step_of
+from device_bench import AXIS_MODEL, MODEL_CHUNK, PASS, RAMP_CODES, UM, Bench, V, model, step_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +15,7 @@ FIELDS = [field.name for field in fields(wire.AxisModel)]
 MAGIC = 1000
 
 BAD_FIELDS = [
-    ("flags", 2),
+    ("flags", 4),
     ("flags", 1 << 31),
     ("u_min_q24", -11 * V),
     ("u_min_q24", 1),
@@ -47,6 +47,24 @@ BAD_FIELDS = [
     ("a_q32", (AXIS_MODEL.a_q32[0], AXIS_MODEL.a_q32[1], -2 * AXIS_MODEL.a_q32[1])),
     ("b_q40", (2**62,) * 6),
     ("c_q32", (0, 0, 0, 0, 0, 2**60)),
+    ("preview_ticks_q16", (1024 << 16) + 1),
+    ("shape", (*[PASS] * 5, wire.Biquad(0, 0, 0, 0, 0))),
+    ("shape", (wire.Biquad(1 << 26, 0, 0, 0, 1), *[PASS] * 5)),
+    ("drive", (wire.Biquad(2 << 26, 0, 0, 1 << 26, 0),)),
+    ("creep_k_q30", (1 << 29, 1, 0, 0, 0, 0, 0, 0)),
+    ("creep_alpha_q48", (-1, 0, 0, 0, 0, 0, 0, 0)),
+    ("creep_alpha_q48", (0, 0, 0, 0, 0, 0, 0, (1 << 48) + 1)),
+    ("gain_q20", 1 << 30),
+    ("offset_q16", (1 << 30) + 1),
+    ("offset_q16", -(2**31)),
+    ("rest_fraction_q30", (1 << 30) + 1),
+    ("play_r_q24", (V, *[V - 1] * 31)),
+    ("play_r_q24", (-1, *[V] * 31)),
+    ("play_w_q20", (*[0] * 31, -1)),
+    ("knot_d_q24", (V, *[V - 1] * 23)),
+    ("knot_s_q20", (-(15 << 20), *[0] * 23)),
+    ("coupling_q28", (2 << 28, 0, 0)),
+    ("coupling_q28", (1 << 28, -(2 << 28), 1 << 29)),
 ]
 
 
@@ -65,12 +83,12 @@ def test_what_is_uploaded_is_read_back(bench):
 def test_a_bad_field_is_named_and_the_old_model_stays(bench, axis, field, value):
     old = model(hash_byte=1)
     assert bench.upload(old).status == wire.Status.OK
-    axes = [AXIS_MODEL] * 3
-    axes[axis] = replace(AXIS_MODEL, **{field: value})
+    axes = list(old.axes)
+    axes[axis] = replace(axes[axis], **{field: value})
     reply = bench.upload(replace(old, axes=tuple(axes)))
     assert reply.status == wire.Status.MODEL_INVALID
     assert reply.invalid_field == 100 * axis + FIELDS.index(field) + 1
-    assert bench.ok(wire.ModelReadRequest(0, 600)).data == old.pack()
+    assert bench.model() == old.pack()
     assert bench.set_axis(0, wire.Mode.FF) == wire.Status.OK  # its tables too
     assert bench.set_path(0, swing=60 * UM) == wire.Status.OK
 
@@ -96,10 +114,32 @@ def test_an_axis_without_a_table_view_runs_but_not_on_tables(bench):
     assert bench.set_axis(0, wire.Mode.PID) == wire.Status.OK
 
 
+def test_an_axis_whose_model_has_no_inverse_runs_but_not_on_it(bench):
+    assert bench.set_axis(0, wire.Mode.INVERSE) == wire.Status.NO_MODEL
+    assert bench.upload(model(flags=1, gain_q20=0)).status == wire.Status.OK
+    for mode in (wire.Mode.INVERSE, wire.Mode.INVERSE_PID):
+        assert bench.set_axis(0, mode) == wire.Status.NO_MODEL
+        assert bench.set_axis(1, mode) == wire.Status.OK
+    assert bench.set_axis(0, wire.Mode.FF) == wire.Status.OK
+
+
+def test_axes_that_cannot_be_told_apart_are_refused(bench):
+    """x and y move together whatever is done: a matrix without an inverse."""
+    one = 1 << 28
+    reply = bench.upload(
+        replace(
+            model(),
+            axes=tuple(replace(AXIS_MODEL, coupling_q28=row) for row in ((one, one, 0), (one, one, 0), (0, 0, one))),
+        )
+    )
+    assert (reply.status, reply.invalid_field) == (wire.Status.MODEL_INVALID, FIELDS.index("coupling_q28") + 1)
+
+
 def test_a_damaged_upload_changes_nothing(bench):
     blob = model().pack()
     bench.ok(wire.ModelBeginRequest(len(blob), crc32(blob) ^ 1))
-    bench.ok(wire.ModelChunkRequest(0, blob))
+    for at in range(0, len(blob), MODEL_CHUNK):
+        bench.ok(wire.ModelChunkRequest(at, blob[at : at + MODEL_CHUNK]))
     assert bench.status_of(wire.ModelCommitRequest()) == wire.Status.CRC_MISMATCH
     assert bench.status_of(wire.ModelCommitRequest()) == wire.Status.WRONG_STATE  # the transaction is over
     assert bench.status().model_crc == 0
@@ -107,11 +147,12 @@ def test_a_damaged_upload_changes_nothing(bench):
 
 def test_chunks_stay_inside_the_blob_and_inside_a_transaction(bench):
     assert bench.status_of(wire.ModelChunkRequest(0, b"1234")) == wire.Status.WRONG_STATE
-    assert bench.status_of(wire.ModelBeginRequest(563, 0)) == wire.Status.BAD_VALUE
-    bench.ok(wire.ModelBeginRequest(564, 0))
-    for offset, size in ((564, 1), (563, 2), (2**32 - 1, 2), (0, 565), (0, 0)):
+    end = wire.Model.SIZE
+    assert bench.status_of(wire.ModelBeginRequest(end - 1, 0)) == wire.Status.BAD_VALUE
+    bench.ok(wire.ModelBeginRequest(end, 0))
+    for offset, size in ((end, 1), (end - 1, 2), (2**32 - 1, 2), (end - 999, 1000), (0, 0)):
         assert bench.status_of(wire.ModelChunkRequest(offset, bytes(size))) == wire.Status.BAD_VALUE
-    bench.ok(wire.ModelChunkRequest(560, b"1234"))
+    bench.ok(wire.ModelChunkRequest(end - 4, b"1234"))
 
 
 @settings(max_examples=40, deadline=None)
@@ -119,7 +160,7 @@ def test_chunks_stay_inside_the_blob_and_inside_a_transaction(bench):
 def test_chunks_may_come_in_any_order_and_twice(data):
     bench = Bench()
     blob = model().pack()
-    cuts = sorted(data.draw(st.sets(st.integers(1, len(blob) - 1), max_size=6)))
+    cuts = sorted(data.draw(st.sets(st.integers(1, len(blob) - 1), max_size=6)) | {1000, 2000})
     pieces = [(a, blob[a:b]) for a, b in zip([0, *cuts], [*cuts, len(blob)], strict=True)]
     bench.ok(wire.ModelBeginRequest(len(blob), crc32(blob)))
     for at, piece in data.draw(st.permutations(pieces)) + pieces[:1]:
@@ -131,7 +172,7 @@ def test_chunks_may_come_in_any_order_and_twice(data):
 def test_a_model_is_only_changed_while_parked(bench):
     bench.drive()
     for command in (
-        wire.ModelBeginRequest(564, 0),
+        wire.ModelBeginRequest(wire.Model.SIZE, 0),
         wire.ModelChunkRequest(0, b"1234"),
         wire.ModelCommitRequest(),
         wire.ModelPersistRequest(),

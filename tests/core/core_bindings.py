@@ -12,8 +12,13 @@ ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
-IN_TICK = ["axis", "converter", "feedforward", "output", "path", "pid", "sine"]
-"""Sources whose every function may run in a tick; expand.c runs when a model is committed."""
+STRAIGHT = ["axis", "biquad", "converter", "feedforward", "output", "path", "pid", "sine"]
+COUNTED = ["compensation", "creep", "decouple", "inverse"]
+"""With loops, each of a constant number of rounds."""
+IN_TICK = [*STRAIGHT, *COUNTED]
+"""Sources whose every function may run in a tick."""
+AT_COMMIT = ["decoupling", "expand", "invertible"]
+"""What runs when a model is committed or a path is set."""
 
 INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
 INT64_MIN, INT64_MAX = -(2**63), 2**63 - 1
@@ -121,14 +126,94 @@ class AxisConfig(ct.Structure):
     ]
 
 
+class Biquad(ct.Structure):
+    _fields_ = [(f"{name}_q26", ct.c_int32) for name in ("b0", "b1", "b2", "a1", "a2")]
+
+
+class BiquadState(ct.Structure):
+    _fields_ = [(f"{name}_q40", ct.c_int64) for name in ("x1", "x2", "y1", "y2")]
+
+
+class Creep(ct.Structure):
+    _fields_ = [("alpha_q48", ct.c_int64 * 8), ("k_q30", ct.c_int32 * 8)]
+
+
+class CreepState(ct.Structure):
+    _fields_ = [("lag_q40", ct.c_int64 * 8)]
+
+
+class Inverse(ct.Structure):
+    _fields_ = [
+        ("u_min_q24", ct.c_int32),
+        ("u_max_q24", ct.c_int32),
+        ("gain_q20", ct.c_int32),
+        ("offset_q16", ct.c_int32),
+        ("rest_fraction_q30", ct.c_int32),
+        ("play_r_q24", ct.c_int32 * 32),
+        ("play_w_q20", ct.c_int32 * 32),
+        ("knot_d_q24", ct.c_int32 * 24),
+        ("knot_s_q20", ct.c_int32 * 24),
+    ]
+
+
+class InverseState(ct.Structure):
+    _fields_ = [("v_q24", ct.c_int32), ("play_q24", ct.c_int32 * 32)]
+
+
+class Decoupling(ct.Structure):
+    _fields_ = [("share_q28", ((ct.c_int32 * 3) * 3) * 8)]
+
+
+class Compensation(ct.Structure):
+    _fields_ = [
+        ("preview_ticks_q16", ct.c_uint32),
+        ("rest_q16", ct.c_int32),
+        ("shape", Biquad * 6),
+        ("drive", Biquad),
+        ("creep", Creep),
+        ("inverse", Inverse),
+    ]
+
+
+class CompensationState(ct.Structure):
+    _fields_ = [
+        ("shape", BiquadState * 6),
+        ("drive", BiquadState),
+        ("creep", CreepState),
+        ("inverse", InverseState),
+        ("primed", ct.c_uint32),
+    ]
+
+
 class AxisState(ct.Structure):
     _fields_ = [
         ("path", PathState),
         ("pid", PidState),
+        ("compensation", CompensationState),
         ("u_q24", ct.c_int32),
         ("drive", ct.c_uint32),
         ("saturations", ct.c_uint32),
         ("rail_ticks", ct.c_uint32),
+    ]
+
+
+class AxisModel(ct.Structure):
+    _fields_ = [
+        ("tables", ct.c_void_p),
+        ("compensation", ct.POINTER(Compensation)),
+        ("wave_q30", ct.c_void_p),
+    ]
+
+
+class AxisAim(ct.Structure):
+    _fields_ = [
+        ("reference", ct.c_int32),
+        ("ahead_q16", ct.c_int32),
+        ("error_q16", ct.c_int32),
+        ("inverts", ct.c_bool),
+        ("closes", ct.c_bool),
+        ("follows", ct.c_bool),
+        ("saturated", ct.c_bool),
     ]
 
 
@@ -187,7 +272,27 @@ PROTOTYPES = {
     "h_clamp_i32": (I32, [I32, I32, I32]),
     "h_sine_many": (None, [ct.c_void_p, ct.c_void_p, ct.c_size_t]),
     "h_sizeof": (ct.c_size_t, [ct.c_int]),
-    "h_run": (None, [ct.c_void_p] * 6 + [ct.c_size_t]),
+    "h_mul_shift_i64_i32": (I64, [I64, I32, ct.c_uint]),
+    "h_ratio_u32": (U32, [U64, U64]),
+    "h_run": (None, [ct.c_void_p] * 5 + [ct.c_size_t]),
+    "h_biquad_many": (None, [ct.POINTER(Biquad), ct.c_size_t, ct.c_void_p, ct.c_size_t]),
+    "h_inverse_many": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.c_void_p, ct.c_void_p, ct.c_size_t]),
+    "h_creep_many": (None, [ct.POINTER(Creep), ct.POINTER(CreepState), ct.c_void_p, ct.c_size_t]),
+    "biquad_is_usable": (ct.c_bool, [ct.POINTER(Biquad)]),
+    "biquad_step_q40": (I64, [ct.POINTER(Biquad), ct.POINTER(BiquadState), I64, FLAG]),
+    "creep_is_usable": (ct.c_bool, [ct.POINTER(Creep)]),
+    "inverse_check": (ct.c_int, [ct.POINTER(Inverse)]),
+    "inverse_rest": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
+    "inverse_follow": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
+    "inverse_position_q44": (I64, [ct.POINTER(Inverse), ct.POINTER(InverseState)]),
+    "inverse_step_q24": (I32, [ct.POINTER(Inverse), ct.POINTER(InverseState), I64, FLAG]),
+    "inverse_reach_q16": (None, [ct.POINTER(Inverse), ct.POINTER(I32), ct.POINTER(I32)]),
+    "decoupling_takes": (ct.c_bool, [I32 * 3, ct.c_uint]),
+    "decoupling_make": (ct.c_bool, [ct.POINTER((I32 * 3) * 3), ct.POINTER(Decoupling)]),
+    "decouple": (None, [ct.POINTER(Decoupling), U32, I32 * 3, FLAG]),
+    "compensation_rest": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32]),
+    "compensation_follow": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32]),
+    "compensation_step_q24": (I32, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32, FLAG]),
     "sine_q30": (I32, [U32]),
     "path_start": (None, [ct.POINTER(PathState)]),
     "path_now": (I32, [ct.POINTER(PathConfig), ct.POINTER(PathState), ct.c_void_p, FLAG]),
@@ -205,13 +310,17 @@ PROTOTYPES = {
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisConfig), ct.POINTER(AxisState)]),
+    "axis_aim": (
+        None,
+        [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState), U16, ct.POINTER(AxisAim)],
+    ),
     "axis_step": (
         None,
         [
             ct.POINTER(AxisConfig),
-            ct.POINTER(FeedforwardTables),
-            ct.c_void_p,
+            ct.POINTER(AxisModel),
             ct.POINTER(AxisState),
+            ct.POINTER(AxisAim),
             U16,
             ct.POINTER(AxisTrace),
         ],
@@ -235,13 +344,17 @@ class Core:
         result = getattr(self, name)(*arguments, ct.byref(saturated))
         return result, saturated.value
 
-    def run(self, config, state, ticks, *, tables=None, wave=None):
-        """Runs axis_step once per (adc_code, command); the traces. `wave`: 1024 int32 q30 or None."""
+    def run(self, config, state, ticks, *, tables=None, wave=None, compensation=None):
+        """Runs an axis once per (adc_code, command); the traces. `wave`: 1024 int32 q30 or None."""
         ticks = (Tick * len(ticks))(*ticks)
         traces = (AxisTrace * len(ticks))()
-        pointers = [ct.addressof(x) if x is not None else None for x in (config, tables)]
-        pointers += [wave.ctypes.data if wave is not None else None]
-        self.h_run(*pointers, ct.addressof(state), ct.addressof(ticks), ct.addressof(traces), len(ticks))
+        model = AxisModel(
+            ct.addressof(tables) if tables is not None else None,
+            ct.pointer(compensation) if compensation is not None else None,
+            wave.ctypes.data if wave is not None else None,
+        )
+        pointers = [ct.addressof(x) for x in (config, model, state, ticks, traces)]
+        self.h_run(*pointers, len(ticks))
         return traces
 
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/axis.h"
+#include "core/decouple.h"
 #include "core/fixed.h"
 #include "core/sine.h"
 
@@ -58,6 +59,46 @@ int32_t h_clamp_i32(int32_t value, int32_t low, int32_t high)
     return clamp_i32(value, low, high);
 }
 
+int64_t h_mul_shift_i64_i32(int64_t a, int32_t b, unsigned bits)
+{
+    return mul_shift_i64_i32(a, b, bits);
+}
+
+uint32_t h_ratio_u32(uint64_t a, uint64_t b)
+{
+    return ratio_u32(a, b);
+}
+
+/* A cascade primed with the first value, in place. */
+void h_biquad_many(const struct biquad_config *sections, size_t count, int64_t *values_q40, size_t n)
+{
+    struct biquad_state states[16];
+    for (size_t k = 0; k < count; k++)
+        biquad_prime(&states[k], values_q40[0]);
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < count; k++) {
+            bool saturated = false;
+            values_q40[i] = biquad_step_q40(&sections[k], &states[k], values_q40[i], &saturated);
+        }
+}
+
+void h_inverse_many(const struct inverse_config *config, struct inverse_state *state, const int64_t *x_q44,
+                    int32_t *v_q24, size_t n)
+{
+    bool saturated = false;
+    for (size_t i = 0; i < n; i++)
+        v_q24[i] = inverse_step_q24(config, state, x_q44[i], &saturated);
+}
+
+/* Displacements with creep to those without, in place. */
+void h_creep_many(const struct creep_config *config, struct creep_state *state, int64_t *x_q40, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        x_q40[i] = creep_undo_q40(config, state, x_q40[i]);
+        creep_follow(config, state, x_q40[i]);
+    }
+}
+
 void h_sine_many(const uint32_t *phases_turn32, int32_t *out_q30, size_t n)
 {
     for (size_t i = 0; i < n; i++)
@@ -66,10 +107,11 @@ void h_sine_many(const uint32_t *phases_turn32, int32_t *out_q30, size_t n)
 
 size_t h_sizeof(int which)
 {
-    const size_t sizes[] = {sizeof(struct axis_config),        sizeof(struct axis_state),
-                            sizeof(struct axis_trace),         sizeof(struct feedforward_model),
-                            sizeof(struct feedforward_tables), sizeof(struct path_config),
-                            sizeof(struct path_state),         sizeof(struct pid_state)};
+    const size_t sizes[] = {
+        sizeof(struct axis_config),        sizeof(struct axis_state),         sizeof(struct axis_trace),
+        sizeof(struct feedforward_model),  sizeof(struct feedforward_tables), sizeof(struct path_config),
+        sizeof(struct path_state),         sizeof(struct pid_state),          sizeof(struct compensation),
+        sizeof(struct compensation_state), sizeof(struct decoupling),         sizeof(struct axis_aim)};
     return sizes[which];
 }
 
@@ -79,15 +121,17 @@ struct tick {
     uint16_t command;
 };
 
-void h_run(const struct axis_config *config, const struct feedforward_tables *tables, const int32_t *wave_q30,
-           struct axis_state *state, const struct tick *ticks, struct axis_trace *traces, size_t n)
+void h_run(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
+           const struct tick *ticks, struct axis_trace *traces, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
+        struct axis_aim aim;
         if (ticks[i].command < 3)
             state->drive = ticks[i].command;
         else if (ticks[i].command == 3)
             axis_start(config, state);
-        axis_step(config, tables, wave_q30, state, ticks[i].adc_code, &traces[i]);
+        axis_aim(config, model, state, ticks[i].adc_code, &aim);
+        axis_step(config, model, state, &aim, ticks[i].adc_code, &traces[i]);
     }
 }
 
@@ -114,12 +158,30 @@ static void give_trace(const struct axis_trace *trace, const struct axis_state *
     give(state->saturations);
     give(state->pid.integral_q48);
     give(state->pid.derivative_q40);
+    give(state->compensation.inverse.v_q24);
+    give(state->compensation.creep.lag_q40[0]);
+}
+
+/* What a device would check: with anything else a section is passed over, the rest not used at all. */
+static bool usable(struct compensation *compensation)
+{
+    struct inverse_state rest;
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
+        if (!biquad_is_usable(&compensation->shape[i]))
+            compensation->shape[i] = (struct biquad_config){.b0_q26 = BIQUAD_ONE_Q26};
+    if (!biquad_is_usable(&compensation->drive))
+        compensation->drive = (struct biquad_config){.b0_q26 = BIQUAD_ONE_Q26};
+    if (!creep_is_usable(&compensation->creep) || inverse_check(&compensation->inverse) != INVERSE_EXISTS)
+        return false;
+    inverse_rest(&compensation->inverse, &rest, 0);
+    return true;
 }
 
 int main(void)
 {
     static struct feedforward_tables tables;
-    struct feedforward_model model;
+    static struct compensation compensation;
+    struct feedforward_model law;
     struct axis_config config;
     static int32_t wave_q30[WAVE_POINTS];
     uint32_t scenarios, n;
@@ -128,18 +190,22 @@ int main(void)
         struct axis_state state = {0};
         int32_t range_f[2];
         take(&config, sizeof config);
-        take(&model, sizeof model);
+        take(&law, sizeof law);
+        take(&compensation, sizeof compensation);
         take(wave_q30, sizeof wave_q30);
         take(range_f, sizeof range_f);
+        take(&state.compensation, sizeof state.compensation);
         take(&n, sizeof n);
-        enum feedforward_verdict verdict = feedforward_expand(&model, &tables);
+        enum feedforward_verdict verdict = feedforward_expand(&law, &tables);
         bool covered = verdict == FF_OK && feedforward_lookup(&tables, range_f[0], range_f[1], &config.point);
-        give((int64_t)verdict * 2 + covered);
+        bool inverse = usable(&compensation);
+        give((int64_t)verdict * 4 + covered * 2 + inverse);
+        struct axis_model model = {verdict == FF_OK ? &tables : NULL, inverse ? &compensation : NULL, wave_q30};
         for (uint32_t i = 0; i < n; i++) {
             struct tick tick;
             struct axis_trace trace;
             take(&tick, sizeof tick);
-            h_run(&config, verdict == FF_OK ? &tables : NULL, wave_q30, &state, &tick, &trace, 1);
+            h_run(&config, &model, &state, &tick, &trace, 1);
             give_trace(&trace, &state);
         }
     }

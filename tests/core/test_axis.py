@@ -5,13 +5,18 @@ import math
 
 import numpy as np
 import pytest
+from compensations import any_compensation, memory_of
 from core_bindings import (
     INT32_MAX,
+    AxisAim,
     AxisConfig,
     AxisState,
     AxisTrace,
     Command,
+    Compensation,
+    CompensationState,
     ConverterConfig,
+    Decoupling,
     FeedforwardModel,
     FeedforwardTables,
     Kind,
@@ -85,7 +90,12 @@ def configs(draw, modes=tuple(Mode)):
     )
 
 
-def composed_step(core, config, tables, wave, state, adc_code):
+INVERSE = (Mode.INVERSE, Mode.INVERSE_PID)
+TABLE = (Mode.FF, Mode.FF_PID)
+CLOSED = (Mode.PID, Mode.FF_PID, Mode.INVERSE_PID)
+
+
+def composed_step(core, config, tables, wave, compensation, state, adc_code):
     """The law in words: its blocks, which have their own proofs, in order. Returns the trace as a tuple."""
     flags = []
 
@@ -94,76 +104,89 @@ def composed_step(core, config, tables, wave, state, adc_code):
         flags.append(flag)
         return result
 
+    def limited(value):
+        result, flag = saturate(value)
+        flags.append(flag)
+        return result
+
     periodic = config.path.kind in (Kind.SINE, Kind.WAVE)
-    follows = state.drive == Command.PATH and config.mode in (Mode.OPEN, Mode.PID, Mode.FF, Mode.FF_PID)
-    follows = follows and (config.mode in (Mode.OPEN, Mode.PID) or periodic or tables is not None)
+    runs = config.mode in (Mode.OPEN, Mode.PID) or (config.mode in TABLE and (periodic or tables is not None))
+    follows = state.drive == Command.PATH and (runs or (config.mode in INVERSE and compensation is not None))
     reference = block("path_now", config.path, state.path, wave)
     state.rail_ticks = state.rail_ticks + 1 if adc_code in (0, 65535) else 0
-    ff = fb = 0
+    ff = fb = error = 0
     asked = state.u_q24
+    if follows and config.mode in INVERSE:
+        lead = config.point.lead_turn32, compensation.preview_ticks_q16
+        ahead = block("path_ahead", config.path, state.path, wave, *lead)
+        ahead = limited(limited(ahead - compensation.rest_q16) + compensation.rest_q16)
+    if follows and config.mode in CLOSED:
+        error = limited(reference - block("converter_position_q16", config.converter, adc_code))
     if follows:
-        position = block("converter_position_q16", config.converter, adc_code)
         if config.mode == Mode.OPEN:
             ff = reference
-        elif config.mode != Mode.PID and periodic:
+        elif config.mode in TABLE and periodic:
             ahead = block("path_ahead", config.path, state.path, wave, config.point.lead_turn32, 0)
             ff = block("feedforward_step_q24", config.point, ahead)
-        elif config.mode != Mode.PID:
+        elif config.mode in TABLE:
             ff = core.feedforward_static_q24(tables, reference)
-        if config.mode in (Mode.PID, Mode.FF_PID):
-            error, flag = saturate(reference - position)
-            flags.append(flag)
+        elif config.mode in INVERSE:
+            ff = block("compensation_step_q24", compensation, state.compensation, ahead)
+        if config.mode in CLOSED:
             if not state.pid.primed:
                 core.pid_preset(config.pid, state.pid, error, state.u_q24, ff)
             fb = block("pid_step_q24", config.pid, state.pid, error)
         asked = ff + fb
     elif state.drive == Command.RAMP:
         asked += max(-config.ramp_q24, min(config.ramp_q24, config.u_park_q24 - state.u_q24))
-    wanted, flag = saturate(asked)
-    flags.append(flag)
-    state.u_q24 = block("output_limit_q24", config.output, state.u_q24, wanted)
+    state.u_q24 = block("output_limit_q24", config.output, state.u_q24, limited(asked))
     done = False
     if follows:
         core.pid_unwind(state.pid, state.u_q24 - asked)
         done = core.path_advance(config.path, state.path)
+    if compensation is not None and not (follows and config.mode in INVERSE):
+        core.compensation_follow(compensation, state.compensation, state.u_q24)
     dac = block("converter_dac_code", config.converter, state.u_q24)
     state.saturations += any(flags)
     return reference, ff, fb, adc_code, dac, done
 
 
 @pytest.mark.parametrize("mode", Mode, ids=lambda mode: mode.name)
-@given(
-    data=st.data(), ticks=st.lists(st.tuples(code, st.sampled_from(Command)), max_size=20), with_tables=st.booleans()
-)
-def test_axis_is_its_blocks(core, tables, wave, mode, data, ticks, with_tables):
+@given(data=st.data(), ticks=st.lists(st.tuples(code, st.sampled_from(Command)), max_size=20), with_model=st.booleans())
+def test_axis_is_its_blocks(core, tables, wave, mode, data, ticks, with_model):
     """Bit for bit, states included, for any configuration, and at most one saturation is counted per tick."""
     config = data.draw(configs((mode,)))
     ticks = [(30000, Command.START), (31000, Command.NOTHING), *ticks]
     state, expected = AxisState(), AxisState()
-    used = tables if with_tables else None
+    used, compensation = (tables, data.draw(any_compensation)) if with_model else (None, None)
+    if compensation is not None:
+        state.compensation, expected.compensation = (memory_of(core, compensation) for _ in range(2))
     for adc_code, command in ticks:
-        (trace,) = core.run(config, state, [(adc_code, command)], tables=used, wave=wave)
+        (trace,) = core.run(config, state, [(adc_code, command)], tables=used, wave=wave, compensation=compensation)
         if command in DRIVES:
             expected.drive = command
         elif command == Command.START:
             core.axis_start(config, expected)
-        wanted = composed_step(core, config, used, wave.ctypes.data, expected, adc_code)
+        wanted = composed_step(core, config, used, wave.ctypes.data, compensation, expected, adc_code)
         assert bytes(state) == bytes(expected)
         assert wanted == tuple(getattr(trace, name) for name, _ in AxisTrace._fields_)
 
 
 def test_struct_sizes_are_those_of_the_bindings(core):
     structs = [AxisConfig, AxisState, AxisTrace, FeedforwardModel, FeedforwardTables]
-    structs += [PathConfig, PathState, PidState]
+    structs += [PathConfig, PathState, PidState, Compensation, CompensationState, Decoupling, AxisAim]
     assert [core.h_sizeof(i) for i in range(len(structs))] == [ct.sizeof(s) for s in structs]
 
 
 def test_start_sets_the_whole_state(core):
-    state = AxisState(PathState(1, 2, 0, 4), PidState(1, 2, 3, 4, 5), 777, Command.RAMP, 8, 9)
+    state = AxisState(PathState(1, 2, 0, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1))
+    state.u_q24, state.drive, state.saturations, state.rail_ticks = 777, Command.RAMP, 8, 9
+    state.compensation.inverse.v_q24 = 5
     core.axis_start(AxisConfig(), state)
     assert bytes(state.path) == bytes(PathState(0, 0, 1, 0))
     assert bytes(state.pid) == bytes(PidState())
     assert (state.u_q24, state.drive, state.saturations, state.rail_ticks) == (777, Command.PATH, 8, 9)
+    assert (state.compensation.primed, state.compensation.inverse.v_q24) == (0, 5)
 
 
 # ---------------------------------------------------------------- drives

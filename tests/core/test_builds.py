@@ -8,12 +8,17 @@ import subprocess
 import numpy as np
 import pytest
 from core_bindings import (
+    AT_COMMIT,
     CORE,
+    COUNTED,
     FIRMWARE,
     HARNESS,
     IN_TICK,
     INT32_MAX,
+    STRAIGHT,
     AxisConfig,
+    Compensation,
+    CompensationState,
     FeedforwardModel,
     Kind,
     compile_core,
@@ -111,10 +116,34 @@ def has_cycle(edges):
     return any(visit(block) for block in edges)
 
 
-@pytest.mark.parametrize("name", IN_TICK)
+@pytest.mark.parametrize("name", STRAIGHT)
 def test_tick_has_no_loop(cortex_m4, name):
     """The flow graph has no cycle: whatever the data, an instruction runs at most once per call."""
     assert not has_cycle(flow(cortex_m4[name]))
+
+
+COUNTED_LOOP = re.compile(r"for \(unsigned (\w+) = 0; \1 < ([A-Z][A-Z0-9_]*|\d+); \1\+\+\)")
+
+
+def loops(code):
+    return re.findall(r"\b(?:for|while|do|goto|break|continue)\b", code)
+
+
+@pytest.mark.parametrize("name", [*COUNTED, "fixed"])
+def test_loops_of_the_tick_are_counted_by_a_constant(name):
+    """Every loop goes from 0 to a constant, and nothing leaves it early or changes its counter."""
+    code = code_without_comments(CORE / f"{name}.{'h' if name == 'fixed' else 'c'}")
+    counted = COUNTED_LOOP.findall(code)
+    assert counted
+    assert len(loops(code)) == len(counted)
+    for counter, _ in counted:
+        assert not re.search(rf"(?<![\w.>]){counter}\s*(=[^=]|[-+*/]=|--)", re.sub(COUNTED_LOOP, "", code)), counter
+    assert not re.search(r"for \(.*return", code)
+
+
+@pytest.mark.parametrize("loop", ["while (x) f();", "for (unsigned i = 0; i < n; i++) f();", "again: f(); goto again;"])
+def test_other_loops_would_be_seen(loop):
+    assert len(loops(loop)) != len(COUNTED_LOOP.findall(loop))
 
 
 def test_loops_and_divisions_would_be_seen(cortex_m4):
@@ -151,6 +180,34 @@ def plausible_config(rng):
     return config
 
 
+def section(rng, one=1 << 26):
+    """A stable section with a static gain of 1."""
+    radius, angle, zero = rng.uniform(0, 0.99), rng.uniform(0, np.pi), rng.uniform(-0.9, 0.9)
+    a1, a2 = round(-2 * radius * np.cos(angle) * one), round(radius**2 * one)
+    b0 = round((1 - 2 * radius * np.cos(angle) + radius**2) / (1 - zero) * one)
+    return b0, one + a1 + a2 - b0, 0, a1, a2
+
+
+def compensation(rng):
+    """What a device could have been given, or bits that no validation has seen."""
+    if rng.random() < 0.2:
+        return random_bits(rng, Compensation)
+    made = Compensation(int(rng.integers(0, 20 << 16)), int(rng.integers(-(2**20), 2**20)))
+    for slot in [*made.shape, made.drive]:
+        slot.b0_q26, slot.b1_q26, slot.b2_q26, slot.a1_q26, slot.a2_q26 = section(rng)
+    made.creep.k_q30 = tuple(int(v) for v in rng.integers(-(2**26), 2**26, 8))
+    made.creep.alpha_q48 = tuple(int(v) for v in rng.integers(0, 2**48, 8) >> rng.integers(0, 40, 8))
+    inverse = made.inverse
+    inverse.u_min_q24, inverse.u_max_q24, inverse.gain_q20 = -2 << 24, 10 << 24, int(rng.integers(1 << 20, 20 << 20))
+    inverse.offset_q16 = int(rng.integers(-(2**20), 2**20))
+    inverse.rest_fraction_q30 = int(rng.integers(-(2**30), 2**30))
+    inverse.play_r_q24 = tuple(int(v) for v in np.sort(rng.integers(0, 5 << 24, 32)))
+    inverse.play_w_q20 = tuple(int(v) for v in rng.integers(0, 2 << 20, 32))
+    inverse.knot_d_q24 = tuple(int(v) for v in np.sort(rng.integers(-2 << 24, 11 << 24, 24)))
+    inverse.knot_s_q20 = tuple(int(v) for v in rng.integers(0, 2 << 20, 24))
+    return made
+
+
 def scenario(rng, n):
     """One run for the harness: config, model, waveform, range and frequency, ticks. Half of them are
     plausible, the others are bits that no validation has seen."""
@@ -172,7 +229,9 @@ def scenario(rng, n):
     ticks[:, 0] = np.where(rng.random(n) < 0.05, rng.choice([0, 65535], n), 30000 + np.cumsum(steps))
     ticks[:, 1] = rng.choice([4, 4, 4, 4, 4, 4, 4, 4, 3, 1, 0, 2], n)
     ticks[0, 1] = 3
-    parts = [bytes(config), bytes(model), wave.astype("<i4").tobytes(), range_f.tobytes()]
+    memory = CompensationState() if plausible else random_bits(rng, CompensationState)
+    parts = [bytes(config), bytes(model), bytes(compensation(rng)), wave.astype("<i4").tobytes(), range_f.tobytes()]
+    parts.append(bytes(memory))
     return b"".join([*parts, np.uint32(n).tobytes(), ticks.tobytes()])
 
 
@@ -198,10 +257,12 @@ def reference_output(compiler, scenarios, tmp_path_factory):
 def test_scenarios_reach_every_part(reference_output):
     """The comparison below means nothing if the runs are dull."""
     lines = reference_output.splitlines()
-    judged = [int(line) for line in lines[:: 1 + 9 * TICKS]]
+    judged = [int(line) for line in lines[:: 1 + 11 * TICKS]]
     assert len(judged) == SCENARIOS
-    assert judged.count(1) > SCENARIOS / 4  # model accepted, point looked up
-    assert sum(verdict > 1 for verdict in judged) > SCENARIOS / 20  # model refused
+    assert sum(verdict // 2 == 1 for verdict in judged) > SCENARIOS / 4  # model accepted, point looked up
+    assert sum(verdict // 4 > 0 for verdict in judged) > SCENARIOS / 20  # model refused
+    assert sum(verdict % 2 for verdict in judged) > SCENARIOS / 2  # an inverse exists
+    assert sum(verdict % 2 == 0 for verdict in judged) > SCENARIOS / 20  # none does
     assert len(set(lines)) > 30_000
 
 
@@ -228,4 +289,4 @@ def test_no_undefined_behaviour(compiler, scenarios, reference_output, tmp_path)
 
 def test_harness_is_compiled_with_the_core():
     assert HARNESS.exists()
-    assert {path.stem for path in CORE.glob("*.c")} == {*IN_TICK, "expand"}
+    assert {path.stem for path in CORE.glob("*.c")} == {*IN_TICK, *AT_COMMIT}

@@ -71,6 +71,18 @@ def move(device):
     device.set_path("y", "move", swing=120, offset=0, ticks=3000)
 
 
+def inverse_move(device):
+    device.set_axis("z", "inverse_pid", **PAPER)
+    device.set_path("z", "move", swing=90, offset=0, ticks=2500)
+
+
+def inverse_wave(device):
+    """Corners at the slew limit, and beyond what the inverse reaches."""
+    device.upload_wave("x", np.clip(1.2 * np.abs(np.linspace(-1, 1, 1024)), 0, 1))
+    device.set_axis("x", "inverse")
+    device.set_path("x", "wave", swing=220, offset=10, f_Hz=31)
+
+
 def wild(device):
     """Gains that oscillate from rail to rail of the output, so that every limiter works."""
     device.set_axis("x", "pid", kp_V_per_um=0.5, ki_V_per_um_s=300, kd_V_s_per_um=1e-3)
@@ -86,6 +98,10 @@ RECORDINGS = {
     "move": lambda: record(50_000, move, axes="y"),
     "beyond the limits": lambda: record(100_000, sine("pid", 150, 100, offset=60)),
     "path that ends": lambda: record(30_000, sine("ff_pid", 60, 5, ticks=7777)),
+    "inverse": lambda: record(30_000, sine("inverse", 60, 5)),
+    "three axes inverse_pid": lambda: record(30_000, sine("inverse_pid", 60, 5, "xyz"), axes="xyz"),
+    "inverse on a move": lambda: record(20_000, inverse_move, axes="z"),
+    "inverse on a waveform": lambda: record(20_000, inverse_wave),
 }
 TOTAL_TICKS = 1_000_000
 
@@ -242,8 +258,9 @@ def test_what_is_missing_is_named(recordings):
         "holds no ticks": replace(capture, stream=replace(stream, ticks=stream.ticks[:0])),
         "lacks axis z": replace(three, stream=replace(three.stream, axes={a: three.axes[a] for a in "xy"})),
         "lacks the model": replace(recordings["ff"], model=None),
+        "lacks the model ": replace(recordings["inverse"], model=None),
         "lacks the waveform": replace(recordings["waveform"], waves={}),
-        "is refused by this firmware": replace(recordings["ff"], model=bytes(564)),
+        "is refused by this firmware": replace(recordings["ff"], model=bytes(wire.Model.SIZE)),
     }
     for words, capture in broken.items():
         with pytest.raises(BadInput, match=words) as refusal:
@@ -253,11 +270,12 @@ def test_what_is_missing_is_named(recordings):
 
 def test_any_state_bytes_are_refused_or_run(recordings):
     """A damaged recording must not crash the process that replays it."""
-    capture = recordings["path that ends"]
     rng = np.random.default_rng(5)
-    for _ in range(300):
-        state = bytearray(capture.state)
-        for at in rng.integers(8, len(state), 3):
-            state[at] = rng.integers(256)
-        with contextlib.suppress(BadInput):
-            replay(replace(capture, state=bytes(state)))
+    for name, rounds in (("path that ends", 300), ("three axes inverse_pid", 100)):
+        capture = recordings[name]
+        for _ in range(rounds):
+            state = bytearray(capture.state)
+            for at in rng.integers(8, len(state), 3):
+                state[at] = rng.integers(256)
+            with contextlib.suppress(BadInput):
+                replay(replace(capture, state=bytes(state)))

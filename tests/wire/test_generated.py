@@ -84,7 +84,7 @@ def test_fingerprint_follows_the_layout_and_not_the_words(tmp_path: Path, schema
     [
         ("number = 0x03", "number = 0x02", "share a number"),
         ('type = "axis_model[3]"', 'type = "axle[3]"', "unknown type axle"),
-        ("max_payload = 1152", "max_payload = 500", "exceed max_payload"),
+        ("max_payload = 1152", "max_payload = 40", "exceed max_payload"),
         ("feedback = 16", "feedback = 32", "one bit per field"),
         ('name = "u_max_q24"', 'name = "u_min_q24"', "occurs twice"),
         ('{ name = "offset", type = "u16"', '{ name = "offset", type = "bytes"', "must be the last"),

@@ -210,10 +210,11 @@ static enum host_restored missing(const struct device *device, const struct cont
 {
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *config = &control->config[axis];
-        bool tables = config->mode == AXIS_FF || config->mode == AXIS_FF_PID;
         if (config->path.kind == PATH_WAVE && !device_wave_q30(device, axis))
             return HOST_WITHOUT_WAVE;
-        if (tables && !device_tables(device, axis))
+        if (axis_mode_uses_tables(config->mode) && !device_tables(device, axis))
+            return HOST_WITHOUT_MODEL;
+        if (axis_mode_inverts(config->mode) && !device_compensation(device, axis))
             return HOST_WITHOUT_MODEL;
     }
     return HOST_RESTORED;

@@ -10,7 +10,7 @@
 
 #define HOST_API __attribute__((visibility("default")))
 
-#define HOST_FLASH_SLOT_SIZE 1024
+#define HOST_FLASH_SLOT_SIZE 4096
 #define HOST_FLASH_SIZE (2 * HOST_FLASH_SLOT_SIZE)
 /* What the other end of the line holds for a reader that is late; then the line stands still and the device's own
  * recorder begins to drop. */

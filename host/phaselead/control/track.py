@@ -9,6 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
+from phaselead.control.compensation import compensation
 from phaselead.control.errors import tracking_error
 from phaselead.errors import BadInput
 from phaselead.link.device import Device
@@ -16,12 +17,14 @@ from phaselead.link.quantities import TICK_HZ
 from phaselead.link.stream import Capture
 from phaselead.record.recording import Recording, Samples
 from phaselead.record.run import recording_of
-from phaselead.stage.device_model import device_model
+from phaselead.stage.device_model import device_model, inverse_refusal
 from phaselead.stage.file import AxisModel, Gains, Stage, stage_text
 from phaselead.stage.waveform import Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
-NEEDS_MODEL = ("ff", "ff+pid", "inverse", "inverse+pid")
+USES_TABLES = ("ff", "ff+pid")
+INVERTS = ("inverse", "inverse+pid")
+NEEDS_MODEL = (*USES_TABLES, *INVERTS)
 JUDGED_PERIODS = 4
 DEFAULT_PERIODS = 10
 SETTLE_S = 1.0
@@ -65,10 +68,24 @@ def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | Non
 
 
 def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
-    """Refuses a path outside the limits, the sensor's span or, under feed-forward, the identified rectangle."""
-    if mode in NEEDS_MODEL and model.table is None:
+    """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
+    if mode in USES_TABLES and model.table is None:
         raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, or use mode pid")
-    refuse_out_of_range(waveform, model, table=mode in NEEDS_MODEL)
+    refuse_out_of_range(waveform, model, table=mode in USES_TABLES)
+    if mode in INVERTS:
+        _refuse_without_inverse(axis, waveform, mode, model)
+
+
+def _refuse_without_inverse(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
+    reason = inverse_refusal(model, axis)
+    if reason is not None:
+        raise BadInput(f"{axis}: mode {mode} needs an inverse of the model: {reason}; or use mode pid")
+    low_um, high_um = compensation(model).reach_um
+    if not low_um <= waveform.lowest <= waveform.highest <= high_um:
+        raise BadInput(
+            f"{axis}: {waveform.lowest:g}..{waveform.highest:g} um is outside what the inverse can reach whatever the "
+            f"stage did before ({low_um:.4g}..{high_um:.4g} um); choose a smaller swing or another offset"
+        )
 
 
 def track(

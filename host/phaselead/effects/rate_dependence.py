@@ -63,7 +63,9 @@ EFFECT = Effect(
     shows="loop width against the logarithm of frequency is a straight line, while the way stays the same",
     reveals="the same full loop from 0.1 to 50 Hz, well below the first mode",
     confused_with=("creep", "amplifier_lowpass", "delay", "softening"),
-    compensation="The phase-lead tables hold it for periodic paths; inverse operators are made for one rate.",
+    compensation="Not from its parameters: the inverse operator is made for one rate. The phase-lead tables, measured "
+    "at several frequencies, hold it for periodic paths.",
+    compensated=False,
     apply=apply,
     picture=Picture("loops", {"widening": 0.6}, base="plays"),
     untestable=untestable,

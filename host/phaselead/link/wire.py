@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0x5FB3C661
+FINGERPRINT = 0xFEFA7131
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -52,7 +52,7 @@ class Message:
     @classmethod
     def check_length(cls, payload: bytes) -> None:
         size = len(payload)
-        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or size > MAX_PAYLOAD:
+        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or (cls.TAIL and size > MAX_PAYLOAD):
             at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
             raise WireError(f"{cls.NAME}: {at_least}{cls.SIZE} bytes expected, got {size}")
 
@@ -172,7 +172,7 @@ class ResetCause(IntEnum):
 
 
 class CoreLoss(IntEnum):
-    """Top four bits of a core_lost fault's detail: what ended the program; below them the address at which it happened."""
+    """Top four bits of a core_lost fault's detail: what ended the program; below them its address."""
 
     WATCHDOG = 0
     HARD_FAULT = 1
@@ -214,14 +214,37 @@ class EventKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Biquad(Message):
+    """One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2."""
+
+    NAME: ClassVar[str] = "biquad"
+    SIZE: ClassVar[int] = 20
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<iiiii")
+    b0_q26: int
+    b1_q26: int
+    b2_q26: int
+    a1_q26: int
+    a2_q26: int
+
+    def pack(self) -> bytes:
+        return _pack(Biquad.NAME, Biquad.LAYOUT, self.b0_q26, self.b1_q26, self.b2_q26, self.a1_q26, self.a2_q26)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Biquad:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4])
+
+
+@dataclass(frozen=True, slots=True)
 class AxisModel(Message):
-    """One axis of the model: converters, limits and the paper's table view."""
+    """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
-    SIZE: ClassVar[int] = 176
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6q")
+    SIZE: ClassVar[int] = 888
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3i")
     flags: int
-    """bit 0: table view present."""
+    """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are."""
     u_min_q24: int
     """lower clamp, V."""
     u_max_q24: int
@@ -252,8 +275,38 @@ class AxisModel(Message):
     """theta(um, f) in turns (not degrees), regressors 1 um f um*f um^2 f^2."""
     c_q32: tuple[int, ...]
     """x0(um, f) in um, same regressors; kept for read-back, not used by the law."""
+    preview_ticks_q16: int
+    """how far ahead the feed-forward looks; at most 1024 ticks."""
+    shape: tuple[Biquad, ...]
+    """sections on the position that is asked for; those not in use: b0 = 1."""
+    drive: tuple[Biquad, ...]
+    """section on the voltage."""
+    creep_k_q30: tuple[int, ...]
+    """creep x = d + sum k lag[d]; sum |k| at most 1/2."""
+    creep_alpha_q48: tuple[int, ...]
+    """1 - exp(-T/tau)."""
+    gain_q20: int
+    """x = offset + gain v + sum w play_r[v] + sum s max(v - d, 0); um/V."""
+    offset_q16: int
+    """um."""
+    rest_fraction_q30: int
+    """where plays stand at rest, of their thresholds."""
+    play_r_q24: tuple[int, ...]
+    """V, rising; those not in use: 0x7fffffff."""
+    play_w_q20: tuple[int, ...]
+    """um/V."""
+    knot_d_q24: tuple[int, ...]
+    """V, rising; those not in use: 0x7fffffff."""
+    knot_s_q20: tuple[int, ...]
+    """um/V."""
+    coupling_q28: tuple[int, ...]
+    """what this axis sees of x, y, z; its own share is 1."""
 
     def pack(self) -> bytes:
+        if len(self.shape) != 6:
+            raise WireError(f"axis_model: 6 shape expected, got {len(self.shape)}")
+        if len(self.drive) != 1:
+            raise WireError(f"axis_model: 1 drive expected, got {len(self.drive)}")
         return _pack(
             AxisModel.NAME,
             AxisModel.LAYOUT,
@@ -274,6 +327,19 @@ class AxisModel(Message):
             *self.a_q32,
             *self.b_q40,
             *self.c_q32,
+            self.preview_ticks_q16,
+            b"".join(item.pack() for item in self.shape),
+            b"".join(item.pack() for item in self.drive),
+            *self.creep_k_q30,
+            *self.creep_alpha_q48,
+            self.gain_q20,
+            self.offset_q16,
+            self.rest_fraction_q30,
+            *self.play_r_q24,
+            *self.play_w_q20,
+            *self.knot_d_q24,
+            *self.knot_s_q20,
+            *self.coupling_q28,
         )
 
     @classmethod
@@ -298,6 +364,19 @@ class AxisModel(Message):
             v[14:17],
             v[17:23],
             v[23:29],
+            v[29],
+            tuple(Biquad.unpack(v[30][i : i + 20]) for i in range(0, 120, 20)),
+            tuple(Biquad.unpack(v[31][i : i + 20]) for i in range(0, 20, 20)),
+            v[32:40],
+            v[40:48],
+            v[48],
+            v[49],
+            v[50],
+            v[51:83],
+            v[83:115],
+            v[115:139],
+            v[139:163],
+            v[163:166],
         )
 
 
@@ -306,8 +385,8 @@ class Model(Message):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
-    SIZE: ClassVar[int] = 564
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s528s")
+    SIZE: ClassVar[int] = 2700
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2664s")
     magic: int
     """0x314C4850, 'PHL1'."""
     stage_hash: bytes
@@ -329,7 +408,7 @@ class Model(Message):
     def unpack(cls, payload: bytes) -> Model:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 176]) for i in range(0, 528, 176)))
+        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 888]) for i in range(0, 2664, 888)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -786,7 +865,7 @@ class SetPathReply(Reply):
     inverse_gain_q28: int
     """V/um, looked up."""
     lead_turn32: int
-    """phase lead, looked up."""
+    """phase lead, looked up; under inverse: the preview."""
 
     def pack(self) -> bytes:
         return _pack(

@@ -6,13 +6,23 @@ what fits is rounded. ``device_model`` refuses the first and ``quantisation`` sh
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
+from phaselead.control.compensation import Compensation, compensation, coupling
 from phaselead.errors import BadInput
 from phaselead.link import wire
+from phaselead.stage.device_compensation import (
+    NO_COMPENSATION,
+    CompensationFields,
+    encode_compensation,
+    encode_coupling,
+    held_values,
+    refuse_singular,
+)
 from phaselead.stage.fields import explained
 from phaselead.stage.file import Actuator, AxisModel, Limits, Sensor, Stage
 from phaselead.stage.table import TableView
@@ -20,6 +30,7 @@ from phaselead.stage.table import TableView
 AXES = ("x", "y", "z")
 MAGIC = 0x314C4850
 FLAG_TABLE = 1
+FLAG_INVERSE = 2
 TICK_HZ = 5000
 CODES = 65536
 """The device's converters are 16 bit wide."""
@@ -49,12 +60,28 @@ class Quantised:
 
 
 def device_model(stage: Stage) -> bytes:
-    """The model blob of a stage. An axis the stage does not have gets the defaults and no table.
+    """The model blob of a stage. An axis the stage does not have gets the defaults and no table; one whose time view
+    has no inverse goes without it (``inverse_refusal`` says why).
 
     Raises BadInput for a coefficient the device cannot hold: which, and by how much.
     """
-    axes = tuple(_encode_axis(stage.axes.get(axis, AxisModel()), f"axes.{axis}") for axis in AXES)
+    rows = coupling(stage)
+    refuse_singular(rows)
+    axes = tuple(_encode_axis(stage.axes.get(axis, AxisModel()), axis, rows[i]) for i, axis in enumerate(AXES))
     return wire.Model(magic=MAGIC, stage_hash=bytes.fromhex(stage.sha256), axes=axes).pack()
+
+
+def inverse_refusal(axis: AxisModel, name: str = "x") -> str | None:
+    """Why the device cannot run modes inverse and inverse+pid on an axis, or None when it can."""
+    try:
+        _encode_inverse(axis, name)
+    except BadInput as reason:
+        return str(reason)
+    return None
+
+
+def _encode_inverse(axis: AxisModel, name: str) -> CompensationFields:
+    return encode_compensation(compensation(axis), f"axes.{name}", _fixed)
 
 
 def from_device_model(blob: bytes) -> DeviceModel:
@@ -72,8 +99,9 @@ def from_device_model(blob: bytes) -> DeviceModel:
 
 def quantisation(stage: Stage) -> list[Quantised]:
     """Every coefficient the device is sent, beside what it becomes there."""
-    held = from_device_model(device_model(stage)).axes
-    pairs: list[Quantised] = []
+    blob = device_model(stage)
+    held = from_device_model(blob).axes
+    pairs = _compensation_pairs(stage, blob)
     for name in sorted(stage.axes):
         for part in ("limits", "actuator", "sensor", "table"):
             before, after = getattr(stage.axes[name], part), getattr(held[name], part)
@@ -82,6 +110,36 @@ def quantisation(stage: Stage) -> list[Quantised]:
             for field in _sent_fields(part):
                 pairs += _pairs(f"axes.{name}.{part}.{field}", getattr(before, field), getattr(after, field))
     return pairs
+
+
+def _compensation_pairs(stage: Stage, blob: bytes) -> list[Quantised]:
+    sent = dict(zip(AXES, wire.Model.unpack(blob).axes, strict=True))
+    pairs: list[Quantised] = []
+    for name in sorted(stage.axes):
+        if not sent[name].flags & FLAG_INVERSE:
+            continue
+        held = held_values(sent[name])
+        for field, values in _wanted_values(compensation(stage.axes[name])).items():
+            pairs += [
+                Quantised(f"axes.{name}.inverse.{field}[{i}]", value, held[field][i]) for i, value in enumerate(values)
+            ]
+    return pairs
+
+
+def _wanted_values(found: Compensation) -> dict[str, list[float]]:
+    view = found.view
+    return {
+        "preview_s": [found.preview_s],
+        "gain_um_per_V": [view.gain_um_per_V],
+        "offset_um": [view.offset_um],
+        "rest_fraction": [view.rest_fraction],
+        "play_r_V": list(view.play_r_V),
+        "play_w_um_per_V": list(view.play_w_um_per_V),
+        "deadzone_d_V": list(view.deadzone_d_V),
+        "deadzone_s_um_per_V": list(view.deadzone_s_um_per_V),
+        "creep_k": list(found.creep_k),
+        "creep_alpha": [-math.expm1(-1 / (TICK_HZ * tau_s)) for tau_s in found.creep_tau_s],
+    }
 
 
 def _sent_fields(part: str) -> tuple[str, ...]:
@@ -101,8 +159,9 @@ def _pairs(key: str, value: float | tuple[float, ...], held: float | tuple[float
     return [Quantised(key, value, held)]
 
 
-def _encode_axis(axis: AxisModel, key: str) -> wire.AxisModel:
-    limits, table = axis.limits, axis.table
+def _encode_axis(axis: AxisModel, name: str, coupling_row: list[float]) -> wire.AxisModel:
+    key, limits, table = f"axes.{name}", axis.limits, axis.table
+    inverse = None if inverse_refusal(axis, name) else _encode_inverse(axis, name)
     dac_zero, codes_per_V = _encode_actuator(axis.actuator, limits, f"{key}.actuator")
     adc_zero, um_per_code = _encode_sensor(axis.sensor, f"{key}.sensor")
     if table is not None:
@@ -111,7 +170,7 @@ def _encode_axis(axis: AxisModel, key: str) -> wire.AxisModel:
     f = table.f_Hz if table else (0.0, 0.0)
     at = f"{key}.limits"
     return wire.AxisModel(
-        flags=FLAG_TABLE if table else 0,
+        flags=(FLAG_TABLE if table else 0) | (FLAG_INVERSE if inverse else 0),
         u_min_q24=_fixed(limits.u_min_V, 24, f"{at}.u_min_V"),
         u_max_q24=_fixed(limits.u_max_V, 24, f"{at}.u_max_V"),
         u_park_q24=_fixed(limits.u_park_V, 24, f"{at}.u_park_V"),
@@ -128,6 +187,8 @@ def _encode_axis(axis: AxisModel, key: str) -> wire.AxisModel:
         a_q32=_fixed_each(table.a_um_per_V if table else (0.0,) * 3, 32, f"{key}.table.a_um_per_V"),
         b_q40=_fixed_each(table.b_deg if table else (0.0,) * 6, 40, f"{key}.table.b_deg", Fraction(1, 360)),
         c_q32=_fixed_each(table.c_um if table else (0.0,) * 6, 32, f"{key}.table.c_um"),
+        coupling_q28=encode_coupling(coupling_row, name),
+        **(inverse or NO_COMPENSATION),
     )
 
 
@@ -265,6 +326,9 @@ def refused_key(invalid_field: int) -> str:
         "model", "table", "limits.u_min_V", "limits.u_max_V", "limits.u_park_V", "limits.slew_V_per_s",
         "limits.ramp_V_per_s", "actuator", "actuator", "sensor", "sensor", "table.swing_V[0]",
         "table.swing_V[1]", "table.f_Hz[0]", "table.f_Hz[1]", "table.a_um_per_V", "table.b_deg", "table.c_um",
+        "time.delay_s", "effects", "effects", "effects", "effects", "time.gain_um_per_V", "time.offset_um",
+        "time.rest_fraction", "time.play_r_V", "time.play_w_um_per_V", "time.deadzone_d_V", "time.deadzone_s_um_per_V",
+        "effects",
     )  # fmt: skip
     if axis >= len(AXES) or not 1 <= field < len(keys):
         return "model"

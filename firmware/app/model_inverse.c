@@ -1,0 +1,94 @@
+#include "app/model_inverse.h"
+
+#include <string.h>
+
+#include "core/fixed.h"
+
+#define PREVIEW_MOST_Q16 (1024u << 16)
+#define OFFSET_MOST_Q16 (1 << 30) /* 16384 um */
+#define ONE_Q48 ((int64_t)1 << 48)
+
+_Static_assert(sizeof(((struct wire_axis_model *)0)->play_r_q24) / sizeof(int32_t) == INVERSE_PLAYS, "schema and core");
+_Static_assert(sizeof(((struct wire_axis_model *)0)->knot_d_q24) / sizeof(int32_t) == INVERSE_KNOTS, "schema and core");
+_Static_assert(sizeof(((struct wire_axis_model *)0)->creep_k_q30) / sizeof(int32_t) == CREEP_TERMS, "schema and core");
+
+static struct biquad_config biquad(const struct wire_biquad *section)
+{
+    return (struct biquad_config){section->b0_q26, section->b1_q26, section->b2_q26, section->a1_q26, section->a2_q26};
+}
+
+static enum model_field filters(const struct wire_axis_model *model, struct compensation *compensation)
+{
+    if (model->preview_ticks_q16 > PREVIEW_MOST_Q16)
+        return FIELD_PREVIEW;
+    compensation->preview_ticks_q16 = model->preview_ticks_q16;
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++) {
+        compensation->shape[i] = biquad(&model->shape[i]);
+        if (!biquad_is_usable(&compensation->shape[i]))
+            return FIELD_SHAPE;
+    }
+    compensation->drive = biquad(&model->drive[0]);
+    return biquad_is_usable(&compensation->drive) ? FIELD_NONE : FIELD_DRIVE;
+}
+
+static enum model_field creep(const struct wire_axis_model *model, struct creep_config *config)
+{
+    for (unsigned i = 0; i < CREEP_TERMS; i++) {
+        config->k_q30[i] = model->creep_k_q30[i];
+        config->alpha_q48[i] = model->creep_alpha_q48[i];
+        if (config->alpha_q48[i] < 0 || config->alpha_q48[i] > ONE_Q48)
+            return FIELD_CREEP_ALPHA;
+    }
+    return creep_is_usable(config) ? FIELD_NONE : FIELD_CREEP_K;
+}
+
+static enum model_field blamed(enum inverse_verdict verdict)
+{
+    switch (verdict) {
+    case INVERSE_EXISTS:
+        return FIELD_NONE;
+    case INVERSE_REST_BEYOND_THRESHOLDS:
+        return FIELD_REST_FRACTION;
+    case INVERSE_PLAYS_OUT_OF_ORDER:
+        return FIELD_PLAY_R;
+    case INVERSE_WEIGHT_NEGATIVE:
+        return FIELD_PLAY_W;
+    case INVERSE_KNOTS_OUT_OF_ORDER:
+        return FIELD_KNOT_D;
+    case INVERSE_FALLS:
+        return FIELD_KNOT_S;
+    case INVERSE_TOO_STEEP:
+    default:
+        return FIELD_GAIN;
+    }
+}
+
+static enum model_field inverse(const struct wire_axis_model *model, struct compensation *compensation)
+{
+    struct inverse_config *config = &compensation->inverse;
+    struct inverse_state rest;
+    bool beyond = model->offset_q16 > OFFSET_MOST_Q16 || model->offset_q16 < -OFFSET_MOST_Q16;
+    config->u_min_q24 = model->u_min_q24;
+    config->u_max_q24 = model->u_max_q24;
+    config->gain_q20 = model->gain_q20;
+    config->offset_q16 = model->offset_q16;
+    config->rest_fraction_q30 = model->rest_fraction_q30;
+    memcpy(config->play_r_q24, model->play_r_q24, sizeof config->play_r_q24);
+    memcpy(config->play_w_q20, model->play_w_q20, sizeof config->play_w_q20);
+    memcpy(config->knot_d_q24, model->knot_d_q24, sizeof config->knot_d_q24);
+    memcpy(config->knot_s_q20, model->knot_s_q20, sizeof config->knot_s_q20);
+    enum model_field field = blamed(inverse_check(config));
+    if (field != FIELD_NONE || beyond)
+        return beyond ? FIELD_OFFSET : field;
+    inverse_rest(config, &rest, 0);
+    compensation->rest_q16 = sat_i32(round_shift_i64(inverse_position_q44(config, &rest), 28), &beyond);
+    return beyond ? FIELD_OFFSET : FIELD_NONE;
+}
+
+enum model_field model_compensation(const struct wire_axis_model *model, struct compensation *compensation)
+{
+    enum model_field field = filters(model, compensation);
+    if (field == FIELD_NONE)
+        field = creep(model, &compensation->creep);
+    return field == FIELD_NONE ? inverse(model, compensation) : field;
+}

@@ -1,0 +1,44 @@
+/* The feed-forward of modes inverse and inverse+pid: the stage's chain, undone from its end to its beginning.
+ *
+ *     position ahead -> shape (sensor, mechanics) -> creep undone -> plays and dead zones undone -> drive (amplifier)
+ *
+ * The delay is undone by looking ahead. The memory (plays, creep) goes with the output in every tick and mode, so that
+ * it is the stage's own when an inverse mode begins.
+ */
+#ifndef PHASELEAD_CORE_COMPENSATION_H
+#define PHASELEAD_CORE_COMPENSATION_H
+
+#include "core/biquad.h"
+#include "core/creep.h"
+#include "core/inverse.h"
+
+#define SHAPE_SECTIONS 6
+
+struct compensation { /* of one axis, made when a model is committed */
+    uint32_t preview_ticks_q16;
+    int32_t rest_q16; /* position at rest at 0 V */
+    struct biquad_config shape[SHAPE_SECTIONS];
+    struct biquad_config drive;
+    struct creep_config creep;
+    struct inverse_config inverse;
+};
+
+struct compensation_state {
+    struct biquad_state shape[SHAPE_SECTIONS];
+    struct biquad_state drive;
+    struct creep_state creep;
+    struct inverse_state inverse;
+    uint32_t primed; /* 0: shape and drive begin at their next input as if it had always been there */
+};
+
+/* A stage at rest at 0 V whose voltage has then gone to u. */
+void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24);
+
+/* A tick in which something else decided the output. */
+void compensation_follow(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24);
+
+/* The voltage for the position that is wanted one preview from now. */
+int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
+                              int32_t ahead_q16, bool *saturated);
+
+#endif

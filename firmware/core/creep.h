@@ -1,0 +1,33 @@
+/* Creep, x = d + sum k_i lag_i[d] with lag_i = 1/(tau_i s + 1), undone: the motion d that ends up at x.
+ *
+ * d = x - sum k_i lag_i, with the lags stepped by that same d: the inverse needs no coefficients of its own. It exists
+ * and is stable when sum |k_i| < 1; here at most 1/2. Lags are exact for a d that is constant over a tick, but for
+ * alpha = 1 - exp(-T/tau) rounded to q48 and half an LSB of q40 a tick: they stall at most 2^-41/alpha um short
+ * (2.3e-7 um for 100 s).
+ */
+#ifndef PHASELEAD_CORE_CREEP_H
+#define PHASELEAD_CORE_CREEP_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define CREEP_TERMS 8
+
+struct creep_config { /* terms of no effect have k = 0 */
+    int64_t alpha_q48[CREEP_TERMS];
+    int32_t k_q30[CREEP_TERMS];
+};
+
+struct creep_state {
+    int64_t lag_q40[CREEP_TERMS]; /* um from rest */
+};
+
+bool creep_is_usable(const struct creep_config *config);
+
+/* d for a displacement x from rest, both um. |x| < 32768 um. */
+int64_t creep_undo_q40(const struct creep_config *config, const struct creep_state *state, int64_t x_q40);
+
+/* One tick during which the displacement before creep was d. */
+void creep_follow(const struct creep_config *config, struct creep_state *state, int64_t d_q40);
+
+#endif

@@ -1,0 +1,130 @@
+"""Closing the loop: a stage with an effect, driven by a model without it and by one with it."""
+
+import pytest
+
+from phaselead.control.compensation import BETWEEN_AXES, COMPENSATED, IN_CHAIN, IN_TIME_VIEW, compensation
+from phaselead.control.track import check_paths, track
+from phaselead.effects import catalogue
+from phaselead.errors import BadInput
+from phaselead.link.device import Device
+from phaselead.stage.device_model import inverse_refusal
+from phaselead.stage.file import AxisModel, Effect, Gains, Limits, Stage, TimeView, save_stage
+from phaselead.stage.waveform import parse_waves
+
+STAIRCASE_s = 0.00012
+"""What a held, latched output is late of the straight line between ticks that models are fitted on."""
+SENSOR = ("sensor_lowpass", {"tau_s": 8e-5})
+GENTLE = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0)
+
+# Effect, path, and by what factor the rms error falls at least: a quarter or less of what was measured.
+CASES = [
+    ("delay", {"delay_s": 1e-3}, "sine:60um@20Hz", 40),
+    ("amplifier_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
+    ("sensor_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
+    ("resonance", {"f_Hz": 150.0, "zeta": 0.02}, "triangle:60um@20Hz", 6),
+    ("hysteresis", {"width": 0.12}, "sine:60um@5Hz", 100),
+    ("asymmetric_hysteresis", {"bend": 0.03}, "sine:60um@5Hz", 25),
+    ("cross_coupling", {"from_y": 0.04}, "x=sine:60um@5Hz,y=sine:60um@7Hz", 25),
+    ("creep", {"gamma": 0.03}, "goto:60um", 60),
+    ("gain_change", {"gain": 0.05}, "sine:60um@5Hz", 25),
+    ("offset", {"offset_um": 2.0}, "sine:60um@5Hz", 25),
+]
+
+
+def view(delay_s=0.0, **changes):
+    shape = dict(
+        gain_um_per_V=15.0, play_r_V=(0.1, 0.4, 1.0), play_w_um_per_V=(1.5, 1.0, 1.5), deadzone_d_V=(2.0, 5.0),
+        deadzone_s_um_per_V=(1.0, -1.5), u_range_V=(-2.0, 10.0), rate_Hz=5000.0, delay_s=delay_s,
+    )  # fmt: skip
+    return TimeView(**(shape | changes))
+
+
+def axis(*effects, delay_s=0.0, **changes):
+    return AxisModel(
+        time=view(delay_s, **changes), effects=tuple(Effect(name=name, params=params) for name, params in effects)
+    )
+
+
+def stage(*effects, delay_s=0.0):
+    return Stage(name="s", axes={"x": axis(*effects, delay_s=delay_s), "y": axis(SENSOR, delay_s=delay_s)})
+
+
+def error_um(path, wave, model, mode):
+    waveforms = parse_waves(wave, "x")
+    seconds = 8.0 if "goto" in wave else None
+    gains = dict.fromkeys(waveforms, GENTLE) if mode == "inverse+pid" else None
+    with Device.open(f"sim://{path}") as device:
+        run = track(device, waveforms, mode, stage=model, gains=gains, duration_s=seconds)
+    return run.figures.get("axes", {"x": run.figures})["x"]["rms_um"]
+
+
+def both(tmp_path, name, params, wave, mode):
+    """Error without and with the effect in the model."""
+    others = [] if name == SENSOR[0] else [SENSOR]
+    path = tmp_path / "truth.toml"
+    save_stage(path, stage(*others, (name, params)))
+    models = [stage(*others, delay_s=STAIRCASE_s), stage(*others, (name, params), delay_s=STAIRCASE_s)]
+    return [error_um(path, wave, model, mode) for model in models]
+
+
+@pytest.mark.parametrize(("name", "params", "wave", "factor"), CASES, ids=[case[0] for case in CASES])
+def test_knowing_the_effect_makes_tracking_better(tmp_path, name, params, wave, factor):
+    without, known = both(tmp_path, name, params, wave, "inverse")
+    assert known < without / factor
+
+
+@pytest.mark.parametrize("name", ["delay", "resonance", "hysteresis", "cross_coupling"])
+def test_with_feedback_too(tmp_path, name):
+    _, params, wave, _ = next(case for case in CASES if case[0] == name)
+    without, known = both(tmp_path, name, params, wave, "inverse+pid")
+    assert known < without / 3
+
+
+def test_the_catalogue_says_compensated_of_what_is_built():
+    assert {name for name, entry in catalogue().items() if entry.compensated} == COMPENSATED
+    assert {*IN_TIME_VIEW, *IN_CHAIN, *BETWEEN_AXES} == COMPENSATED
+    assert {case[0] for case in CASES} == COMPENSATED - {"load_change"}
+
+
+def test_a_load_moves_the_notch():
+    mode = {"f_Hz": 200.0, "zeta": 0.02}
+    loaded = compensation(axis(("resonance", mode), ("load_change", {"mass": 0.44})))
+    lower = compensation(axis(("resonance", {"f_Hz": 200.0 / 1.2, "zeta": 0.02 / 1.2})))
+    assert loaded.shape[0].b == pytest.approx(lower.shape[0].b)
+
+
+@pytest.mark.parametrize(
+    ("model", "told"),
+    [
+        (AxisModel(), "it has no time view"),
+        (axis(gain_um_per_V=0.0, deadzone_d_V=(), deadzone_s_um_per_V=()), "falls or stands still at -2 V"),
+        (axis(deadzone_s_um_per_V=(1.0, -17.0)), "falls or stands still at 5 V"),
+        (axis(("resonance", {"c": 2.5, "f_Hz": 300.0, "zeta": 0.02})), "zero in the right half-plane"),
+        (axis(("creep", {"k": [0.3, 0.3], "tau_s": [1.0, 10.0]})), "its creep adds 0.6"),
+        (axis(delay_s=0.5), "a preview of 0.5 s does not fit the device: it looks ahead at most 0.205 s"),
+        (
+            axis(play_r_V=[0.1 * i for i in range(1, 34)], play_w_um_per_V=[0.1] * 33),
+            "it has 33 plays, the device holds 32",
+        ),
+        (
+            axis(("resonance", {"c": [0.1] * 7, "f_Hz": [100.0 * i for i in range(1, 8)], "zeta": [0.02] * 7})),
+            "it has 7 sections for low-passes and modes, the device holds 6",
+        ),
+    ],
+)
+def test_what_has_no_inverse_says_why(model, told):
+    assert told in str(inverse_refusal(model))
+    with pytest.raises(BadInput, match="needs an inverse of the model") as refusal:
+        check_paths(parse_waves("sine:20um@5Hz", "x"), "inverse", Stage(name="s", axes={"x": model}))
+    assert told in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_stage_that_falls_only_beyond_its_limits_has_an_inverse():
+    model = axis(deadzone_s_um_per_V=(1.0, -17.0)).model_copy(update={"limits": Limits(u_max_V=5.0)})
+    assert inverse_refusal(model) is None
+
+
+def test_a_path_the_inverse_cannot_reach_is_refused_before_anything_moves():
+    with pytest.raises(BadInput, match="outside what the inverse can reach"):
+        check_paths(parse_waves("sine:260um@5Hz", "x"), "inverse", stage())

@@ -1,0 +1,137 @@
+"""The inverse of the time view: forward of inverse is the identity, to half an LSB of voltage."""
+
+import ctypes as ct
+
+import numpy as np
+import pytest
+from compensations import UNUSED, Operator, V, inverse_of, inverses
+from core_bindings import INT32_MAX, INT32_MIN, Inverse, InverseState, any_i32, whole
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+PLAYS = [(round(r * V), round(w * 2**20)) for r, w in ((0.1, 2.0), (0.5, 1.5), (1.2, 2.2), (3.0, 0.6))]
+KNOTS = [(round(d * V), round(s * 2**20)) for d, s in ((1, 1.6), (3, 1.5), (6, -2.4))]
+EXISTS, REST, PLAY_ORDER, NEGATIVE, KNOT_ORDER, STEEP, FALLS = range(7)
+
+
+def rested(core, config):
+    state = InverseState()
+    core.inverse_rest(config, state, 0)
+    return state
+
+
+@given(inverses, st.lists(whole(-200, 1000), min_size=1, max_size=30))
+@example(inverse_of(PLAYS, KNOTS), [50, 100, 20, 90, 30, 80, 40, 0])
+@example(inverse_of(), [0, 30, 0])
+def test_the_position_asked_for_is_the_position_of_the_voltage(core, config, targets_um):
+    """Whatever was before: to half an LSB where it can be reached, at the limit where it cannot."""
+    assert core.inverse_check(config) == EXISTS
+    state, operator = rested(core, config), Operator(config)
+    assert core.inverse_position_q44(config, state) == operator.go(0)
+    for target_um in targets_um:
+        target = target_um << 44
+        v, limited = core.flagged("inverse_step_q24", config, state, target)
+        x = operator.go(v)
+        assert core.inverse_position_q44(config, state) == x
+        assert list(state.play_q24) == operator.plays
+        assert config.u_min_q24 <= v <= config.u_max_q24
+        if limited:
+            assert x < target if v == config.u_max_q24 else x > target
+        else:
+            assert abs(x - target) <= operator.slopes() // 2 + 1
+
+
+@given(inverses, st.lists(whole(-2 * V, 10 * V), min_size=1, max_size=20))
+def test_it_is_the_inverse_of_the_voltages_that_were(core, config, voltages):
+    """The positions of a voltage history give that history back, where no slope is flatter than an LSB can show."""
+    operator = Operator(config)
+    state = rested(core, config)
+    for v in voltages:
+        x = operator.go(v)
+        found, _ = core.flagged("inverse_step_q24", config, state, x)
+        assert abs(found - v) <= 1
+        core.inverse_follow(config, state, v)
+
+
+def test_a_long_run_does_not_drift(core):
+    """A quarter of a million ticks of minor loops: what comes out still is exact, for nothing is summed up."""
+    config = inverse_of(PLAYS, KNOTS)
+    n = np.arange(250_000)
+    um = 60 + 40 * np.sin(n / 700) + 15 * np.sin(n / 91)
+    targets = np.round(um * 2**16).astype(np.int64) << 28
+    v, state = np.empty(len(n), np.int32), rested(core, config)
+    core.h_inverse_many(config, state, targets.ctypes.data, v.ctypes.data, len(n))
+    assert abs(core.inverse_position_q44(config, state) - int(targets[-1])) <= Operator(config).slopes()
+    operator = Operator(config)
+    for voltage in v[-3000:].tolist():
+        operator.go(voltage)
+    assert abs(operator.go(int(v[-1])) - int(targets[-1])) <= Operator(config).slopes()
+
+
+def broken(**fields):
+    config = inverse_of(PLAYS, KNOTS)
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            for at, item in value.items():
+                getattr(config, name)[at] = item
+        else:
+            setattr(config, name, value)
+    return config
+
+
+@pytest.mark.parametrize(
+    ("config", "verdict"),
+    [
+        (broken(), EXISTS),
+        (broken(rest_fraction_q30=2**30 + 1), REST),
+        (broken(rest_fraction_q30=-(2**30) - 1), REST),
+        (broken(play_r_q24={0: -1}), PLAY_ORDER),
+        (broken(play_r_q24={2: 1}), PLAY_ORDER),
+        (broken(play_w_q20={31: -1}), NEGATIVE),
+        (broken(knot_d_q24={1: 0}), KNOT_ORDER),
+        (broken(gain_q20=1 << 30), STEEP),
+        (broken(play_w_q20={0: 1 << 29, 1: 1 << 29}), STEEP),
+        (broken(gain_q20=(1 << 10) - 1), FALLS),
+        (broken(gain_q20=-(10 << 20)), FALLS),
+        (broken(knot_s_q20={0: -(10 << 20)}), FALLS),
+        (broken(knot_s_q20={2: -(14 << 20)}), FALLS),
+        (inverse_of(knots=[(10 * V, -(20 << 20))]), EXISTS),  # it falls beyond what the voltage can be
+        (inverse_of(knots=[(-2 * V, -(20 << 20))]), FALLS),
+        (inverse_of(gain_q20=-(5 << 20), knots=[(-2 * V, 10 << 20)]), EXISTS),
+        (inverse_of(gain_q20=-(5 << 20), knots=[(-2 * V + 1, 10 << 20)]), FALLS),
+    ],
+)
+def test_whether_it_exists(core, config, verdict):
+    assert core.inverse_check(config) == verdict
+
+
+@given(inverses)
+def test_what_it_can_reach(core, config):
+    """From all that was drawn down to all that was pushed up; what lies between is reached from either."""
+    low, high = ct.c_int32(), ct.c_int32()
+    core.inverse_reach_q16(config, low, high)
+    for start in (config.u_min_q24, config.u_max_q24):
+        state = rested(core, config)
+        core.inverse_follow(config, state, start)
+        for end, target in ((config.u_max_q24, high.value), (config.u_min_q24, low.value)):
+            v, _ = core.flagged("inverse_step_q24", config, state, target << 28)
+            position = core.inverse_position_q44(config, state)
+            assert v == end or abs(position - (target << 28)) <= Operator(config).slopes() + (1 << 27)
+
+
+any_memory = st.builds(lambda v, p: InverseState(v, tuple(p)), any_i32, st.lists(any_i32, min_size=32, max_size=32))
+
+
+@given(inverses, any_memory, whole(-(2**59), 2**59))
+def test_any_memory_is_made_one_of_the_operator(core, config, state, target):
+    v, _ = core.flagged("inverse_step_q24", config, state, target)
+    assert config.u_min_q24 <= v <= config.u_max_q24
+    for r, p in zip(config.play_r_q24, state.play_q24, strict=True):
+        assert max(v - r, INT32_MIN) <= p <= min(v + r, INT32_MAX)
+
+
+def test_unused_places_do_nothing(core):
+    assert UNUSED == INT32_MAX
+    config, state = inverse_of(gain_q20=4 << 20), InverseState()
+    assert core.flagged("inverse_step_q24", config, state, 8 << 44) == (2 * V, False)
+    assert ct.sizeof(Inverse) == 4 * (5 + 2 * 32 + 2 * 24)
