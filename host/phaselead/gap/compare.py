@@ -25,7 +25,7 @@ TIE = 37.0
 HELD_OUT_Z = 3.3
 ONE_LOOP = 0.5
 """Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
-RIVALS = 6
+RIVALS = 5
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,10 @@ class HeldOut:
     z: float
     power: float
     """The z that the whole of it would have: what the held-out records can show."""
+    drive: float
+    """Squares of the whole of it beside white noise of unit variance, whatever else is in the held-out records."""
+    worse: float
+    """By how much it changes the plain mean square of the held-out records, as a share; above 0 it does harm."""
 
     @property
     def testable(self) -> bool:
@@ -189,6 +193,20 @@ class HeldOut:
     def contradicted(self) -> bool:
         """Whether they show that it is not there as the training records say."""
         return abs(self.z - self.power) > HELD_OUT_Z
+
+
+def _worse(bench: Bench, before: Sequence[Entry], after: Sequence[Entry]) -> float:
+    """Relative change of the held-out mean square about each record's own offset; 0 where the base moves with every
+    effect and says nothing before it was fitted anew."""
+    if bench.open_plays:
+        return 0.0
+    was, now = (sum(_about_offset(t, e) for t in bench.holdout.evidence.tracks) for e in (before, after))
+    return now / was - 1 if was > 0 else 0.0
+
+
+def _about_offset(track: Track, entries: Sequence[Entry]) -> float:
+    error = track.error(entries)
+    return float(np.sum((error - error.mean()) ** 2))
 
 
 def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], least: float = 1.0) -> HeldOut:
@@ -205,7 +223,7 @@ def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], leas
     total = bench.correction.conditioned(moments.sum(axis=0), target)
     power = float(total[target - 1, target - 1])
     if not power > 1e-9:
-        return HeldOut(0.0, 0.0, 0.0)
+        return HeldOut(0.0, 0.0, 0.0, 0.0, 0.0)
     slope = float(total[target - 1, target]) / power
     left = residual_amounts(moments, bench.correction)
     explained = np.zeros(len(left))
@@ -216,7 +234,7 @@ def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], leas
     squares_left = float(total[target, target]) - slope**2 * power
     inflation = max(least, squares_left / rows, float(block_inflation(moments, projector, left)[target - 1]))
     whole = float(np.sqrt(power / inflation))
-    return HeldOut(slope, slope * whole, whole)
+    return HeldOut(slope, slope * whole, whole, power, _worse(bench, before, after))
 
 
 __all__ = ["Contest", "HeldOut", "Rival", "contest", "held_out", "reweighed"]

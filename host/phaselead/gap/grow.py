@@ -19,12 +19,19 @@ from phaselead.gap.search import Scanned, penalty, scan, try_effects
 from phaselead.stage.file import AxisModel
 
 MOST_EFFECTS = 5
-SECOND_CHOICES = 4
+SECOND_CHOICES = 2
 """How many effects may fail on held-out records before a step is given up."""
 SLOPE = (0.4, 2.5)
 """Share of what an effect says that held-out records must show of it."""
 UNTESTED = 10.0
 """Times the usual margin, for an effect that the held-out records lack the drive to show: a mode without a jump."""
+LACKING = 0.05
+"""Of what an effect gains on training records: held-out records whose drive would show less of it lack that drive."""
+HARM = 0.01
+"""An effect may raise the held-out mean square by this share and no more: a disturbance that is not there does."""
+NEAR_SHARE, FAR_SHARE = 0.01, 0.001
+"""Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
+that is right by and large leaves is explained best by those it is confused with, and is no evidence for them."""
 RISK = 0.0125
 """Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
 
@@ -107,11 +114,13 @@ def _step(
             return False
         found = contest(growth.bench, growth.fitted, tried)
         held = _held_out(found)
-        pays = _pays(found, held, len(left))
+        pays = _pays(found, held, len(left), growth.named)
         _note(growth, found, held, step, pays)
         if pays:
             _accept(growth, found, held, runs, effects, frozen)
             return True
+        if found.best.score < MARGIN:
+            return False
         tried = [t for t in tried if t.effect is not found.best.effect]
     return False
 
@@ -121,12 +130,28 @@ def _held_out(found: Contest) -> HeldOut:
     return held_out(found.bench, found.before.entries, found.best.fitted.entries, least)
 
 
-def _pays(found: Contest, held: HeldOut, family: int) -> bool:
+def cost(named: Sequence[Named], effect: Effect) -> float:
+    """Score from which a further effect is more than what the equations of those named before leave."""
+    owed = [n.score * (NEAR_SHARE if _alike(n, effect) else FAR_SHARE) for n in named]
+    return MARGIN + sum(owed)
+
+
+def _alike(named: Named, effect: Effect) -> bool:
+    rivals = {r.effect.name: r.effect for r in named.rivals}
+    group = [named.effect, *(rivals[name] for name in named.tied if name in rivals)]
+    return any(effect.name in one.confused_with or one.name in effect.confused_with for one in group)
+
+
+def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = ()) -> bool:
+    needed = cost(named, found.best.effect)
+    if held.worse > HARM:
+        return False
     if not held.testable:
-        return found.best.score >= UNTESTED * MARGIN and not held.contradicted
+        lacking = held.drive < LACKING * found.best.score
+        return lacking and found.best.score >= UNTESTED * needed and not held.contradicted
     p = float(norm.sf(held.z))
     sure = held.z >= HELD_OUT_Z and p * family <= RISK
-    return found.best.score >= MARGIN and sure and SLOPE[0] <= held.slope <= SLOPE[1]
+    return found.best.score >= needed and sure and SLOPE[0] <= held.slope <= SLOPE[1]
 
 
 def _accept(
@@ -171,7 +196,7 @@ def _note(growth: Growth, found: Contest, held: HeldOut, step: int, pays: bool) 
     for rival in found.rivals:
         best = rival is found.best
         if best:
-            remark = "named" if pays else _why_not(found, held)
+            remark = "named" if pays else _why_not(found, held, growth.named)
         elif found.is_tied(rival):
             remark = f"these records cannot tell it from {found.best.effect.name}"
         else:
@@ -181,9 +206,11 @@ def _note(growth: Growth, found: Contest, held: HeldOut, step: int, pays: bool) 
         growth.candidates.append(Candidate(step, rival.effect.name, rival.score, z, rms, remark))
 
 
-def _why_not(found: Contest, held: HeldOut) -> str:
-    if found.best.score < MARGIN:
-        return f"gains {found.best.score:.1f}, less than the {MARGIN:g} a name costs"
+def _why_not(found: Contest, held: HeldOut, named: Sequence[Named]) -> str:
+    if found.best.score < (needed := cost(named, found.best.effect)):
+        return f"gains {found.best.score:.1f}, less than the {needed:.3g} a name costs"
+    if held.worse > HARM:
+        return f"gains {found.best.score:.0f}, but makes the held-out gap larger"
     if not held.testable:
         return f"gains {found.best.score:.0f}, but the held-out records cannot show it"
     return f"does not hold on held-out records (z = {held.z:.1f}, {100 * held.slope:.0f} % of it found there)"

@@ -16,7 +16,7 @@ from phaselead.gap.panel import Index, Panel
 from phaselead.gap.refit import Entry, Fitted, fresh_columns, refit, squares
 from phaselead.record.recording import Samples
 
-TOP = 5
+TOP = 3
 """How many effects are refitted to the end; the others only roughly."""
 STARTS = 2
 """From how many shapes each."""
@@ -24,9 +24,9 @@ SIZES = (0.3, 1.0, 3.0)
 """Multiples of a linear estimate from which a refit may start: some effects are linear in their size only near 0."""
 POWERLESS = 1e-6
 """Whitened squares of an atom at its typical size below which the records cannot show it at all."""
-MARGIN_GAIN, SCATTERED = 10.0, 0.1
+MARGIN_GAIN, SCATTERED = 10.0, 0.4
 """Least gain worth a refit; and of the penalty, least gain over the scatter of the residual along an effect."""
-MOST_TRIED = 10
+MOST_TRIED = 7
 ROUGH_STEPS = 2
 
 
