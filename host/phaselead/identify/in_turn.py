@@ -19,7 +19,9 @@ from phaselead.identify.operator_result import OperatorFit
 from phaselead.record.recording import Samples
 from phaselead.stage.operator import predict_time_view
 
-TURNS = 4
+TURNS = 3
+MANY_RUNS = 8
+"""A grid of sines away from the mode parts them by itself, and would take minutes."""
 PAYS = 0.7
 """Another turn is kept when it leaves less than this share of the squared residual of the turn before."""
 
@@ -28,8 +30,8 @@ def fit_in_turn(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedMode | None
     """The operator of an axis and its first mode, if it shows one. Raises BadInput as ``fit_operator`` does."""
     operator = fit_operator(runs)
     mode = fit_mode(operator.view, runs)
-    if mode is None:
-        return operator, None
+    if mode is None or len(runs) >= MANY_RUNS:
+        return operator, mode
     left = _left(operator, mode, runs)
     for _ in range(TURNS):
         again = fit_operator([_without_ringing(operator, mode, run) for run in runs])
