@@ -20,7 +20,7 @@ def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     rng, (axis, stage) = rig.rng, next(iter(rig.stages.items()))
     c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
     span, rate = c.span_V, rig.rate_Hz
-    fast = min(0.03 * rate, 0.45 * c.f_Hz) * rng.uniform(0.7, 1.0)
+    fast = min(0.03 * rate, 0.25 * c.f_Hz) * rng.uniform(0.7, 1.0)
     made = {
         "idle": waves.idle(rate, (0.7 if held_out else 1.0) * unit),
         "steps": waves.steps(rng, span, rate, (1.8 if held_out else 2.4) * unit, 5 if held_out else 6),
@@ -41,7 +41,7 @@ def sines(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     """Sines alone: a few levels, frequencies and middles."""
     rng, (axis, stage) = rig.rng, next(iter(rig.stages.items()))
     c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
-    top = min(0.03 * rig.rate_Hz, 0.45 * c.f_Hz)
+    top = min(0.03 * rig.rate_Hz, 0.25 * c.f_Hz)
     levels = [(1.0, 0.5), (0.5, 0.5), (0.35, 0.3), (0.3, 0.5)] if not held_out else [(0.8, 0.5), (0.4, 0.6)]
     found = []
     for i, (level, middle) in enumerate(levels):

@@ -10,9 +10,6 @@ EDGE = 0.1
 """Of a record: led in from 0 V, and out again."""
 
 
-RISE_ROWS = 6
-
-
 def _shaped(wave: Samples, middle_V: float, half_V: float) -> Samples:
     """``wave`` (-1..1) about a middle, led in from 0 V and out again."""
     n = len(wave)
@@ -41,20 +38,19 @@ def multisine(
     phases = rng.uniform(0, 2 * np.pi, len(lines))
     wave = np.zeros_like(t)
     for f, phase in zip(lines, phases, strict=True):
-        amplitude = f**-tilt / (1 + 12 * np.exp(-((np.log(f / mode_Hz) / 0.12) ** 2)))
+        amplitude = f**-tilt / (1 + 4 * np.exp(-((np.log(f / mode_Hz) / 0.06) ** 2)))
         wave += amplitude * np.cos(2 * np.pi * f * t + phase)
     return _shaped(wave / np.abs(wave).max(), span_V / 2, span_V * level / 2)
 
 
 def steps(rng: np.random.Generator, span_V: float, rate_Hz: float, seconds: float, holds: int) -> Samples:
-    """Jumps of both signs within RISE_ROWS, with holds between them, back to 0 V for the last."""
-    levels = np.concatenate([[0.8, 0.25, 0.6], rng.uniform(0.1, 0.9, max(holds - 4, 0))])[: holds - 1]
-    rng.shuffle(levels)
+    """Jumps of both signs with holds between them, back to 0 V for the last."""
+    levels = np.where(np.arange(holds - 1) % 2, rng.uniform(0.1, 0.4, holds - 1), rng.uniform(0.55, 0.85, holds - 1))
     hold = round(seconds * rate_Hz / holds)
     corners, heights = [0.0], [0.0]
     for i, level in enumerate([*levels, 0.0]):
-        start = (i + 0.2) * hold
-        corners += [start, start + RISE_ROWS]
+        start = round((i + 0.2) * hold)
+        corners += [start, start + 1]
         heights += [heights[-1], float(level)]
     return span_V * np.interp(np.arange(round((holds + 0.2) * hold)), corners, heights)
 
