@@ -13,7 +13,8 @@ from phaselead.identify.predict import predict
 from phaselead.record.recording import Recording, Samples
 from phaselead.stage.file import Stage
 
-BLOCK_s = 0.25
+BLOCK_s, FEWEST_BLOCKS = 0.25, 8
+"""Of every record."""
 SURE_Z = 3.3
 LEAST_SAVED = 0.02
 """Of the squares that are left: an effect that saves less is not worth its name."""
@@ -88,7 +89,8 @@ def pays(held: Sequence[Stand], before: Answer, after: Answer, axis: int | None 
         x = _scored(stand.x_um, stand, axis)
         size = float(np.sum(x**2)) or 1.0
         was, now = (np.sum((x - _scored(answer(stand), stand, axis)) ** 2, axis=1) / size for answer in (before, after))
-        edges = np.arange(0, len(x), max(1, round(BLOCK_s / stand.step_s)))
+        length = max(1, min(round(BLOCK_s / stand.step_s), len(x) // FEWEST_BLOCKS))
+        edges = np.arange(0, len(x) - length + 1, length)
         saved.append(np.add.reduceat(was - now, edges))
         left.append(float(was.sum()))
     gained = np.concatenate(saved)

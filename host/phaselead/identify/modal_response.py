@@ -20,7 +20,7 @@ Complex = NDArray[np.complex128]
 REPEATS = 0.02
 """A drive whose periods differ by less than this share of their rms repeats."""
 EXCITED = 0.05
-"""A line counts as excited where the weakest direction of the drive has this share of the median line's amplitude."""
+"""A line counts as excited where the weakest direction of the drive has this share of a strong line's amplitude."""
 SEGMENTS = 8
 SHORTEST_SEGMENT = 256
 WELCH_LINES = 0.9
@@ -96,9 +96,9 @@ def _lines(experiments: Sequence[Experiment], period: int) -> FrequencyResponse:
     inputs, count = U.shape[1], U.shape[2]
     if count < inputs:
         raise BadInput(f"{count} experiments do not tell {inputs} inputs apart; record as many as there are inputs")
-    weakest = np.linalg.svd(U, compute_uv=False)[:, -1]
-    strongest = float(np.median(np.sort(weakest)[len(weakest) // 2 :]))
-    lines = np.flatnonzero(weakest > EXCITED * strongest)
+    sizes = np.linalg.svd(U, compute_uv=False)
+    strongest = float(np.median(np.sort(sizes[:, 0])[len(sizes) // 2 :]))
+    lines = np.flatnonzero(sizes[:, -1] > EXCITED * strongest)
     lines = lines[lines > 0]
     if not strongest > 0 or len(lines) < 8 * inputs:
         raise BadInput("the experiments drive the axes always in the same proportion; drive them with other phases")
@@ -133,9 +133,9 @@ def _cross_spectra(experiments: Sequence[Experiment]) -> FrequencyResponse:
             U, X = (np.fft.rfft(window * v[at : at + length], axis=0) / scale for v in (u, x))
             Suu += U[:, :, None] * U[:, None, :].conj()
             Sxu += X[:, :, None] * U[:, None, :].conj()
-    weakest = np.linalg.eigvalsh(Suu)[:, 0]
+    sizes = np.linalg.eigvalsh(Suu)
     keep = np.arange(1, int(WELCH_LINES * lines))
-    keep = keep[weakest[keep] > EXCITED**2 * float(np.median(np.sort(weakest)[lines // 2 :]))]
+    keep = keep[sizes[keep, 0] > EXCITED**2 * float(np.median(np.sort(sizes[:, -1])[lines // 2 :]))]
     if len(keep) < 8 * inputs:
         raise BadInput("the records drive the axes always in the same proportion, or in too narrow a band")
     matrix = np.asarray(Sxu[keep] @ np.linalg.inv(Suu[keep]), dtype=complex)

@@ -1,0 +1,99 @@
+"""Records in which all axes of a stage move at once: what the axes share is named, and nothing else."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
+
+from shared_structure import F_HZ, Structure
+
+from phaselead.errors import BadInput
+from phaselead.gap.multi_axis import has_common_modes
+from phaselead.gap.run import run_gap
+from phaselead.identify.fit import fit
+from phaselead.identify.predict import predict
+from phaselead.stage.file import Effect, Stage, parse_stage, stage_text
+
+
+def searched(softening: float, levels: tuple[float, ...], start: Stage | None = None):
+    structure = Structure(7, softening=softening)
+    train = [r for v in levels for r in structure.experiments(3, v, f"train{v:g}-")]
+    held = [r for v in levels for r in structure.experiments(2, v, f"held{v:g}-")]
+    stage = start or fit(train, base="linear")[0]
+    return stage, train, held, run_gap(stage, train, held)
+
+
+@pytest.fixture(scope="module")
+def one_level():
+    return searched(0.0, (1.0,))
+
+
+@pytest.fixture(scope="module")
+def two_levels(one_level):
+    return searched(0.006, (1.0, 3.0), one_level[3].stage)
+
+
+def names(result) -> set[str]:
+    return {e.name for e in result.effects}
+
+
+def test_modes_and_coupling_are_named_on_every_axis(one_level):
+    stage, _, _, result = one_level
+    assert {(e.name, e.axis) for e in result.effects} == {
+        (name, axis) for name in ("resonance", "cross_coupling") for axis in "xyz"
+    }
+    assert result.gap.after < 0.02 * result.gap.before
+    assert "softening" in result.untestable
+    assert has_common_modes(result.stage)
+    assert not has_common_modes(stage)
+    found = next(e for e in result.effects if e.name == "resonance" and e.axis == "x").params["f_Hz"][0]
+    for f in F_HZ:
+        assert np.min(np.abs(np.array(found) - f)) < 0.005 * f
+
+
+def test_the_stage_file_holds_what_was_found(one_level):
+    _, _, held, result = one_level
+    again = parse_stage(stage_text(result.stage))
+    assert again == result.stage
+    squares = []
+    for record in held:
+        predicted = predict(again, record)
+        for axis, seen in record.axes.items():
+            error = (seen.x_um - predicted.axes[axis].x_um)[record.scored]
+            squares.append((error - error.mean()) ** 2)
+    assert np.sqrt(np.mean(squares)) == pytest.approx(result.gap.after, rel=1e-6)
+
+
+def test_a_level_that_moves_the_modes_is_softening(two_levels):
+    _, _, _, result = two_levels
+    assert names(result) == {"softening"}
+    assert result.gap.after < 0.1 * result.gap.before
+    drop = sum(np.array(e.params["f_drop"][0]) for e in result.effects)
+    assert np.median(drop) > 0
+    assert any("3 V rms" in message for message in result.messages)
+
+
+def test_two_levels_without_softening_name_none(one_level):
+    structure = Structure(7)
+    train = [r for v in (1.0, 3.0) for r in structure.experiments(3, v, f"t{v:g}-")]
+    held = [r for v in (1.0, 3.0) for r in structure.experiments(2, v, f"h{v:g}-")]
+    result = run_gap(one_level[3].stage, train, held)
+    assert names(result) == set()
+    assert result.verdicts == ("none",)
+
+
+def test_lists_that_do_not_belong_together_are_refused(one_level):
+    stage, record = one_level[3].stage, one_level[2][0]
+    axis = stage.axes["x"]
+    short = [
+        Effect(name=e.name, params={k: v[:-1] if k == "velocity" else v for k, v in e.params.items()})
+        for e in axis.effects
+    ]
+    broken = stage.model_copy(update={"axes": {**stage.axes, "x": axis.model_copy(update={"effects": tuple(short)})}})
+    with pytest.raises(BadInput, match="modes but"):
+        predict(broken, record)
