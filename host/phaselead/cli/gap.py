@@ -50,13 +50,18 @@ def spread(args: list[str]) -> list[str]:
 @click.option("--json", "json_to", metavar="F", help="Also write the figures as JSON to F; - is stdout.")
 @click.option("--map", "column_map", metavar="COLUMNS", help="1-based columns of files without our header.")
 @click.option("--rate", metavar="RATE", help="Sampling rate of files without times, e.g. 200Hz.")
+@click.option(
+    "--verify-on",
+    metavar="P",
+    help="Track the same paths on this device under the model before and the one after; the report shows both.",
+)
 @click.pass_context
 def gap(ctx: click.Context, /, **options: Any) -> None:
     """Find where model and measurement part, name the missing effect, add it, show the gap shrink.
 
     \b
     phaselead gap --model M --train REC... --holdout REC... [--reference REC...] [--frozen|--refit]
-                  -o next.toml --report gap.html --json gap.json
+                  -o next.toml --report gap.html --json gap.json [--verify-on P]
     phaselead gap next gap.json --port P -o more.h5
     """
     if ctx.invoked_subcommand is None:

@@ -13,6 +13,9 @@ from phaselead.cli.common import json_text, progress, read_recordings, record_fi
 from phaselead.errors import BadInput
 from phaselead.gap.result import GapResult, lines
 from phaselead.gap.run import run_gap
+from phaselead.gap.told import headline
+from phaselead.gap.verify_on import Verification, reachable
+from phaselead.gap.verify_on import verify_on as verify
 from phaselead.record.atomic import RUN_SUFFIXES, check_output, is_special, write_texts
 from phaselead.stage.file import load_stage, stage_text
 
@@ -28,27 +31,35 @@ def compare(
     json_to: str | None,
     column_map: str | None,
     rate: str | None,
+    verify_on: str | None = None,
 ) -> None:
-    """Read, search, write: nothing is written unless all of it can be."""
+    """Read, search, verify, write: nothing is written unless all of it can be."""
     if model_path is None:
         raise BadInput("gap needs a model; give --model STAGE.toml")
     check_outputs(output, report, json_to, [model_path, *record_files([*train, *holdout, *reference])])
     stage = load_stage(model_path)
     parts = [read_recordings(part, column_map, rate) for part in (train, holdout, reference)]
+    if verify_on:
+        reachable(verify_on)
     with progress("comparing", 1.0) as advance:
         result = run_gap(stage, *parts, frozen=frozen, on_progress=advance)
+    verification = None
+    if verify_on:
+        with progress(f"verifying on {verify_on}", 1.0) as advance:
+            verification = verify(verify_on, stage, result.stage, advance)
+    figures = result.as_json() | (verification.as_dict() if verification else {})
     texts = {}
     if output:
         texts[output] = stage_text(result.stage)
     if report:
         from phaselead.report.gap import gap_page
 
-        texts[report] = gap_page(result, stage, Path(model_path).name)
+        texts[report] = gap_page(result, stage, Path(model_path).name, verification)
     written = list(texts)
     if json_to and json_to != "-":
-        texts[json_to] = json_text(result.as_json())
+        texts[json_to] = json_text(figures)
     write_texts(texts)
-    tell(result.as_json(), json_to, lambda console: show(console, result, written))
+    tell(figures, json_to, lambda console: show(console, result, written, verification))
 
 
 def check_outputs(output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str]) -> None:
@@ -61,7 +72,7 @@ def check_outputs(output: str | None, report: str | None, json_to: str | None, i
         raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
-def show(console: Console, result: GapResult, written: list[str]) -> None:
+def show(console: Console, result: GapResult, written: list[str], verification: Verification | None = None) -> None:
     """The verdicts for a person."""
     console.print(f"verdict: {', '.join(result.verdicts)}")
     for effect in result.effects:
@@ -73,8 +84,8 @@ def show(console: Console, result: GapResult, written: list[str]) -> None:
         console.print(table)
     for tie in result.ties:
         console.print(f"these records cannot tell apart: {', '.join(tie)}")
-    for cell in result.where[:3]:
-        console.print(cell.sentence)
+    if (where := headline(result.where)) is not None:
+        console.print(where)
     gap = result.gap
     console.print(
         f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; floor {gap.floor:.4g} ({gap.floor_from})"
@@ -87,8 +98,21 @@ def show(console: Console, result: GapResult, written: list[str]) -> None:
         console.print(experiment_sentence(result))
     for message in result.messages:
         console.print(message)
+    if verification is not None:
+        show_verification(console, verification)
     for path in written:
         console.print(f"wrote {path}")
+
+
+def show_verification(console: Console, verification: Verification) -> None:
+    """Tracking errors under both models."""
+    table = Table("axis", "path", "mode", "before (µm rms)", "after (µm rms)", title=f"tracking on {verification.port}")
+    for row in verification.tracked:
+        table.add_row(row.axis, row.path, row.mode, f"{row.before.rms_um:.4g}", f"{row.after.rms_um:.4g}")
+    if verification.tracked:
+        console.print(table)
+    for message in verification.messages:
+        console.print(message)
 
 
 def experiment_sentence(result: GapResult) -> str:

@@ -7,25 +7,31 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.signal import welch
 
 from phaselead.effects import catalogue
-from phaselead.gap.result import Candidate, GapResult, NamedEffect, Spectrum, Trace, lines
+from phaselead.gap.result import Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, lines
+from phaselead.gap.told import LEVEL
+from phaselead.gap.told import headline as told_first
+from phaselead.gap.verify_on import Tracked, Verification
+from phaselead.record.recording import Samples
 from phaselead.report.page import render
-from phaselead.report.style import BLUE, GREEN, GREY, ORANGE, RED, figure_style, new_figure, thin
+from phaselead.report.style import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
 from phaselead.stage.file import Stage
 
 MOST_TRACES = 4
+SEGMENT = 8192
 
 
-def gap_page(result: GapResult, stage: Stage, model_name: str) -> str:
-    """The page as HTML."""
+def gap_page(result: GapResult, stage: Stage, model_name: str, verification: Verification | None = None) -> str:
+    """The page as HTML; with what tracking on a device came to."""
     return render(
         "gap.html",
         model_name=model_name,
         headline=headline(result),
         cards=cards(result),
-        cells=result.where,
-        cells_figure=cells_figure(result) if result.where else None,
+        cells=standing_out(result.where),
+        cells_figure=cells_figure(result.where) if result.where else None,
         effects=[effect_part(effect) for effect in result.effects],
         ties=[tie_part(tie) for tie in result.ties],
         candidates=candidate_rows(result.candidates),
@@ -33,9 +39,11 @@ def gap_page(result: GapResult, stage: Stage, model_name: str) -> str:
         spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
         gap=result.gap,
         remains=remains(result),
-        excluded=result.excluded,
+        left_figure=left_figure(result.traces) if result.traces else None,
+        excluded=[bound_row(bound) for bound in result.excluded],
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
         experiment=result.next_experiment,
+        tracking=tracking_part(verification) if verification else None,
         holdout=[sha[:12] for sha in result.holdout_sha256],
         parent=stage.sha256,
         following=result.stage.sha256,
@@ -52,7 +60,12 @@ def headline(result: GapResult) -> str:
         said.append(f"These records cannot tell apart: {_listed([_plain(n) for n in tie], 'or')}.")
     if "unknown" in result.verdicts:
         said.append("Structure remains that no effect of the catalogue explains.")
-    return " ".join(said) or "Model and measurement agree within noise and what the base is known to miss."
+    where = told_first(result.where)
+    if not said:
+        said.append("Model and measurement agree within noise and what the base is known to miss.")
+    elif where:
+        said.append(f"{where}.")
+    return " ".join(said)
 
 
 def _title(effect: NamedEffect) -> str:
@@ -143,16 +156,94 @@ def trace_figure(trace: Trace) -> Figure:
         return figure
 
 
-def cells_figure(result: GapResult) -> Figure:
-    """Shares of the ranked cells."""
-    cells = list(reversed(result.where))
+def tracking_part(verification: Verification) -> dict[str, Any]:
+    """The runs for the template: a row and a figure each."""
+    rows = [
+        {
+            "axis": t.axis, "path": t.path, "mode": t.mode, "before": t.before.rms_um, "after": t.after.rms_um,
+            "most_before": t.before.max_um, "most_after": t.after.max_um, "figure": tracking_figure(t),
+        }
+        for t in verification.tracked
+    ]  # fmt: skip
+    return {"port": verification.port, "rows": rows, "messages": verification.messages}
+
+
+def tracking_figure(tracked: Tracked) -> Figure:
+    """The reference above, its distance to the measured position under each model below."""
+    before, after = tracked.before_error_um, tracked.after_error_um
+    t, r, before, after = thin(tracked.t_s, tracked.r_um, before, after)
     with figure_style():
-        figure = new_figure(7.4, 0.6 + 0.32 * len(cells))
-        axes = figure.add_subplot()
-        colours = [GREEN if c.p <= 0.01 else ORANGE for c in cells]
-        axes.barh([f"{c.by}: {c.cell}" for c in cells], [100 * c.share for c in cells], color=colours)
-        axes.set(xlabel="share of the unexplained power (%)")
+        figure = new_figure(9.4, 4.0)
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1, 1.6])
+        upper.plot(t, r, color=GREY, linewidth=1.4, label="reference")
+        lower.plot(t, before, color=RED, linewidth=0.9, label="model before")
+        lower.plot(t, after, color=BLUE, linewidth=0.9, label="model after")
+        upper.set(ylabel="reference (µm)")
+        lower.set(xlabel="time (s)", ylabel="error (µm)")
+        lower.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2)
         return figure
+
+
+def standing_out(cells: Sequence[Cell]) -> list[Cell]:
+    """The largest cell of each kind that stands out beyond chance."""
+    found: dict[tuple[str, str | None], Cell] = {}
+    for cell in sorted(cells, key=lambda c: -c.share):
+        if cell.p <= LEVEL:
+            found.setdefault((cell.by, cell.axis), cell)
+    return list(found.values())
+
+
+def cells_figure(cells: Sequence[Cell]) -> Figure:
+    """Shares of the cells, one panel for each kind."""
+    kinds = list(dict.fromkeys(c.by for c in cells))
+    rows = [[c for c in reversed(cells) if c.by == kind] for kind in kinds]
+    with figure_style():
+        figure = new_figure(7.4, 0.7 + 0.34 * len(cells) + 0.25 * len(kinds))
+        panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False, height_ratios=[len(r) + 0.4 for r in rows])
+        for axes, kind, of_kind in zip(panels[:, 0], kinds, rows, strict=True):
+            labels = [f"{c.cell} ({c.axis})" if c.axis and c.cell != c.axis else c.cell for c in of_kind]
+            colours = [GREEN if c.p <= LEVEL else GREY for c in of_kind]
+            axes.barh(range(len(of_kind)), [100 * c.share for c in of_kind], color=colours)
+            axes.set_yticks(range(len(of_kind)), labels)
+            axes.set_title(kind, loc="left", fontsize=10)
+            axes.set_xlim(0, 100)
+        panels[-1, 0].set_xlabel("share of the unexplained power (%)")
+        return figure
+
+
+def left_figure(traces: Sequence[Trace]) -> Figure:
+    """Amplitude density of what is left of all held-out records, before and after."""
+    with figure_style():
+        figure = new_figure(7.4, 3.4)
+        axes = figure.add_subplot()
+        for name, colour in (("before", RED), ("after", BLUE)):
+            f, density = _mean_density(traces, name)
+            axes.loglog(f, 1e3 * density, color=colour, linewidth=1.1, label=f"left {name}")
+        axes.set(xlabel="frequency (Hz)", ylabel="nm/√Hz")
+        axes.legend()
+        return figure
+
+
+def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples]:
+    """Frequencies and um/sqrt(Hz), over records weighted by their length."""
+    length = min(SEGMENT, *(len(t.t_s) for t in traces))
+    total, rows, f = np.zeros(length // 2), 0, np.zeros(length // 2)
+    for t in traces:
+        error = t.measured_um - (t.before_um if which == "before" else t.after_um)
+        rate_Hz = (len(t.t_s) - 1) / float(t.t_s[-1] - t.t_s[0])
+        f, power = (part[1 : length // 2 + 1] for part in welch(error, rate_Hz, nperseg=length))
+        total, rows = total + len(error) * power, rows + len(error)
+    return f, np.sqrt(total / rows)
+
+
+def bound_row(bound: Bound) -> dict[str, Any]:
+    """One upper bound beside the typical size of what it is a bound on."""
+    entry = catalogue().get(bound.name)
+    typical = next((p.typical for p in entry.sizes if p.unit == bound.unit), None) if entry else None
+    return {
+        "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical,
+        "unit": "" if bound.unit == "1" else bound.unit,
+    }  # fmt: skip
 
 
 def spectrum_figure(spectrum: Spectrum) -> Figure:

@@ -1,0 +1,219 @@
+"""Closing the loop: the same paths on a device, driven by the model before and by the one after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from phaselead.control.compensation import compensation
+from phaselead.control.errors import TrackingError, tracking_error
+from phaselead.control.track import JUDGED_PERIODS, SETTLE_S, track
+from phaselead.effects.effect import Samples
+from phaselead.errors import PhaseleadError
+from phaselead.link.device import Device
+from phaselead.link.quantities import TICK_HZ
+from phaselead.stage.device_model import inverse_refusal
+from phaselead.stage.file import AxisModel, Stage
+from phaselead.stage.operator import rest_position_um
+from phaselead.stage.waveform import Waveform
+
+Progress = Callable[[float], None]
+
+SLOW_Hz, FAST_Hz = 5.0, 20.0
+HOLD_s = 6.0
+"""After a move, when there is creep to be seen."""
+MARGIN, SWING = 0.1, 0.5
+"""Where a path begins and how far it goes, of what every model can reach."""
+SHOWN_PERIODS = 2
+MOVE_Hz = 10.0
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """One axis on one path, error = reference - measured position; arrays (n,) over what is shown."""
+
+    axis: str
+    path: str
+    mode: str
+    before: TrackingError
+    after: TrackingError
+    t_s: Samples
+    r_um: Samples
+    before_error_um: Samples
+    after_error_um: Samples
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON."""
+        errors = {"before": self.before.as_dict(), "after": self.after.as_dict()}
+        return {"axis": self.axis, "path": self.path, "mode": self.mode, **errors}
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What came of it; ``messages`` say what was not run, and why."""
+
+    port: str
+    tracked: tuple[Tracked, ...] = ()
+    messages: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON: beside the fields of gap.json, under a name of its own."""
+        rows = [row.as_dict() for row in self.tracked]
+        return {"tracking": {"port": self.port, "runs": rows, "messages": list(self.messages)}}
+
+
+def reachable(port: str) -> None:
+    """Opens the port and a session, and closes it: raises now what would be raised after the search."""
+    Device.open(port).close()
+
+
+def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> Verification:
+    """Tracks every axis whose model changed, under both models, parked in between.
+
+    Feed-forward alone (mode inverse); with the gains of the stage file, if there are any, mode inverse+pid too. What
+    goes wrong on the way ends the verification with a message, not the program: the search behind it has its result.
+    """
+    changed = [name for name in sorted(after.axes) if after.axes[name] != before.axes.get(name)]
+    if not changed:
+        return Verification(port, messages=("the model did not change; there is nothing to verify",))
+    named = _with_neighbours(changed, after)
+    reasons = {name: _not_run(name, before, after) for name in named}
+    messages = [reason for reason in reasons.values() if reason is not None]
+    axes = [name for name in named if reasons[name] is None]
+    runs = [(mode, paths) for mode in _modes(axes, after) for paths in _paths(axes, before, after)]
+    tracked: list[Tracked] = []
+    try:
+        for i, (mode, (label, paths)) in enumerate(runs):
+            tracked += _both(port, label, paths, mode, before, after)
+            if on_progress is not None:
+                on_progress((i + 1) / len(runs))
+    except PhaseleadError as error:
+        messages.append(f"on {port} it went no further: {error}")
+    return Verification(port, tuple(tracked), tuple(messages))
+
+
+def _with_neighbours(changed: Sequence[str], after: Stage) -> list[str]:
+    """Cross-coupling shows, and is undone, only while the others move."""
+    coupled = any(_has(after.axes[name], "cross_coupling") for name in changed)
+    return sorted(after.axes) if coupled else list(changed)
+
+
+def _has(model: AxisModel, name: str) -> bool:
+    return any(adopted.name == name for adopted in model.effects)
+
+
+def _not_run(name: str, before: Stage, after: Stage) -> str | None:
+    for when, stage in (("before", before), ("after", after)):
+        reason = inverse_refusal(stage.axes[name], name) if name in stage.axes else "the stage file lacks it"
+        if reason is not None:
+            return f"axis {name} was not driven: the model {when} has no inverse: {reason}"
+    return None
+
+
+def _modes(axes: Sequence[str], after: Stage) -> list[str]:
+    if not axes:
+        return []
+    tuned = all(after.axes[name].gains is not None for name in axes)
+    return ["inverse", "inverse+pid"] if tuned else ["inverse"]
+
+
+def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, dict[str, Waveform]]]:
+    """What the axes follow, all at once where they are coupled, else each by itself."""
+    together = [list(axes)] if len(axes) > 1 else [[name] for name in axes]
+    found = []
+    for group in together:
+        spans = {name: _span_um(before.axes[name], after.axes[name]) for name in group}
+        found.append((f"sine, {SLOW_Hz:g} Hz", _periodic(spans, "sine", SLOW_Hz)))
+        found.append((f"triangle, {FAST_Hz:g} Hz", _periodic(spans, "triangle", FAST_Hz)))
+        if any(_has(after.axes[name], "creep") for name in group):
+            moves = {n: Waveform("goto", SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
+            found.append((f"move and hold, {HOLD_s:g} s", moves))
+    return found
+
+
+def _periodic(spans: Mapping[str, tuple[float, float]], kind: str, f_Hz: float) -> dict[str, Waveform]:
+    """Neighbours at other frequencies, so that what one causes in another shows."""
+    points = 1 - np.abs(np.linspace(-1, 1, 1025))[:-1] if kind == "triangle" else None
+    return {
+        name: Waveform(
+            "triangle" if kind == "triangle" else "sine", SWING * (high - low), low + MARGIN * (high - low), "um",
+            f_Hz * (1 + 0.4 * i), points,
+        )
+        for i, (name, (low, high)) in enumerate(spans.items())
+    }  # fmt: skip
+
+
+def _span_um(*models: AxisModel) -> tuple[float, float]:
+    """From rest up to what every model can reach and the sensor sees."""
+    lows, highs = [], []
+    for model in models:
+        found = compensation(model)
+        lows.append(max(found.reach_um[0], rest_position_um(found.view), model.sensor.x_min_um))
+        highs.append(min(found.reach_um[1], model.sensor.x_max_um))
+        if model.table is not None:
+            highs.append(model.table.range_um[1])
+    return max(lows), min(highs)
+
+
+def _both(
+    port: str, label: str, paths: Mapping[str, Waveform], mode: str, before: Stage, after: Stage
+) -> list[Tracked]:
+    """One path under both models, each from a device that was opened anew; a move begins where the axis stands."""
+    runs = [_run(port, paths, mode, stage) for stage in (before, after)]
+    found = []
+    for name, waveform in paths.items():
+        t_s = runs[0][name][0]
+        judged = _last(waveform, JUDGED_PERIODS, len(t_s))
+        shown = _last(waveform, SHOWN_PERIODS, len(t_s))
+        (_, r_um, x_um), (_, r_after_um, x_after_um) = (run[name] for run in runs)
+        found.append(
+            Tracked(
+                name,
+                label,
+                mode,
+                tracking_error(r_um[judged], x_um[judged]),
+                tracking_error(r_after_um[judged], x_after_um[judged]),
+                t_s[shown],
+                r_um[shown],
+                (r_um - x_um)[shown],
+                (r_after_um - x_after_um)[shown],
+            )
+        )
+    return found
+
+
+def _run(
+    port: str, paths: Mapping[str, Waveform], mode: str, stage: Stage
+) -> dict[str, tuple[Samples, Samples, Samples]]:
+    gains = {name: stage.axes[name].gains for name in paths}
+    with Device.open(port) as device:
+        run = track(
+            device,
+            paths,
+            mode,
+            stage=stage,
+            gains={name: own for name, own in gains.items() if own is not None} if mode == "inverse+pid" else None,
+            duration_s=_seconds(paths),
+        )
+    found = {}
+    for name in paths:
+        record = run.recording.axes[name]
+        assert record.r_um is not None
+        assert record.x_um is not None
+        found[name] = (run.recording.t_s - run.recording.t_s[0], record.r_um, record.x_um)
+    return found
+
+
+def _seconds(paths: Mapping[str, Waveform]) -> float:
+    slowest = max(w.duration_s for w in paths.values())
+    if any(w.kind == "goto" for w in paths.values()):
+        return slowest + HOLD_s
+    return max((JUDGED_PERIODS + 2) * slowest, SETTLE_S)
+
+
+def _last(waveform: Waveform, periods: int, rows: int) -> slice:
+    if not waveform.periodic:
+        return slice(None)
+    return slice(-min(rows, round(periods * waveform.duration_s * TICK_HZ)), None)
