@@ -11,6 +11,7 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 
 /* The longest the main loop is busy is the expansion of a model's tables, some 10 ms. */
 #define MAIN_LOOP_TICKS 500u
+#define DAC_TICKS 8u       /* between two questions to the DAC: 1.6 ms */
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
 
 volatile uint32_t tick_parked_count;
@@ -18,6 +19,7 @@ volatile uint32_t tick_parked_count;
 static struct device *ticking;
 static volatile uint32_t since_main_loop;
 static uint32_t interlock_open_ticks;
+static uint32_t since_dac_asked;
 static bool late;
 
 static void watch_interlock(void)
@@ -51,8 +53,9 @@ void tick_interrupt(void)
         device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
     watch_interlock();
     device_tick(ticking, adc_codes, dac_codes);
-    if (!converters_dac_answers())
+    if (++since_dac_asked == DAC_TICKS && !converters_dac_answers())
         device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
+    since_dac_asked %= DAC_TICKS;
     if (late)
         ticking->latched_late++;
     if (since_main_loop++ < MAIN_LOOP_TICKS)

@@ -1,0 +1,113 @@
+"""The ELF on the emulated boards and the same source in this process: the same bits, for 100,000 ticks."""
+
+from dataclasses import replace
+from zlib import crc32
+
+import numpy as np
+import pytest
+from talker import UM, Talker, V, stage_model, upload
+
+from phaselead.control.gains import PAPER_GAINS
+from phaselead.link import wire
+from phaselead.sim.device import VirtualDevice
+from phaselead.sim.emulated import BOARDS
+
+ALL_CHANNELS = 31
+TICKS = 100_000
+RECORD_SIZE = 16 + wire.Model.SIZE
+
+
+def step(f_Hz):
+    return round(f_Hz / 5000 * 2**64)
+
+
+def with_gains(axis, mode):
+    gains = PAPER_GAINS
+    kp, ki_ts = round(gains.kp_V_per_um * V), round(gains.ki_V_per_um_s / 5000 * 2**32)
+    return wire.SetAxisRequest(axis, mode, kp, ki_ts, round(gains.kd_V_s_per_um * 5000 * V), 0x7FFFFFFF)
+
+
+def points(talker):
+    """A waveform on axis z, in chunks."""
+    wave = (np.abs(np.linspace(-1, 1, 1024)) * 2**30).astype("<i4").tobytes()
+    chunks = [wire.WaveChunkRequest(2, at // 4, wave[at : at + 1024]) for at in range(0, len(wave), 1024)]
+    talker.ok(*chunks, wire.WaveCommitRequest(2, crc32(wave)))
+
+
+def script(talker):
+    """Feed-forward, feedback, a move, a waveform, saturations, changes of mode; then the model is kept in flash."""
+    talker.ok(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(stage_model()))
+    points(talker)
+    talker.ok(wire.StreamStartRequest(ALL_CHANNELS, 7, 1))
+    talker.ok(
+        with_gains(0, wire.Mode.FF_PID),
+        wire.SetPathRequest(0, wire.PathKind.SINE, 60 * UM, 0, step(5), 0),
+        with_gains(1, wire.Mode.PID),
+        wire.SetPathRequest(1, wire.PathKind.MOVE, 80 * UM, 0, 2**64 // 9000, 0),
+        wire.SetAxisRequest(2, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF),
+        wire.SetPathRequest(2, wire.PathKind.WAVE, 9 * V, 0, step(7), 0),
+        wire.ArmRequest(0),
+        wire.StartRequest(7),
+    )
+    talker.run(TICKS // 2)
+    talker.ok(wire.ParkRequest())
+    talker.run(2500)
+    talker.ok(
+        with_gains(0, wire.Mode.PID),
+        wire.SetPathRequest(0, wire.PathKind.SINE, 20 * UM, 10 * UM, step(80), 30_000),
+        wire.SetAxisRequest(1, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF),
+        wire.SetPathRequest(1, wire.PathKind.SINE, 11 * V, -1 * V, step(60), 0),  # faster than the slew limit
+        wire.SetAxisRequest(2, wire.Mode.FF, 0, 0, 0, 0x7FFFFFFF),
+        wire.SetPathRequest(2, wire.PathKind.WAVE, 40 * UM, 0, step(3), 0),
+        wire.ArmRequest(0),
+        wire.StartRequest(7),
+    )
+    talker.run(TICKS // 2)
+    talker.ok(wire.ParkRequest())
+    talker.run(2500)
+    talker.ok(wire.StreamStopRequest())
+    talker.run(100)
+    before_flash = talker.ticks[-1]
+    assert talker.ask(wire.ModelPersistRequest(), ticks=20_000).status == wire.Status.OK
+    return before_flash
+
+
+def repeat(board, stage):
+    """The same commands, each before the tick at which the board obeyed it, on a device in this process."""
+    device = VirtualDevice(stage)
+    talker = Talker(device)
+    for frame, tick in zip(board.frames, board.ticks, strict=True):
+        talker.run(min(tick, board.ticks[-2]) - device.tick)  # on a board ticks go by while flash is erased
+        device.write(frame)
+    talker.run(200)
+    return talker
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_board_and_process_say_the_same_bits(board, stage, start):
+    emulated = start(board)
+    talker = Talker(emulated)
+    last = script(talker)
+    assert last > TICKS
+    adc, dac = emulated.codes()
+    twin = repeat(talker, stage)
+
+    one, other = (np.concatenate([np.frombuffer(batch.data, np.uint8) for batch in t.samples]) for t in (talker, twin))
+    assert len(one) == len(other) >= TICKS * 36
+    assert np.array_equal(one, other)
+    assert [replace(batch, data=b"") for batch in talker.samples] == [replace(b, data=b"") for b in twin.samples]
+    assert talker.events == twin.events
+    assert talker.reader.errors == twin.reader.errors == 0
+
+    # What went through the converters' serial words is what the stream says.
+    ticks = np.frombuffer(one.tobytes(), np.dtype([("r", "<i4"), ("adc", "<u2"), ("dac", "<u2"), ("ff_fb", "<i4")]))
+    first = talker.samples[0].first_tick
+    ticks = ticks.reshape(-1, 3)
+    assert np.array_equal(ticks["adc"], adc[first : first + len(ticks)])
+    assert np.array_equal(ticks["dac"], dac[first : first + len(ticks)])
+    assert len(np.unique(ticks["dac"], axis=0)) > 1000  # something did move
+
+    image, _ = emulated.flash()
+    own, _ = twin.device.flash()
+    assert image[:RECORD_SIZE] == own[:RECORD_SIZE] != b"\xff" * RECORD_SIZE
+    assert set(image[RECORD_SIZE:]) == {0xFF}
