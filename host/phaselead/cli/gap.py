@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from phaselead.cli.gap_campaign import campaign
+
 # One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
 # ten times what they save.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -81,3 +83,6 @@ def next_experiment(gap_json: str, port: str, axis: str, model_path: str | None,
     from phaselead.cli.gap_run import run_next
 
     run_next(gap_json, port, axis, output, model_path)
+
+
+gap.add_command(campaign)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.record.recording import Recording
 
@@ -17,6 +18,7 @@ from .coupling import CrossCoupling
 from .rig import Rig
 from .stage import Character, Effect, draw
 
+Samples = NDArray[np.float64]
 EFFECTS: dict[str, type[Effect]] = {
     e.name: e for m in (electrical, ferroelectric, mechanical, sensor, surroundings) for e in m.EFFECTS
 }
@@ -113,6 +115,9 @@ class Case:
 
     def records(self, *, hidden: bool = True) -> tuple[list[Recording], list[Recording], list[Recording]]:
         """(reference, train, holdout): the first without what is hidden; with ``hidden`` False all of them are."""
+        return self._recorded(hidden)[1]
+
+    def _recorded(self, hidden: bool = True) -> tuple[Rig, tuple[list[Recording], list[Recording], list[Recording]]]:
         rig = Rig(self.characters, np.random.default_rng([self.seed, 2]))
         session = {
             "sines": sessions.sines, "closed_loop": sessions.tracked, "coupling": sessions.three_axes,
@@ -126,7 +131,16 @@ class Case:
         train = session(rig, "train")
         rig.pause(10)
         holdout = session(rig, "holdout", held_out=True)
-        return reference, train, holdout
+        return rig, (reference, train, holdout)
+
+    def follow_up(self, voltage: Callable[[Samples], Samples], seconds: float, axis: str | None) -> Recording:
+        """One more record after the others, driven by ``voltage`` of the time from its start, within the span."""
+        rig = self._recorded()[0]
+        driven = axis or next(iter(rig.stages))
+        t = np.arange(round(seconds * rig.rate_Hz)) / rig.rate_Hz
+        waves = {a: np.zeros(len(t)) for a in rig.stages}
+        waves[driven] = np.clip(voltage(t), 0.0, self.characters[driven].span_V)
+        return rig.record("more", waves)
 
     def hide(self, rig: Rig) -> None:
         """Switch it on."""

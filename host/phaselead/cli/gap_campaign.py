@@ -1,0 +1,98 @@
+"""gap campaign: blind trials of the gap workflow."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+def _numbers(_context: click.Context, option: click.Parameter, text: str) -> tuple[float, ...]:
+    from phaselead.errors import BadInput
+
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if not found or min(found) <= 0:
+        raise BadInput(f"--{option.name} {text}: give sizes above 0 as multiples of the typical, e.g. 0.2,1")
+    return found
+
+
+def _words(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
+    from phaselead.errors import BadInput
+    from phaselead.gap.campaign.truth import KINDS
+
+    found = tuple(text.split(",")) if text else KINDS
+    wrong = [word for word in found if word not in KINDS]
+    if wrong:
+        raise BadInput(f"--{option.name}: there is no kind {', '.join(wrong)}; there are {', '.join(KINDS)}")
+    return found
+
+
+@click.command()
+@click.option("--truth", "folder", metavar="DIR", required=True, help="Folder of the generator of hidden truths.")
+@click.option("--set", "set_name", metavar="NAME", default="tuning", show_default=True, help="Set of seeds.")
+@click.option("--kinds", metavar="KINDS", callback=_words, help="E.g. none,single,pair; default: all.")
+@click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_numbers, help="Of single effects.")
+@click.option("--scale", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
+              help="Multiplies the number of cases.")  # fmt: skip
+@click.option("--limit", type=click.IntRange(min=1), metavar="N", help="Only the first N cases.")
+@click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes; default: one for each core.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler instead.")
+@click.option("--mix", is_flag=True, help="Keep cases in the folder that were run with other code.")
+@click.option("--table", metavar="PAGE.md", help="Also put the table between the marks of this page.")
+@click.option("-o", "--output", metavar="DIR", required=True, help="Folder of cases.jsonl, campaign.json and .html.")
+def campaign(
+    folder: str,
+    set_name: str,
+    kinds: tuple[str, ...],
+    sizes: tuple[float, ...],
+    scale: float,
+    limit: int | None,
+    jobs: int | None,
+    scheduler: str | None,
+    mix: bool,
+    table: str | None,
+    output: str,
+) -> None:
+    """Hide effects in stages of a foreign make and count how often the gap workflow names them.
+
+    Finished cases are kept in DIR/cases.jsonl: run the same command again to go on after an interrupt.
+    """
+    from phaselead.gap.campaign.run import Plan
+
+    plan = Plan(Path(folder), set_name, kinds, sizes, scale, limit)
+    _run(plan, Path(output), jobs or os.cpu_count() or 1, scheduler, mix, table)
+
+
+def _run(plan: Any, output: Path, jobs: int, scheduler: str | None, mix: bool, table: str | None) -> None:
+    from rich.console import Console
+
+    from phaselead.cli.common import jsonable, progress
+    from phaselead.errors import BadInput
+    from phaselead.gap.campaign.run import run_campaign
+    from phaselead.gap.campaign.table import reached, write_table
+    from phaselead.record.atomic import check_output, write_text
+    from phaselead.report.campaign import write_campaign_report
+
+    plan.cases()
+    check_output(table)
+    if output.exists() and not output.is_dir():
+        raise BadInput(f"{output}: is a file; give a folder")
+    output.mkdir(parents=True, exist_ok=True)
+    with progress("trying", 1.0) as advance:
+        result = run_campaign(
+            plan, output / "cases.jsonl", jobs=jobs, scheduler=scheduler, mix=mix, on_progress=advance
+        )
+    write_text(output / "campaign.json", json.dumps(jsonable(result), indent=2) + "\n")
+    write_campaign_report(output / "campaign.html", result)
+    if table:
+        write_table(Path(table), result)
+    console = Console(highlight=False)
+    for row in result["numbers"]:
+        console.print(f"{row['what']}: {reached(row)}; target {row['target']}")
+    console.print(f"wrote {output / 'cases.jsonl'}, {output / 'campaign.json'}, {output / 'campaign.html'}")

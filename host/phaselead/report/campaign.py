@@ -1,0 +1,92 @@
+"""The page of a campaign: numbers beside targets, who was taken for whom, and how sure one may be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from phaselead.gap.campaign.summary import FAILED, NOTHING, UNKNOWN
+from phaselead.gap.campaign.table import reached
+from phaselead.report.page import write_page
+from phaselead.report.style import BLUE, GREY, ORANGE, figure_style, new_figure
+
+
+def write_campaign_report(path: Path, result: dict[str, Any]) -> None:
+    """Write the page, whole or not at all."""
+    sizes = result["accuracy_by_size"]
+    write_page(
+        path,
+        "campaign.html",
+        run=result["run"],
+        cases=result["cases"],
+        by_kind=result["by_kind"],
+        numbers=[{**row, "text": reached(row)} for row in result["numbers"]],
+        confusion=confusion_figure(result["confusion"]) if result["confusion"] else None,
+        accuracy=size_figure(sizes) if sizes["mixed"] or sizes["sines"] else None,
+        coverage=coverage_figure(result["accuracy_coverage"]) if result["accuracy_coverage"] else None,
+        wrong=[{**w, "text": _said(w)} for w in result["wrong"]],
+    )
+
+
+def _said(wrong: dict[str, Any]) -> str:
+    if wrong["error"]:
+        return str(wrong["error"])
+    claims = [" or ".join(claim) for claim in wrong["said"]]
+    return "; ".join(claims) or ", ".join(wrong["verdicts"])
+
+
+def confusion_figure(cells: dict[str, dict[str, float]]) -> Figure:
+    """Truths against answers; a row sums to its cases."""
+    truths = list(cells)
+    others = sorted({name for row in cells.values() for name in row} - set(truths) - {NOTHING, UNKNOWN, FAILED})
+    answers = [*truths, *others, UNKNOWN, NOTHING, FAILED]
+    table = np.array([[cells[t].get(a, 0.0) for a in answers] for t in truths])
+    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1e-9)
+    with figure_style():
+        figure = new_figure(10, 1.8 + 0.3 * len(truths))
+        ax = figure.subplots()
+        ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        ax.grid(False)
+        ax.set_xticks(range(len(answers)), answers, rotation=90, fontsize=7)
+        ax.set_yticks(range(len(truths)), truths, fontsize=7)
+        ax.set_xlabel("answered")
+        ax.set_ylabel("hidden")
+        for i, j in zip(*np.nonzero(table > 0.04), strict=True):
+            colour = "white" if share[i, j] > 0.5 else "black"
+            ax.text(j, i, f"{table[i, j]:.2g}", ha="center", va="center", fontsize=6, color=colour)
+    return figure
+
+
+def size_figure(sizes: dict[str, dict[str, dict[str, float]]]) -> Figure:
+    """Share right against size: each effect thin, all of them thick."""
+    with figure_style():
+        figure = new_figure(7, 3.6)
+        ax = figure.subplots()
+        for name, row in sizes["mixed"].items():
+            if name != "all":
+                ax.plot([float(s) for s in row], [100 * v for v in row.values()], color=GREY, lw=0.6, alpha=0.5)
+        for label, colour in (("mixed", BLUE), ("sines", ORANGE)):
+            row = sizes[label].get("all", {})
+            ax.plot([float(s) for s in row], [100 * v for v in row.values()], "o-", color=colour, label=label)
+        ax.set_xscale("log")
+        ax.set_ylim(-3, 103)
+        ax.set_xlabel("size, of the typical")
+        ax.set_ylabel("exactly right (%)")
+        ax.legend()
+    return figure
+
+
+def coverage_figure(points: list[dict[str, float]]) -> Figure:
+    """Accuracy among the answers one would accept, against how many those are."""
+    with figure_style():
+        figure = new_figure(7, 3.2)
+        ax = figure.subplots()
+        ax.plot([100 * p["coverage"] for p in points], [100 * p["accuracy"] for p in points], color=BLUE)
+        ax.set_xlim(0, 100)
+        ax.set_ylim(0, 103)
+        ax.set_xlabel("cases answered, the surest first (%)")
+        ax.set_ylabel("right among them (%)")
+    return figure
