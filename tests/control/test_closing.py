@@ -16,9 +16,9 @@ STAIRCASE_s = 0.00012
 SENSOR = ("sensor_lowpass", {"tau_s": 8e-5})
 GENTLE = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0)
 
-# Effect, path, and by what factor the rms error falls at least: a quarter or less of what was measured.
+# Effect, path, and by what factor the rms error falls at least: less than half of what was measured.
 CASES = [
-    ("delay", {"delay_s": 1e-3}, "sine:60um@20Hz", 40),
+    ("delay", {"delay_s": 1e-3}, "sine:60um@20Hz", 20),
     ("amplifier_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
     ("sensor_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
     ("resonance", {"f_Hz": 150.0, "zeta": 0.02}, "triangle:60um@20Hz", 6),

@@ -22,8 +22,8 @@ EFFECT = Effect(
     shows="gain and phase of the measured motion fall towards high frequencies, at every level alike",
     reveals="a multisine up to a third of the sampling rate; in closed loop, noise that the stage itself does not make",
     confused_with=("delay", "amplifier_lowpass", "load_change"),
-    compensation="A lead (numerator 1 + s tau_s) makes the measurement right again; in closed loop the reference is "
-    "filtered alike so that the error is not blamed on the stage. The stage itself moves faster than the sensor says.",
+    compensation="A lead (numerator 1 + s tau_s) in the feed-forward makes the measured position follow. The stage "
+    "itself then moves ahead of the reference by as much as the sensor is late.",
     apply=apply,
     picture=Picture("response", {"tau_s": 5e-4}),
     accepts=("corner_Hz",),
