@@ -16,12 +16,12 @@ from phaselead.effects import Effect, Place
 from phaselead.gap.atoms import base_columns
 from phaselead.gap.compare import TIE, Rival
 from phaselead.gap.evidence import evidence
-from phaselead.gap.excitation import LONGEST_S, Excitation, LENGTHS_s, excitations
+from phaselead.gap.excitation import LONGEST_S, Excitation, LENGTHS_s, excitations, span_V
 from phaselead.gap.grow import Growth, Named
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.refit import fresh_columns
-from phaselead.gap.residual import track
+from phaselead.gap.residual import Track, track
 from phaselead.gap.result import NextExperiment
 from phaselead.record.recording import Samples
 
@@ -31,6 +31,8 @@ MOST_MEMBERS = 4
 """Of a tie that are told apart at once, the best first."""
 SENSOR_ROOM = 0.02
 """Of the sensor's span, kept free at either end."""
+GROUND_SLACK = 0.02
+"""Of the fitted voltages, by which a drive may leave them."""
 SURE = 2.0
 """Times the distance that breaks a tie: asked of the prediction, which knows neither the truth nor its own misfit."""
 SENSORS = {
@@ -110,7 +112,7 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
     run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, 0, n, "proposed", "", {}, {})
     made = track(growth.bench.axis, run)
     shown = [made.answer(m.rival.fitted.entries) for m in members]
-    if not _in_sight(growth, shown):
+    if not _in_sight(growth, shown) or not _known_ground(growth, made, members):
         return 0.0
     metric = evidence([made], coarser(growth.bench.noise, every))
     base = metric.project(0, base_columns(made, growth.bench.open_plays, members[0].rival.fitted.entries))
@@ -137,6 +139,14 @@ def _in_sight(growth: Growth, answers: Sequence[Samples]) -> bool:
     low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
     high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
     return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
+
+
+def _known_ground(growth: Growth, made: Track, members: Sequence[Member]) -> bool:
+    """Whether no member drives the hysteresis where the base was never fitted: leakage takes it below a low voltage."""
+    low, high = span_V(growth.bench.axis)
+    slack = GROUND_SLACK * (high - low)
+    drives = [made.chain.signal_at(Place.AMPLIFIER, m.rival.fitted.entries).value for m in members]
+    return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
 
 
 def coarser(noise: Noise, every: int) -> Noise:

@@ -55,7 +55,7 @@ def headline(result: GapResult) -> str:
     """The answer in a sentence or two."""
     said = []
     if result.effects:
-        said.append("The model lacks " + _listed([_title(e) for e in result.effects]) + ".")
+        said.append("The model lacks: " + _listed([_title(e) for e in result.effects]) + ".")
     for tie in result.ties:
         said.append(f"These records cannot tell apart: {_listed([_plain(n) for n in tie], 'or')}.")
     if "unknown" in result.verdicts:
@@ -110,7 +110,7 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
         for name, value, low, high, unit in lines(effect.params)
     ]
     return {
-        "title": _title(effect), "share": 100 * effect.share, "why": effect.why, "rows": rows,
+        "title": _title(effect).capitalize(), "share": 100 * effect.share, "why": effect.why, "rows": rows,
         "equation": entry.equation if entry else "", "shows": entry.shows if entry else "",
         "compensation": entry.compensation if entry else "", "source": entry.source if entry else "",
     }  # fmt: skip

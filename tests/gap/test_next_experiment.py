@@ -1,0 +1,140 @@
+"""Ties, the experiment that breaks them, and the limits it keeps to; the truth is a virtual stage in C."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+
+import numpy as np
+import pytest
+
+from phaselead.effects import Place, catalogue, effect
+from phaselead.gap.excitation import SHAPES, Excitation, excitations, span_V
+from phaselead.gap.next_experiment import coarser, sensor_for
+from phaselead.gap.noise import Noise
+from phaselead.gap.result import GapResult
+from phaselead.gap.run import run_gap
+from phaselead.identify.fit import fit
+from phaselead.record.recording import AxisRecord, Recording
+from phaselead.sim.device import Plant
+from phaselead.sim.plant import built_in, plant_parameters
+from phaselead.stage.file import AxisModel, Effect, Limits, Stage, TimeView
+from phaselead.stage.waveform import POINTS, steepest
+
+RATE_HZ = 5000
+RIVALS = {"delay", "sensor_lowpass", "amplifier_lowpass", "gain_change"}
+WITHOUT = tuple(name for name in catalogue() if name not in RIVALS)
+"""A small catalogue: what is tested here is the way from a tie to its end, not the search."""
+
+
+def stage_with(*effects: Effect) -> Stage:
+    """The x axis of the built-in stage: its hysteresis, sensor noise and converters, and these effects."""
+    x = built_in("xyz250").axes["x"].model_copy(update={"effects": effects})
+    return Stage(name="truth", axes={"x": x})
+
+
+def record(stage: Stage, u: np.ndarray, seed: int) -> Recording:
+    codes = np.full((len(u), 3), 32768, np.uint16)
+    codes[:, 0] = np.round(32768 + 3200 * u)
+    x = Plant(plant_parameters(stage, seed)).run(codes)[:, 0] * (280 / 65536) - 10
+    applied = (codes[:, 0].astype(float) - 32768) / 3200
+    digest = hashlib.sha256(x.tobytes()).hexdigest()
+    return Recording(np.arange(len(u)) / RATE_HZ, {"x": AxisRecord(applied, x)}, source=f"{seed}.csv", sha256=digest)
+
+
+def sine(swing_V: float, f_Hz: float, seconds: float = 1.0) -> np.ndarray:
+    return swing_V / 2 * (1 - np.cos(2 * np.pi * f_Hz * np.arange(round(seconds * RATE_HZ)) / RATE_HZ))
+
+
+@cache
+def reference() -> tuple[Stage, tuple[Recording, ...]]:
+    """A model fitted to the stage as it was, and the records it was fitted on."""
+    waves = [sine(8, 2), sine(8, 5), sine(4, 5), sine(2, 10), sine(3, 40, 0.5)]
+    records = tuple(record(stage_with(), u, 100 + i) for i, u in enumerate(waves))
+    return fit(records)[0], records
+
+
+def after(truth: Effect, *more: Recording) -> GapResult:
+    """What the workflow says of one sine at one level, and of ``more``."""
+    model, references = reference()
+    train = [record(stage_with(truth), sine(8, 5), 200), *more]
+    return run_gap(model, train, [record(stage_with(truth), sine(8, 5), 300)], references, without=WITHOUT)
+
+
+def test_the_proposed_experiment_breaks_the_tie_for_the_truth():
+    name = "amplifier_lowpass"
+    truth = Effect(name=name, params={"tau_s": 4e-4})
+    first = after(truth)
+    assert any(name in tie for tie in first.ties)
+    proposed = first.next_experiment
+    assert proposed is not None
+    assert proposed.needs_sensor is None
+    assert proposed.separation > 37
+    excitation = Excitation(proposed.waveform, proposed.level, proposed.band, proposed.bias, proposed.seconds)
+    t = np.arange(round(proposed.seconds * RATE_HZ)) / RATE_HZ
+    then = after(truth, record(stage_with(truth), excitation.voltage(t), 400))
+    assert then.ties == ()
+    assert [e.name for e in then.effects] == [name]
+
+
+VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 8.0), rate_Hz=5000.0)
+
+
+@pytest.mark.parametrize("slew", [50.0, 1000.0, 1e6])
+@pytest.mark.parametrize("u_max_V", [5.0, 10.0])
+def test_excitations_keep_to_voltage_and_slew(slew, u_max_V):
+    axis = AxisModel(time=VIEW, limits=Limits(u_min_V=-1.0, u_max_V=u_max_V, slew_V_per_s=slew, ramp_V_per_s=10.0))
+    found = excitations(axis, 1 / 5000)
+    low, high = span_V(axis)
+    assert (low, high) == (0.0, min(8.0, u_max_V))
+    assert len(found) > (20 if slew >= 1000 else 8)
+    assert {e.waveform for e in found} >= {"idle", "multisine", "steps", "sine"}
+    for one in found:
+        t = np.arange(round(one.seconds * 5000)) / 5000
+        u = one.voltage(t)
+        assert low - 1e-9 <= u.min()
+        assert u.max() <= high + 1e-9
+        if not one.idle:
+            assert steepest(one.wave()) <= slew
+            assert abs(np.diff(u)).max() * 5000 <= slew * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_is_predicted_is_what_the_device_plays(name):
+    """1024 points of one period, joined by straight lines, over and over."""
+    one = Excitation(name, 4.0, (5.0, 50.0), 3.0, 1.0)
+    wave = one.wave()
+    assert wave.points is not None
+    assert wave.points.shape == (POINTS,)
+    assert (wave.points.min(), wave.points.max()) == (0.0, 1.0)
+    t = np.arange(5000) / 5000
+    u = one.voltage(t)
+    assert np.allclose(u[:1000], u[1000:2000], atol=1e-6)
+    assert 1.0 - 1e-9 <= u.min() <= u.max() <= 5.0 + 1e-9
+    assert np.ptp(wave.points) * wave.swing == pytest.approx(wave.swing)
+
+
+def test_coarser_noise_is_the_mean_of_rows():
+    """White or coloured, means over many rows scatter as the coarser model says."""
+    fine = Noise(np.array([1.0, -0.6]), 0.01, 0.0, 1.0, 0.0, np.ones(1))
+    rng = np.random.default_rng(0)
+    drawn = np.zeros(400_000)
+    for k, w in enumerate(rng.normal(0, fine.sigma_um, len(drawn))):
+        drawn[k] = 0.6 * drawn[k - 1] + w
+    means = drawn.reshape(-1, 100).mean(axis=1)
+    assert coarser(fine, 100).sigma_um == pytest.approx(means.std(), rel=0.05)
+    assert coarser(fine, 1) is fine
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("amplifier_lowpass", "sensor_lowpass"), "voltage monitor"),
+        (("sensor_nonlinearity", "sensor_lowpass"), "second position sensor"),
+        (("resonance", "sensor_lowpass"), "interferometer"),
+        (("thermal_drift", "mains_hum"), "temperature sensor"),
+    ],
+)
+def test_a_sensor_between_the_places_where_the_members_act(names, words):
+    assert words in sensor_for([effect(name) for name in names])
+    assert min(effect(name).place for name in names) <= Place.ENVIRONMENT
