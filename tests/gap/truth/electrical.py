@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import tanh
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,23 +44,20 @@ class AmplifierLowpass(Effect):
 
 
 class SlewLimit(Effect):
-    """An amplifier loop with a limited current, dv/dt = clip((u - v)/tau, -S, S), integrated on the fine grid with a
-    loop time constant of its own (the catalogue clips differences between rows). The size is the span over S."""
+    """A limited current that is reached softly: dv = S tanh((u - v)/S) from step to step of the fine grid follows
+    exactly what is slow (the catalogue clips differences between rows). The size is the span over the rate."""
 
     name, unit, typical = "slew_limit", "s", 0.01
-    family = "a first-order loop with a clipped rate"
-    TAU_S = 2.5e-5
+    family = "a loop whose rate saturates like a hyperbolic tangent"
 
     def prepare(self) -> None:
         self.v = 0.0
 
     def electrical(self, v: Samples) -> Samples:
         most = self.stage.span_V / self.value * self.stage.fine_s
-        share = 1 - float(np.exp(-self.stage.fine_s / self.TAU_S))
         now, out = self.v, []
         for target in v.tolist():
-            change = share * (target - now)
-            now += most if change > most else -most if change < -most else change
+            now += most * tanh((target - now) / most)
             out.append(now)
         self.v = now
         return np.array(out)

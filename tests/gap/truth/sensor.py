@@ -77,24 +77,22 @@ class Quantisation(Effect):
 
 
 class SamplingJitter(Effect):
-    """Each sample taken a little off, by interpolation on the fine grid at random times (the catalogue has a variance
-    in proportion to the squared rate)."""
+    """Each sample taken a little early or late, on the parabola through the last three points of the fine grid (the
+    catalogue has a variance in proportion to the squared rate)."""
 
     name, unit, typical = "sampling_jitter", "s", 2e-6
-    family = "interpolation at random times"
+    family = "samples at random times on a parabola through three fine points"
 
     def prepare(self) -> None:
         self.before: Samples = np.zeros(0)
 
     def sampled(self, y: Samples) -> Samples:
-        n = len(y) // OVERSAMPLING
-        rows = np.arange(1, n + 1) * OVERSAMPLING - 1.0
-        # Never ahead of the last sample that is known.
-        late = self.value * self.rng.standard_normal(n) / self.stage.fine_s - 0.5
-        held = self.before if len(self.before) else np.full(OVERSAMPLING, y[0])
-        line = np.concatenate([held, y])
-        self.before = y[-OVERSAMPLING:]
-        return np.interp(rows + np.clip(late, -OVERSAMPLING, 0) + len(held), np.arange(len(line)), line)
+        line = np.concatenate([self.before if len(self.before) else np.full(2, y[0]), y])
+        self.before = y[-2:]
+        rows = np.arange(OVERSAMPLING + 1, len(line), OVERSAMPLING)
+        now, last, first = (line[rows - k] for k in (0, 1, 2))
+        early = self.value * self.rng.standard_normal(len(rows)) / self.stage.fine_s
+        return now + early * (1.5 * now - 2 * last + 0.5 * first) + early**2 * (0.5 * now - last + 0.5 * first)
 
 
 EFFECTS = (SensorLowpass, SensorNonlinearity, GainChange, Offset, Quantisation, SamplingJitter)
