@@ -18,7 +18,7 @@ COMMANDS = [
     wire.SetPathRequest(0, wire.PathKind.SINE, 4 * V, 0, step_of(5), 0),
     wire.WaveChunkRequest(0, 0, bytes(8)),
     wire.WaveCommitRequest(0, 0),
-    wire.ModelBeginRequest(564, 0),
+    wire.ModelBeginRequest(wire.Model.SIZE, 0),
     wire.ModelChunkRequest(0, bytes(4)),
     wire.ModelCommitRequest(),
     wire.ModelReadRequest(0, 100),

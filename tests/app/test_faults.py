@@ -128,7 +128,7 @@ def test_a_latched_fault_bars_everything_that_moves(moving, fault):
         wire.StartRequest(1),
         wire.SetAxisRequest(0, wire.Mode.OPEN, 0, 0, 0, 1),
         wire.SetPathRequest(0, wire.PathKind.HOLD, 0, 0, 0, 0),
-        wire.ModelBeginRequest(564, 0),
+        wire.ModelBeginRequest(wire.Model.SIZE, 0),
     ):
         assert moving.status_of(command) == wire.Status.FAULT_LATCHED
 

@@ -21,6 +21,7 @@ from phaselead.link.ports import list_ports, open_port
 from phaselead.link.quantities import converters
 from phaselead.link.session import Refused
 from phaselead.sim.device import Firmware
+from phaselead.stage.device_compensation import NO_COMPENSATION
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = {"kp_V_per_um": 0.004, "ki_V_per_um_s": 1.67, "kd_V_s_per_um": 2.39e-6}
@@ -42,11 +43,15 @@ AXIS = wire.AxisModel(
     a_q32=(0,) * 3,
     b_q40=(0,) * 6,
     c_q32=(0,) * 6,
+    coupling_q28=(0,) * 3,
+    **NO_COMPENSATION,
 )
 
 
 def model_blob(**changes: int) -> bytes:
-    axes = (AXIS, replace(AXIS, **changes), AXIS)  # type: ignore[arg-type]
+    rows = [tuple(2**28 if i == j else 0 for j in range(3)) for i in range(3)]
+    x, y, z = (replace(AXIS, coupling_q28=row) for row in rows)
+    axes = (x, replace(y, **changes), z)  # type: ignore[arg-type]
     return wire.Model(0x314C4850, bytes(32), axes).pack()
 
 
@@ -140,7 +145,7 @@ def test_a_refused_field_is_named_and_the_old_model_stays(device: Device, change
 
 def test_every_model_field_has_its_name() -> None:
     assert model_field(101) == "axis y, flags"
-    assert model_field(200 + len(fields(wire.AxisModel))) == "axis z, c_q32"
+    assert model_field(200 + len(fields(wire.AxisModel))) == "axis z, coupling_q28"
     assert "head" in model_field(999)
 
 

@@ -21,6 +21,7 @@ from phaselead.link.quantities import (
     to_i32,
     wave_points,
 )
+from phaselead.stage.device_compensation import NO_COMPENSATION
 
 
 @given(value=st.floats(-127.9, 127.9), bits=st.integers(0, 24))
@@ -130,7 +131,7 @@ def test_wave_points() -> None:
 
 def test_converters_of_a_model_and_without() -> None:
     zeros = {name: 0 for name in (field.name for field in fields(wire.AxisModel))}
-    arrays = {"a_q32": (0,) * 3, "b_q40": (0,) * 6, "c_q32": (0,) * 6}
+    arrays = {"a_q32": (0,) * 3, "b_q40": (0,) * 6, "c_q32": (0,) * 6, "coupling_q28": (0,) * 3, **NO_COMPENSATION}
     scales = {
         "dac_zero_code": 100,
         "dac_codes_per_V_q16": 50 * 2**16,

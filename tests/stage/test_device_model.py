@@ -11,8 +11,14 @@ from hypothesis import strategies as st
 
 from phaselead.errors import BadInput
 from phaselead.link import wire
-from phaselead.stage.device_model import device_model, from_device_model, quantisation, refused_key
-from phaselead.stage.file import Actuator, AxisModel, Limits, Sensor, Stage
+from phaselead.stage.device_model import (
+    device_model,
+    from_device_model,
+    inverse_refusal,
+    quantisation,
+    refused_key,
+)
+from phaselead.stage.file import Actuator, AxisModel, Effect, Limits, Sensor, Stage, TimeView
 from phaselead.stage.table import XU_LI_2010, TableView
 
 from stages import example_stage, table_views  # isort: skip
@@ -139,4 +145,93 @@ def test_a_refused_field_has_a_key() -> None:
     assert refused_key(2) == "axes.x.limits.u_min_V"
     assert refused_key(115) == "axes.y.table.a_um_per_V"
     assert refused_key(217) == "axes.z.table.c_um"
+    assert refused_key(118) == "axes.y.time.delay_s"
+    assert refused_key(26) == "axes.x.time.play_r_V"
+    assert refused_key(230) == "axes.z.effects"
     assert refused_key(0) == refused_key(999) == "model"
+
+
+# ---------------------------------------------------------------- what the inverse modes need
+VIEW = TimeView(
+    gain_um_per_V=14.25, play_r_V=(0.1, 0.5), play_w_um_per_V=(2.0, 0.75), deadzone_d_V=(1.0, 3.0),
+    deadzone_s_um_per_V=(1.5, -2.0), offset_um=-3.5, delay_s=0.0004, rest_fraction=0.5, u_range_V=(-2.0, 10.0),
+    rate_Hz=5000.0,
+)  # fmt: skip
+CREEP = Effect(name="creep", params={"k": [0.004, 0.006], "tau_s": [0.1, 10.0]})
+
+
+def inverted(**parts: Any) -> wire.AxisModel:
+    return wire.Model.unpack(device_model(stage_of(**({"time": VIEW} | parts)))).axes[1]
+
+
+def test_the_integers_of_a_time_view() -> None:
+    y = inverted(effects=(CREEP,))
+    assert y.flags == 2
+    assert y.preview_ticks_q16 == 2 << 16
+    assert (y.gain_q20, y.offset_q16, y.rest_fraction_q30) == (57 << 18, -7 << 15, 1 << 29)
+    assert y.play_r_q24[:3] == (round(0.1 * 2**24), 1 << 23, 2**31 - 1)
+    assert y.play_w_q20[:3] == (2 << 20, 3 << 18, 0)
+    assert y.knot_d_q24[:3] == (1 << 24, 3 << 24, 2**31 - 1)
+    assert y.knot_s_q20[:3] == (3 << 19, -2 << 20, 0)
+    assert y.creep_k_q30[:3] == (round(0.004 * 2**30), round(0.006 * 2**30), 0)
+    assert y.creep_alpha_q48[1] == round((1 - 0.99998000019999867) * 2**48)
+    assert y.shape == (wire.Biquad(1 << 26, 0, 0, 0, 0),) * 6
+    assert y.coupling_q28 == (0, 1 << 28, 0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(tau_s=st.floats(1e-5, 0.01), f_Hz=st.floats(30, 2000), zeta=st.floats(0.005, 0.5))
+def test_every_section_is_stable_and_has_a_static_gain_of_one(tau_s: float, f_Hz: float, zeta: float) -> None:
+    effects = (
+        Effect(name="sensor_lowpass", params={"tau_s": tau_s}),
+        Effect(name="amplifier_lowpass", params={"tau_s": tau_s}),
+        Effect(name="resonance", params={"f_Hz": f_Hz, "zeta": zeta}),
+    )
+    y = inverted(effects=effects)
+    for section in (*y.shape, *y.drive):
+        one = 1 << 26
+        assert one + section.a1_q26 + section.a2_q26 == section.b0_q26 + section.b1_q26 + section.b2_q26
+        assert section.a2_q26 < one
+        assert abs(section.a1_q26) < one + section.a2_q26
+
+
+def test_its_rounding_is_shown() -> None:
+    shown = {item.key: item for item in quantisation(stage_of(time=VIEW, effects=(CREEP,)))}
+    assert shown["axes.y.inverse.play_r_V[0]"].held == pytest.approx(0.1, abs=2**-25)
+    assert shown["axes.y.inverse.creep_k[1]"].value == 0.006
+    assert shown["axes.y.inverse.preview_s[0]"].held == pytest.approx(0.0004, abs=1e-9)
+
+
+def test_a_time_view_without_an_inverse_leaves_the_other_modes() -> None:
+    y = inverted(time=VIEW.model_copy(update={"gain_um_per_V": 0.25}), table=XU_LI_2010)
+    assert y.flags == 1
+    assert "it falls" not in str(inverse_refusal(AxisModel(time=VIEW)))
+    assert "falls or stands still at 3 V" in str(
+        inverse_refusal(AxisModel(time=VIEW.model_copy(update={"gain_um_per_V": 0.25})))
+    )
+
+
+@pytest.mark.parametrize(
+    ("matrix", "told"),
+    [
+        (((1, 2.5, 0), (0, 1, 0), (0, 0, 1)), "x sees 2.5 of the motion of y; the device decouples less than 2"),
+        (((1, 1, 0), (0.99, 1, 0), (0, 0, 1)), "x and y are coupled so strongly that the device cannot decouple them"),
+    ],
+)
+def test_coupling_that_cannot_be_undone_is_refused(matrix: Any, told: str) -> None:
+    stage = Stage(name="s", cross_coupling=matrix, axes={"y": AxisModel(time=VIEW)})
+    with pytest.raises(BadInput) as refusal:
+        device_model(stage)
+    assert told in str(refusal.value)
+
+
+def test_the_matrix_and_the_adopted_effects_add_up() -> None:
+    own = Effect(name="cross_coupling", params={"from_x": 0.25})
+    stage = Stage(
+        name="s",
+        cross_coupling=((1, 0, 0), (0.125, 1, 0.5), (0, 0, 1)),
+        axes={"y": AxisModel(time=VIEW, effects=(own,))},
+    )
+    axes = wire.Model.unpack(device_model(stage)).axes
+    assert axes[1].coupling_q28 == (3 << 25, 1 << 28, 1 << 27)
+    assert axes[0].coupling_q28 == (1 << 28, 0, 0)

@@ -70,6 +70,8 @@ HOST_API const char *host_action_name(uint32_t action);
 HOST_API const char *host_fault_reaction(uint32_t fault);
 /* state | action << 8 */
 HOST_API uint32_t host_transition(uint32_t state, uint32_t event);
+/* `n` values (q40) in place through `count` sections of five coefficients each (b0 b1 b2 a1 a2, q26), from zero. */
+HOST_API void host_run_sections(const int32_t *coefficients_q26, size_t count, int64_t *values_q40, size_t n);
 /* RAM of the device, without this port. */
 HOST_API size_t host_device_size(void);
 

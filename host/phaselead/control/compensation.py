@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.control.sections import PASS, Section, Undone, undo_lowpass, undo_modes
 from phaselead.effects import effect
@@ -44,7 +45,7 @@ class Compensation:
     reach_um: tuple[float, float]
     """Positions that can be had whatever the memory."""
 
-    def shape_response(self, f_Hz: Samples) -> Samples:
+    def shape_response(self, f_Hz: Samples) -> NDArray[np.complex128]:
         """Complex gain of all sections on the position."""
         return np.asarray(np.prod([s.response(f_Hz) for s in (*self.shape, PASS)], axis=0))
 

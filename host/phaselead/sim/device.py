@@ -53,6 +53,7 @@ _SIGNATURES = {
     "host_fault_reaction": (_BYTES, (_U32,)),
     "host_transition": (_U32, (_U32, _U32)),
     "host_device_size": (_SIZE, ()),
+    "host_run_sections": (None, (_POINTER, _SIZE, _POINTER, _SIZE)),
     "plant_open": (_POINTER, (ctypes.POINTER(PlantParameters),)),
     "plant_close": (None, (_POINTER,)),
     "plant_parameters_size": (_SIZE, ()),
