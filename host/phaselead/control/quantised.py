@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from phaselead.control.compensation import compensation
 from phaselead.control.sections import TICK_S
+from phaselead.errors import BadInput
 from phaselead.link import wire
 from phaselead.sim.device import load_library
-from phaselead.stage.device_model import AXES, device_model
+from phaselead.stage.device_model import AXES, device_model, inverse_refusal
 from phaselead.stage.file import Stage
 
 TICKS = 1 << 16
@@ -31,6 +32,9 @@ class ShapeResponse:
 def shape_response(stage: Stage, axis: str, f_Hz: ArrayLike) -> ShapeResponse:
     """Raises BadInput when the axis has no inverse, or the device cannot hold a coefficient."""
     frequencies = np.atleast_1d(np.asarray(f_Hz, dtype=np.float64))
+    reason = inverse_refusal(stage.axis(axis), axis)
+    if reason is not None:
+        raise BadInput(f"{axis}: {reason}")
     designed = compensation(stage.axis(axis)).shape_response(frequencies)
     sections = wire.Model.unpack(device_model(stage)).axes[AXES.index(axis)].shape
     return ShapeResponse(frequencies, designed, held_response(sections, frequencies))

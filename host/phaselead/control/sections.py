@@ -22,7 +22,8 @@ TICK_S = 1 / 5000
 FASTER = 8.0
 """By which a lead's own pole lies above the corner it undoes: it amplifies the fastest part of a path by as much."""
 ROLL_OFF = 3.0
-"""Times the mode's frequency: where a section that undoes a mode gives up, both poles real."""
+"""Times the mode's frequency: where a section that undoes a mode gives up, both poles real. Zeros of the mechanics
+further away than that are not followed: the section would amplify the fastest part of a path more than it helps."""
 SLOWEST_SHARE = 0.05
 """A time constant below this share of a tick is all preview."""
 NEAREST_WRONG = 1.5
@@ -98,7 +99,8 @@ def undo_modes(modes: Sequence[tuple[float, float, float]]) -> Undone:
     sections = []
     for i, (_, f_Hz, _) in enumerate(slow):
         fast = np.exp(-ROLL_OFF * 2 * np.pi * f_Hz * TICK_S)
-        given = [np.exp(s * TICK_S) for s in pairs[i]] if i < len(pairs) else []
+        near = i < len(pairs) and max(map(abs, pairs[i])) < ROLL_OFF * 2 * np.pi * f_Hz
+        given = [np.exp(s * TICK_S) for s in pairs[i]] if near else []
         mode = poles[2 * i : 2 * i + 2]
         sections.append(section_of(np.exp(mode * TICK_S).tolist(), [*given, *[fast] * (2 - len(given))]))
     plant_s = float(np.real(np.sum(-1 / poles)) - np.real(np.sum(-1 / zeros)))
