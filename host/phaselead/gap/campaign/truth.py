@@ -96,6 +96,7 @@ def load_truth(folder: str | Path) -> Truth:
         raise BadInput(f"{path}: cannot be loaded ({type(error).__name__}: {error}); mend it first") from error
     missing = [name for name in ("cases", "case") if not hasattr(module, name)]
     if missing:
+        del sys.modules[MODULE]
         raise BadInput(f"{path}: has no function {' and no '.join(missing)}; docs/gap-campaign.md has the protocol")
     return cast(Truth, module)
 

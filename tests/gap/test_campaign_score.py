@@ -1,0 +1,154 @@
+"""How a campaign scores answers, and that its figures follow from them."""
+
+from __future__ import annotations
+
+import pytest
+
+from phaselead.effects import catalogue
+from phaselead.errors import BadInput
+from phaselead.gap.campaign import score
+from phaselead.gap.campaign.summary import accuracy_coverage, by_size, confusion, numbers, summary
+from phaselead.gap.campaign.table import BEGIN, END, markdown, write_table
+
+
+def outcome(kind="single", hidden=("delay",), named=(), ties=(), size=1.0, **more):
+    """An answer; sizes are in units of the typical, which is 1 here."""
+    found = {
+        "case": f"set/{kind}/{'+'.join(hidden)}/{size:g}/{more.pop('number', 0)}",
+        "kind": kind,
+        "hidden": [{"name": n, "size": size, "value": size, "unit": "1", "axis": None} for n in hidden],
+        "without": list(hidden) if kind == "removed" else [],
+        "error": None,
+        "verdicts": ["named"] if named else ["tie"] if ties else ["none"],
+        "named": list(named),
+        "scores": dict.fromkeys(named, 50.0),
+        "ties": [list(t) for t in ties],
+        "excluded": [],
+        "untestable": [],
+        "gap": {"before": 1.0, "after": 0.1, "floor": 0.1},
+        "seconds": 10.0,
+        "cpu_seconds": 10.0,
+        "rows": 100_000,
+    }
+    return found | more
+
+
+def test_rivals_are_mutual_and_never_oneself():
+    for name in catalogue():
+        rivals = score.honest_rivals(name)
+        assert name not in rivals
+        assert all(name in score.honest_rivals(other) for other in rivals)
+
+
+@pytest.mark.parametrize(
+    ("named", "ties", "worth"),
+    [
+        (["delay"], [], 1.0),
+        ([], [["delay", "sensor_lowpass"]], 0.5),
+        ([], [["delay", "sensor_lowpass", "amplifier_lowpass"]], 1 / 3),
+        ([], [["delay", "creep"]], 0.0),  # creep is no honest rival of a delay
+        (["creep"], [], 0.0),
+        (["delay", "creep"], [], 0.0),  # something beside it
+        ([], [], 0.0),
+    ],
+)
+def test_what_an_answer_is_worth(named, ties, worth):
+    assert score.exactly_right(outcome(named=named, ties=ties)) == pytest.approx(worth)
+
+
+def test_a_crash_is_a_wrong_answer_and_no_false_name():
+    assert score.exactly_right(outcome(named=["delay"], error="ValueError: x")) == 0
+    assert not score.false_names(outcome("none", hidden=(), named=["delay"], error="ValueError: x"))
+
+
+def test_a_removed_effect_wants_abstention():
+    assert score.abstained_honestly(outcome("removed", verdicts=["unknown"]))
+    assert score.abstained_honestly(outcome("removed", ties=[["sensor_lowpass", "amplifier_lowpass"]]))
+    assert not score.abstained_honestly(outcome("removed", named=["sensor_lowpass"]))
+    assert not score.abstained_honestly(outcome("removed", verdicts=["none"]))
+    assert not score.abstained_honestly(outcome("removed", named=["creep"], verdicts=["named", "unknown"]))
+
+
+def test_several_effects():
+    both = ("delay", "creep")
+    assert score.all_named(outcome("pair", both, named=both))
+    assert score.all_named(outcome("pair", both, named=["creep"], ties=[["delay", "sensor_lowpass"]]))
+    assert not score.all_named(outcome("pair", both, named=["creep"]))
+    assert score.spurious(outcome("pair", both, named=[*both, "saturation"])) == [["saturation"]]
+
+
+def test_power_left_counts_from_the_floor():
+    assert score.power_left(outcome(gap={"before": 1.0, "after": 0.2, "floor": 0.1})) == pytest.approx(0.03 / 0.99)
+    assert score.power_left(outcome(gap={"before": 1.0, "after": 0.05, "floor": 0.1})) == 0
+    assert score.power_left(outcome(gap={"before": 0.1, "after": 0.1, "floor": 0.1})) is None
+
+
+def test_a_bound_must_hold_the_size_of_what_was_missed():
+    bound = [{"name": "delay", "upper_95": 0.5, "unit": "s", "axis": None}]
+    assert score.bounds_hold(outcome(size=0.2, excluded=bound)) == [True]
+    assert score.bounds_hold(outcome(size=1.0, excluded=bound)) == [False]
+    assert score.bounds_hold(outcome(size=1.0, named=["delay"], excluded=bound)) == []
+    assert score.bounds_hold(outcome(size=1.0)) == []
+
+
+def test_a_tie_is_resolved_by_the_name_of_the_truth_alone():
+    tie = ["delay", "sensor_lowpass"]
+    after = {"tie": tie, "named": ["delay"], "ties": []}
+    assert score.resolved(outcome(ties=[tie], after_next=after)) is True
+    assert score.resolved(outcome(ties=[tie], after_next=after | {"named": []})) is False
+    assert score.resolved(outcome(ties=[tie], after_next=after | {"named": tie})) is False
+    assert score.resolved(outcome(ties=[tie], after_next=None)) is None
+    assert score.resolved(outcome(hidden=("creep",), ties=[tie], after_next=after)) is None
+
+
+def test_numbers_count_what_they_say():
+    outcomes = [
+        outcome(named=["delay"]),
+        outcome(named=["creep"], number=1),
+        outcome(named=[], size=0.05),
+        outcome("none", hidden=()),
+        outcome("none", hidden=(), named=["creep"], number=1),
+        outcome("pair", ("delay", "creep"), named=["delay", "creep", "offset"]),
+    ]
+    reached = {row["what"]: (row["reached"], row["of"]) for row in numbers(outcomes)}
+    assert reached["names exactly right, one effect of 0.2 x its typical size and more"] == (50.0, 2)
+    assert reached["the same at 0.05 x"] == (0.0, 1)
+    assert reached["false names with nothing hidden"] == (1, 2)
+    assert reached["both of a pair named"] == (100.0, 1)
+    assert reached["pairs with a spurious name beside them"] == (100.0, 1)
+    assert reached["an effect left out of the catalogue ends as unknown or an honest tie"] == (None, 0)
+
+
+def test_confusion_rows_hold_as_many_cases_as_were_tried():
+    outcomes = [
+        outcome(named=["delay"]),
+        outcome(ties=[["delay", "sensor_lowpass"]]),
+        outcome(error="x"),
+        outcome(verdicts=["unknown"]),
+    ]
+    row = confusion(outcomes)["delay"]
+    assert sum(row.values()) == pytest.approx(4)
+    assert row == {"delay": 1.5, "sensor_lowpass": 0.5, "failed": 1.0, "unknown": 1.0}
+
+
+def test_accuracy_by_size_and_by_coverage():
+    outcomes = [outcome(named=["delay"], scores={"delay": 90.0}), outcome(named=["creep"], size=0.2)]
+    assert by_size(outcomes)["delay"] == {"0.2": 0.0, "1": 1.0}
+    curve = accuracy_coverage(outcomes)
+    assert [(p["coverage"], p["accuracy"]) for p in curve] == [(0.5, 1.0), (1.0, 0.5)]
+
+
+def test_the_table_goes_between_the_marks_and_nowhere_else(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    run = {"set": "tuning", "version": "1", "commit": "", "code": "ab", "cpu_hours": 0.1}
+    result = {**summary([outcome(named=["delay"])]), "run": run}
+    write_table(page, result)
+    text = page.read_text()
+    assert text.startswith(f"before\n{BEGIN}\n|")
+    assert text.endswith(f"{END}\nafter\n")
+    assert "old" not in text
+    assert markdown(result) in text
+    page.write_text("no marks")
+    with pytest.raises(BadInput, match="needs one"):
+        write_table(page, result)
