@@ -2,7 +2,7 @@
 
 import pytest
 
-from phaselead.control.compensation import BETWEEN_AXES, COMPENSATED, IN_CHAIN, IN_TIME_VIEW, compensation
+from phaselead.control.compensation import BETWEEN_AXES, COMPENSATED, IN_CHAIN, IN_TIME_VIEW, compensation, coupling
 from phaselead.control.track import check_paths, track
 from phaselead.effects import catalogue
 from phaselead.errors import BadInput
@@ -100,6 +100,10 @@ def test_a_load_moves_the_notch():
         (axis(gain_um_per_V=0.0, deadzone_d_V=(), deadzone_s_um_per_V=()), "falls or stands still at -2 V"),
         (axis(deadzone_s_um_per_V=(1.0, -17.0)), "falls or stands still at 5 V"),
         (axis(("resonance", {"c": 2.5, "f_Hz": 300.0, "zeta": 0.02})), "zero in the right half-plane"),
+        (
+            axis(("resonance", {"c": [0.5, 0.2], "f_Hz": [300.0, 400.0], "zeta": [0.02] * 2, "velocity": [0.1, 0.0]})),
+            "its modes are shared with other axes",
+        ),
         (axis(("creep", {"k": [0.3, 0.3], "tau_s": [1.0, 10.0]})), "its creep adds 0.6"),
         (axis(delay_s=0.5), "a preview of 0.5 s does not fit the device: it looks ahead at most 0.205 s"),
         (
@@ -118,6 +122,18 @@ def test_what_has_no_inverse_says_why(model, told):
         check_paths(parse_waves("sine:20um@5Hz", "x"), "inverse", Stage(name="s", axes={"x": model}))
     assert told in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_shared_modes_couple_by_what_they_pass_on_at_rest():
+    modal = {
+        "f_Hz": [300.0, 400.0],
+        "zeta": [0.02] * 2,
+        "from_y": [0.25, 0.5],
+        "velocity_y": [0.1, 0.2],
+        "direct_y": -0.5,
+    }
+    plain = stage(("cross_coupling", {"from_y": 0.25}))
+    assert coupling(stage(("cross_coupling", modal)))[0] == coupling(plain)[0] == [1.0, 0.25, 0.0]
 
 
 def test_a_stage_that_falls_only_beyond_its_limits_has_an_inverse():

@@ -86,8 +86,10 @@ def coupling(stage: Stage) -> list[list[float]]:
         if name in stage.axes:
             params = _by_name(stage.axes[name]).get("cross_coupling", {})
             for j, other in enumerate(names):
-                if i != j:
-                    matrix[i][j] += float(np.sum(params.get(f"from_{other}", 0.0)))
+                if i != j:  # through shared modes: at rest every mode passes its share on
+                    matrix[i][j] += sum(
+                        float(np.sum(params.get(f"{part}_{other}", 0.0))) for part in ("from", "direct")
+                    )
     return matrix
 
 
@@ -166,7 +168,11 @@ def _lowpass(effects: Mapping[str, Params], name: str) -> Undone:
 
 
 def _mechanics(effects: Mapping[str, Params]) -> list[Undone]:
-    return [undo_modes(modes(effects["resonance"]))] if "resonance" in effects else []
+    if "resonance" not in effects:
+        return []
+    if np.any(np.asarray(effects["resonance"].get("velocity", 0.0)) != 0):
+        raise BadInput("its modes are shared with other axes and pass on velocity too, which is not undone")
+    return [undo_modes(modes(effects["resonance"]))]
 
 
 def _refuse_more_than_it_holds(found: Compensation) -> None:
