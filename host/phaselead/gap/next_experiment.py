@@ -33,6 +33,12 @@ SENSOR_ROOM = 0.02
 """Of the sensor's span, kept free at either end."""
 GROUND_SLACK = 0.02
 """Of the fitted voltages, by which a drive may leave them."""
+APPROACH_s = 0.1
+"""At its start, in which the output goes to the first voltage: a jump that the waveform is not chosen for."""
+NEAR = 10.0
+"""Times the distance that breaks a tie, of points: rivals so little behind are told apart as well."""
+PLENTY = 30.0
+"""Times that distance, beyond which more is of no use and a shorter experiment is better."""
 SURE = 2.0
 """Times the distance that breaks a tie: asked of the prediction, which knows neither the truth nor its own misfit."""
 SENSORS = {
@@ -54,22 +60,33 @@ class Member:
 
 def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie; None when it has no members to tell apart or no model to predict with."""
-    members = [Member(r, _known(growth, r)) for r in tied.rivals if r.effect.name in tied.tied][:MOST_MEMBERS]
-    if len(members) < 2 or growth.bench.axis.time is None:
+    rivals = [r for r in tied.rivals if r.effect.name in tied.tied]
+    if len(rivals) < 2 or growth.bench.axis.time is None:
         return None
+    rivals += [r for r in tied.rivals if r.effect.name not in tied.tied and _near(r, rivals)]
+    members = [Member(r, _known(growth, r)) for r in rivals[:MOST_MEMBERS]]
     step_s = growth.bench.tracks()[0].run.step_s
-    best: tuple[float, Excitation, float] | None = None
-    for option in excitations(growth.bench.axis, step_s):
-        apart = _separation(growth, option, members, step_s)
-        if best is None or apart / option.seconds > best[0]:
-            best = (apart / option.seconds, option, apart)
-    if best is None:
+    tried = [
+        (option, _separation(growth, option, members, step_s)) for option in excitations(growth.bench.axis, step_s)
+    ]
+    if not tried:
         return None
-    option, apart = _long_enough(best[1], best[2])
-    sensor = None if apart >= TIE else sensor_for([m.rival.effect for m in members])
+    option, apart = _long_enough(*max(tried, key=lambda one: _worth(*one)))
+    sensor = None if apart >= TIE else sensor_for([r.effect for r in rivals if r.effect.name in tied.tied])
     return NextExperiment(
         option.waveform, option.level_V, option.band_Hz, option.bias_V, label, option.seconds, apart, sensor
     )
+
+
+def _near(rival: Rival, tied: Sequence[Rival]) -> bool:
+    """Whether it is not in the tie but could win it: little behind, and known to look like a member."""
+    behind = tied[0].score - rival.score
+    return behind < NEAR * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
+
+
+def _worth(option: Excitation, apart: float) -> tuple[float, float]:
+    """Distance per second, as far as it is of use."""
+    return min(apart, PLENTY * TIE) / option.seconds, apart
 
 
 def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
@@ -109,7 +126,8 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
     every = max(1, int(np.ceil(option.seconds / step_s / ROWS)))
     n = int(option.seconds / (every * step_s))
     t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
-    run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, 0, n, "proposed", "", {}, {})
+    start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
+    run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
     made = track(growth.bench.axis, run)
     shown = [made.answer(m.rival.fitted.entries) for m in members]
     if not _in_sight(growth, shown) or not _known_ground(growth, made, members):
