@@ -19,14 +19,13 @@ enum wire_status command_model_chunk(struct device *device, const struct request
 }
 
 /* New limits that the present output lies outside of would make it jump. */
-static bool would_clamp(const struct device *device)
+static bool would_clamp(struct device *device)
 {
     const struct model_slot *slot = model_store_prepared(&device->models);
     for (unsigned axis = 0; axis < AXES; axis++) {
-        struct wire_axis_model model;
+        const struct wire_axis_model *model = model_axis(slot, axis, &device->models.room);
         int32_t u_q24 = device->control.axis[axis].u_q24;
-        model_axis(slot, axis, &model);
-        if (u_q24 < model.u_min_q24 || u_q24 > model.u_max_q24)
+        if (u_q24 < model->u_min_q24 || u_q24 > model->u_max_q24)
             return true;
     }
     return false;
@@ -34,16 +33,15 @@ static bool would_clamp(const struct device *device)
 
 /* The DAC does not know what its codes mean: another calibration moves the output although u stays. Tolerated is what
  * the park ramp moves in one tick by the calibration in force. Returns the field that is to blame, 0 for none. */
-static uint16_t would_jump(const struct device *device)
+static uint16_t would_jump(struct device *device)
 {
     const struct model_slot *slot = model_store_prepared(&device->models);
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *now = &device->control.config[axis];
-        struct wire_axis_model model;
+        const struct wire_axis_model *model = model_axis(slot, axis, &device->models.room);
         bool saturated = false;
-        model_axis(slot, axis, &model);
-        struct converter_config converter = {.dac_zero_code = model.dac_zero_code,
-                                             .dac_codes_per_V_q16 = model.dac_codes_per_V_q16};
+        struct converter_config converter = {.dac_zero_code = model->dac_zero_code,
+                                             .dac_codes_per_V_q16 = model->dac_codes_per_V_q16};
         int32_t u_q24 = device->control.axis[axis].u_q24;
         int64_t jump = (int64_t)converter_dac_code(&converter, u_q24, &saturated) - device->dac_codes[axis];
         int64_t tolerated = ((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16 >> 40) + 1;

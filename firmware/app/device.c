@@ -54,20 +54,18 @@ static void reset_axis(struct device *device, unsigned axis)
     const struct model_slot *slot = model_store_active(&device->models);
     struct axis_config *config = &device->control.config[axis];
     struct axis_state *state = &device->control.axis[axis];
-    struct wire_axis_model model = DEFAULT_AXIS;
-    if (slot)
-        model_axis(slot, axis, &model);
+    const struct wire_axis_model *model = slot ? model_axis(slot, axis, &device->models.room) : &DEFAULT_AXIS;
     memset(config, 0, sizeof *config);
-    config->u_park_q24 = model.u_park_q24;
-    config->ramp_q24 = model.ramp_q24;
+    config->u_park_q24 = model->u_park_q24;
+    config->ramp_q24 = model->ramp_q24;
     config->pid.d_alpha_q31 = PID_DERIVATIVE_UNFILTERED;
-    config->output.u_min_q24 = model.u_min_q24;
-    config->output.u_max_q24 = model.u_max_q24;
-    config->output.slew_q24 = model.slew_q24;
-    config->converter.dac_zero_code = model.dac_zero_code;
-    config->converter.dac_codes_per_V_q16 = model.dac_codes_per_V_q16;
-    config->converter.adc_zero_code = model.adc_zero_code;
-    config->converter.adc_um_per_code_q32 = model.adc_um_per_code_q32;
+    config->output.u_min_q24 = model->u_min_q24;
+    config->output.u_max_q24 = model->u_max_q24;
+    config->output.slew_q24 = model->slew_q24;
+    config->converter.dac_zero_code = model->dac_zero_code;
+    config->converter.dac_codes_per_V_q16 = model->dac_codes_per_V_q16;
+    config->converter.adc_zero_code = model->adc_zero_code;
+    config->converter.adc_um_per_code_q32 = model->adc_um_per_code_q32;
     memset(&state->path, 0, sizeof state->path);
     pid_reset(&state->pid);
 }

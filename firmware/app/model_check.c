@@ -102,48 +102,52 @@ static enum model_field expand_table_view(struct model_slot *slot, unsigned axis
     return field;
 }
 
-static enum model_field expand_axis(struct model_slot *slot, unsigned axis)
+static enum model_field expand_axis(struct model_slot *slot, unsigned axis, const struct wire_axis_model *model)
 {
-    struct wire_axis_model model;
-    model_axis(slot, axis, &model);
-    if ((model.flags & ~(FLAG_TABLE | FLAG_INVERSE)) != 0)
+    if ((model->flags & ~(FLAG_TABLE | FLAG_INVERSE)) != 0)
         return FIELD_FLAGS;
-    enum model_field field = check_converters(&model);
+    enum model_field field = check_converters(model);
     if (field == FIELD_NONE)
-        field = check_limits(&model);
-    if (field == FIELD_NONE && model.flags & FLAG_TABLE)
-        field = expand_table_view(slot, axis, &model);
-    if (field == FIELD_NONE && model.flags & FLAG_INVERSE) {
-        field = model_compensation(&model, &slot->compensation[axis]);
+        field = check_limits(model);
+    if (field == FIELD_NONE && model->flags & FLAG_TABLE)
+        field = expand_table_view(slot, axis, model);
+    if (field == FIELD_NONE && model->flags & FLAG_INVERSE) {
+        field = model_compensation(model, &slot->compensation[axis]);
         slot->inverse_mask |= field == FIELD_NONE ? 1u << axis : 0;
     }
     return field;
 }
 
 /* Of the first axis whose row is to blame; of x when it is the whole that has no inverse. */
-static uint16_t expand_coupling(struct model_slot *slot)
+static uint16_t expand_coupling(struct model_slot *slot, struct wire_axis_model *room)
 {
     int32_t coupling_q28[MODEL_AXES][MODEL_AXES];
     for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
-        struct wire_axis_model model;
-        model_axis(slot, axis, &model);
-        memcpy(coupling_q28[axis], model.coupling_q28, sizeof coupling_q28[axis]);
+        const struct wire_axis_model *model = model_axis(slot, axis, room);
+        memcpy(coupling_q28[axis], model->coupling_q28, sizeof coupling_q28[axis]);
         if (!decoupling_takes(coupling_q28[axis], axis))
             return (uint16_t)(100 * axis + FIELD_COUPLING);
     }
     return decoupling_make((const int32_t (*)[MODEL_AXES])coupling_q28, &slot->decoupling) ? 0 : FIELD_COUPLING;
 }
 
-uint16_t model_expand(struct model_slot *slot)
+static bool has_magic(const uint8_t *blob)
 {
-    struct wire_model model;
+    for (unsigned i = 0; i < 4; i++)
+        if (blob[i] != (uint8_t)(MODEL_MAGIC >> 8 * i))
+            return false;
+    return true;
+}
+
+uint16_t model_expand(struct model_slot *slot, struct wire_axis_model *room)
+{
     slot->table_mask = slot->inverse_mask = 0;
-    if (!wire_unpack_model(&model, slot->blob, WIRE_MODEL_SIZE) || model.magic != MODEL_MAGIC)
+    if (!has_magic(slot->blob))
         return MODEL_FIELD_MAGIC;
     for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
-        enum model_field field = expand_axis(slot, axis);
+        enum model_field field = expand_axis(slot, axis, model_axis(slot, axis, room));
         if (field != FIELD_NONE)
             return (uint16_t)(100 * axis + field);
     }
-    return expand_coupling(slot);
+    return expand_coupling(slot, room);
 }

@@ -27,9 +27,10 @@ static struct model_slot *shadow(struct model_store *store)
     return &store->slots[1 - store->active];
 }
 
-void model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *model)
+const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room)
 {
-    wire_unpack_axis_model(model, slot->blob + AXES_OFFSET + axis * WIRE_AXIS_MODEL_SIZE, WIRE_AXIS_MODEL_SIZE);
+    wire_unpack_axis_model(room, slot->blob + AXES_OFFSET + axis * WIRE_AXIS_MODEL_SIZE, WIRE_AXIS_MODEL_SIZE);
+    return room;
 }
 
 enum wire_status model_store_begin(struct model_store *store, uint32_t size, uint32_t crc)
@@ -63,7 +64,7 @@ enum wire_status model_store_prepare(struct model_store *store, uint16_t *invali
     slot->crc = crc32(0, slot->blob, WIRE_MODEL_SIZE);
     if (slot->crc != store->promised_crc)
         return WIRE_STATUS_CRC_MISMATCH;
-    *invalid_field = model_expand(slot);
+    *invalid_field = model_expand(slot, &store->room);
     return *invalid_field == 0 ? WIRE_STATUS_OK : WIRE_STATUS_MODEL_INVALID;
 }
 
@@ -107,7 +108,7 @@ static bool is_blank(const uint8_t *bytes, size_t size)
 
 /* Reads a flash slot into a RAM slot. Whole: header and CRC hold and every field is usable. */
 static enum record_kind read_record(const struct flash_port *flash, unsigned at, struct model_slot *to,
-                                    uint32_t *sequence)
+                                    struct wire_axis_model *room, uint32_t *sequence)
 {
     uint8_t head[RECORD_HEADER_SIZE];
     flash->read(flash->context, at, 0, head, sizeof head);
@@ -116,7 +117,7 @@ static enum record_kind read_record(const struct flash_port *flash, unsigned at,
         return RECORD_BLANK;
     *sequence = get_u32(head + 4);
     if (get_u32(head) != RECORD_MAGIC || *sequence == 0 || get_u32(head + 8) != WIRE_MODEL_SIZE ||
-        get_u32(head + 12) != record_crc(*sequence, to->blob) || model_expand(to) != 0)
+        get_u32(head + 12) != record_crc(*sequence, to->blob) || model_expand(to, room) != 0)
         return RECORD_TORN;
     to->crc = crc32(0, to->blob, WIRE_MODEL_SIZE);
     return RECORD_WHOLE;
@@ -128,7 +129,7 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
     enum record_kind kind[FLASH_SLOTS];
     memset(store, 0, sizeof *store);
     for (unsigned i = 0; i < FLASH_SLOTS; i++)
-        kind[i] = read_record(flash, i, &store->slots[i], &sequence[i]);
+        kind[i] = read_record(flash, i, &store->slots[i], &store->room, &sequence[i]);
     bool whole[FLASH_SLOTS] = {kind[0] == RECORD_WHOLE, kind[1] == RECORD_WHOLE};
     if (!whole[0] && !whole[1])
         return;

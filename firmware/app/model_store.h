@@ -38,7 +38,8 @@ struct model_slot {
 
 struct model_store {
     struct model_slot slots[2];
-    uint8_t active; /* index of the slot in use */
+    struct wire_axis_model room; /* to unpack an axis into: too large for a board's stack; not for the tick */
+    uint8_t active;              /* index of the slot in use */
     bool loaded;
     bool persisted; /* the active model is the newest record in flash */
     bool fallback;  /* a save was lost: the active model is an older one and must be named to arm */
@@ -53,8 +54,8 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
 
 const struct model_slot *model_store_active(const struct model_store *store); /* NULL: no model */
 
-/* One axis of a slot's blob. */
-void model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *model);
+/* One axis of a slot's blob, unpacked into `room`. */
+const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room);
 
 enum wire_status model_store_begin(struct model_store *store, uint32_t size, uint32_t crc);
 enum wire_status model_store_chunk(struct model_store *store, uint32_t offset, const uint8_t *data, size_t size);
@@ -68,6 +69,6 @@ enum wire_status model_store_persist(struct model_store *store, const struct fla
 
 /* 0, or the number of the first field that is not usable. Fills the slot's tables, compensation, decoupling and
  * masks. */
-uint16_t model_expand(struct model_slot *slot);
+uint16_t model_expand(struct model_slot *slot, struct wire_axis_model *room);
 
 #endif

@@ -9,7 +9,6 @@ from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.emulated import BOARDS, EmulatedDevice, check_qemu, find_firmware
 from phaselead.sim.plant import built_in, plant_parameters
 
-
 ROOT = Path(__file__).parents[2]
 
 

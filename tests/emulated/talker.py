@@ -9,7 +9,7 @@ from phaselead.stage.device_model import device_model
 from phaselead.stage.table import TableView
 
 SESSION = 0x0123_4567_89AB_CDEF
-ANSWER_TICKS = 200
+ANSWER_TICKS = 2000
 UM, V = 1 << 16, 1 << 24
 
 

@@ -39,9 +39,13 @@ RAM_CODE __attribute__((used)) static _Noreturn void name_fault(const uint32_t *
 {
     uint32_t exception = SCB->ICSR & SCB_ICSR_VECTACTIVE, cfsr = SCB->CFSR, at = SCB->MMFAR;
     enum wire_core_loss loss = (enum wire_core_loss)(exception - HARD_FAULT + WIRE_CORE_LOSS_HARD_FAULT);
+    if (exception == HARD_FAULT && cfsr != 0) /* met in the tick, which no fault may interrupt by its own name */
+        loss = (cfsr & SCB_CFSR_USAGE) != 0 ? WIRE_CORE_LOSS_USAGE_FAULT
+               : (cfsr & SCB_CFSR_BUS) != 0 ? WIRE_CORE_LOSS_BUS_FAULT
+                                            : WIRE_CORE_LOSS_MEMORY_FAULT;
     uint32_t guard = (uint32_t)stack_guard_start;
     int in_guard = (cfsr & SCB_CFSR_MMARVALID) != 0 && at - guard < 1u << GUARD_LOG2_BYTES;
-    if ((cfsr & SCB_CFSR_MSTKERR) != 0 || in_guard)
+    if ((cfsr & SCB_CFSR_MSTKERR) != 0 || in_guard || frame < stack_bottom) /* a large frame steps over the guard */
         loss = WIRE_CORE_LOSS_STACK_OVERFLOW;
     int readable = frame >= stack_bottom && frame + 8 <= stack_top;
     core_lost(loss, readable ? frame[STACKED_PC] : 0);

@@ -43,9 +43,7 @@ int main(void)
     converters_set_up(); /* first of all: the output is 0 V from here on by our own hand too */
     enum wire_reset_cause cause = reset_cause();
     core_lost_arm();
-    watchdog_start();
     enum clock_source clock = clock_start();
-    watchdog_feed();
     if (clock == CLOCK_SLOW)
         core_lost(WIRE_CORE_LOSS_CLOCK_STOPPED, 0);
     struct device_port port = {.flash = model_flash_port(&device),
@@ -56,8 +54,8 @@ int main(void)
                                .reset_cause = cause,
                                .target = BOARD_NAME};
     build_id(port.build_id);
-    device_init(&device, &port);
-    watchdog_feed();
+    device_init(&device, &port); /* some 35 ms when both slots hold a model, longer than the watchdog waits */
+    watchdog_start();            /* until here the converter is cleared by its pin, so nothing needs it */
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);

@@ -18,3 +18,5 @@ env.Replace(
     ],
     LIBS=[library for library in env["LIBS"] if library != "stdc++"],
 )
+for script in ("sections.ld", f"{board}.ld"):
+    env.Depends("$BUILD_DIR/${PROGNAME}.elf", f"$PROJECT_DIR/firmware/port/stm32f4/{script}")

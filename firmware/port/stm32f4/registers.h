@@ -163,6 +163,8 @@ struct scb {
 #define SCB_CCR_DIV0 BIT(4)
 #define SCB_CFSR_MSTKERR BIT(4)
 #define SCB_CFSR_MMARVALID BIT(7)
+#define SCB_CFSR_BUS (0xFFu << 8)
+#define SCB_CFSR_USAGE (0xFFFFu << 16)
 
 struct nvic {
     volatile uint32_t ISER[8], reserved0[24], ICER[8], reserved1[24], ISPR[8], reserved2[24], ICPR[8], reserved3[24];

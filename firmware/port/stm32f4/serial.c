@@ -4,8 +4,8 @@
 #include "port/stm32f4/board.h"
 #include "port/stm32f4/pins.h"
 
-/* 20 ms at 2 Mbaud: more than the host ever sends before it waits for an answer. */
-#define RECEIVE_SIZE 4096u
+/* 10 ms at 2 Mbaud: more than the host sends before it waits for an answer. */
+#define RECEIVE_SIZE 2048u
 
 #if BOARD_USART == 2
 #define USART USART2

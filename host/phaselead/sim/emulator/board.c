@@ -48,7 +48,7 @@ void board_irq(int number, bool level)
 
 void board_nmi(void)
 {
-    qemu_irq nmi = qdev_get_gpio_in_named(object_resolve_path_type("", "armv7m_nvic", NULL), "NMI", 0);
+    qemu_irq nmi = qdev_get_gpio_in_named(processor, "NMI", 0);
     qemu_set_irq(nmi, 1);
     qemu_set_irq(nmi, 0);
 }
@@ -118,6 +118,7 @@ static void reset(void *opaque)
 {
     static bool on;
     (void)opaque;
+    inject_reset();
     rcc_reset();
     timer_reset();
     gpio_reset();

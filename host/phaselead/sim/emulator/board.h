@@ -111,6 +111,7 @@ extern struct injected {
     uint32_t rail_mask;
 } injected;
 void inject(uint32_t what, uint32_t value);
+void inject_reset(void); /* what goes with the reset that was asked for */
 
 /* ---- count.c: exact instruction counts between two places */
 void count_open(qemu_plugin_id_t id, const char *argument);

@@ -2,15 +2,25 @@
 
 struct injected injected;
 
-/* The supply dips: memory forgets, and so do the converters. */
-static void brown_out(void)
+static bool supply_dipped;
+
+/* Memory forgets, and so do the converters. */
+void inject_reset(void)
 {
+    if (!supply_dipped)
+        return;
+    supply_dipped = false;
     static uint8_t noise[0x1000];
     for (size_t i = 0; i < sizeof noise; i++)
         noise[i] = (uint8_t)(0xA5u ^ i * 37u);
     for (uint64_t at = 0; at < 0x20000; at += sizeof noise)
         cpu_physical_memory_rw(0x20000000 + at, noise, sizeof noise, true);
     converters_power_on();
+}
+
+static void brown_out(void)
+{
+    supply_dipped = true;
     rcc_reset_by(RESET_BROWN_OUT);
     qemu_system_reset_request(CAUSE_GUEST_RESET);
 }
