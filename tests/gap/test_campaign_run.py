@@ -112,7 +112,7 @@ def test_a_folder_without_a_generator_is_refused(tmp_path):
     with pytest.raises(BadInput, match="holds no generator"):
         load_truth(tmp_path)
     (tmp_path / "__init__.py").write_text("x = 1\n")
-    with pytest.raises(BadInput, match=r"cases\(?\)? and no case|no function cases and no case"):
+    with pytest.raises(BadInput, match="no function cases and no case"):
         load_truth(tmp_path)
     (tmp_path / "__init__.py").write_text("1 / 0\n")
     with pytest.raises(BadInput, match="ZeroDivisionError"):
@@ -133,7 +133,7 @@ def test_a_journal_of_something_else_is_refused(tmp_path):
         Journal(path, "ab")
 
 
-def test_several_processes_and_a_cluster_give_the_same(folder):
+def test_several_processes_share_the_cases(folder):
     names = [f"tuning/none/{i}" for i in range(3)]
     found = []
     run_cases(str(folder), names, found.append, jobs=2)

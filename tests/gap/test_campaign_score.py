@@ -81,6 +81,8 @@ def test_power_left_counts_from_the_floor():
     assert score.power_left(outcome(gap={"before": 1.0, "after": 0.2, "floor": 0.1})) == pytest.approx(0.03 / 0.99)
     assert score.power_left(outcome(gap={"before": 1.0, "after": 0.05, "floor": 0.1})) == 0
     assert score.power_left(outcome(gap={"before": 0.1, "after": 0.1, "floor": 0.1})) is None
+    known = outcome(gap={"before": 1.0, "after": 0.2, "floor": 0.1}, floor=0.2)
+    assert score.power_left(known) == 0
 
 
 def test_a_bound_must_hold_the_size_of_what_was_missed():

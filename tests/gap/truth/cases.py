@@ -26,7 +26,7 @@ SETS = {"tuning": "tuning-2026", "sealed": "sealed-2026-11"}
 """Name of each set of seeds. The sealed ones are for the published figure alone."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
 COUNTS = {
-    "none": 200, "single": 2, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
+    "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
     "poor": 20,
 }  # fmt: skip
 """Cases at scale 1; of "single" and "sines" per effect and size."""
@@ -132,6 +132,10 @@ class Case:
         rig.pause(10)
         holdout = session(rig, "holdout", held_out=True)
         return rig, (reference, train, holdout)
+
+    def bare_holdout(self) -> list[Recording]:
+        """The held-out records with nothing hidden."""
+        return self.records(hidden=False)[2]
 
     def follow_up(self, voltage: Callable[[Samples], Samples], seconds: float, axis: str | None) -> Recording:
         """One more record after the others, driven by ``voltage`` of the time from its start, within the span."""

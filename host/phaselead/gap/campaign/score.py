@@ -83,10 +83,14 @@ def false_names(outcome: Outcome) -> bool:
 
 
 def power_left(outcome: Outcome) -> float | None:
-    """(after^2 - floor^2) / (before^2 - floor^2), not below 0; None where before is within 5 % of the floor."""
+    """(after^2 - floor^2) / (before^2 - floor^2), not below 0; None where before is within 5 % of the floor.
+
+    The floor is what the base leaves of the same records with nothing hidden, where the generator knows them.
+    """
     if outcome["error"]:
         return None
     before, after, floor = (float(outcome["gap"][k]) for k in ("before", "after", "floor"))
+    floor = floor if outcome.get("floor") is None else float(outcome["floor"])
     if before < 1.05 * floor:
         return None
     return max(0.0, (after**2 - floor**2) / (before**2 - floor**2))

@@ -15,6 +15,7 @@ from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap
 from phaselead.identify.checks import STILL_V
 from phaselead.identify.fit import fit
+from phaselead.identify.predict import predict
 from phaselead.record.recording import Recording
 from phaselead.stage.file import Actuator, AxisModel, Stage
 
@@ -54,6 +55,7 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
         **answer(result),
         "seconds": time.monotonic() - began,
         "cpu_seconds": time.process_time() - spent,
+        "floor": _floor_um(stage, case.bare_holdout()),
         "rows": sum(len(r.t_s) * len(r.axes) for r in [*reference, *train, *holdout]),
     }
     if follow_up and case.kind in ("single", "sines", "closed_loop"):
@@ -72,6 +74,20 @@ def base_model(case: Case, reference: Sequence[Recording]) -> Stage:
 
 def _known(bits: int) -> AxisModel:
     return AxisModel(actuator=Actuator(bits=bits)) if bits != USUAL_BITS else AxisModel()
+
+
+def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:
+    """What the base leaves of the held-out records with nothing hidden, each about its own offset."""
+    if bare is None:
+        return None
+    errors = []
+    for record in bare:
+        for axis, predicted in predict(stage, record).axes.items():
+            measured = record.axes[axis].x_um
+            if measured is not None and predicted.x_um is not None:
+                error = measured - predicted.x_um
+                errors.append(error - error.mean())
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def _driven(record: Recording) -> bool:

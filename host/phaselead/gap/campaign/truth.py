@@ -55,6 +55,10 @@ class Case(Protocol):
         """Reference (without what is hidden), training and held-out records."""
         ...
 
+    def bare_holdout(self) -> list[Recording] | None:
+        """The held-out records as they would be without what is hidden; None where nobody can know."""
+        ...
+
     def follow_up(self, voltage: Callable[[Samples], Samples], seconds: float, axis: str | None) -> Recording:
         """One more record of the same stage after the others, driven by ``voltage`` of the time from its start."""
         ...
