@@ -14,24 +14,28 @@ Samples = NDArray[np.float64]
 UNIT_ROWS = 5000
 """Rows of a "second": records last longer where they are sampled more slowly."""
 
+FAST_ENOUGH_HZ = 1000.0
+"""Rate above which a lab sees the ringing of its stage; below it, it does not excite what it could not see."""
+
 
 def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     """Multisines at two levels, steps with holds, a decaying triangle, idle, fast sines."""
     rng, (axis, stage) = rig.rng, next(iter(rig.stages.items()))
     c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
     span, rate = c.span_V, rig.rate_Hz
+    rise_rows, top = (1, 0.42) if rate > FAST_ENOUGH_HZ else (6, 0.2)
     fast = min(0.03 * rate, 0.25 * c.f_Hz) * rng.uniform(0.7, 1.0)
     made = {
         "idle": waves.idle(rate, (0.7 if held_out else 1.0) * unit),
-        "steps": waves.steps(rng, span, rate, (1.8 if held_out else 2.4) * unit, 5 if held_out else 6),
+        "steps": waves.steps(rng, span, rate, (1.8 if held_out else 2.4) * unit, 5 if held_out else 6, rise_rows),
         "fast": waves.sine(span, rate, 0.6 * unit, fast, rng.uniform(0.25, 0.45), rng.uniform(0.4, 0.6)),
     }
     if held_out:
-        made["multisine"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.35, 0.55), 0.4, c.f_Hz)
+        made["multisine"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.35, 0.55), 0.4, c.f_Hz, top)
         made["triangle"] = waves.triangle(rng, span, rate, 1.0 * unit)
     else:
-        made["small"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.12, 0.25), 0.1, c.f_Hz)
-        made["large"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.7, 0.95), 0.6, c.f_Hz)
+        made["small"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.12, 0.25), 0.1, c.f_Hz, top)
+        made["large"] = waves.multisine(rng, span, rate, 1.2 * unit, rng.uniform(0.7, 0.95), 0.6, c.f_Hz, top)
         made["triangle"] = waves.triangle(rng, span, rate, 1.4 * unit)
     order = ["idle", "triangle", *[k for k in ("small", "large", "multisine") if k in made], "steps", "fast"]
     return [rig.record(f"{name}-{kind}", {axis: made[kind]}) for kind in order]

@@ -43,14 +43,16 @@ def multisine(
     return _shaped(wave / np.abs(wave).max(), span_V / 2, span_V * level / 2)
 
 
-def steps(rng: np.random.Generator, span_V: float, rate_Hz: float, seconds: float, holds: int) -> Samples:
+def steps(
+    rng: np.random.Generator, span_V: float, rate_Hz: float, seconds: float, holds: int, rise_rows: int = 1
+) -> Samples:
     """Jumps of both signs with holds between them, back to 0 V for the last."""
     levels = np.where(np.arange(holds - 1) % 2, rng.uniform(0.1, 0.4, holds - 1), rng.uniform(0.55, 0.85, holds - 1))
     hold = round(seconds * rate_Hz / holds)
     corners, heights = [0.0], [0.0]
     for i, level in enumerate([*levels, 0.0]):
         start = round((i + 0.2) * hold)
-        corners += [start, start + 1]
+        corners += [start, start + rise_rows]
         heights += [heights[-1], float(level)]
     return span_V * np.interp(np.arange(round((holds + 0.2) * hold)), corners, heights)
 
