@@ -79,11 +79,12 @@ def _run(
 
 
 def _coefficients(p: Complex, step_s: float) -> Samples:
-    """(m, 14): the kernel's struct. Triangle hold (Franklin, Powell and Workman 1998) and its derivative in p."""
+    """(m, 16): the kernel's struct. Triangle hold (Franklin, Powell and Workman 1998) and its derivative in p."""
     z = p * step_s
     held, ramp, held_slope, ramp_slope = _holds(z)
-    values = (p, z, np.exp(z), held - ramp, ramp, held_slope - ramp_slope, ramp_slope)
-    scale = (1.0, 1.0, 1.0, step_s, step_s, step_s**2, step_s**2)
+    size = np.abs(p)
+    values = (p, z, np.exp(z), held - ramp, ramp, held_slope - ramp_slope, ramp_slope, size + 1j * size**2)
+    scale = (1.0, 1.0, 1.0, step_s, step_s, step_s**2, step_s**2, 1.0)
     table = np.stack([value * s for value, s in zip(values, scale, strict=True)], axis=1)
     return np.ascontiguousarray(table).view(np.float64)
 

@@ -15,7 +15,7 @@ from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
 from phaselead.gap.multi_axis_fit import SharedFit, fit_linear, fit_softening
 from phaselead.gap.multi_axis_judge import Judged, judge, pays
-from phaselead.gap.multi_axis_records import Stand, level_groups, stands
+from phaselead.gap.multi_axis_records import Stand, level_groups, response_groups, stands
 from phaselead.gap.multi_axis_result import Findings, axis_results
 from phaselead.gap.multi_axis_scan import scan
 from phaselead.gap.records import Run
@@ -86,7 +86,7 @@ def _with_static_gains(stage: Stage, train: Sequence[Stand]) -> dict[str, AxisMo
     to axes that move together has the sign of whatever resonates. None where there is no frequency response."""
     axes = train[0].axes
     try:
-        response = frequency_response([s.experiment for s in level_groups(train)[0]])
+        response = frequency_response([s.experiment for s in response_groups(train)[0]])
     except BadInput:
         return None
     static = response.matrix[:LOWEST_LINES].real.mean(axis=0)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.effects import Entry, effect
-from phaselead.gap.multi_axis_records import Entries, Stand, level_groups
+from phaselead.gap.multi_axis_records import Entries, Stand, level_groups, response_groups
 from phaselead.identify.modal_fit import Drives, ModalFit, Shaping, fit_modes
 from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
-from phaselead.identify.modal_poles import common_poles
+from phaselead.identify.modal_poles import STARTS, common_poles
 from phaselead.identify.modal_response import frequency_response
 
 Report = Callable[[float], None]
@@ -57,11 +57,11 @@ def no_shaping(records: Sequence[Stand], entries: Entries) -> Shaping:
 def fit_linear(train: Sequence[Stand], report: Report) -> tuple[SharedFit, SharedFit]:
     """Modes of the strongest records, and the same modes fitted to all. Raises BadInput where the records cannot tell
     the inputs apart."""
-    groups = level_groups(train)
+    groups = response_groups(train)
     poles = _poles_of_all(groups, lambda share: report(0.5 * share))
     own = fit_modes(poles, no_shaping(groups[0], {}), most_steps=STEPS, report=lambda s: report(0.5 + 0.25 * s))
     strongest = SharedFit(own, {}, own.model.participation())
-    if len(groups) == 1:
+    if len(level_groups(train)) == 1:
         return strongest, strongest
     common = fit_modes(
         own.model.poles, no_shaping(train, {}), most_steps=LAST_STEPS, report=lambda s: report(0.75 + 0.25 * s)
@@ -73,11 +73,10 @@ def _poles_of_all(groups: Sequence[Sequence[Stand]], report: Report) -> Complex:
     """Those of the strongest records, and lightly damped ones that only weaker records show."""
     found: Complex | None = None
     for i, group in enumerate(groups):
-        if found is not None and len(group) < len(group[0].axes):
-            continue
         poles = common_poles(
             frequency_response([s.experiment for s in group]),
             lambda share, done=i: report((done + share) / len(groups)),  # type: ignore[misc]
+            STARTS if found is None else (max(len(found), STARTS[0]),),
         )
         if found is None:
             found = np.asarray(poles, dtype=complex)

@@ -108,6 +108,12 @@ def _without_mechanics(model: AxisModel) -> AxisModel:
     return model.model_copy(update={"effects": tuple(e for e in model.effects if e.name not in OF_THE_MECHANICS)})
 
 
+def response_groups(records: Sequence[Stand]) -> list[list[Stand]]:
+    """Groups of one level each that hold as many records as there are axes; all records where there is no such."""
+    enough = [group for group in level_groups(records) if len(group) >= len(group[0].axes)]
+    return enough or [list(records)]
+
+
 def level_groups(records: Sequence[Stand]) -> list[list[Stand]]:
     """Records of like level together, the strongest first."""
     groups: list[list[Stand]] = []

@@ -32,17 +32,27 @@ class Drive:
 
     def states(self, p: Complex, drop: Complex | None) -> Samples:
         """(n, inputs (1 + 2m)): every push, then the states of every mode for each push."""
-        moved = drop if self.level is not None else None
-        level = self.level if moved is not None else None
-        found = [states(push, p, self.step_s, level, moved) for push in self.push_um.T]
-        return np.hstack([self.push_um, *found])
+        return self._columns(p, drop, slice(None), False)
 
-    def states_and_slopes(self, p: Complex, drop: Complex | None) -> Samples:
-        """The same with the slopes in the poles behind: (n, inputs (1 + 4m))."""
+    def scored(self, p: Complex, drop: Complex | None, *, slopes: bool = False) -> Samples:
+        """The same over the scored rows; with ``slopes`` those in the poles behind: (rows, inputs (1 + 4m))."""
+        return self._columns(p, drop, self.rows, slopes)
+
+    def _columns(self, p: Complex, drop: Complex | None, rows: slice, slopes: bool) -> Samples:
         moved = drop if self.level is not None else None
         level = self.level if moved is not None else None
-        found = [states_and_slopes(push, p, self.step_s, level, moved) for push in self.push_um.T]
-        return np.hstack([self.push_um, *(a for a, _ in found), *(b for _, b in found)])
+        inputs, width = self.push_um.shape[1], 2 * len(p)
+        found = np.empty((len(self.push_um[rows]), inputs + inputs * width * (2 if slopes else 1)))
+        found[:, :inputs] = self.push_um[rows]
+        for j, push in enumerate(self.push_um.T):
+            at, behind = inputs + j * width, inputs + (inputs + j) * width
+            if slopes:
+                seen, slope = states_and_slopes(push, p, self.step_s, level, moved)
+                found[:, behind : behind + width] = slope[rows]
+            else:
+                seen = states(push, p, self.step_s, level, moved)
+            found[:, at : at + width] = seen[rows]
+        return found
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ result is stable.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,37 +18,39 @@ from phaselead.identify.modal_response import FrequencyResponse
 Samples = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 
-ROUNDS = 10
-STARTS = (8, 14, 20, 26)
-"""Modes to begin with, evenly over the band; the next is tried while it pays."""
-WORTH = 0.93
-"""More poles must leave less than this share of the error."""
+ROUNDS = 8
+STARTS = (14, 20, 26)
+"""Modes to begin with, evenly over the band; the best is taken."""
 RELAXATIONS = (0.003, 0.03)
 """Shares of the band where two real poles begin, for what creeps."""
 LEAST_ZETA, MOST_ZETA = 0.002, 0.95
 """Lighter damped ones stand for noise on single lines; real poles become well damped modes."""
 BEYOND = 2.5
 """Of the highest line: modes above it are left to the direct term."""
+OUTSIDE, REST, REST_ZETA = 1.15, 1.6, 0.7
+"""A mode at this multiple of the highest line stands for all above the band where none was found there."""
 
 
-def common_poles(response: FrequencyResponse, report: Callable[[float], None] | None = None) -> Complex:
-    """Poles (m,) in 1/s of the upper half plane, by rising frequency."""
+def common_poles(
+    response: FrequencyResponse,
+    report: Callable[[float], None] | None = None,
+    starts: Sequence[int] = STARTS,
+) -> Complex:
+    """Poles (m,) in 1/s of the upper half plane, by rising frequency; ``starts``: numbers of modes to try."""
     s = 2j * np.pi * response.f_Hz
     elements = response.matrix.reshape(len(s), -1)
-    best: Complex | None = None
-    best_left = np.inf
-    for i, count in enumerate(STARTS):
-        if 4 * count > len(s):
+    best, best_price = np.zeros(0, dtype=complex), np.inf
+    for i, count in enumerate(starts):
+        if len(best) and 4 * count > len(s):
             break
         found = _usable(_vector_fit(s, elements, _start(response.f_Hz, count)), response.f_Hz[-1])
-        left = _left(s, elements, found)
+        found = _pruned(s, elements, found)
+        price = _price(s, elements, found)
         if report is not None:
-            report((i + 1) / len(STARTS))
-        if best is not None and left > WORTH * best_left:
-            break
-        best, best_left = found, left
-    assert best is not None
-    return _pruned(s, elements, best)
+            report((i + 1) / len(starts))
+        if price < best_price:
+            best, best_price = found, price
+    return best
 
 
 def _start(f_Hz: Samples, count: int) -> Complex:
@@ -123,8 +125,11 @@ def _usable(p: Complex, highest_Hz: float) -> Complex:
     zeta = -p.real / np.abs(p)
     kept = (np.abs(p) < 2 * np.pi * BEYOND * highest_Hz) & (zeta > LEAST_ZETA) & (np.abs(p) > 0)
     damped = np.minimum(zeta[kept], MOST_ZETA)
-    modes = np.abs(p[kept]) * (-damped + 1j * np.sqrt(1 - damped**2))
-    return np.asarray(modes[np.argsort(np.abs(modes))])
+    size = np.abs(p[kept])
+    if not (size > 2 * np.pi * OUTSIDE * highest_Hz).any():
+        size, damped = np.append(size, 2 * np.pi * REST * highest_Hz), np.append(damped, REST_ZETA)
+    modes = size * (-damped + 1j * np.sqrt(1 - damped**2))
+    return np.asarray(modes[np.argsort(size)])
 
 
 def _moments(s: Complex, elements: Complex, p: Complex) -> tuple[Samples, Samples]:
@@ -134,15 +139,23 @@ def _moments(s: Complex, elements: Complex, p: Complex) -> tuple[Samples, Sample
     return (columns.conj().T @ columns).real, (columns.conj().T @ elements).real
 
 
-def _left(s: Complex, elements: Complex, p: Complex) -> float:
-    """Root of the squares that the best residues leave."""
+def _price(s: Complex, elements: Complex, p: Complex) -> float:
+    """Bayesian information criterion: what the best residues leave, and what the modes cost."""
     normal, products = _moments(s, elements, p)
-    return float(np.sqrt(max(_squares(normal, products, float(np.linalg.norm(elements) ** 2)), 0.0)))
+    rows = 2 * elements.size
+    left = _squares(normal, products, float(np.linalg.norm(elements) ** 2))
+    return float(rows * np.log(left) + len(p) * _cost(elements))
+
+
+def _cost(elements: Complex) -> float:
+    """Of one mode: a pole and a residue in every element."""
+    return float(np.log(2 * elements.size) * (2 + 2 * elements.shape[1]))
 
 
 def _squares(normal: Samples, products: Samples, total: float) -> float:
     ridge = normal + 1e-12 * np.eye(len(normal))
-    return total - float(np.sum(products * np.linalg.solve(ridge, products)))
+    explained = float(np.sum(products * np.linalg.solve(ridge, products)))
+    return float(max(total - explained, 1e-12 * total))
 
 
 def _pruned(s: Complex, elements: Complex, p: Complex) -> Complex:
@@ -152,14 +165,13 @@ def _pruned(s: Complex, elements: Complex, p: Complex) -> Complex:
     rows = 2 * elements.size
     keep = list(range(len(p)))
     left = _squares(normal, products, total)
-    price = np.log(rows) * (2 + 2 * elements.shape[1])
     while len(keep) > 1:
         costs = []
         for r in keep:
             rest = np.array([i for q in keep if q != r for i in (2 * q, 2 * q + 1)] + [len(normal) - 1])
             costs.append(_squares(normal[np.ix_(rest, rest)], products[rest], total))
         cheapest = int(np.argmin(costs))
-        if rows * np.log(costs[cheapest] / left) > price:
+        if rows * np.log(costs[cheapest] / left) > _cost(elements):
             break
         left = costs[cheapest]
         del keep[cheapest]

@@ -1,7 +1,5 @@
 #include "modes.h"
 
-#include <math.h>
-
 struct complex_pair {
     double re, im;
 };
@@ -44,8 +42,20 @@ static inline struct complex_pair correction(const struct stage_mode *mode, stru
     return (struct complex_pair){1.0 + a.re + b.re / 2 + c.re / 6, a.im + b.im / 2 + c.im / 6};
 }
 
-static inline void advance(const struct stage_mode *mode, struct complex_pair drop, double before, double now,
-                           double step, double *s, double *e)
+static inline void advance(const struct stage_mode *mode, double before, double now, double step, double *s, double *e)
+{
+    struct complex_pair free = times(mode->transition_re, mode->transition_im, s[0], s[1]);
+    if (e) {
+        struct complex_pair kept = times(mode->transition_re, mode->transition_im, e[0], e[1]);
+        e[0] = kept.re + step * free.re + mode->old_slope_re * before + mode->new_slope_re * now;
+        e[1] = kept.im + step * free.im + mode->old_slope_im * before + mode->new_slope_im * now;
+    }
+    s[0] = free.re + mode->old_re * before + mode->new_re * now;
+    s[1] = free.im + mode->old_im * before + mode->new_im * now;
+}
+
+static inline void advance_moved(const struct stage_mode *mode, struct complex_pair drop, double before, double now,
+                                 double step, double *s, double *e)
 {
     struct complex_pair fix = correction(mode, drop);
     struct complex_pair phi = times(mode->transition_re, mode->transition_im, fix.re, fix.im);
@@ -72,16 +82,19 @@ void stage_modes(size_t n, const double *x, double step, size_t m, const struct 
     for (size_t k = 0; k < n; k++) {
         for (size_t r = 0; r < m; r++) {
             double *s = state + 4 * r, *e = slope ? s + 2 : NULL;
-            double size = sqrt(modes[r].pole_re * modes[r].pole_re + modes[r].pole_im * modes[r].pole_im);
             if (k) {
-                struct complex_pair by = dropped(axes, level + k * axes, drop + 2 * r * axes);
-                advance(&modes[r], by, x[k - 1], x[k], step, s, e);
+                if (axes) {
+                    struct complex_pair by = dropped(axes, level + k * axes, drop + 2 * r * axes);
+                    advance_moved(&modes[r], by, x[k - 1], x[k], step, s, e);
+                } else {
+                    advance(&modes[r], x[k - 1], x[k], step, s, e);
+                }
             }
-            out[2 * (k * m + r)] = size * s[0];
-            out[2 * (k * m + r) + 1] = size * s[1];
+            out[2 * (k * m + r)] = modes[r].size * s[0];
+            out[2 * (k * m + r) + 1] = modes[r].size * s[1];
             if (slope) {
-                slope[2 * (k * m + r)] = size * size * e[0];
-                slope[2 * (k * m + r) + 1] = size * size * e[1];
+                slope[2 * (k * m + r)] = modes[r].size_squared * e[0];
+                slope[2 * (k * m + r) + 1] = modes[r].size_squared * e[1];
             }
         }
     }

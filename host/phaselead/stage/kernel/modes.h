@@ -13,6 +13,7 @@ struct stage_mode { /* per step: z = p step; transition exp(z); weights of the r
     double transition_re, transition_im;
     double old_re, old_im, new_re, new_im;
     double old_slope_re, old_slope_im, new_slope_re, new_slope_im;
+    double size, size_squared; /* abs(p) */
 };
 
 /* Mode r of x[k]: abs(p) s into out[(k m + r) 2], real and imaginary part, settled in the first row; with `slope` (or
