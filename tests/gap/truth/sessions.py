@@ -11,7 +11,7 @@ from . import waves
 from .rig import Rig
 
 Samples = NDArray[np.float64]
-UNIT_ROWS = 5000
+UNIT_ROWS = 3000
 """Rows of a "second": records last longer where they are sampled more slowly."""
 
 FAST_ENOUGH_HZ = 1000.0
