@@ -13,7 +13,7 @@ from phaselead.gap.atoms import atoms_of, rich_columns
 from phaselead.gap.correction import Correction, flexible_left, from_reference, prior
 from phaselead.gap.evidence import evidence, fair_weights, noise_of
 from phaselead.gap.mistaken import mistaken_gains
-from phaselead.gap.noise import Noise
+from phaselead.gap.noise import Noise, as_idle
 from phaselead.gap.panel import Layout, Panel, Raw, panel, raw
 from phaselead.gap.records import Run
 from phaselead.gap.residual import Track, track
@@ -77,6 +77,7 @@ def bench(
         noise, reference_panel, correction = _from_reference(coarse, layout)
         fine = panel(reference_panel.evidence, layout, whole)
         mistaken = mistaken_gains(fine, layout, _errors(whole))
+        noise = as_idle(noise, [t.error() for t in [*train, *held] if t.run.idle])
     else:
         correction, reference_panel = prior(layout.coarser(), frozen), None
         noise = _from_training(train_raw, layout, correction)

@@ -23,9 +23,13 @@ MARGIN = 10.0
 TIE = 37.0
 """Squared whitened distance below which two effects, each at its best, cannot be told apart: errors of 1 in 1000."""
 HELD_OUT_Z = 3.3
+KNOWN_SHARE, KNOWN_Z = 0.4, 3.0
+"""Share of an effect, and how surely, that makes reference records show it too."""
 ONE_LOOP = 0.5
 """Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
 RIVALS = 5
+PEAKLESS = 0.25
+"""Damping from which a mode is no rival of a lag that explains as much."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +135,18 @@ def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
         distance = 0.0 if effect is best[0] else _distance(bench, before, best[1], result) / inflation
         rivals.append(Rival(effect, result, score, distance))
     rivals.sort(key=lambda rival: -rival.score)
+    rivals = [r for r in rivals if not _without_peak(r) or rivals[-1] is r or _beats_all(r, rivals)]
     return Contest(bench, before, tuple(rivals), inflation, one_loop(bench.tracks()))
+
+
+def _without_peak(rival: Rival) -> bool:
+    """Whether it is a mode so strongly damped that it has no peak: then it is a lag, and others are simpler ones."""
+    zeta = rival.fitted.entries[-1][1].get("zeta")
+    return zeta is not None and zeta > PEAKLESS
+
+
+def _beats_all(rival: Rival, rivals: Sequence[Rival]) -> bool:
+    return all(rival.score >= other.score + MARGIN for other in rivals if other is not rival)
 
 
 def one_loop(tracks: Sequence[Track]) -> bool:
@@ -214,27 +229,48 @@ def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], leas
 
     ``least``: inflation of its variance at least.
     """
-    fresh = []
-    for track in bench.holdout.evidence.tracks:
-        was = track.answer(before)
-        fresh.append(np.stack([track.answer(after) - was, track.run.x_um[track.run.rows] - was], axis=1))
-    moments = bench.holdout.with_columns(fresh)
-    target = moments.shape[-1] - 1
-    total = bench.correction.conditioned(moments.sum(axis=0), target)
-    power = float(total[target - 1, target - 1])
-    if not power > 1e-9:
+    slope, power, inflation = _regression(bench.holdout, bench.correction, before, after)
+    if not power > 0:
         return HeldOut(0.0, 0.0, 0.0, 0.0, 0.0)
-    slope = float(total[target - 1, target]) / power
-    left = residual_amounts(moments, bench.correction)
-    explained = np.zeros(len(left))
-    explained[target - 1] = 1.0
-    projector = projection(moments.sum(axis=0), bench.correction)
-    left = left - slope * (projector @ explained)
-    rows = bench.holdout.evidence.rows
-    squares_left = float(total[target, target]) - slope**2 * power
-    inflation = max(least, squares_left / rows, float(block_inflation(moments, projector, left)[target - 1]))
-    whole = float(np.sqrt(power / inflation))
+    whole = float(np.sqrt(power / max(least, inflation)))
     return HeldOut(slope, slope * whole, whole, power, _worse(bench, before, after))
 
 
-__all__ = ["Contest", "HeldOut", "Rival", "contest", "held_out", "reweighed"]
+def known_before(bench: Bench, before: Sequence[Entry], after: Sequence[Entry]) -> bool:
+    """Whether the reference records, which are without it, seem to show the new effect too: then it is the base's
+    fault. Only what the base could absorb is projected out, since the correction has learned from these very records.
+    """
+    panel = bench.reference
+    if panel is None:
+        return False
+    index = panel.layout.base
+    base = Correction(index, np.zeros(len(index)), np.eye(len(index)))
+    slope, power, inflation = _regression(panel, base, before, after)
+    return slope > KNOWN_SHARE and slope * float(np.sqrt(power / inflation)) > KNOWN_Z
+
+
+def _regression(
+    panel: Panel, correction: Correction, before: Sequence[Entry], after: Sequence[Entry]
+) -> tuple[float, float, float]:
+    """Share of what the new effect says that a panel's residual shows, the squares of all of it, and the inflation."""
+    fresh = []
+    for track in panel.evidence.tracks:
+        was = track.answer(before)
+        fresh.append(np.stack([track.answer(after) - was, track.run.x_um[track.run.rows] - was], axis=1))
+    moments = panel.with_columns(fresh)
+    target = moments.shape[-1] - 1
+    total = correction.conditioned(moments.sum(axis=0), target)
+    power = float(total[target - 1, target - 1])
+    if not power > 1e-9:
+        return 0.0, 0.0, 1.0
+    slope = float(total[target - 1, target]) / power
+    explained = np.zeros(len(total))
+    explained[target - 1] = 1.0
+    projector = projection(moments.sum(axis=0), correction)
+    left = residual_amounts(moments, correction) - slope * (projector @ explained)
+    squares_left = float(total[target, target]) - slope**2 * power
+    scatter = float(block_inflation(moments, projector, left)[target - 1])
+    return slope, power, max(1.0, squares_left / panel.evidence.rows, scatter)
+
+
+__all__ = ["Contest", "HeldOut", "Rival", "contest", "held_out", "known_before", "reweighed"]

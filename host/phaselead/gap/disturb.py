@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 from scipy.stats import chi2, norm
+from scipy.stats import f as f_distribution
 
 from phaselead.gap.records import Run
 from phaselead.gap.result import Value
@@ -24,7 +25,13 @@ SURE, AGAIN = 1e-6, 1e-3
 MORE = 1.5
 """Times the reference's amplitude (or step) from which something is new."""
 BESIDE_Hz = 6.0
-SEGMENT = 2048
+SEGMENT = 1024
+WIDTHS = (1, 3, 7, 15)
+"""Lines of a spectrum over which something new may spread."""
+LATEST = 0.05
+"""Of the sampling step: a clock that is off by more is no clock, and what grows with speed is a fault of the model."""
+LEAK = 1.5
+"""Lines over which a Hann window spreads one: neighbours are not independent."""
 SLOW_LINES = 4
 """Of a spectrum: what moves as slowly as the records are long is drift or creep, not vibration."""
 
@@ -168,42 +175,61 @@ def _hum_params(train: Sequence[Left], f_Hz: float) -> dict[str, Value]:
 
 def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
     """A peak of the idle spectrum that stands out of the reference's, or out of its own surroundings."""
-    f, seen, averages = _density(train)
-    _, again, averages_again = _density(holdout)
+    shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
+    length = min(SEGMENT, shortest // 4)
+    f, seen, averages = _density(train, length)
+    _, again, averages_again = _density(holdout, length)
     if reference:
-        _, before, averages_before = _density(reference)
+        _, before, averages_before = _density(reference, length)
     else:
         before, averages_before = median_filter(seen, size=41, mode="nearest") / 0.97, 1e9
-    mains = np.array([_is_mains(float(v)) for v in f])
-    ratio = np.where(mains, 0.0, seen / before)
-    ratio[:SLOW_LINES] = 0.0
-    top = int(np.argmax(ratio))
-    z = (np.log(ratio[top]) if ratio[top] > 0 else 0.0) / np.sqrt(1 / averages + 1 / averages_before)
-    z_again = np.log(max(again[top] / before[top], 1e-9)) / np.sqrt(1 / averages_again + 1 / averages_before)
-    if norm.sf(z) * len(f) > SURE or norm.sf(z_again) > AGAIN or ratio[top] < MORE**2:
+    live = np.array([not _is_mains(float(v)) for v in f])
+    live[:SLOW_LINES] = False
+    band = _new_band(seen * live, before * live, averages, averages_before)
+    if band is None:
         return None
-    excess = np.maximum(seen - before, 0.0)
-    near = excess > excess[top] / 2
-    low, high = top, top
-    while low > 1 and near[low - 1]:
-        low -= 1
-    while high < len(f) - 1 and near[high + 1]:
-        high += 1
-    step = float(f[1] - f[0])
-    width, rms = (high - low + 1) * step, float(np.sqrt(excess[max(low - 3, 1) : high + 4].sum() * step))
+    low, high, p = band
+    inside = slice(low, high)
+    times, times_again = (float(d[inside].sum() / before[inside].sum()) for d in (seen, again))
+    lines = (high - low) / LEAK + 1
+    p_again = f_distribution.sf(times_again, 2 * averages_again * lines, 2 * averages_before * lines)
+    if p > SURE or p_again > AGAIN or min(times, times_again) < MORE:
+        return None
+    return _vibration_found(f, seen - before, low, high, averages)
+
+
+def _new_band(seen: Samples, before: Samples, averages: float, averages_before: float) -> tuple[int, int, float] | None:
+    """First and last line (excluded) of the band that stands out most, and its p over all bands looked at."""
+    best: tuple[int, int, float] | None = None
+    for width in WIDTHS:
+        box = np.ones(width)
+        new, old = np.convolve(seen, box, "valid"), np.convolve(before, box, "valid")
+        ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
+        top, lines = int(np.argmax(ratio)), (width - 1) / LEAK + 1
+        p = float(f_distribution.sf(ratio[top], 2 * averages * lines, 2 * averages_before * lines))
+        p *= len(ratio) * len(WIDTHS)
+        if best is None or p < best[2]:
+            best = (top, top + width, p)
+    return best
+
+
+def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages: float) -> Found:
+    step, excess = float(f[1] - f[0]), np.maximum(excess, 0.0)
+    top = low + int(np.argmax(excess[low:high]))
+    width = (high - low) * step
+    rms = float(np.sqrt(excess[max(low - 2, 1) : high + 2].sum() * step))
     error = 2 / np.sqrt(averages)
     params: dict[str, Value] = {
         "rms_um": (rms, "um", (rms * max(1 - error, 0.0), rms * (1 + error))),
-        "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high]) + step)),
+        "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
         "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),
     }
     return Found("vibration", params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in idle records")
 
 
-def _density(part: Sequence[Left]) -> tuple[Samples, Samples, float]:
+def _density(part: Sequence[Left], length: int) -> tuple[Samples, Samples, float]:
     """Frequencies, mean one-sided density and how many independent periodograms are in it."""
-    length = min(SEGMENT, *(len(left.error_um) // 2 for left in part))
-    spectra = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in part]
+    spectra = [welch(left.error_um, left.rate_Hz, nperseg=length, detrend="linear") for left in part]
     averages = sum(1.6 * len(left.error_um) / length for left in part)
     return spectra[0][0], np.mean([s for _, s in spectra], axis=0), float(averages)
 
@@ -247,6 +273,8 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
         return None
     slope -= max(before, 0.0)
     rms = float(np.sqrt(slope))
+    if rms > LATEST * train[0].run.step_s:
+        return None
     half = min(1.96 / max(z, 1e-9), 1.0)
     params: dict[str, Value] = {"rms_s": (rms, "s", (rms * np.sqrt(1 - half), rms * np.sqrt(1 + half)))}
     speed = float(np.mean([np.mean(np.gradient(left.run.x_um, left.run.step_s) ** 2) for left in train]))

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from phaselead.effects import Effect
 from phaselead.gap.base import with_operator
 from phaselead.gap.bench import Bench, bench, beside, slim_beside
-from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out
+from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out, known_before
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted, refit
 from phaselead.gap.result import Candidate
@@ -29,7 +29,7 @@ LACKING = 0.05
 """Of what an effect gains on training records: held-out records whose drive would show less of it lack that drive."""
 HARM = 0.01
 """An effect may raise the held-out mean square by this share and no more: a disturbance that is not there does."""
-NEAR_SHARE, FAR_SHARE = 0.01, 0.001
+NEAR_SHARE, FAR_SHARE = 0.02, 0.002
 """Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
 that is right by and large leaves is explained best by those it is confused with, and is no evidence for them."""
 RISK = 0.0125
@@ -144,11 +144,11 @@ def _alike(named: Named, effect: Effect) -> bool:
 
 def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = ()) -> bool:
     needed = cost(named, found.best.effect)
-    if held.worse > HARM:
+    if held.worse > HARM or known_before(found.bench, found.before.entries, found.best.fitted.entries):
         return False
     if not held.testable:
         lacking = held.drive < LACKING * found.best.score
-        return lacking and found.best.score >= UNTESTED * needed and not held.contradicted
+        return lacking and found.best.score >= needed + (UNTESTED - 1) * MARGIN and not held.contradicted
     p = float(norm.sf(held.z))
     sure = held.z >= HELD_OUT_Z and p * family <= RISK
     return found.best.score >= needed and sure and SLOPE[0] <= held.slope <= SLOPE[1]
@@ -211,6 +211,8 @@ def _why_not(found: Contest, held: HeldOut, named: Sequence[Named]) -> str:
         return f"gains {found.best.score:.1f}, less than the {needed:.3g} a name costs"
     if held.worse > HARM:
         return f"gains {found.best.score:.0f}, but makes the held-out gap larger"
+    if known_before(found.bench, found.before.entries, found.best.fitted.entries):
+        return f"gains {found.best.score:.0f}, but the reference records show it too"
     if not held.testable:
         return f"gains {found.best.score:.0f}, but the held-out records cannot show it"
     return f"does not hold on held-out records (z = {held.z:.1f}, {100 * held.slope:.0f} % of it found there)"

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky_banded, solve
 from scipy.optimize import minimize
+from scipy.signal import detrend
 
 from phaselead.gap.native import whitened
 from phaselead.record.recording import Samples
@@ -28,6 +29,8 @@ ORDER, SENSOR_ORDER = 16, 4
 JUMP = 30.0
 """A jump is a row in which the misfit may change by this many deviations of the sensor's innovations; the short
 filter for the sensor's noise then says nothing for its length."""
+NOISIER = 1.1
+"""Power of whitened records at rest from which their noise is not the one that was expected."""
 RARE = 0.02
 """Of the rows: what happens more often is no jump."""
 WHITE_BLOCKS = 24
@@ -149,6 +152,20 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
         return noise
     rest, scale = autoregression(white)
     return replace(noise, rest=rest / scale)
+
+
+def as_idle(noise: Noise, idle: Sequence[Samples]) -> Noise:
+    """The noise with the sensor's part of these residuals at rest (n_i,), where they hold more than it expects: hum and
+    vibration that came up since it was learned would else look like whatever rings in motion."""
+    quiet = [np.asarray(detrend(e)) for e in idle]
+    if not quiet:
+        return noise
+    taps = noise.sensor / noise.sigma_um
+    white = np.concatenate([np.convolve(e, taps, "valid") for e in quiet])
+    if float(np.mean(white**2)) < NOISIER:
+        return noise
+    sensor, sigma = autoregression(quiet)
+    return replace(noise, sensor=sensor, sigma_um=sigma)
 
 
 def _roughness(series: Sequence[Samples]) -> float:

@@ -19,11 +19,11 @@ from phaselead.record.recording import Samples
 
 Entry = tuple[Effect, Mapping[str, float]]
 
-STEPS = 8
+STEPS = 12
 HIGHEST = 0.45
 """Of the sampling rate: no mode is looked for above it."""
 DIFFERENCE = 0.01
-ENOUGH = 0.3
+ENOUGH = 0.05
 """A step that gains less than this in whitened squares ends the fit."""
 
 
@@ -53,7 +53,7 @@ def refit(panel: Panel, correction: Correction, start: Sequence[Entry], steps: i
     for _ in range(steps):
         gained = 0.0
         normal, right = _normal(best, correction)
-        for _ in range(4):
+        for _ in range(5):
             step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
             tried = _moved(best, step)
             left = squares(panel, correction, tried)
@@ -61,7 +61,7 @@ def refit(panel: Panel, correction: Correction, start: Sequence[Entry], steps: i
                 gained = best.squares - left
                 damping = max(damping / 5, 1e-8)
                 break
-            damping = max(damping, 1e-3) * 10
+            damping = max(damping, 1e-4) * 8
         if gained <= 0:
             break
         best = _evaluate(panel, correction, tried)

@@ -24,8 +24,9 @@ SIZES = (0.3, 1.0, 3.0)
 """Multiples of a linear estimate from which a refit may start: some effects are linear in their size only near 0."""
 POWERLESS = 1e-6
 """Whitened squares of an atom at its typical size below which the records cannot show it at all."""
-MARGIN_GAIN, SCATTERED = 10.0, 0.4
-"""Least gain worth a refit; and of the penalty, least gain over the scatter of the residual along an effect."""
+MARGIN_GAIN, SCATTERED, SCATTERED_BESIDE = 10.0, 0.1, 0.4
+"""Least gain worth a refit; and of the penalty, least gain over the scatter of the residual along an effect; more of it
+beside reference records, which say what the base leaves."""
 MOST_TRIED = 7
 ROUGH_STEPS = 2
 
@@ -174,11 +175,12 @@ def _promising(bench: Bench, scanned: Sequence[list[Scanned]]) -> list[list[Scan
     How the residual scatters along an effect counts only against those that gain little: while something large is
     missing, it is what scatters.
     """
+    scattered = SCATTERED if bench.reference is None else SCATTERED_BESIDE
     worth = [
         shapes
         for shapes in scanned
         if max(s.gain for s in shapes) > max(penalty(bench, shapes[0].effect), MARGIN_GAIN)
-        and max(s.gain / s.inflation for s in shapes) > SCATTERED * penalty(bench, shapes[0].effect)
+        and max(s.gain / s.inflation for s in shapes) > scattered * penalty(bench, shapes[0].effect)
     ]
     return sorted(worth, key=lambda shapes: -max(s.gain for s in shapes))[:MOST_TRIED]
 
