@@ -2,8 +2,6 @@
 
 #include "core/fixed.h"
 
-#define BENDS (INVERSE_PLAYS + INVERSE_KNOTS)
-
 void inverse_follow(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24)
 {
     bool dragged = false;
@@ -58,6 +56,7 @@ struct walk { /* upwards, or mirrored: with all voltages of the other sign */
     int64_t slope_q20;
     int64_t left_q44; /* of the way to go, in position */
     unsigned play, knot;
+    bool arrived; /* what is left ends before the next bend */
 };
 
 /* To the next bend if the way goes further than that. Once it does not, later calls do nothing. */
@@ -71,41 +70,55 @@ static void walk_on(struct walk *walk, const struct inverse_config *config, cons
         knot_q24 = sign * (int64_t)config->knot_d_q24[knot];
     bool at_play = play_q24 <= knot_q24;
     int64_t bend_q24 = at_play ? play_q24 : knot_q24;
-    if (bend_q24 >= walk->end_q24)
-        return;
     int64_t length_q24 = bend_q24 > walk->v_q24 ? bend_q24 - walk->v_q24 : 0;
-    int64_t rise_q44 = walk->slope_q20 * length_q24;
-    if (walk->left_q44 < rise_q44)
+    walk->arrived = bend_q24 >= walk->end_q24 || walk->left_q44 < walk->slope_q20 * length_q24;
+    if (walk->arrived)
         return;
-    walk->left_q44 -= rise_q44;
+    walk->left_q44 -= walk->slope_q20 * length_q24;
     walk->v_q24 += length_q24;
-    if (at_play)
+    if (at_play) {
         walk->slope_q20 += config->play_w_q20[walk->play++];
-    else
+    } else {
         walk->slope_q20 += sign * config->knot_s_q20[knot];
-    if (!at_play)
         walk->knot = sign > 0 ? walk->knot + 1 : walk->knot - 1;
+    }
+}
+
+/* From where the memory stands towards x. Plays that are at their bend already go along from the start: they are the
+ * first ones, for a larger threshold never moves without the smaller. */
+static struct walk begin_walk(const struct inverse_config *config, const struct inverse_state *state, int64_t x_q44,
+                              int *sign)
+{
+    struct walk walk = {.play = 0};
+    int64_t here_q44 = curve_q44(config, state->v_q24, &walk.knot, &walk.slope_q20) + plays_q44(config, state);
+    *sign = x_q44 < here_q44 ? -1 : 1;
+    walk.v_q24 = *sign * (int64_t)state->v_q24;
+    walk.end_q24 = *sign > 0 ? config->u_max_q24 : -(int64_t)config->u_min_q24;
+    walk.left_q44 = *sign > 0 ? x_q44 - here_q44 : here_q44 - x_q44;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
+        if (*sign * (int64_t)state->play_q24[i] + config->play_r_q24[i] <= walk.v_q24) {
+            walk.slope_q20 += config->play_w_q20[i];
+            walk.play++;
+        }
+    return walk;
 }
 
 int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_state *state, int64_t x_q44,
                          bool *saturated)
 {
-    struct walk walk = {.play = 0};
-    int32_t from_q24 = clamp_i32(state->v_q24, config->u_min_q24, config->u_max_q24);
-    inverse_follow(config, state, from_q24); /* nothing, unless the state came from elsewhere */
-    int64_t here_q44 = curve_q44(config, from_q24, &walk.knot, &walk.slope_q20) + plays_q44(config, state);
-    int sign = x_q44 < here_q44 ? -1 : 1;
-    walk.v_q24 = sign * (int64_t)from_q24;
-    walk.end_q24 = sign > 0 ? config->u_max_q24 : -(int64_t)config->u_min_q24;
-    walk.left_q44 = sign > 0 ? x_q44 - here_q44 : here_q44 - x_q44;
-    for (unsigned i = 0; i < BENDS; i++)
+    int sign;
+    inverse_follow(config, state, clamp_i32(state->v_q24, config->u_min_q24, config->u_max_q24));
+    struct walk walk = begin_walk(config, state, x_q44, &sign);
+    for (unsigned i = 0; i < INVERSE_BENDS_A_TICK; i++)
         walk_on(&walk, config, state, sign);
-    uint64_t half_q44 = (uint64_t)walk.slope_q20 / 2;
-    int64_t v_q24 = walk.v_q24 + ratio_u32((uint64_t)walk.left_q44 + half_q44, (uint64_t)walk.slope_q20);
-    if (v_q24 > walk.end_q24) {
-        v_q24 = walk.end_q24;
-        *saturated = true;
+    int64_t v_q24 = walk.v_q24;
+    if (walk.arrived) {
+        uint64_t half_q44 = (uint64_t)walk.slope_q20 / 2;
+        v_q24 += ratio_u32((uint64_t)walk.left_q44 + half_q44, (uint64_t)walk.slope_q20);
     }
+    if (v_q24 > walk.end_q24 || !walk.arrived)
+        *saturated = true;
+    v_q24 = v_q24 > walk.end_q24 ? walk.end_q24 : v_q24;
     inverse_follow(config, state, (int32_t)(sign * v_q24));
     return state->v_q24;
 }

@@ -3,8 +3,9 @@
  *     x = offset + gain v + sum w_i play_ri[v] + sum s_j max(v - d_j, 0)      (Kuhnen 2003, eqs. 5, 8, 30)
  *
  * is a given position. From where the plays stand, x is a rising line with bends at p_i + r_i and d_j (going up): the
- * inverse walks along it from the present voltage, bend by bend, as many steps as there are bends. That is exact:
- * Krejci and Kuhnen's closed form needs plays and dead zones in series, these are in parallel.
+ * inverse walks along it from the present voltage, bend by bend. That is exact: Krejci and Kuhnen's closed form needs
+ * plays and dead zones in series, these are in parallel. A tick has time for so many bends; a jump over more of them
+ * (which the slew limit would spread anyway) is finished in the ticks that follow.
  *
  * x is an exact integer (q44); the voltage is the nearest q24, so that x is met to half an LSB of it times the slope.
  */
@@ -16,6 +17,7 @@
 
 #define INVERSE_PLAYS 32
 #define INVERSE_KNOTS 24
+#define INVERSE_BENDS_A_TICK 12
 
 struct inverse_config {
     int32_t u_min_q24, u_max_q24; /* the inverse exists, and stays, within these */
@@ -54,7 +56,8 @@ void inverse_follow(const struct inverse_config *config, struct inverse_state *s
 /* Where the stage stands by its memory. */
 int64_t inverse_position_q44(const struct inverse_config *config, const struct inverse_state *state);
 
-/* Goes to the voltage at which the position is x, or to the limit before it; returns it. |x| < 2^15 um. */
+/* Goes to the voltage at which the position is x, or to the limit or the last bend of this tick before it, and then
+ * sets *saturated; returns it. |x| < 2^15 um. */
 int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_state *state, int64_t x_q44,
                          bool *saturated);
 
