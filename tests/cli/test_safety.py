@@ -134,3 +134,11 @@ def test_assumed_figures_are_said_but_not_for_the_built_in_stage(tmp_path):
         assert assumed_limits(device) is None
     with Device.open("sim://xyz250") as device:
         assert assumed_limits(device) is None
+
+
+def test_a_place_for_the_records_is_sought_before_anything_moves(run, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    outcome = run("identify", "--save", tmp_path / "file", "-o", tmp_path / "out.toml")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "give another with --save" in outcome.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]

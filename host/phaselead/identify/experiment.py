@@ -4,6 +4,7 @@ does."""
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -69,13 +70,13 @@ def identify_device(
         BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
     """
     chosen = list(plan) if plan is not None else plan_grid(axes)
+    folder = _folder(save_to)
     if stage is not None:
         refuse_beyond_limits(chosen, stage)
         upload_if_other(device, device_model(stage))
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
     refuse_beyond_limits(chosen, parent)
     refuse_away_from_zero(device)
-    folder = _folder(save_to)
     total_s, done_s = plan_seconds(chosen) / (1 - FIT_SHARE), 0.0
     used: list[Recording] = []
     kept: list[Recording] = []
@@ -144,7 +145,12 @@ def _folder(save_to: str | None) -> Path | None:
     if save_to is None:
         return None
     folder = Path(save_to)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{save_to}: no folder can be made there ({error.strerror}); give another with --save") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise BadInput(f"{save_to}: the folder cannot be written to; give another with --save")
     return folder
 
 

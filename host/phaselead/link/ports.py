@@ -14,6 +14,8 @@ from phaselead.errors import LinkError, PhaseleadError
 
 BAUD = 2_000_000
 READ_TIMEOUT_S = 0.05
+WRITE_TIMEOUT_S = 2.0
+"""A line that takes nothing for so long has nobody at its other end (a pseudo-terminal whose reader has gone)."""
 
 
 class Port(Protocol):
@@ -53,7 +55,9 @@ def open_port(url: str, *, baud: int = BAUD, timeout_s: float = READ_TIMEOUT_S) 
     if "phaselead.sim" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("phaselead.sim")
     try:
-        port = serial.serial_for_url(url, do_not_open=True, baudrate=baud, timeout=timeout_s)
+        port = serial.serial_for_url(
+            url, do_not_open=True, baudrate=baud, timeout=timeout_s, write_timeout=WRITE_TIMEOUT_S
+        )
         if "://" not in url:
             port.exclusive = True
             port.dtr = False

@@ -1,0 +1,113 @@
+"""The page of the gap workflow and its words on the terminal, from results made by hand."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from phaselead.cli.gap_run import show
+from phaselead.gap.result import Bound, Candidate, Cell, Gap, GapResult, NamedEffect, NextExperiment, Trace
+from phaselead.report.gap import gap_page, remains, standing_out
+from phaselead.stage.file import AxisModel, Stage, TimeView
+
+STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
+
+
+def result() -> GapResult:
+    """A resonance named, a tie, and everything else that a page can show."""
+    t = np.arange(3000) / 1000
+    x = 10 * np.sin(2 * np.pi * 2 * t)
+    rng = np.random.default_rng(0)
+    before, after = x + 0.3 * np.sin(2 * np.pi * 80 * t), x + 0.01 * rng.normal(size=len(t))
+    return GapResult(
+        stage=STAGE,
+        verdicts=("named", "tie"),
+        effects=(
+            NamedEffect("resonance", None, {"f_Hz": (200.0, "Hz", (199.0, 201.0))}, 0.9, "beats no effect by 50"),
+        ),
+        ties=(("delay", "amplifier_lowpass"),),
+        excluded=(Bound("creep", 0.002, "per decade"), Bound("softening", 0.1, "1", "y")),
+        untestable=("vibration",),
+        where=(
+            Cell("frequency", "64..128 Hz", 0.8, "80 % of the unexplained power lies between 64 and 128 Hz", 0.002),
+            Cell("direction", "rising", 0.5, "50 % is left while the voltage rises", 0.6),
+            Cell("frequency", "0..32 Hz", 0.1, "10 % lies between 0 and 32 Hz", 0.002),
+        ),
+        gap=Gap(0.3, 0.02, 0.015, "um", "what the model leaves of the reference records"),
+        next_experiment=NextExperiment("multisine", 2.0, (5.0, 500.0), 3.0, None, 2.0, 120.0),
+        holdout_sha256=("ab" * 32,),
+        candidates=(
+            Candidate(1, "resonance", 50.0, 8.0, 0.1, "named"),
+            Candidate(1, "delay", 9.0, np.nan, 0.2, "behind"),
+        ),
+        traces=(Trace("rec.csv", "x", t, x / 10, x, before, after),),
+        untestable_why={"vibration": "needs idle records"},
+        seconds=1.5,
+    )
+
+
+def text(page: str) -> str:
+    """What a reader sees."""
+    return " ".join(re.sub(r"<[^>]*>", " ", re.sub(r"<(style|svg).*?</\1>", " ", page, flags=re.DOTALL)).split())
+
+
+def test_the_page_says_what_where_and_what_remains():
+    page = gap_page(result(), STAGE, "model.toml")
+    said = text(page)
+    for words in (
+        "The model lacks: resonance.",
+        "These records cannot tell apart: delay or amplifier low-pass.",
+        "80 % of the unexplained power lies between 64 and 128 Hz.",
+        "It stands for 90 % of the unexplained power and beats no effect by 50.",
+        "delay or amplifier low-pass: a tie",
+        "is left on records that nothing was fitted to",
+        "creep 0.002 0.015 per decade",
+        "softening (y) 0.1 0.15",
+        "vibration : needs idle records",
+        "A multisine of 2 V peak-to-peak about 3 V",
+    ):
+        assert words in said
+    assert page.count("<svg") == 3
+    assert "<script" not in page
+    assert "http" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
+
+
+def test_a_page_of_nothing():
+    still = replace(
+        result(), verdicts=("none",), effects=(), ties=(), excluded=(), untestable=(), where=(), next_experiment=None,
+        candidates=(), traces=(), gap=Gap(0.01, 0.01, 0.01),
+    )  # fmt: skip
+    said = text(gap_page(still, STAGE, "model.toml"))
+    assert "Model and measurement agree within noise and what the base is known to miss." in said
+    assert "Nothing is left to place." in said
+    assert "No effect of the catalogue is called for." in said
+
+
+def test_only_the_largest_sure_cell_of_a_kind_is_a_bullet():
+    assert [c.cell for c in standing_out(result().where)] == ["64..128 Hz"]
+
+
+@pytest.mark.parametrize(("after", "words"), [(0.3, "100.0 %"), (0.015, "0.0 %"), (0.01, "0.0 %")])
+def test_what_remains_is_counted_above_the_floor(after, words):
+    assert words in remains(replace(result(), gap=Gap(0.3, after, 0.015)))
+
+
+def test_the_terminal_says_the_same():
+    console = Console(record=True, width=200, file=io.StringIO())
+    show(console, result(), ["next.toml"])
+    said = console.export_text()
+    for words in (
+        "verdict: named, tie",
+        "these records cannot tell apart: delay, amplifier_lowpass",
+        "80 % of the unexplained power lies between 64 and 128 Hz",
+        "held-out gap 0.3 -> 0.02 um rms; floor 0.015",
+        "creep < 0.002 per decade",
+        "next: multisine, 2 V peak-to-peak about 3 V",
+        "wrote next.toml",
+    ):
+        assert words in said
