@@ -11,7 +11,7 @@ from rich.table import Table
 
 from phaselead.cli.common import json_text, progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
-from phaselead.gap.result import GapResult, lines
+from phaselead.gap.result import GapResult, brief
 from phaselead.gap.run import run_gap
 from phaselead.gap.told import headline
 from phaselead.gap.verify_on import Verification, reachable
@@ -79,8 +79,8 @@ def show(console: Console, result: GapResult, written: list[str], verification: 
         on = f" ({effect.axis})" if effect.axis else ""
         console.print(f"{effect.name}{on}: {100 * effect.share:.0f} % of the unexplained power; {effect.why}")
         table = Table("parameter", "value", "95 % interval", "unit")
-        for name, value, low, high, unit in lines(effect.params):
-            table.add_row(name, f"{value:.4g}", f"{low:.4g} .. {high:.4g}", unit)
+        for row in brief(effect.params):
+            table.add_row(*row)
         console.print(table)
     for tie in result.ties:
         console.print(f"these records cannot tell apart: {', '.join(tie)}")

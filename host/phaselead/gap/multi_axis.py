@@ -28,6 +28,9 @@ Report = Callable[[float], None]
 NEEDED = ("resonance", "cross_coupling")
 BARELY = 0.1
 """A stage that leaves less than this share of the power of records needs no common modes."""
+KNOWN = 0.5
+"""What the stage misses of reference records, as a share of what it misses of the held-out ones, from which on it is
+the same that it misses: nothing new to name."""
 LOWEST_LINES = 8
 """Of the frequency response, that stand for its static value."""
 
@@ -36,6 +39,7 @@ def search_together(
     stage: Stage,
     runs: Mapping[str, Sequence[Run]],
     holdout: Sequence[Recording],
+    reference: Sequence[Recording],
     effects: Sequence[Effect],
     seed: int,
     report: Report,
@@ -49,6 +53,8 @@ def search_together(
         return None
     before = judge(stage, holdout, list(runs))
     if not has_common_modes(stage) and before.share_left < BARELY:
+        return None
+    if reference and judge(stage, reference, list(runs)).share_left > KNOWN * before.share_left:
         return None
     models = _with_static_gains(stage, [s for s in together if s.role == "train"])
     if models is None:

@@ -161,6 +161,22 @@ class GapResult:
         }
 
 
+SHOWN = 6
+"""Values of a list that a line of text has room for."""
+
+
+def brief(params: Mapping[str, Value | Values]) -> list[tuple[str, str, str, str]]:
+    """Name, value, interval and unit as text, a list in one line."""
+    found = []
+    for name, (value, unit, interval) in params.items():
+        if isinstance(value, tuple):
+            shown = ", ".join(f"{v:.4g}" for v in value[:SHOWN])
+            found.append((f"{name} ({len(value)})", shown + (", ..." if len(value) > SHOWN else ""), "", unit))
+        else:
+            found.append((name, f"{value:.4g}", f"{interval[0]:.4g} .. {interval[1]:.4g}", unit))
+    return found
+
+
 def lines(params: Mapping[str, Value | Values]) -> list[tuple[str, float, float, float, str]]:
     """Name, value, low, high and unit of every number; those of a list are numbered from 1."""
     found = []

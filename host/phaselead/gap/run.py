@@ -41,7 +41,7 @@ def run_gap(
     runs = axis_runs(stage, train, holdout, reference)
     held = frozen if frozen is not None else bool(reference)
     effects = list(catalogue(without).values())
-    results = search_together(stage, runs, holdout, effects, seed, report)
+    results = search_together(stage, runs, holdout, reference, effects, seed, report)
     if results is None:
         results = _each_axis(stage, runs, effects, held, seed, report)
     report(1.0)
