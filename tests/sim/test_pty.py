@@ -11,6 +11,7 @@ import pytest
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.link.device import Device
 from phaselead.link.ports import open_port
+from phaselead.sim.device import Firmware
 from phaselead.sim.plant import built_in
 from phaselead.sim.pty import serve
 from phaselead.stage.device_model import device_model
@@ -62,7 +63,9 @@ def test_ctrl_c_ends_it_cleanly_and_keeps_the_flash(tmp_path):
             device.persist()
         process.send_signal(signal.SIGINT)
         assert process.wait(120) == 0
-    assert state.stat().st_size == 2048
+    with Firmware() as erased:
+        assert state.stat().st_size == len(erased.flash()[0])
+        assert state.read_bytes() != erased.flash()[0]
 
 
 def test_a_file_in_the_way_of_the_link_is_left_alone(tmp_path):
