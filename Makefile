@@ -13,7 +13,7 @@ PIO_STAMP := $(PIO_CORE)/.prepared
 BOARD_EXTRA = $$($(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))\
 ['project']['optional-dependencies']['board'])")
 
-.PHONY: demo test bench lint generate setup toolchain firmware clean
+.PHONY: demo test bench lint generate setup toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -51,6 +51,9 @@ toolchain: $(PIO_STAMP)
 
 firmware: $(PIO_STAMP)
 	@PLATFORMIO_CORE_DIR=$(PIO_CORE) $(BIN)/pio run -s
+
+budget: firmware
+	@$(BIN)/python benchmarks/budget.py
 
 $(PIO_STAMP): $(STAMP) $(wildcard firmware/port/stm32f4/offline/*.py firmware/port/stm32f4/offline/platform/*/*)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q $(BOARD_EXTRA)

@@ -30,6 +30,8 @@ COMMANDS = {
     "replay": "phaselead.cli.log:replay",
     "gap": "phaselead.cli.gap:gap",
     "sim": "phaselead.cli.sim:sim",
+    "flash": "phaselead.cli.board:flash",
+    "selftest": "phaselead.cli.board:selftest",
 }
 
 

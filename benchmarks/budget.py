@@ -1,0 +1,192 @@
+"""What the firmware needs of a board: instructions a tick, stack, RAM, flash. Run with `make budget`.
+
+Instructions are counted one by one in the emulated board, over the worst of a run; they are instructions, not cycles.
+The words on the converters' buses take no time there: that time is added from their clock. Exit status 1 above a
+ceiling that was once kept, or more than 10 % above the last figures in docs/emulation.md.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from zlib import crc32
+
+from phaselead.control.gains import PAPER_GAINS
+from phaselead.link import wire
+from phaselead.link.framing import FrameReader, encode_frame
+from phaselead.sim.emulated import EmulatedDevice, find_firmware
+from phaselead.sim.plant import built_in, plant_parameters
+from phaselead.sim.stack_use import worst_stack
+from phaselead.stage.device_model import device_model
+from phaselead.stage.table import TableView
+
+ROOT = Path(__file__).parents[1]
+BOARD = "nucleo_f446re"
+PAGE = ROOT / "docs" / "emulation.md"
+SESSION = 1
+UM, V = 1 << 16, 1 << 24
+XU_LI_TABLE_I = TableView(
+    swing_V=(0.5, 10),
+    f_Hz=(1, 20),
+    a_um_per_V=(15.2536, 1.9619, -0.1013),
+    b_deg=(1.9238, 0.7477, 0.0456, 0.0047, -0.0466, 0.0003),
+    c_um=(-1.7893, 1.1365, 0.3635, -0.0463, -0.0140, -0.0150),
+)
+BUS_us = 48 / 21 + 72 / 21
+"""Three ADC words and three DAC frames at 21 MHz."""
+CEILINGS = {
+    "instructions a tick, one axis, ff+pid, streamed": 700,
+    "instructions a tick, three axes, everything on": 4500,
+    "instructions from the sample to the DAC, three axes": None,
+    "stack, bytes": 2048,
+    "RAM, bytes": 100 * 1024,
+    "flash, bytes": 64 * 1024,
+}
+WARN = 1.10
+
+
+def function(elf: Path, name: str) -> tuple[str, list[str]]:
+    """Address of a function's first instruction, and those of its returns."""
+    text = subprocess.run(["arm-none-eabi-objdump", "-d", elf], capture_output=True, text=True, check=True).stdout
+    match = re.search(rf"^([0-9a-f]+) <{name}>:\n((?:.+\n)+)", text, re.M)
+    if match is None:
+        sys.exit(f"budget: {elf} has no function {name}")
+    lines = match[2].splitlines()
+    returns = [line.split(":")[0].strip() for line in lines if re.search(r"\t(pop\S*|ldmia\S*)\t.*pc|\tbx\tlr", line)]
+    return match[1], returns
+
+
+class Counted:
+    """A board whose ticks are counted, spoken to without a session's patience."""
+
+    def __init__(self, elf: Path) -> None:
+        entry, exits = function(elf, "tick_interrupt")
+        _, marks = function(elf, "tick_drive")
+        count = f"{entry}:{'+'.join(exits)}:{'+'.join(marks)}"
+        self.device = EmulatedDevice(BOARD, plant_parameters(built_in("xyz250")), elf=elf, count=count)
+        self.reader, self.id = FrameReader(), 0
+
+    def ask(self, *commands: wire.Command) -> None:
+        for command in commands:
+            status = self.try_to(command)
+            if status != wire.Status.OK:
+                sys.exit(f"budget: {command.NAME} refused ({status.name})")
+
+    def try_to(self, command: wire.Command) -> wire.Status:
+        self.id += 1
+        self.device.write(encode_frame(wire.HEADER.pack(command.NUMBER, self.id, SESSION) + command.pack()))
+        return wire.Status(self._answer()[wire.HEADER.size])
+
+    def park(self) -> None:
+        """Out of a fault too: an unstable loop may have met a rail."""
+        self.ask(wire.ParkRequest())
+        self.device.run(2500)
+        self.try_to(wire.ClearFaultRequest())
+
+    def _answer(self) -> bytes:
+        for _ in range(2000):
+            self.device.run(1)
+            for body in self.reader.feed(self.device.read(self.device.readable)):
+                if wire.HEADER.unpack(body[: wire.HEADER.size])[1] == self.id and body[0] & wire.REPLY_BIT:
+                    return body
+        sys.exit("budget: the board does not answer")
+
+    def most(self, ticks: int) -> tuple[int, int]:
+        """Instructions of the worst tick so far and in the ticks to come, and those up to its output."""
+        self.device.run(ticks)
+        self.device.read(self.device.readable)
+        _, _, most, most_to_drive = self.device.counts()
+        return most, most_to_drive
+
+
+def model() -> bytes:
+    stage = built_in("xyz250")
+    axes = {name: axis.model_copy(update={"table": XU_LI_TABLE_I}) for name, axis in stage.axes.items()}
+    return device_model(stage.model_copy(update={"axes": axes}))
+
+
+def upload(blob: bytes) -> list[wire.Command]:
+    chunks = [wire.ModelChunkRequest(at, blob[at : at + 512]) for at in range(0, len(blob), 512)]
+    return [wire.ModelBeginRequest(len(blob), crc32(blob)), *chunks, wire.ModelCommitRequest()]
+
+
+def axis(index: int, mode: wire.Mode, swing: int, f_Hz: float) -> list[wire.Command]:
+    gains = PAPER_GAINS
+    kp, ki_ts = round(gains.kp_V_per_um * V), round(gains.ki_V_per_um_s / 5000 * 2**32)
+    kd_over_ts, step = round(gains.kd_V_s_per_um * 5000 * V), round(f_Hz / 5000 * 2**64)
+    return [
+        wire.SetAxisRequest(index, mode, kp, ki_ts, kd_over_ts, 1 << 30),
+        wire.SetPathRequest(index, wire.PathKind.SINE, swing, 0, step, 0),
+    ]
+
+
+def instructions(elf: Path) -> tuple[int, int, int]:
+    """One axis in the paper's configuration; three axes with everything on; those up to the output of the latter."""
+    board = Counted(elf)
+    board.ask(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(model()))
+    board.ask(*axis(0, wire.Mode.FF_PID, 60 * UM, 5), wire.StreamStartRequest(31, 1, 1))
+    board.most(0)
+    board.ask(wire.ArmRequest(0), wire.StartRequest(1))
+    one, _ = board.most(3000)
+    worst = worst_to_drive = 0
+    for mode, swing, f_Hz in (
+        (wire.Mode.FF_PID, 60, 5),
+        (wire.Mode.INVERSE_PID, 100, 5),
+        (wire.Mode.INVERSE_PID, 240, 90),  # slew limit and clamps
+        (wire.Mode.PID, 250, 400),
+    ):
+        board.park()
+        board.ask(*upload(model()))  # its swap at a tick's edge is in the count
+        board.ask(wire.StreamStartRequest(31, 7, 1))
+        for index in range(3):
+            board.ask(*axis(index, mode, swing * UM, f_Hz))
+        board.ask(wire.ArmRequest(0), wire.StartRequest(7))
+        most, to_drive = board.most(4000)
+        worst, worst_to_drive = max(worst, most), max(worst_to_drive, to_drive)
+    board.device.close()
+    return one, worst, worst_to_drive
+
+
+def memory(elf: Path) -> tuple[int, int]:
+    """Bytes of RAM, stack included, and of flash."""
+    text = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True).stdout
+    at = {name: int(address, 16) for address, name in re.findall(r"^([0-9a-f]{8}) \w (\w+)$", text, re.M)}
+    flash = at["data_from"] + at["data_end"] - at["data_start"] - 0x0800_0000
+    return at["zeroed_end"] - 0x2000_0000, flash
+
+
+def committed() -> dict[str, int]:
+    """The figures that the manual states."""
+    rows = re.findall(r"^\| ([^|]+?) \| ([\d,]+) \|", PAGE.read_text("utf-8") if PAGE.exists() else "", re.M)
+    return {name: int(figure.replace(",", "")) for name, figure in rows}
+
+
+def verdict(figure: int, ceiling: int | None, last: int | None) -> str:
+    if ceiling is not None and figure > ceiling and (last is None or last <= ceiling):
+        return "ABOVE ITS CEILING"
+    if last is not None and figure > WARN * last:
+        return "MORE THAN 10 % ABOVE THE LAST"
+    return "not reached" if ceiling is not None and figure > ceiling else "ok"
+
+
+def main() -> int:
+    elf = find_firmware(BOARD)
+    stack, chains = worst_stack(elf.parent)
+    figures = dict(zip(CEILINGS, [*instructions(elf), stack, *memory(elf)], strict=True))
+    last, failed = committed(), False
+    print("| what | worst | ceiling | |\n|---|---|---|---|")
+    for name, figure in figures.items():
+        ceiling = CEILINGS[name]
+        said = verdict(figure, ceiling, last.get(name))
+        failed |= said.isupper()
+        print(f"| {name} | {figure:,} | {'' if ceiling is None else f'{ceiling:,}'} | {said} |")
+    print(f"\nOn the buses, not counted above: {BUS_us:.1f} us a tick up to the output.")
+    for size, chain in chains:
+        print(f"stack {size:5d}: {' -> '.join(chain)}")
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
