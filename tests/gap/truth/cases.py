@@ -185,7 +185,7 @@ def _of_kind(set_name: str, kind: str, sizes: Sequence[float], scale: float) -> 
     found = []
     for i, effects in enumerate(names):
         size = {"none": 0.0, "poor": 0.05, "coupling": SIZES[i % 3]}.get(kind, 1.0)
-        found.append(Case(set_name, kind, effects, size, _rate(effects, i), i))
+        found.append(Case(set_name, kind, effects, size, "slow" if kind == "coupling" else _rate(effects, i), i))
     return found
 
 

@@ -61,6 +61,7 @@ class Rig:
             error_V = float(np.mean(reference_um[rows] - x[rows])) / c.gain_um_per_V
             integral += 0.12 * error_V
             held = integral + 0.05 * error_V
+        stage.motion(np.linspace(u[-1], 0.0, 400))  # parked before the next record, unrecorded
         return self._recording(name, t, {axis: AxisRecord(u, x, reference_um)})
 
     def _coded(self, axis: str, u: Samples) -> Samples:

@@ -62,7 +62,7 @@ def tracked(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     level, quick = (0.45, 0.5) if held_out else (0.75, 0.2)
 
     def path(wave_V: Samples) -> Samples:
-        share = 0.06 + 0.85 * wave_V / c.span_V
+        share = 0.9 * wave_V / c.span_V
         return np.asarray(c.offset_um + share * c.range_um)
 
     made = {
@@ -75,21 +75,22 @@ def tracked(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
 
 
 def three_axes(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
-    """Each axis driven alone, then all at once."""
+    """Each axis driven alone, then all at once, below their modes."""
     rng, unit = rig.rng, UNIT_ROWS / rig.rate_Hz
     found = []
     n = round(1.0 * unit * rig.rate_Hz)
 
-    def wave(axis: str) -> Samples:
+    def wave(axis: str, together: bool) -> Samples:
         c = rig.stages[axis].character
-        if held_out:
-            return waves.multisine(rng, c.span_V, rig.rate_Hz, unit, rng.uniform(0.4, 0.7), 0.5, c.f_Hz, 0.3)
+        if held_out or together:
+            level = rng.uniform(0.4, 0.7)
+            return waves.multisine(rng, c.span_V, rig.rate_Hz, unit, level, 0.5, c.f_Hz, 0.15)
         return waves.triangle(rng, c.span_V, rig.rate_Hz, unit)
 
     still = np.zeros(n)
     for driven in rig.stages:
-        found.append(rig.record(f"{name}-{driven}", {a: wave(a) if a == driven else still for a in rig.stages}))
-    found.append(rig.record(f"{name}-all", {a: wave(a) for a in rig.stages}))
+        found.append(rig.record(f"{name}-{driven}", {a: wave(a, False) if a == driven else still for a in rig.stages}))
+    found.append(rig.record(f"{name}-all", {a: wave(a, True) for a in rig.stages}))
     return found
 
 
