@@ -10,14 +10,16 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
 
+from click.testing import CliRunner
 from shared_structure import F_HZ, Structure
 
+from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.gap.multi_axis import has_common_modes
 from phaselead.gap.run import run_gap
 from phaselead.identify.fit import fit
 from phaselead.identify.predict import predict
-from phaselead.stage.file import Effect, Stage, parse_stage, stage_text
+from phaselead.stage.file import Effect, Stage, parse_stage, save_stage, stage_text
 
 
 def searched(softening: float, levels: tuple[float, ...], start: Stage | None = None):
@@ -97,3 +99,10 @@ def test_lists_that_do_not_belong_together_are_refused(one_level):
     broken = stage.model_copy(update={"axes": {**stage.axes, "x": axis.model_copy(update={"effects": tuple(short)})}})
     with pytest.raises(BadInput, match="modes but"):
         predict(broken, record)
+
+
+def test_the_simulator_says_that_it_has_no_shared_modes(one_level, tmp_path):
+    save_stage(tmp_path / "modes.toml", one_level[3].stage)
+    said = CliRunner().invoke(main, ["status", "--port", f"sim://{tmp_path / 'modes.toml'}"])
+    assert said.exit_code == 2
+    assert "modes that the axes share" in said.stderr

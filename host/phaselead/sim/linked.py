@@ -168,6 +168,9 @@ def mode_terms(terms: Terms) -> tuple[list[float], list[float], list[float]]:
     return c, f_Hz, zeta
 
 
+SHARED = "modes that the axes share, which the simulator does not play; remove it, or give modes of the axis alone"
+
+
 def _creep(to: Building, terms: Terms) -> None:
     k, tau_s = creep_terms(terms)
     to.links.append((CREEPING, _poles(1.0, [-1 / tau for tau in tau_s], k)))
@@ -179,6 +182,8 @@ def _backlash(to: Building, terms: Terms) -> None:
 
 def _resonance(to: Building, terms: Terms) -> None:
     """Each mode as twice the real part of one complex lag: w^2 / (s^2 + 2 zeta w s + w^2)."""
+    if "velocity" in terms:
+        raise BadInput(f"{to.where}: effect 'resonance' has {SHARED}")
     c, f_Hz, zeta = mode_terms(terms)
     poles, weights = [], []
     for share, f, damping in zip(c, f_Hz, zeta, strict=True):
@@ -197,6 +202,8 @@ def _load_change(to: Building, terms: Terms) -> None:
 
 
 def _cross_coupling(to: Building, terms: Terms) -> None:
+    if "f_Hz" in terms:
+        raise BadInput(f"{to.where}: effect 'cross_coupling' has {SHARED}")
     for i, name in enumerate(AXES):
         to.axis.from_um_per_um[i] += terms.one(f"from_{name}")
     to.axis.from_lag_s = terms.one("lag_s", low=0.0)
