@@ -23,6 +23,12 @@ struct biquad_state {
  * = 1 and nothing else. */
 bool biquad_is_usable(const struct biquad_config *config);
 
+/* A section that is not in use passes everything on; it need not be stepped. */
+static inline bool biquad_changes(const struct biquad_config *config)
+{
+    return (config->b1_q26 | config->b2_q26 | config->a1_q26 | config->a2_q26) != 0;
+}
+
 /* As if the input had always been this value. */
 void biquad_prime(struct biquad_state *state, int64_t value_q40);
 

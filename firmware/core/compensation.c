@@ -31,7 +31,8 @@ static int64_t shaped_q40(const struct compensation *compensation, struct compen
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++) {
         if (state->primed == 0)
             biquad_prime(&state->shape[i], x_q40);
-        x_q40 = biquad_step_q40(&compensation->shape[i], &state->shape[i], x_q40, saturated);
+        if (biquad_changes(&compensation->shape[i]))
+            x_q40 = biquad_step_q40(&compensation->shape[i], &state->shape[i], x_q40, saturated);
     }
     return x_q40;
 }
@@ -48,7 +49,9 @@ int32_t compensation_step_q24(const struct compensation *compensation, struct co
     if (state->primed == 0)
         biquad_prime(&state->drive, v_q40);
     state->primed = 1;
-    int64_t u_q40 = biquad_step_q40(&compensation->drive, &state->drive, v_q40, saturated);
+    int64_t u_q40 = v_q40;
+    if (biquad_changes(&compensation->drive))
+        u_q40 = biquad_step_q40(&compensation->drive, &state->drive, v_q40, saturated);
     creep_on(compensation, state);
     return sat_i32(round_shift_i64(u_q40, 16), saturated);
 }

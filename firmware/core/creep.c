@@ -28,15 +28,17 @@ int64_t creep_undo_q40(const struct creep_config *config, const struct creep_sta
 {
     int64_t d_q40 = bounded(x_q40);
     for (unsigned i = 0; i < CREEP_TERMS; i++)
-        d_q40 -= mul_shift_i64_i32(bounded(state->lag_q40[i]), config->k_q30[i], 30);
+        if (config->k_q30[i] != 0)
+            d_q40 -= mul_shift_i64_i32(bounded(state->lag_q40[i]), config->k_q30[i], 30);
     return bounded(d_q40);
 }
 
 void creep_follow(const struct creep_config *config, struct creep_state *state, int64_t d_q40)
 {
     bool beyond = false;
-    for (unsigned i = 0; i < CREEP_TERMS; i++) {
-        int64_t lag_q40 = bounded(state->lag_q40[i]);
-        state->lag_q40[i] = lag_q40 + mul_shift_i64(bounded(d_q40) - lag_q40, config->alpha_q48[i], 48, &beyond);
-    }
+    for (unsigned i = 0; i < CREEP_TERMS; i++)
+        if (config->k_q30[i] != 0) {
+            int64_t lag_q40 = bounded(state->lag_q40[i]);
+            state->lag_q40[i] = lag_q40 + mul_shift_i64(bounded(d_q40) - lag_q40, config->alpha_q48[i], 48, &beyond);
+        }
 }

@@ -7,7 +7,8 @@ void inverse_follow(const struct inverse_config *config, struct inverse_state *s
     bool dragged = false;
     for (unsigned i = 0; i < INVERSE_PLAYS; i++) {
         int64_t r_q24 = config->play_r_q24[i];
-        state->play_q24[i] = (int32_t)sat_between_i64(state->play_q24[i], v_q24 - r_q24, v_q24 + r_q24, &dragged);
+        if (r_q24 != INVERSE_UNUSED)
+            state->play_q24[i] = (int32_t)sat_between_i64(state->play_q24[i], v_q24 - r_q24, v_q24 + r_q24, &dragged);
     }
     state->v_q24 = v_q24;
 }
@@ -40,7 +41,8 @@ static int64_t plays_q44(const struct inverse_config *config, const struct inver
 {
     int64_t x_q44 = 0;
     for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        x_q44 += (int64_t)config->play_w_q20[i] * state->play_q24[i];
+        if (config->play_r_q24[i] != INVERSE_UNUSED)
+            x_q44 += (int64_t)config->play_w_q20[i] * state->play_q24[i];
     return x_q44;
 }
 
@@ -64,7 +66,7 @@ static void walk_on(struct walk *walk, const struct inverse_config *config, cons
 {
     int64_t play_q24 = INT64_MAX, knot_q24 = INT64_MAX;
     unsigned knot = sign > 0 ? walk->knot : walk->knot - 1; /* of the mirrored ones the nearest is the last below */
-    if (walk->play < INVERSE_PLAYS)
+    if (walk->play < INVERSE_PLAYS && config->play_r_q24[walk->play] != INVERSE_UNUSED)
         play_q24 = sign * (int64_t)state->play_q24[walk->play] + config->play_r_q24[walk->play];
     if (knot < INVERSE_KNOTS)
         knot_q24 = sign * (int64_t)config->knot_d_q24[knot];
@@ -96,7 +98,8 @@ static struct walk begin_walk(const struct inverse_config *config, const struct 
     walk.end_q24 = *sign > 0 ? config->u_max_q24 : -(int64_t)config->u_min_q24;
     walk.left_q44 = *sign > 0 ? x_q44 - here_q44 : here_q44 - x_q44;
     for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        if (*sign * (int64_t)state->play_q24[i] + config->play_r_q24[i] <= walk.v_q24) {
+        if (config->play_r_q24[i] != INVERSE_UNUSED &&
+            *sign * (int64_t)state->play_q24[i] + config->play_r_q24[i] <= walk.v_q24) {
             walk.slope_q20 += config->play_w_q20[i];
             walk.play++;
         }
@@ -107,7 +110,7 @@ int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_sta
                          bool *saturated)
 {
     int sign;
-    inverse_follow(config, state, clamp_i32(state->v_q24, config->u_min_q24, config->u_max_q24));
+    state->v_q24 = clamp_i32(state->v_q24, config->u_min_q24, config->u_max_q24);
     struct walk walk = begin_walk(config, state, x_q44, &sign);
     for (unsigned i = 0; i < INVERSE_BENDS_A_TICK; i++)
         walk_on(&walk, config, state, sign);

@@ -18,15 +18,16 @@
 #define INVERSE_PLAYS 32
 #define INVERSE_KNOTS 24
 #define INVERSE_BENDS_A_TICK 12
+#define INVERSE_UNUSED INT32_MAX /* threshold of a place that is not in use: it costs next to nothing in the tick */
 
 struct inverse_config {
     int32_t u_min_q24, u_max_q24; /* the inverse exists, and stays, within these */
     int32_t gain_q20;             /* um/V */
     int32_t offset_q16;
     int32_t rest_fraction_q30;
-    int32_t play_r_q24[INVERSE_PLAYS]; /* never falling; those not in use: INT32_MAX, w = 0 */
+    int32_t play_r_q24[INVERSE_PLAYS]; /* never falling; those not in use: INVERSE_UNUSED */
     int32_t play_w_q20[INVERSE_PLAYS]; /* um/V, not negative */
-    int32_t knot_d_q24[INVERSE_KNOTS]; /* never falling; those not in use: INT32_MAX, s = 0 */
+    int32_t knot_d_q24[INVERSE_KNOTS]; /* never falling; those not in use: INVERSE_UNUSED */
     int32_t knot_s_q20[INVERSE_KNOTS];
 };
 
