@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import welch
+from scipy.signal import periodogram, welch
 from scipy.stats import chi2, norm
 from scipy.stats import f as f_distribution
 
@@ -26,6 +26,8 @@ MORE = 1.5
 """Times the reference's amplitude (or step) from which something is new."""
 BESIDE_Hz = 6.0
 SEGMENT = 1024
+SURE_BAND = 1e-4
+"""Over all bands looked at: training and held-out records at rest together against the reference's."""
 WIDTHS = (1, 3, 7, 15)
 """Lines of a spectrum over which something new may spread."""
 LATEST = 0.05
@@ -178,7 +180,6 @@ def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequenc
     shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
-    _, again, averages_again = _density(holdout, length)
     if reference:
         _, before, averages_before = _density(reference, length)
     else:
@@ -188,29 +189,43 @@ def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequenc
     band = _new_band(seen * live, before * live, averages, averages_before)
     if band is None:
         return None
-    low, high, p = band
-    inside = slice(low, high)
-    times, times_again = (float(d[inside].sum() / before[inside].sum()) for d in (seen, again))
-    lines = (high - low) / LEAK + 1
-    p_again = f_distribution.sf(times_again, 2 * averages_again * lines, 2 * averages_before * lines)
-    if p > SURE or p_again > AGAIN or min(times, times_again) < MORE:
+    low, high, looked = band
+    edges_Hz = float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2)
+    new, again, both, old = (_band_power(part, *edges_Hz) for part in (train, holdout, [*train, *holdout], reference))
+    if not reference:
+        old = float(before[low:high].mean()), np.inf
+    p = float(f_distribution.sf(both[0] / old[0], both[1], min(old[1], 1e6))) * looked
+    if p > SURE_BAND or min(new[0], again[0]) < MORE * old[0]:
         return None
     return _vibration_found(f, seen - before, low, high, averages)
 
 
-def _new_band(seen: Samples, before: Samples, averages: float, averages_before: float) -> tuple[int, int, float] | None:
-    """First and last line (excluded) of the band that stands out most, and its p over all bands looked at."""
-    best: tuple[int, int, float] | None = None
+def _new_band(seen: Samples, before: Samples, averages: float, averages_before: float) -> tuple[int, int, int] | None:
+    """First and last line (excluded) of the band that stands out most, and how many bands were looked at."""
+    best: tuple[int, int] | None = None
+    least, looked = 1.0, 0
     for width in WIDTHS:
         box = np.ones(width)
         new, old = np.convolve(seen, box, "valid"), np.convolve(before, box, "valid")
         ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
         top, lines = int(np.argmax(ratio)), (width - 1) / LEAK + 1
         p = float(f_distribution.sf(ratio[top], 2 * averages * lines, 2 * averages_before * lines))
-        p *= len(ratio) * len(WIDTHS)
-        if best is None or p < best[2]:
-            best = (top, top + width, p)
-    return best
+        looked += len(ratio)
+        if p < least:
+            best, least = (top, top + width), p
+    return None if best is None else (*best, looked)
+
+
+def _band_power(part: Sequence[Left], low_Hz: float, high_Hz: float) -> tuple[float, float]:
+    """Mean density in a band, and its degrees of freedom: twice the number of lines at full resolution that carry it.
+    A mode of the stage that surroundings keep ringing fills few lines however long the list of segments."""
+    density, freedom = [], 0.0
+    for left in part:
+        f, p = periodogram(left.error_um, left.rate_Hz, window="hann", detrend="linear")
+        inside = p[(f >= low_Hz) & (f < high_Hz)]
+        density.append(float(inside.mean()))
+        freedom += 2 * float(inside.sum() ** 2 / max(float((inside**2).sum()), 1e-300))
+    return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
 def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages: float) -> Found:

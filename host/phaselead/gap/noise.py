@@ -29,6 +29,8 @@ ORDER, SENSOR_ORDER = 16, 4
 JUMP = 30.0
 """A jump is a row in which the misfit may change by this many deviations of the sensor's innovations; the short
 filter for the sensor's noise then says nothing for its length."""
+UNSURE = 4.0
+"""Times a wander that a few independent stretches of one record tell."""
 NOISIER = 1.1
 """Power of whitened records at rest from which their noise is not the one that was expected."""
 RARE = 0.02
@@ -58,6 +60,8 @@ class Noise:
     length_V: float
     wander_um2_per_s: float
     rest: Samples
+    idle_um2_per_s: float | None = None
+    """Wander of records in which the voltage never moves; None where no record told."""
 
     @property
     def level_um(self) -> float:
@@ -81,7 +85,9 @@ class Whitener:
         self._noise = noise
         path = np.abs(np.diff(u_V, prepend=u_V[0]))
         self._phi = np.exp(-path / noise.length_V) if noise.misfit_um > 0 else np.zeros(len(u_V))
-        grown = noise.misfit_um**2 * (1 - self._phi**2) + noise.wander_um2_per_s * step_s
+        idle = not path.any() and noise.idle_um2_per_s is not None
+        wander = noise.idle_um2_per_s if idle and noise.idle_um2_per_s is not None else noise.wander_um2_per_s
+        grown = noise.misfit_um**2 * (1 - self._phi**2) + wander * step_s
         # The autoregression for the sensor's noise comes first and changes the scale of slow signals by its sum.
         slow = float(np.sum(noise.sensor)) / noise.sigma_um
         first = START_STD**2 if noise.misfit_um > 0 else 0.0
@@ -145,6 +151,9 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
     spread = float(np.sqrt(np.mean(np.concatenate([e for e, _ in driven]) ** 2)))
     noise = Noise(sensor, sigma, max(spread, sigma), 0.3 * span, 1e-6 * spread**2, np.ones(1))
     noise = _likeliest(noise, driven, idle, step_s)
+    if idle:
+        at_rest = max(_wander(e, step_s) for e in idle)
+        noise = replace(noise, idle_um2_per_s=min(at_rest, noise.wander_um2_per_s))
     white = [noise.whitener(u, step_s).innovations(e)[len(sensor) :] for e, u in driven]
     moved = [np.abs(np.diff(u, prepend=u[0]))[len(sensor) :] > 0 for _, u in driven]
     white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOSTLY]
@@ -152,6 +161,17 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
         return noise
     rest, scale = autoregression(white)
     return replace(noise, rest=rest / scale)
+
+
+def _wander(error: Samples, step_s: float) -> float:
+    """um^2/s by which a residual at rest (n,) may wander, from above: what the squares of its way over a quarter of the
+    record exceed those over a fortieth, and the scatter of such a figure."""
+    e = np.asarray(error, dtype=np.float64)
+    n = len(e)
+    long, short = n // 4, max(n // 40, 1)
+    means = np.convolve(e, np.ones(short) / short, "valid")
+    far, near = (float(np.mean((means[lag:] - means[:-lag]) ** 2)) for lag in (long, short))
+    return (UNSURE * max(far - near, 0.0) + near) / (long * step_s)
 
 
 def as_idle(noise: Noise, idle: Sequence[Samples]) -> Noise:
