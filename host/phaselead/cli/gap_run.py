@@ -120,8 +120,9 @@ def experiment_sentence(result: GapResult) -> str:
     e = result.next_experiment
     assert e is not None
     low, high = e.band
+    band = f"{low:.3g} Hz" if low == high else f"{low:.3g}..{high:.4g} Hz"
     text = (
-        f"next: {e.waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {low:.3g}..{high:.3g} Hz, "
+        f"next: {e.waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
         f"{e.seconds:.3g} s; predicted squared separation {e.separation:.3g}"
     )
     return f"{text}; no voltage tells them apart, it takes {e.needs_sensor}" if e.needs_sensor else text
