@@ -1,0 +1,127 @@
+"""Laws of the metric in which candidates are compared: it whitens, it forgets nuisances, it raises no false alarms."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from phaselead.gap.disturb import Left, vibration
+from phaselead.gap.evidence import evidence
+from phaselead.gap.native import whitened
+from phaselead.gap.noise import Noise, as_idle, fit_noise
+from phaselead.gap.records import Run
+from phaselead.gap.residual import track
+from phaselead.stage.file import AxisModel, TimeView
+
+STEP_s = 1e-3
+
+
+def run_of(u_V: np.ndarray, x_um: np.ndarray, role: str = "train") -> Run:
+    t = np.arange(len(u_V)) * STEP_s
+    digest = hashlib.sha256(x_um.tobytes()).hexdigest()
+    return Run("x", role, t, u_V, x_um, None, 0, len(u_V), "made.csv", digest, {}, {})  # type: ignore[arg-type]
+
+
+def wave(n: int) -> np.ndarray:
+    t = np.arange(n) * STEP_s
+    return 4 + 2 * np.sin(2 * np.pi * 1.3 * t) + 1.5 * np.sin(2 * np.pi * 0.37 * t)
+
+
+def misfit(rng: np.random.Generator, u_V: np.ndarray, std_um: float, length_V: float) -> np.ndarray:
+    """A walk with a restoring force along the path of the voltage."""
+    phi = np.exp(-np.abs(np.diff(u_V, prepend=u_V[0])) / length_V)
+    m = np.zeros(len(u_V))
+    for k in range(1, len(m)):
+        m[k] = phi[k] * m[k - 1] + std_um * np.sqrt(1 - phi[k] ** 2) * rng.normal()
+    return m
+
+
+def test_the_kernel_says_what_its_equations_say():
+    rng = np.random.default_rng(0)
+    n, sensor, rest = 60, np.array([2.0, -0.5, 0.25]), np.array([1.0, 0.3])
+    phi, moving = rng.uniform(0.5, 1, n), rng.random(n) > 0.4
+    factor = np.stack([rng.uniform(1, 2, n), rng.uniform(-0.5, 0.5, n)])
+    x = rng.normal(size=(n, 3))
+    sensed = lfilter(sensor, [1.0], x, axis=0)
+    sensed[:2] = 0.0
+    expected = np.zeros_like(x)
+    for k in range(n):
+        before = (phi[k] * sensed[k - 1] + factor[1, k - 1] * expected[k - 1]) if k else 0.0
+        expected[k] = (sensed[k] - before) / factor[0, k]
+    filtered = np.where(moving[:, None], lfilter(rest, [1.0], expected, axis=0), expected)
+    np.testing.assert_allclose(whitened(x, sensor, phi, factor, rest, moving), filtered, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fitted_noise_is_whitened(seed):
+    rng = np.random.default_rng(seed)
+    u, n = wave(6000), 6000
+    driven = misfit(rng, u, 0.1, 2.0) + lfilter([0.01], [1, -0.6], rng.normal(size=n))
+    idle = lfilter([0.01], [1, -0.6], rng.normal(size=n))
+    noise = fit_noise([(driven, u)], [idle], STEP_s)
+    for e, voltage in ((driven, u), (idle, np.zeros(n))):
+        white = noise.whitener(voltage, STEP_s)(e)[100:]
+        assert 0.7 < np.mean(white**2) < 1.4
+        assert all(abs(np.mean(white[lag:] * white[:-lag]) / np.mean(white**2)) < 0.1 for lag in (1, 2, 5, 20))
+
+
+def test_records_at_rest_bring_their_own_noise():
+    rng = np.random.default_rng(1)
+    quiet = Noise(np.ones(1), 0.01, 0.0, 1.0, 0.0, np.ones(1))
+    still = 0.01 * rng.normal(size=5000)
+    assert as_idle(quiet, [still]) is quiet
+    humming = still + 0.03 * np.sin(2 * np.pi * 50 * STEP_s * np.arange(5000))
+    white = as_idle(quiet, [humming]).whitener(np.zeros(5000), STEP_s)(humming)
+    assert np.mean(white[50:] ** 2) < 1.3
+    assert np.mean(quiet.whitener(np.zeros(5000), STEP_s)(humming) ** 2) > 3
+
+
+def test_a_records_own_nuisances_count_for_nothing():
+    view = TimeView(
+        gain_um_per_V=8.0, offset_um=0.0, delay_s=0.0, play_r_V=(0.5, 2.0), play_w_um_per_V=(1.0, 1.5),
+        deadzone_d_V=(), deadzone_s_um_per_V=(), rest_fraction=0.0, rate_Hz=1 / STEP_s, u_range_V=(0.0, 8.0),
+        residual_um_rms=0.01,
+    )  # fmt: skip
+    u = wave(4000)
+    made = track(AxisModel(time=view), run_of(u, 8 * u))
+    noise = Noise(np.ones(1), 1e-4, 1e-4, 1.0, 0.0, np.ones(1))
+    metric = evidence([made], noise)
+    offset = np.ones((4000, 1))
+    rest = metric.whiteners[0](offset)
+    assert np.sum(metric.project(0, offset) ** 2) < 1e-3 * np.sum(rest**2)
+    signal = np.sin(2 * np.pi * 7 * made.run.t_s)[:, None]
+    with_offset = metric.project(0, signal + 3 * offset)
+    np.testing.assert_allclose(with_offset, metric.project(0, signal), atol=1e-3 * np.abs(with_offset).max())
+
+
+def ringing(rng: np.random.Generator, n: int, f_Hz: float, zeta: float) -> np.ndarray:
+    """White noise through a mode, as surroundings keep one ringing."""
+    r, turn = np.exp(-2 * np.pi * f_Hz * zeta * STEP_s), 2 * np.pi * f_Hz * STEP_s
+    x = lfilter([1.0], [1, -2 * r * np.cos(turn), r * r], rng.normal(size=n + 2000))[2000:]
+    return np.asarray(0.01 * x / x.std())
+
+
+def left(error_um: np.ndarray) -> Left:
+    return Left(run_of(np.zeros(len(error_um)), error_um), error_um)
+
+
+def test_a_mode_that_always_rings_is_no_new_vibration():
+    found = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        parts = [[left(ringing(rng, n, 190.0, 0.01) + 0.005 * rng.normal(size=n))] for n in (1500, 1000, 1500)]
+        found += vibration(*parts) is not None
+    assert found == 0
+
+
+def test_a_new_vibration_is_found_where_it_is():
+    rng = np.random.default_rng(2)
+    quiet = [0.01 * rng.normal(size=n) for n in (4000, 3000, 4000)]
+    shaken = [quiet[0] + ringing(rng, 4000, 120.0, 0.05), quiet[1] + ringing(rng, 3000, 120.0, 0.05), quiet[2]]
+    found = vibration(*([left(e)] for e in shaken))
+    assert found is not None
+    assert abs(found.params["f_Hz"][0] - 120) < 10
+    assert 0.005 < found.params["rms_um"][0] < 0.015
