@@ -35,7 +35,7 @@ def points(talker):
 
 
 def script(talker):
-    """Feed-forward, feedback, a move, a waveform, saturations, changes of mode; then the model is kept in flash."""
+    """Tables, inverse, feedback, a move, a waveform, saturations, changes of mode; then the model is kept in flash."""
     talker.ok(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(stage_model()))
     points(talker)
     talker.ok(wire.StreamStartRequest(ALL_CHANNELS, 7, 1))
@@ -57,7 +57,7 @@ def script(talker):
         wire.SetPathRequest(0, wire.PathKind.SINE, 20 * UM, 10 * UM, step(80), 30_000),
         wire.SetAxisRequest(1, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF),
         wire.SetPathRequest(1, wire.PathKind.SINE, 11 * V, -1 * V, step(60), 0),  # faster than the slew limit
-        wire.SetAxisRequest(2, wire.Mode.FF, 0, 0, 0, 0x7FFFFFFF),
+        with_gains(2, wire.Mode.INVERSE_PID),
         wire.SetPathRequest(2, wire.PathKind.WAVE, 40 * UM, 0, step(3), 0),
         wire.ArmRequest(0),
         wire.StartRequest(7),
