@@ -55,7 +55,7 @@ def run_campaign(
     An interrupt leaves the journal with what was finished.
     """
     names = [case.name for case in plan.cases()]
-    code = fingerprint(plan.folder)
+    code, commit = fingerprint(plan.folder), _commit(plan.folder)  # now: others may change it while this runs
     journal = Journal(journal_path, code, mix=mix)
     left = [name for name in names if name not in journal.outcomes]
     done = len(names) - len(left)
@@ -69,27 +69,25 @@ def run_campaign(
     on_progress(done / len(names))
     run_cases(str(plan.folder.resolve()), left, take, jobs=jobs, scheduler=scheduler)
     outcomes = [journal.outcomes[name] for name in names]
-    return {**summary(outcomes), "run": _provenance(plan, code, outcomes)}
+    return {**summary(outcomes), "run": _provenance(plan, code, commit, outcomes)}
 
 
-def _provenance(plan: Plan, code: str, outcomes: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _provenance(plan: Plan, code: str, commit: str, outcomes: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return {
         "set": plan.set_name,
         "scale": plan.scale,
         "limit": plan.limit,
         "version": version("phaselead"),
-        "commit": _commit(plan.folder),
+        "commit": commit,
         "code": code,
         "cpu_hours": sum(o.get("cpu_seconds") or 0.0 for o in outcomes) / 3600,
     }
 
 
 def _commit(folder: Path) -> str:
-    """Of the repository that the generator lies in, or nothing."""
+    """Of the repository that the generator lies in, with a mark when tracked files were changed since; or nothing."""
+    words = ["git", "-C", str(folder), "describe", "--always", "--dirty=+changes", "--abbrev=12", "--exclude=*"]
     try:
-        found = subprocess.run(
-            ["git", "-C", str(folder), "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True
-        )
+        return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return found.stdout.strip()
