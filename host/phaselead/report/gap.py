@@ -39,6 +39,7 @@ def gap_page(result: GapResult, stage: Stage, model_name: str, verification: Ver
         spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
         gap=result.gap,
         remains=remains(result),
+        messages=result.messages,
         left_figure=left_figure(result.traces) if result.traces else None,
         excluded=[bound_row(bound) for bound in result.excluded],
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
