@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from phaselead.cli import main
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, PhaseleadError
 from phaselead.link.selftest import loop_result
 from phaselead.sim import emulated
 from phaselead.sim.plant import built_in
@@ -127,6 +127,15 @@ def test_another_emulator_is_refused_in_words(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(BadInput, match="not installed"):
         emulated.check_qemu()
+
+
+def test_an_exchange_that_was_cut_short_ends_the_board(start, monkeypatch):
+    board = start()
+    monkeypatch.setattr(board, "_read", lambda size: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        board.run(1)
+    with pytest.raises(PhaseleadError, match="switched off"):
+        board.run(1)
 
 
 def test_firmware_that_is_missing_is_asked_for(tmp_path):

@@ -195,6 +195,7 @@ class EmulatedDevice:
             raise BadInput("the stage cannot be simulated: a time constant, frequency or delay is out of bounds")
 
     def close(self) -> None:
+        """Switches it off."""
         if self._process is None:
             return
         for stream in (self._to_board, self._from_board):
@@ -229,7 +230,20 @@ class EmulatedDevice:
         return said.splitlines()[-1] if said else "it said nothing"
 
     def ask(self, what: _Ask, payload: bytes = b"") -> bytes:
-        """One exchange with the plugin. Raises PhaseleadError when the emulator is gone or the board broken."""
+        """One exchange with the plugin.
+
+        Raises:
+            PhaseleadError: the emulator is gone, the board broken, or an earlier exchange was cut short.
+        """
+        if self._process is None:
+            raise PhaseleadError("the emulated board is switched off")
+        try:
+            return self._exchange(what, payload)
+        except BaseException:  # Ctrl-C too: half an exchange would be taken for the next one's answer
+            self.close()
+            raise
+
+    def _exchange(self, what: _Ask, payload: bytes) -> bytes:
         try:
             self._to_board.write(struct.pack("<IB", len(payload), what) + payload)
             self._to_board.flush()
