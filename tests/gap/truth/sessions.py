@@ -26,7 +26,7 @@ def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     rise_rows, top = (1, 0.42) if rate > FAST_ENOUGH_HZ else (6, 0.2)
     fast = min(0.03 * rate, 0.25 * c.f_Hz) * rng.uniform(0.7, 1.0)
     made = {
-        "idle": waves.idle(rate, (0.7 if held_out else 1.0) * unit),
+        "idle": waves.idle(rate, (2.0 if held_out else 2.5) * unit),
         "steps": waves.steps(rng, span, rate, (1.8 if held_out else 2.4) * unit, 5 if held_out else 6, rise_rows),
         "fast": waves.sine(span, rate, 0.6 * unit, fast, rng.uniform(0.25, 0.45), rng.uniform(0.4, 0.6)),
     }
