@@ -15,7 +15,7 @@ from phaselead.gap.noise import repetition
 from phaselead.gap.panel import Panel, condition
 from phaselead.gap.refit import Entry, Fitted, fresh_columns, refit
 from phaselead.gap.residual import Track
-from phaselead.gap.search import Tried, block_inflation, penalty, projection
+from phaselead.gap.search import Tried, block_inflation, penalty, projection, without_peak
 from phaselead.record.recording import Samples
 
 MARGIN = 10.0
@@ -28,8 +28,6 @@ KNOWN_SHARE, KNOWN_Z = 0.4, 3.0
 ONE_LOOP = 0.5
 """Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
 RIVALS = 5
-PEAKLESS = 0.25
-"""Damping from which a mode is no rival of a lag that explains as much."""
 
 
 @dataclass(frozen=True)
@@ -135,18 +133,8 @@ def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
         distance = 0.0 if effect is best[0] else _distance(bench, before, best[1], result) / inflation
         rivals.append(Rival(effect, result, score, distance))
     rivals.sort(key=lambda rival: -rival.score)
-    rivals = [r for r in rivals if not _without_peak(r) or rivals[-1] is r or _beats_all(r, rivals)]
+    rivals = [r for r in rivals if not without_peak(bench, r.fitted.entries[-1])] or rivals
     return Contest(bench, before, tuple(rivals), inflation, one_loop(bench.tracks()))
-
-
-def _without_peak(rival: Rival) -> bool:
-    """Whether it is a mode so strongly damped that it has no peak: then it is a lag, and others are simpler ones."""
-    zeta = rival.fitted.entries[-1][1].get("zeta")
-    return zeta is not None and zeta > PEAKLESS
-
-
-def _beats_all(rival: Rival, rivals: Sequence[Rival]) -> bool:
-    return all(rival.score >= other.score + MARGIN for other in rivals if other is not rival)
 
 
 def one_loop(tracks: Sequence[Track]) -> bool:

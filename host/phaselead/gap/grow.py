@@ -15,7 +15,7 @@ from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, c
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted, refit
 from phaselead.gap.result import Candidate
-from phaselead.gap.search import Scanned, penalty, scan, try_effects
+from phaselead.gap.search import Scanned, penalty, scan, try_effects, without_peak
 from phaselead.stage.file import AxisModel
 
 MOST_EFFECTS = 5
@@ -144,6 +144,8 @@ def _alike(named: Named, effect: Effect) -> bool:
 
 def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = ()) -> bool:
     needed = cost(named, found.best.effect)
+    if without_peak(found.bench, found.best.fitted.entries[-1]):
+        return False
     if held.worse > HARM or known_before(found.bench, found.before.entries, found.best.fitted.entries):
         return False
     if not held.testable:

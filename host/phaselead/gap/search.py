@@ -27,6 +27,8 @@ POWERLESS = 1e-6
 MARGIN_GAIN, SCATTERED, SCATTERED_BESIDE = 10.0, 0.1, 0.4
 """Least gain worth a refit; and of the penalty, least gain over the scatter of the residual along an effect; more of it
 beside reference records, which say what the base leaves."""
+PEAKLESS = 0.25
+"""Damping above which what looks like a mode is none: those of flexures lie below 0.1."""
 MOST_TRIED = 7
 ROUGH_STEPS = 2
 
@@ -157,7 +159,7 @@ def try_effects(bench: Bench, fitted: Fitted, scanned: Sequence[list[Scanned]]) 
         replace(t, fitted=refit(bench.slim, bench.correction, t.fitted.entries)) if i < TOP else t
         for i, t in enumerate(rough)
     ]
-    finished = [t for t in finished if not at_a_bound(t)]
+    finished = [t for t in finished if not at_a_bound(t) and not without_peak(bench, t.fitted.entries[-1])]
     return sorted(finished, key=lambda t: t.fitted.squares + penalty(bench, t.effect))
 
 
@@ -167,6 +169,18 @@ def at_a_bound(tried: Tried) -> bool:
     return any(
         params[p.name] >= 0.999 * p.high or params[p.name] <= p.low + 1e-3 * abs(p.low) < 0 for p in effect.sizes
     )
+
+
+def without_peak(bench: Bench, entry: Entry) -> bool:
+    """Whether it is a mode so strongly damped that it has no peak: then it stands in for a lag.
+
+    Not asked while a base is made from nothing: there a jump's lag and ringing are found one after the other, and the
+    mode sharpens when the lag is beside it.
+    """
+    if bench.reference is None:
+        return False
+    zeta = entry[1].get("zeta")
+    return zeta is not None and zeta > PEAKLESS
 
 
 def _promising(bench: Bench, scanned: Sequence[list[Scanned]]) -> list[list[Scanned]]:
