@@ -276,11 +276,12 @@ def test_coupling_moves_an_axis_that_is_not_driven():
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_records_hold_the_effect_in_proportion_and_the_reference_none_of_it(name, monkeypatch):
-    """Of one case, at full and at a fifth of the size, against the same stage with nothing hidden."""
+    """Of one case, at two sizes, against the same stage with nothing hidden."""
     monkeypatch.setattr(sessions, "UNIT_ROWS", 800)
     found = next(c for c in cases("tuning", ["single"], [1.0], 0.5) if c.effects == (name,))
     strength = []
-    for size in (0.2, 1.0):
+    # A slow enough voltage lets the mode ring out of step with itself: no more difference than that can come.
+    for size in (0.02, 0.1) if name == "slew_limit" else (0.2, 1.0):
         case = replace(found, size=size)
         with_it, without = case.records(), case.records(hidden=False)
         for a, b in zip(with_it[0], without[0], strict=True):
@@ -289,8 +290,7 @@ def test_records_hold_the_effect_in_proportion_and_the_reference_none_of_it(name
         strength.append(np.sqrt(np.mean([np.mean((a.axes["x"].x_um - b.axes["x"].x_um) ** 2) for a, b in held])))
         (hidden,) = case.hidden
         assert (hidden.name, hidden.value) == (name, pytest.approx(size * EFFECTS[name].typical))
-    # After a jump the mode rings out of step with itself as soon as the voltage takes longer than half its period.
-    assert strength[1] > (1 if name == "slew_limit" else 2) * strength[0] > 0
+    assert strength[1] > 2 * strength[0] > 0
 
 
 def test_a_name_is_a_case_and_the_sets_share_no_seed(monkeypatch):
