@@ -13,6 +13,7 @@ from phaselead.cli import main
 
 DATA = Path(os.environ.get("PHASELEAD_DATA", Path(__file__).parents[3] / "shared" / "data"))
 DBO = DATA / "dbo" / "Model_Vi_Do.dat"
+JUMPS = DATA / "stage150" / "hysteresis_v_150_1hz.csv"
 MAPPED = ("--map", "u_V=1,x_um=5", "--rate", "200Hz")
 
 
@@ -47,3 +48,21 @@ def test_holding_out_what_was_trained_on_is_refused(tmp_path):
     assert status == 2
     assert said.count("\n") == 1
     assert not (tmp_path / "n.toml").exists()
+
+
+@pytest.mark.skipif(
+    not JUMPS.exists(), reason=f"{JUMPS} is not there; set PHASELEAD_DATA to the folder of measured data"
+)
+def test_a_jump_rings_at_the_mode(tmp_path):
+    """The window trained on holds the jump at 3.26 s; by hand its ring-down is 965 Hz at a damping of 0.033."""
+    linear, after, figures = tmp_path / "linear.toml", tmp_path / "next.toml", tmp_path / "gap.json"
+    mapped = ("--map", "t_s=2,x_um=3,u_V=4")
+    assert phaselead("fit", f"{JUMPS}@0:7", "--base", "linear", "-o", linear, *mapped)[0] == 0
+    records = ("--train", f"{JUMPS}@0:7", "--holdout", f"{JUMPS}@7:10")
+    assert phaselead("gap", "--model", linear, *records, "-o", after, "--json", figures, *mapped) == (0, "")
+    found = json.loads(figures.read_text())
+    assert found["effects"][0]["name"] == "hysteresis"
+    (mode,) = (effect for effect in found["effects"] if effect["name"] == "resonance")
+    assert mode["params"]["f_Hz"]["value"] == pytest.approx(965, rel=0.03)
+    assert mode["params"]["zeta"]["value"] == pytest.approx(0.033, rel=0.3)
+    assert found["gap"]["after"] < 0.1 < found["gap"]["before"]
