@@ -13,7 +13,7 @@ PIO_STAMP := $(PIO_CORE)/.prepared
 BOARD_EXTRA = $$($(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))\
 ['project']['optional-dependencies']['board'])")
 
-.PHONY: demo test bench lint generate setup toolchain firmware budget clean
+.PHONY: demo test bench campaign lint generate setup toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
