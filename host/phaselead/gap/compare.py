@@ -25,9 +25,6 @@ TIE = 37.0
 HELD_OUT_Z = 3.3
 KNOWN_SHARE, KNOWN_Z = 0.4, 3.0
 """Share of an effect, and how surely, that makes reference records show it too."""
-SAME_SHARE = 0.01
-"""Of the best one's score, by which those it is confused with must stay behind: what decides below that is how well the
-equations happen to suit this stage. A sensor's lag was named for an amplifier's at 0.5 %."""
 ONE_LOOP = 0.5
 """Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
 RIVALS = 5
@@ -52,18 +49,12 @@ class Rival:
         """
         richer = len(self.effect.parameters) > len(best.effect.parameters)
         behind = best.score - self.score
-        if behind < SAME_SHARE * best.score and _confused(self.effect, best.effect):
-            return True
         return behind < MARGIN or (self.distance < TIE and behind < TIE and not richer)
 
     def about_as_good_as(self, best: Rival) -> bool:
         """The comparison left on one loop, of one frequency and level: any closed curve can be the operator's own
         shape, so that only what explains far less is ruled out."""
         return self.score > ONE_LOOP * best.score
-
-
-def _confused(one: Effect, other: Effect) -> bool:
-    return one.name in other.confused_with or other.name in one.confused_with
 
 
 @dataclass(frozen=True)
