@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -44,9 +44,3 @@ def _upper(scanned: Scanned) -> float:
     """Of the first size parameter: how far its estimate and 1.645 of its deviations reach."""
     amount, std = abs(scanned.amounts[0]), scanned.std[0] * np.sqrt(scanned.inflation)
     return float((amount + ONE_SIDED * std) * abs(scanned.atom.steps[0]))
-
-
-def refused(effects: Mapping[str, Effect], allowed: Sequence[Effect], why: str) -> dict[str, str]:
-    """Effects that were not even candidates, and why."""
-    names = {e.name for e in allowed}
-    return {name: why for name in effects if name not in names}
