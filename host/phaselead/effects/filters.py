@@ -5,10 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import lfilter
 
 from phaselead.effects.effect import Samples
-from phaselead.effects.native import lags
+from phaselead.effects.native import lags, second_order
 
 
 def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
@@ -19,7 +18,7 @@ def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
 def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
     """w^2/(s^2 + 2 zeta w s + w^2) of ``x`` (n,)."""
     b, a = _mode(f_Hz * step_s, zeta)
-    return np.asarray(lfilter(b, a, x - x[0]) + x[0])
+    return second_order(x, b, a)
 
 
 @lru_cache(maxsize=256)

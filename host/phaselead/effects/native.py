@@ -27,6 +27,7 @@ def _kernel() -> ctypes.CDLL:
     size, double = ctypes.c_size_t, ctypes.c_double
     try:
         kernel.stage_lags.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, _DOUBLES]
+        kernel.stage_second_order.argtypes = [size, *[_DOUBLES] * 4]
         kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
         kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 4]
         kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
@@ -34,8 +35,8 @@ def _kernel() -> ctypes.CDLL:
         raise PhaseleadError(
             "the stage kernel is of an older build; run: python setup.py build_ext --inplace"
         ) from None
-    for function in (kernel.stage_lags, kernel.stage_slew, kernel.stage_scaled_plays, kernel.stage_smooth_delay):
-        function.restype = None
+    for name in ("lags", "second_order", "slew", "scaled_plays", "smooth_delay"):
+        kernel[f"stage_{name}"].restype = None
     return kernel
 
 
@@ -70,6 +71,16 @@ def _lag(ratio: float) -> tuple[float, float]:
         return ratio / 2 - ratio**2 / 3, ratio / 2 - ratio**2 / 6
     mean = -math.expm1(-ratio) / ratio
     return mean - math.exp(-ratio), 1 - mean
+
+
+def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
+    """sum_i b_i z^-i / sum_i a_i z^-i of ``x``, three each and a_0 = 1; settled at x[0] for a gain of 1 at 0 Hz."""
+    x, b, a = _doubles(x), _doubles(b), _doubles(a)
+    if b.shape != (3,) or a.shape != (3,):
+        raise ValueError(f"a second-order system has three coefficients each, not {b.shape} and {a.shape}")
+    y = np.empty_like(x)
+    _kernel().stage_second_order(len(x), _at(x), _at(b), _at(a), _at(y))
+    return y
 
 
 def slewed(x: ArrayLike, rise: float) -> Samples:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.signal import argrelmax, welch
 
 from phaselead.effects.filters import resonant
 from phaselead.identify.checks import AxisRun
@@ -29,6 +29,7 @@ MOST_RUNS = 16
 FEW_RUNS, BLOCKS = 8, 24
 """Below so many runs each is fitted and judged on alternating blocks of itself, not on alternating runs, and fitted by
 its second differences: what the operator misses of the slow way would outweigh the ringing."""
+SPECTRUM_ROWS, PEAK_WIDTH = 4096, 8
 PEAKS = 4
 """Of the residual's spectrum, tried beside the grid: a lightly damped mode is narrower than the grid's steps."""
 PAYS = 0.9
@@ -66,9 +67,17 @@ class _Ringing:
     def remaining(self, f_Hz: float, zeta: float) -> tuple[Samples, Samples]:
         """What a mode leaves, and how a later answer would change that; both centred."""
         answer = resonant(self.base, f_Hz, zeta, self.step_s)
-        rest = (self.left + self.base - answer)[self.rows]
-        late = np.gradient(answer, self.step_s)[self.rows]
+        rest = (self.whole - answer)[self.rows]
+        late = np.empty_like(answer)
+        late[1:-1] = (answer[2:] - answer[:-2]) / (2 * self.step_s)
+        late[[0, -1]] = (answer[1] - answer[0]) / self.step_s, (answer[-1] - answer[-2]) / self.step_s
+        late = late[self.rows]
         return rest - rest.mean(), late - late.mean()
+
+    @cached_property
+    def whole(self) -> Samples:
+        """What was measured."""
+        return self.base + self.left
 
 
 def fit_mode(view: TimeView, runs: Sequence[AxisRun]) -> FittedMode | None:
@@ -107,15 +116,22 @@ def _parts(runs: Sequence[_Ringing]) -> tuple[list[_Ringing], list[_Ringing]]:
 
 def _peaks_Hz(runs: Sequence[_Ringing], highest_Hz: float) -> list[float]:
     """Frequencies at which the residuals stand out most."""
-    density, f_Hz = np.zeros(0), np.zeros(0)
-    for run in runs:
-        length = min(len(run.left), 4096)
-        f_Hz, left = welch(run.left, 1 / run.step_s, nperseg=length, nfft=4096)
-        density = density + left if len(density) else left
-    inside = (f_Hz >= LOWEST_HZ) & (f_Hz <= highest_Hz)
-    density = np.where(inside, density, 0.0)
-    tops = argrelmax(density, order=8)[0]
+    f_Hz = np.fft.rfftfreq(SPECTRUM_ROWS, runs[-1].step_s)
+    density = np.sum([_density(run.left) for run in runs], axis=0)
+    density[(f_Hz < LOWEST_HZ) | (f_Hz > highest_Hz)] = 0.0
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(density, PEAK_WIDTH, mode="edge"), 2 * PEAK_WIDTH + 1)
+    others = np.delete(around, PEAK_WIDTH, axis=1).max(axis=1)
+    tops = np.flatnonzero(density > others)
     return [float(f_Hz[i]) for i in tops[np.argsort(-density[tops])][:PEAKS]]
+
+
+def _density(x: Samples) -> Samples:
+    """Power of ``x`` (n,) over frequency, in no unit: half-overlapping Hann windows (Welch 1967)."""
+    length = min(len(x), SPECTRUM_ROWS)
+    parts = np.lib.stride_tricks.sliding_window_view(x, length)[:: length - length // 2]
+    window = np.hanning(length + 1)[:-1]
+    waves = np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window, SPECTRUM_ROWS)
+    return np.asarray(np.mean(np.abs(waves) ** 2, axis=0) / np.sum(window**2))
 
 
 def _search(runs: Sequence[_Ringing]) -> tuple[float, float]:
@@ -140,15 +156,27 @@ def _search(runs: Sequence[_Ringing]) -> tuple[float, float]:
 
 def _shift_s(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> float:
     """How much later the answer should come, by least squares over all runs."""
-    pairs = [run.remaining(f_Hz, zeta) for run in runs]
-    across = sum(float(rest @ late) / len(rest) for rest, late in pairs)
-    return -across / sum(float(late @ late) / len(late) for _, late in pairs)
+    _, across, late = _moments(runs, f_Hz, zeta)
+    return -across / late
 
 
 def _power(runs: Sequence[_Ringing], f_Hz: float, zeta: float, shift_s: float) -> float:
-    pairs = [run.remaining(f_Hz, zeta) for run in runs]
-    return sum(float(np.mean((rest + shift_s * late) ** 2)) for rest, late in pairs)
+    power, across, late = _moments(runs, f_Hz, zeta)
+    return power + 2 * shift_s * across + shift_s**2 * late
 
 
 def _best_power(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> float:
-    return _power(runs, f_Hz, zeta, _shift_s(runs, f_Hz, zeta))
+    """With the best shift."""
+    power, across, late = _moments(runs, f_Hz, zeta)
+    return power - across**2 / late
+
+
+def _moments(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> tuple[float, float, float]:
+    """Mean squares of what is left and of its change with a later answer, and their mean product between them."""
+    power = across = square = 0.0
+    for run in runs:
+        rest, late = run.remaining(f_Hz, zeta)
+        power += float(rest @ rest) / len(rest)
+        across += float(rest @ late) / len(rest)
+        square += float(late @ late) / len(late)
+    return power, across, square

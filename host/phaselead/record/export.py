@@ -9,7 +9,6 @@ import numpy as np
 import pyarrow
 import pyarrow.csv
 import pyarrow.parquet
-import scipy.io
 
 from phaselead.errors import BadInput
 from phaselead.record.atomic import atomic_path
@@ -31,6 +30,8 @@ def write_csv(path: str | os.PathLike[str], recording: Recording, *, overwrite: 
 
 def write_mat(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
     """Write a MATLAB 5 file: one column vector per column of the recording."""
+    import scipy.io  # a third of a second that every command would pay
+
     vectors = {name: values[:, np.newaxis] for name, values in columns_of(recording.t_s, recording.axes).items()}
     with atomic_path(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
         scipy.io.savemat(file, vectors, do_compression=True)

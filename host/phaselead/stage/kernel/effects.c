@@ -17,6 +17,19 @@ void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lag
     }
 }
 
+void stage_second_order(size_t n, const double *x, const double *b, const double *a, double *y)
+{
+    double first = 0.0;
+    double second = 0.0;
+    for (size_t k = 0; k < n; k++) {
+        double in = x[k] - x[0];
+        double out = first + b[0] * in;
+        first = second + b[1] * in - a[1] * out;
+        second = b[2] * in - a[2] * out;
+        y[k] = out + x[0];
+    }
+}
+
 void stage_slew(size_t n, const double *x, double rise, double *y)
 {
     double at = n ? x[0] : 0.0;

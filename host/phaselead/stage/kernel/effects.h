@@ -12,6 +12,10 @@ struct stage_lag { /* 1/(tau s + 1) for an input that runs straight between rows
 PHASELEAD_EXPORT void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lags, double *s,
                                  double *y);
 
+/* b and a (3 each, a[0] = 1) as in y[k] = sum b_i x[k-i] - sum a_i y[k-i], in the transposed second direct form, at
+ * rest with x = x[0] = y: b and a have a gain of 1 at 0 Hz. */
+PHASELEAD_EXPORT void stage_second_order(size_t n, const double *x, const double *b, const double *a, double *y);
+
 /* y follows x by at most `rise` a row. */
 PHASELEAD_EXPORT void stage_slew(size_t n, const double *x, double rise, double *y);
 
