@@ -8,9 +8,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from phaselead.errors import BadInput
+from phaselead.identify.columns import turning_rows
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.recording import Recording, Samples
 from phaselead.stage.operator import plays
@@ -61,6 +63,11 @@ class AxisRun:
     def sine(self) -> Sine | None:
         """The sine that the scored voltage is, or None."""
         return sine_of(self)
+
+    @cached_property
+    def turning_rows(self) -> NDArray[np.uintp]:
+        """The rows at which the voltage turns round."""
+        return turning_rows(self.u_V)
 
     @property
     def range_um(self) -> float:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.identify.checks import AxisRun
+from phaselead.identify.columns import Columns, Slopes
 from phaselead.record.recording import Samples
 from phaselead.stage.file import TimeView
-from phaselead.stage.operator import delayed, plays
 
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
@@ -40,18 +40,16 @@ class Basis:
         """Whether both have the same plays and segments."""
         return np.array_equal(self.play_r_V, other.play_r_V) and np.array_equal(self.knots_V, other.knots_V)
 
-    def segments(self, v: Samples) -> Samples:
-        """(n, s): how far ``v`` (n,) has gone through each segment, counted from 0 V; the end segments go
-        on."""
-        low, high, at_rest = self._ends
-        return np.asarray(np.minimum(np.maximum(v[:, None], low), high) - at_rest)
-
     @cached_property
-    def _ends(self) -> tuple[Samples, Samples, Samples]:
-        """Of every segment, and where 0 V stands in it."""
+    def _segments(self) -> tuple[Samples, Samples, Samples]:
+        """Ends of every segment, and where 0 V stands in it; the end segments go on."""
         low, high = self.knots_V[:-1].copy(), self.knots_V[1:].copy()
         low[0], high[-1] = -np.inf, np.inf
         return low, high, np.clip(0.0, low, high)
+
+    def resting(self, rest_fraction: float) -> Slopes:
+        """For ``FitRun.fill``, counted from rest at 0 V."""
+        return Slopes(self._segments, self.play_r_V, rest_fraction * self.play_r_V)
 
 
 def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int) -> Basis:
@@ -78,6 +76,19 @@ class FitRun:
 
     def position(self) -> Samples:
         return self.run.x_um[self.rows]
+
+    @cached_property
+    def _columns(self) -> Columns:
+        u = self.run.u_V
+        before_V = 0.0 if self.came_from_V is None else float(u[0])
+        return Columns(u, before_V, self.run.turning_rows, self.rows, self.position())
+
+    def fill(self, out: Samples, delay_s: float, play_r_V: Samples, rest_fraction: float, slopes: Slopes) -> None:
+        """The columns [segments, plays, 1, position] into ``out`` (rows, s + m + 2)."""
+        start = rest_fraction * play_r_V
+        if self.came_from_V is not None:
+            start = np.clip(start, self.came_from_V - play_r_V, self.came_from_V + play_r_V)
+        self._columns.fill(out, delay_s / self.run.step_s, slopes, start)
 
     @cached_property
     def stretches(self) -> list[tuple[int, slice]]:
@@ -140,13 +151,9 @@ def late_by(run: AxisRun) -> float:
 
 def design(fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
     """(rows, segments + plays) in V: what a unit slope of each adds to the position, zero at rest at 0 V."""
-    u, r = fit.run.u_V, basis.play_r_V
-    rest = rest_fraction * r
-    came_from = fit.came_from_V
-    start = rest if came_from is None else np.clip(rest, came_from - r, came_from + r)
-    v = delayed(u, delay_s / fit.run.step_s, 0.0 if came_from is None else float(u[0]))
-    moved, _ = plays(v, r, start, fit.rows)
-    return np.concatenate([basis.segments(v[fit.rows]), moved - rest], axis=1)
+    columns = np.empty((len(fit.rows), basis.size + 2))
+    fit.fill(columns, delay_s, basis.play_r_V, rest_fraction, basis.resting(rest_fraction))
+    return columns[:, :-2]
 
 
 def group_numbers(fits: list[FitRun]) -> NDArray[np.intp]:
@@ -158,14 +165,14 @@ def gram(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float)
     """Weighted moments (group, k, k) of the columns [segments, plays, 1, position], k = basis.size + 2."""
     present = group_numbers(fits)
     moments = np.zeros((len(present), basis.size + 2, basis.size + 2))
+    slopes = basis.resting(rest_fraction)
+    room = np.empty((max(len(f.rows) for f in fits), basis.size + 2))
+    at = {int(group): moment for group, moment in zip(present, moments, strict=True)}
     for f in fits:
-        columns = np.empty((len(f.rows), basis.size + 2))
-        columns[:, :-2] = design(f, basis, delay_s, rest_fraction)
-        columns[:, -2] = 1.0
-        columns[:, -1] = f.position()
+        f.fill(room, delay_s, basis.play_r_V, rest_fraction, slopes)
         for group, part in f.stretches:
-            piece = columns[part]
-            moments[np.searchsorted(present, group)] += f.weight * (piece.T @ piece)
+            piece = room[part]
+            at[group] += f.weight * (piece.T @ piece)
     return moments
 
 

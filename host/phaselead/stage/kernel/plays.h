@@ -26,6 +26,30 @@ PHASELEAD_EXPORT void stage_delay(size_t n, const double *u, double before, doub
 PHASELEAD_EXPORT void stage_plays(size_t n, const double *v, size_t m, const double *r, double *p, size_t n_rows,
                                   const size_t *rows, double *out);
 
+struct stage_record { /* a voltage, the rows at which it turns round (row 0 among them), and the rows that count */
+    size_t n;
+    const double *u;
+    double before; /* the voltage up to row -1 */
+    size_t n_turns;
+    const size_t *turns;
+    size_t n_rows;
+    const size_t *rows;
+    const double *x; /* positions at those rows */
+};
+
+struct stage_basis { /* segments from low to high, and where 0 V stands in each; plays, and where each rests */
+    size_t n_segments;
+    const double *low, *high, *segment_rest;
+    size_t n_plays;
+    const double *r, *play_rest;
+};
+
+/* What a unit slope of every segment and play adds to the position, then 1 and x, into out (n_rows, n_segments +
+ * n_plays
+ * + 2), for a voltage late by `delay` samples as in stage_delay. The plays start at `p`, which is overwritten. */
+PHASELEAD_EXPORT void stage_columns(const struct stage_record *record, double delay, const struct stage_basis *basis,
+                                    double *p, double *out);
+
 struct stage_operator {
     double gain;
     size_t n_plays;

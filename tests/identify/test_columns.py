@@ -1,0 +1,75 @@
+"""The columns that the fit's kernel makes by skipping rows, against every row of the operator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phaselead.identify.checks import AxisRun
+from phaselead.identify.operator_design import FitRun, design, gram, nested_basis
+from phaselead.stage.operator import delayed, plays
+
+STEP_S = 1e-3
+BASIS = nested_basis(8.0, -1.0, 6.0, 5, 4)
+# Few distinct voltages: plateaus, repeats and jumps are what a search for turning points gets wrong.
+VOLTAGES = st.lists(st.sampled_from([-2.0, 0.0, 0.5, 1.0, 1.2, 3.0, 6.5]), min_size=4, max_size=60)
+
+
+def fit_of(u, rows, came_from_V=None, groups=None) -> FitRun:
+    u = np.array(u)
+    x = np.sin(np.arange(len(u)))
+    run = AxisRun(np.arange(len(u)) * STEP_S, u, x, slice(None), "x", "made.csv")
+    groups = np.zeros(len(rows), dtype=np.intp) if groups is None else groups
+    return FitRun(run, np.array(rows, dtype=np.uintp), groups, 0.5, came_from_V)
+
+
+def every_row(fit: FitRun, delay_s: float, rest_fraction: float) -> np.ndarray:
+    """As the operator is defined: segment by segment, play by play, row by row."""
+    u, r, came = fit.run.u_V, BASIS.play_r_V, fit.came_from_V
+    rest = rest_fraction * r
+    v = delayed(u, delay_s / fit.run.step_s, 0.0 if came is None else u[0])
+    moved, _ = plays(v, r, rest if came is None else np.clip(rest, came - r, came + r))
+    low, high = BASIS.knots_V[:-1].copy(), BASIS.knots_V[1:].copy()
+    low[0], high[-1] = -np.inf, np.inf
+    through = np.clip(v[:, None], low, high) - np.clip(0.0, low, high)
+    return np.concatenate([through, moved - rest], axis=1)[fit.rows]
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    VOLTAGES,
+    st.data(),
+    st.floats(0.0, 8.0),
+    st.floats(-1.0, 1.0),
+    st.one_of(st.none(), st.sampled_from([-2.0, 1.1, 6.5])),
+)
+def test_skipping_rows_changes_nothing(u, data, delay_rows, rest_fraction, came_from_V):
+    rows = sorted(data.draw(st.sets(st.integers(0, len(u) - 1), min_size=1)))
+    fit = fit_of(u, rows, came_from_V)
+    delay_s = delay_rows * fit.run.step_s
+    np.testing.assert_allclose(
+        design(fit, BASIS, delay_s, rest_fraction), every_row(fit, delay_s, rest_fraction), atol=1e-12
+    )
+
+
+def test_moments_are_those_of_the_columns_group_by_group():
+    rng = np.random.default_rng(1)
+    fits = [
+        fit_of(rng.uniform(-1, 6, 90), range(0, 90, 2), groups=np.arange(45) * 3 // 45),
+        fit_of(rng.uniform(-1, 6, 70), range(70), 2.0, groups=np.full(70, 2)),
+    ]
+    found = gram(fits, BASIS, 1.3e-3, 0.4)
+    expected = np.zeros_like(found)
+    for fit in fits:
+        columns = np.column_stack([every_row(fit, 1.3e-3, 0.4), np.ones(len(fit.rows)), fit.position()])
+        for group in range(3):
+            part = columns[fit.groups == group]
+            expected[group] += fit.weight * part.T @ part
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_a_delay_cannot_be_negative():
+    with pytest.raises(ValueError, match="future"):
+        design(fit_of([0.0, 1.0, 0.0], [0, 1]), BASIS, -1e-3, 0.0)
