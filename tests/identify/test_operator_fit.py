@@ -10,8 +10,9 @@ from bench_stage import Array, BenchStage, Grid, record, rising_sine, sine_recor
 
 from phaselead.errors import BadInput
 from phaselead.identify.checks import AxisRun, axis_run
-from phaselead.identify.operator_fit import fit_linear, fit_operator, solve
+from phaselead.identify.operator_fit import fit_linear, fit_operator
 from phaselead.identify.operator_result import effective_rows
+from phaselead.identify.operator_solve import solve
 from phaselead.record.recording import Recording
 from phaselead.stage.file import TimeView
 from phaselead.stage.operator import predict_time_view

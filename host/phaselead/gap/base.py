@@ -14,7 +14,7 @@ from phaselead.errors import BadInput
 from phaselead.gap.records import Run
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.operator_design import Basis, FitRun, design, fit_run, nested_basis, time_view
-from phaselead.identify.operator_fit import Solved, solved_at
+from phaselead.identify.operator_solve import Solved, solved_at
 from phaselead.record.recording import Samples
 from phaselead.stage.file import AxisModel, TimeView
 

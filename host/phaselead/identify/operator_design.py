@@ -7,6 +7,7 @@ simply "no slope is negative"; ``time_view`` turns them into a gain and one-side
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -156,22 +157,56 @@ def design(fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float) -> S
     return columns[:, :-2]
 
 
-def group_numbers(fits: list[FitRun]) -> NDArray[np.intp]:
+def linearised(
+    fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float, slopes: Samples, step_s: float
+) -> Samples:
+    """(rows, slopes that are not 0 + 4): a unit of each of those, of the delay, of the rest fraction, 1, position.
+
+    ``step_s`` is the step of the delay over which its column is a difference.
+    """
+    free = slopes > 0
+    at = design(fit, basis, delay_s, rest_fraction)
+    columns = np.empty((len(at), int(free.sum()) + 4))
+    columns[:, :-4] = at[:, free]
+    near = rest_fraction + (0.02 if rest_fraction < 0 else -0.02)
+    columns[:, -4] = (design(fit, basis, delay_s + step_s, rest_fraction) - at) @ slopes / step_s
+    columns[:, -3] = (design(fit, basis, delay_s, near) - at) @ slopes / (near - rest_fraction)
+    columns[:, -2] = 1.0
+    columns[:, -1] = fit.position()
+    return columns
+
+
+def delay_step_s(fits: list[FitRun], delay_s: float) -> float:
+    """A step of the delay for ``linearised``."""
+    return 0.02 * min(f.run.step_s for f in fits) + 0.01 * delay_s
+
+
+def group_numbers(fits: list[FitRun]) -> list[int]:
     """The groups that still have rows, ascending."""
-    return np.unique(np.concatenate([f.groups for f in fits]))
+    return sorted({group for f in fits for group, _ in f.stretches})
 
 
 def gram(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
     """Weighted moments (group, k, k) of the columns [segments, plays, 1, position], k = basis.size + 2."""
-    present = group_numbers(fits)
-    moments = np.zeros((len(present), basis.size + 2, basis.size + 2))
     slopes = basis.resting(rest_fraction)
     room = np.empty((max(len(f.rows) for f in fits), basis.size + 2))
-    at = {int(group): moment for group, moment in zip(present, moments, strict=True)}
-    for f in fits:
-        f.fill(room, delay_s, basis.play_r_V, rest_fraction, slopes)
+
+    def columns() -> Iterator[Samples]:
+        for f in fits:
+            f.fill(room, delay_s, basis.play_r_V, rest_fraction, slopes)
+            yield room
+
+    return moments_of(fits, columns(), basis.size + 2)
+
+
+def moments_of(fits: list[FitRun], columns: Iterable[Samples], size: int) -> Samples:
+    """Weighted moments (group, size, size) of the ``columns`` (rows, size) of each record."""
+    present = group_numbers(fits)
+    moments = np.zeros((len(present), size, size))
+    at = dict(zip(present, moments, strict=True))
+    for f, of_record in zip(fits, columns, strict=True):
         for group, part in f.stretches:
-            piece = room[part]
+            piece = of_record[part]
             at[group] += f.weight * (piece.T @ piece)
     return moments
 

@@ -8,13 +8,11 @@ segments the data carry is decided on data left out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize, nnls
 
-from phaselead.errors import BadInput
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.memory import OTHER_MEMORY, came_from, settled
 from phaselead.identify.operator_design import (
@@ -37,6 +35,8 @@ from phaselead.identify.operator_result import (
     effective_rows,
     standard_errors,
 )
+from phaselead.identify.operator_search import least_error
+from phaselead.identify.operator_solve import Solved, solve, solved_at
 from phaselead.identify.table_fit import distinct
 from phaselead.record.recording import Samples
 from phaselead.stage.file import TimeView
@@ -50,11 +50,6 @@ BLOCKS = 6
 """Stretches of time into which few records are split, to leave out one after the other."""
 SIMPLER = 1.02
 """The simplest candidate wins whose error on data left out is at most this times the least."""
-RIDGE = 1e-8
-"""Of the mean diagonal: keeps neighbouring plays that the data cannot tell apart from dividing by zero."""
-REVERSIBLE = 0.2
-"""Least share of the mean slope that is without memory: a piezo at a turning point does not stand still, and
-without the bound a lag that no delay explains would make it."""
 LONGEST_DELAY = 0.1
 """Of a period."""
 SHORTER_DELAY = 1.05
@@ -62,60 +57,6 @@ SHORTER_DELAY = 1.05
 factor."""
 OFFSETS_DIFFER = 0.01
 """Of the range: when the median record is further off, every one gets an offset of its own."""
-
-
-@dataclass(frozen=True)
-class Solved:
-    """Slopes [segments, plays] in um/V, position at rest in um, relative rms error over the records."""
-
-    slopes: Samples
-    at_rest_um: float
-    error: float
-
-
-def solve(moments: Samples, n_segments: int, own_offsets: bool) -> Solved:
-    """Bounded least squares from weighted moments (group, k, k); see ``operator_design.gram``."""
-    total = moments.sum(axis=0)
-    ones = total[:, -2]
-    total = centred(moments).sum(axis=0) if own_offsets else centred(total)
-    inner, right = total[:-2, :-2], total[:-2, -1]
-    size = len(right)
-    least = np.zeros(size)
-    straight = float(inner[:n_segments, :n_segments].sum())
-    least[:n_segments] = REVERSIBLE * max(float(right[:n_segments].sum()) / straight, 0.0) if straight > 0 else 0.0
-    ridge = RIDGE * np.trace(inner) / size * np.eye(size)
-    if not np.isfinite(total).all():
-        raise BadInput("the fit is singular: voltage or position hardly move; record a larger swing")
-    try:
-        root = np.linalg.cholesky(inner + ridge)
-        above, _ = nnls(root.T, np.linalg.solve(root, right - inner @ least), maxiter=50 * size)
-    except (np.linalg.LinAlgError, RuntimeError):
-        raise BadInput("the fit is singular; record a larger swing, over several levels") from None
-    slopes = above + least
-    left = float(total[-1, -1] - 2 * right @ slopes + slopes @ inner @ slopes)
-    at_rest = float((ones[-1] - ones[:-2] @ slopes) / ones[-2])
-    return Solved(slopes, at_rest, float(np.sqrt(max(left, 0.0))))
-
-
-def solved_at(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float, own_offsets: bool) -> Solved:
-    """The best slopes at a given delay and memory."""
-    return solve(gram(fits, basis, delay_s, rest_fraction), len(basis.knots_V) - 1, own_offsets)
-
-
-@dataclass(frozen=True)
-class _Searched:
-    """The delay and the memory at rest that explain records best, and how well they do."""
-
-    delay_s: float
-    rest_fraction: float
-    error: float
-
-
-def _searched(
-    fits: list[FitRun], basis: Basis, bound: float, own_offsets: bool, start: tuple[float, float]
-) -> _Searched:
-    delay, rest = _search(fits, basis, bound, own_offsets, start, evaluations=30)
-    return _Searched(delay, rest, solved_at(fits, basis, delay, rest, own_offsets).error)
 
 
 def fit_operator(runs: Sequence[AxisRun]) -> OperatorFit:
@@ -130,23 +71,25 @@ def fit_operator(runs: Sequence[AxisRun]) -> OperatorFit:
     messages: list[str] = []
     bound = _delay_bound(runs)
     sure = [settled(f) for f in search]
-    delay, rest = _search(sure, basis, bound, False, (0.02 * bound, 0.0))
+    first = least_error(sure, basis, bound, False, (0.02 * bound, 0.0))
+    delay, rest = first.delay_s, first.rest_fraction
     own_offsets = _offsets_differ(sure, basis, delay, rest)
     if own_offsets:
         messages.append("the records differ in offset by more than 1 % of their range: each has its own")
     basis, _ = _choose(sure, runs, low, high, delay, rest)
     slopes = solved_at(sure, basis, delay, rest, own_offsets)
     moved, odd = came_from(search, lambda f: _residual(f, basis, delay, rest, slopes), own_offsets)
-    at_rest = _searched(search, basis, bound, own_offsets, (delay, 0.0))
+    at_rest = least_error(search, basis, bound, own_offsets, (delay, 0.0))
     if odd:
-        elsewhere = _searched(moved, basis, bound, own_offsets, (delay, rest))
+        elsewhere = least_error(moved, basis, bound, own_offsets, (delay, rest))
         if elsewhere.error**2 < OTHER_MEMORY * at_rest.error**2:
             search, at_rest = moved, elsewhere
             messages += odd
     delay, rest = at_rest.delay_s, at_rest.rest_fraction
     finer, choices = _choose(search, runs, low, high, delay, rest)
     if not finer.equals(basis):
-        delay, rest = _search(search, finer, bound, own_offsets, (delay, rest), evaluations=30)
+        again = least_error(search, finer, bound, own_offsets, (delay, rest))
+        delay, rest = again.delay_s, again.rest_fraction
         finer, choices = _choose(search, runs, low, high, delay, rest)
     basis = finer
     if not _rest_matters(search, basis, delay, rest, own_offsets):
@@ -182,29 +125,6 @@ def _largest_swing(runs: Sequence[AxisRun]) -> float:
 
 def _delay_bound(runs: Sequence[AxisRun]) -> float:
     return min(min(LONGEST_DELAY * period_s(r), late_by(r)) for r in runs)
-
-
-def _search(
-    fits: list[FitRun],
-    basis: Basis,
-    bound: float,
-    own_offsets: bool,
-    start: tuple[float, float],
-    evaluations: int = 60,
-) -> tuple[float, float]:
-    """Delay in s and rest fraction of least error."""
-
-    def error(at: Samples) -> float:
-        delay, rest = float(np.clip(at[0], 0, 1)) * bound, float(np.clip(at[1], -1, 1))
-        outside = float(np.sum(np.abs(at - [delay / bound, rest])))
-        return solved_at(fits, basis, delay, rest, own_offsets).error * (1 + outside)
-
-    grid = product((0.0, 0.1, 0.3, 0.6), (-0.4, 0.0, 0.4, 0.8)) if start[1] == 0.0 else ()
-    best = min((np.array([start[0] / bound, start[1]]), *map(np.array, grid)), key=error)
-    simplex = best + np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.15]])
-    options = {"initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-7, "maxfev": evaluations}
-    found = minimize(error, best, method="Nelder-Mead", options=options).x
-    return float(np.clip(found[0], 0, 1)) * bound, float(np.clip(found[1], -1, 1))
 
 
 def _rest_matters(fits: list[FitRun], basis: Basis, delay: float, rest: float, own_offsets: bool) -> bool:

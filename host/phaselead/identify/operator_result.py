@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.identify.operator_design import Basis, FitRun, design
+from phaselead.identify.operator_design import Basis, FitRun, delay_step_s, linearised
 from phaselead.record.recording import Samples
 from phaselead.stage.file import TimeView
 
@@ -106,15 +106,9 @@ def standard_errors(
     n_free = int(free.sum())
     size = n_free + 3
     information, meat = np.zeros((size, size)), np.zeros((size, size))
-    step = 0.02 * min(f.run.step_s for f in fits) + 0.01 * delay
+    step = delay_step_s(fits, delay)
     for f, e in zip(fits, left, strict=True):
-        columns = np.empty((len(f.rows), size))
-        at = design(f, basis, delay, rest)
-        columns[:, :n_free] = at[:, free]
-        columns[:, n_free] = 1.0
-        columns[:, n_free + 1] = (design(f, basis, delay + step, rest) - at) @ slopes / step
-        near = rest + (0.02 if rest < 0 else -0.02)
-        columns[:, n_free + 2] = (design(f, basis, delay, near) - at) @ slopes / (near - rest)
+        columns = linearised(f, basis, delay, rest, slopes, step)[:, :-1]
         moments = f.weight * (columns.T @ columns)
         information += moments
         # Judged about its own mean, a record that sits beside the others would seem exact.
@@ -147,7 +141,7 @@ def _named(
         "gain_um_per_V": (float(np.sqrt(full[0, 0])) if free[0] else at_bound,),
         "play_w_um_per_V": tuple(weights[keep].tolist()),
         "deadzone_s_um_per_V": tuple(bends[knees].tolist()),
-        "offset_um": (float(std[count]),),
-        "delay_s": (float(std[count + 1]),),
-        "rest_fraction": (float(std[count + 2]) if 0 < abs(rest) < 1 else at_bound,),
+        "offset_um": (float(std[count + 2]),),
+        "delay_s": (float(std[count]),),
+        "rest_fraction": (float(std[count + 1]) if 0 < abs(rest) < 1 else at_bound,),
     }
