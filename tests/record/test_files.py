@@ -152,6 +152,17 @@ def test_hdf5_tells_a_flipped_bit(tmp_path: Path) -> None:
         read_recording(path)
 
 
+@pytest.mark.parametrize("where", ["meta", "replay", "device"])
+def test_gaps_are_seen_wherever_the_file_tells_of_them(tmp_path: Path, where: str) -> None:
+    """A recording is read without most of its device and replay parts."""
+    recording, ticks, gaps = sine_recording(6), np.array([0, 1, 2, 6, 7, 8]), [[3, 3]]
+    recording = replace(recording, t_s=ticks / 1000, meta={"gaps": gaps} if where == "meta" else {})
+    device = {"tick": ticks, "adc": {"x": ticks}} if where == "device" else None
+    write_hdf5(tmp_path / "a.h5", recording, device, {"gaps": gaps} if where == "replay" else None)
+    assert np.array_equal(read_recording(tmp_path / "a.h5").meta["gaps"], gaps)
+    assert np.array_equal(read_hdf5(tmp_path / "a.h5").recording.meta["gaps"], gaps)
+
+
 def test_hdf5_takes_no_map(tmp_path: Path) -> None:
     write_hdf5(tmp_path / "rec.h5", sine_recording())
     with pytest.raises(BadInput, match="--map"):

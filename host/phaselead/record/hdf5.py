@@ -122,13 +122,16 @@ def _is_frames(value: object) -> bool:
     return isinstance(value, (list, tuple)) and bool(value) and all(isinstance(item, bytes) for item in value)
 
 
-def read_hdf5(path: str | os.PathLike[str]) -> Hdf5Recording:
-    """Read a recording with everything in it. Raises BadInput, one line, for anything else."""
+def read_hdf5(path: str | os.PathLike[str], *, whole: bool = True) -> Hdf5Recording:
+    """Read a recording with everything in it, or without ``device`` and ``replay`` unless ``whole``.
+
+    Raises BadInput, one line, for anything else.
+    """
     path = os.fspath(path)
     refuse_foreign(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return _read_file(file, path, os.path.getsize(path))
+            return _read_file(file, path, os.path.getsize(path), whole)
     except PhaseleadError:
         raise
     except Exception as error:  # whatever the library meets in a broken file
@@ -153,7 +156,7 @@ def refuse_foreign(path: str) -> None:
         raise BadInput(f"{path}: is no HDF5 file; give a run as track -o or log record -o wrote it (.h5)")
 
 
-def _read_file(file: Any, path: str, size: int) -> Hdf5Recording:
+def _read_file(file: Any, path: str, size: int, whole: bool) -> Hdf5Recording:
     attributes = _attributes(file)
     names = [name for name in UNITS if isinstance(file.get(name, getlink=True), h5py.HardLink)]
     if attributes.get("format") != FORMAT and "t_s" not in names:
@@ -169,14 +172,15 @@ def _read_file(file: Any, path: str, size: int) -> Hdf5Recording:
         raise BadInput(f"{path}: its datasets differ in length ({min(lengths)}..{max(lengths)}); the file is broken")
     times = table.pop("t_s")
     meta = {name: value for name, value in attributes.items() if name not in RESERVED}
-    device, replay = (_tree(file[name], size) if name in file else None for name in ("device", "replay"))
+    read = _tree if whole else _tree_of_gaps
+    device, replay = (read(file[name], size) if name in file else None for name in ("device", "replay"))
     gaps = meta.get("gaps") or (replay or {}).get("gaps") or _missing_ticks(device)
     require_uniform(times, _row, path, gapped=bool(gaps))
     axes = axes_of(table, path)
     if gaps:
         meta["gaps"] = gaps
     recording = Recording(t_s=times, axes=axes, source=path, meta=meta)
-    return Hdf5Recording(recording, device, replay)
+    return Hdf5Recording(recording, device, replay) if whole else Hdf5Recording(recording, None, None)
 
 
 def _missing_ticks(device: dict[str, Any] | None) -> list[list[int]]:
@@ -218,6 +222,12 @@ def _attributes(owner: Any) -> dict[str, Any]:
         else:
             found[name] = value.item() if isinstance(value, np.generic) else value
     return found
+
+
+def _tree_of_gaps(group: Any, size: int) -> dict[str, Any]:
+    """As much of ``_tree`` as tells of gaps."""
+    tree = {"tick": _array(group["tick"], size)} if isinstance(group.get("tick"), h5py.Dataset) else {}
+    return tree | _attributes(group)
 
 
 def _tree(group: Any, size: int) -> dict[str, Any]:

@@ -40,7 +40,7 @@ def read_recording(
     if content is None:
         if columns is not None or rate_Hz is not None:
             raise BadInput(f"{path}: is HDF5, which names its columns and times itself; leave --map and --rate out")
-        recording = read_hdf5(path).recording
+        recording = read_hdf5(path, whole=False).recording
     else:
         table = read_text(content, path, columns, rate_Hz)
         times = table.pop("t_s")
