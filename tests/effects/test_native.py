@@ -104,9 +104,10 @@ def test_delays_of_the_future_are_refused():
         smoothly_delayed(np.zeros(3), -0.5)
 
 
-def test_modes_are_exact_for_straight_input():
+@pytest.mark.parametrize("zeta", [0.03, 1.0, 4.0])
+def test_modes_are_exact_for_straight_input(zeta):
     rng = np.random.default_rng(0)
-    x, step, f, zeta = np.concatenate([[0.0], rng.uniform(-1, 1, 30)]), 0.01, 17.0, 0.03
+    x, step, f = np.concatenate([[0.0], rng.uniform(-1, 1, 30)]), 0.01, 17.0
     w = 2 * np.pi * f
 
     def slope(t: float, s: np.ndarray) -> list[float]:
@@ -116,3 +117,10 @@ def test_modes_are_exact_for_straight_input():
         slope, (0, 0.3), [0.0, 0.0], t_eval=np.arange(31) * step, max_step=step / 10, rtol=1e-9, atol=1e-10
     )
     assert resonant(x, f, zeta, step) == pytest.approx(exact.y[0], abs=1e-5)
+
+
+def test_a_mode_damped_beyond_all_sense_is_a_slow_lag():
+    """cosh of its poles overflows."""
+    x, step, zeta = np.concatenate([[0.0], np.ones(50)]), 0.01, 1e4
+    lag = 1 - np.exp(-2 * np.pi * 17.0 * step / (2 * zeta) * (np.arange(51) - 0.5))
+    assert resonant(x, 17.0, zeta, step)[1:] == pytest.approx(lag[1:], rel=1e-3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -24,24 +26,28 @@ def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
 @lru_cache(maxsize=256)
 def _mode(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
     """Ramp-invariant mode: exact states under an input that is linear over each step (Franklin, Powell and
-    Workman 1998: triangle-hold equivalent)."""
-    w = 2 * np.pi * turns_per_step
-    system, drive = np.array([[0.0, w], [-w, -2 * zeta * w]]), np.array([0.0, w])
-    inverse = np.array([[-2 * zeta, -1.0], [1.0, 0.0]]) / w
-    damped = w * np.emath.sqrt(1 - zeta**2)  # imaginary beyond critical damping
-    decay, turn, sine = np.exp(-zeta * w), np.real(np.cos(damped)), np.real(np.sinc(damped / np.pi))
-    phi = decay * (turn * np.eye(2) + sine * (system + zeta * w * np.eye(2)))
-    held = inverse @ (phi @ drive - drive)
-    ramp = inverse @ (held - drive)
-    # state' = phi state + (held - ramp) x_k + ramp x_{k+1}; the output is the first state.
-    a = np.array([1.0, -np.trace(phi), np.linalg.det(phi)])
-    old, new = held - ramp, ramp
-    # C (zI - phi)^-1 B = (adj row) B / det, for B = new z + old
-    b = np.array(
-        [
-            new[0],
-            old[0] - phi[1, 1] * new[0] + phi[0, 1] * new[1],
-            -phi[1, 1] * old[0] + phi[0, 1] * old[1],
-        ]
-    )
-    return b, a
+    Workman 1998: triangle-hold equivalent).
+
+    The states are the position and its rate over w; phi = [[c + z s, s], [-s, c - z s]] takes them over a step.
+    """
+    w = 2 * math.pi * turns_per_step
+    damped = w * cmath.sqrt(1 - zeta**2)  # imaginary beyond critical damping
+    c, s = _turned(damped, zeta * w)
+    s *= w
+    held = 1 - c - zeta * s, s
+    ramp = (w - s - 2 * zeta * held[0]) / w, held[0] / w
+    # state' = phi state + (held - ramp) x_k + ramp x_{k+1}; its answer is the first state, C (zI - phi)^-1 B.
+    old, new = (held[0] - ramp[0], held[1] - ramp[1]), ramp
+    stays, mixes = c - zeta * s, s
+    b = new[0], old[0] - stays * new[0] + mixes * new[1], mixes * old[1] - stays * old[0]
+    return np.array(b), np.array([1.0, -2 * c, math.exp(-2 * zeta * w)])
+
+
+def _turned(angle: complex, decay: float) -> tuple[float, float]:
+    """exp(-decay) times cos(angle) and sin(angle) / angle, both real."""
+    if abs(angle.imag) < 1.0:
+        shrunk = math.exp(-decay)
+        return shrunk * cmath.cos(angle).real, shrunk * (cmath.sin(angle) / angle).real if angle else shrunk
+    # Far beyond critical damping cos and sin overflow, their products with the decay do not.
+    one, other = cmath.exp(1j * angle - decay), cmath.exp(-1j * angle - decay)
+    return ((one + other) / 2).real, ((one - other) / (2j * angle)).real
