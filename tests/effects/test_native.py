@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from phaselead.effects.filters import resonant
-from phaselead.effects.native import lags, scaled_plays, slewed, smoothly_delayed
+from phaselead.effects.filters import mode_coefficients, resonant
+from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed, smoothly_delayed
 
 rows = st.integers(1, 40).flatmap(
     lambda n: arrays(np.float64, n, elements=st.floats(-10, 10).map(lambda v: round(v, 6)))
@@ -117,6 +117,20 @@ def test_modes_are_exact_for_straight_input(zeta):
         slope, (0, 0.3), [0.0, 0.0], t_eval=np.arange(31) * step, max_step=step / 10, rtol=1e-9, atol=1e-10
     )
     assert resonant(x, f, zeta, step) == pytest.approx(exact.y[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("rows", [slice(None), slice(3, 40, 3), slice(59, None), slice(0, 2)])
+def test_what_a_mode_leaves_is_counted_without_making_it(rows):
+    rng = np.random.default_rng(0)
+    x, step = rng.normal(size=60), 0.01
+    measured = x + rng.normal(size=60)
+    y = resonant(x, 17.0, 0.03, step)
+    left, late = (measured - y)[rows], np.gradient(y, step)[rows]
+    expected = np.cov(left, late, bias=True) if len(left) > 1 else np.zeros((2, 2))
+    found = second_order_left(
+        x, measured, mode_coefficients(17.0 * step, 0.03), step, np.arange(60, dtype=np.uintp)[rows]
+    )
+    assert found == pytest.approx((expected[0, 0], expected[0, 1], expected[1, 1]), rel=1e-9, abs=1e-9)
 
 
 def test_a_mode_damped_beyond_all_sense_is_a_slow_lag():

@@ -19,14 +19,14 @@ def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
 
 def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
     """w^2/(s^2 + 2 zeta w s + w^2) of ``x`` (n,)."""
-    b, a = _mode(f_Hz * step_s, zeta)
+    b, a = mode_coefficients(f_Hz * step_s, zeta)
     return second_order(x, b, a)
 
 
 @lru_cache(maxsize=256)
-def _mode(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
-    """Ramp-invariant mode: exact states under an input that is linear over each step (Franklin, Powell and
-    Workman 1998: triangle-hold equivalent).
+def mode_coefficients(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
+    """(b, a) of a ramp-invariant mode of gain 1: exact states under an input that is linear over each step
+    (Franklin, Powell and Workman 1998: triangle-hold equivalent).
 
     The states are the position and its rate over w; phi = [[c + z s, s], [-s, c - z s]] takes them over a step.
     """

@@ -28,6 +28,7 @@ def _kernel() -> ctypes.CDLL:
     try:
         kernel.stage_lags.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, _DOUBLES]
         kernel.stage_second_order.argtypes = [size, *[_DOUBLES] * 4]
+        kernel.stage_second_order_left.argtypes = [size, *[ctypes.c_void_p] * 4, double, size, *[ctypes.c_void_p] * 2]
         kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
         kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 4]
         kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
@@ -35,7 +36,7 @@ def _kernel() -> ctypes.CDLL:
         raise PhaseleadError(
             "the stage kernel is of an older build; run: python setup.py build_ext --inplace"
         ) from None
-    for name in ("lags", "second_order", "slew", "scaled_plays", "smooth_delay"):
+    for name in ("lags", "second_order", "second_order_left", "slew", "scaled_plays", "smooth_delay"):
         kernel[f"stage_{name}"].restype = None
     return kernel
 
@@ -81,6 +82,24 @@ def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
     y = np.empty_like(x)
     _kernel().stage_second_order(len(x), _at(x), _at(b), _at(a), _at(y))
     return y
+
+
+def second_order_left(
+    x: Samples, measured: Samples, system: tuple[Samples, Samples], step_s: float, rows: NDArray[np.uintp]
+) -> tuple[float, float, float]:
+    """What ``second_order`` of ``x`` with ``system`` (b, a) leaves of ``measured`` at the ascending ``rows``.
+
+    Mean squares of that and of its change with a later answer (per s), and between them their mean product, all about
+    the means.
+    """
+    x, measured, (b, a) = _doubles(x), _doubles(measured), map(_doubles, system)
+    rows, means = np.ascontiguousarray(rows, dtype=np.uintp), np.empty(3)
+    _kernel().stage_second_order_left(
+        len(x), x.ctypes.data, measured.ctypes.data, b.ctypes.data, a.ctypes.data, step_s,
+        len(rows), rows.ctypes.data, means.ctypes.data,
+    )  # fmt: skip
+    left, across, late = means.tolist()
+    return left, across, late
 
 
 def slewed(x: ArrayLike, rise: float) -> Samples:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from phaselead.effects.filters import resonant
+from phaselead.effects.filters import mode_coefficients
+from phaselead.effects.native import second_order_left
 from phaselead.identify.checks import AxisRun
 from phaselead.record.recording import Samples
 from phaselead.stage.file import Effect, TimeView
@@ -64,20 +65,18 @@ class _Ringing:
     rows: slice | NDArray[np.intp]
     """To be looked at."""
 
-    def remaining(self, f_Hz: float, zeta: float) -> tuple[Samples, Samples]:
-        """What a mode leaves, and how a later answer would change that; both centred."""
-        answer = resonant(self.base, f_Hz, zeta, self.step_s)
-        rest = (self.whole - answer)[self.rows]
-        late = np.empty_like(answer)
-        late[1:-1] = (answer[2:] - answer[:-2]) / (2 * self.step_s)
-        late[[0, -1]] = (answer[1] - answer[0]) / self.step_s, (answer[-1] - answer[-2]) / self.step_s
-        late = late[self.rows]
-        return rest - rest.mean(), late - late.mean()
+    def remaining(self, f_Hz: float, zeta: float) -> tuple[float, float, float]:
+        """Mean squares of what a mode leaves and of how a later answer would change that, and their mean product."""
+        system = mode_coefficients(f_Hz * self.step_s, zeta)
+        return second_order_left(self.base, self._measured, system, self.step_s, self._rows)
 
     @cached_property
-    def whole(self) -> Samples:
-        """What was measured."""
+    def _measured(self) -> Samples:
         return self.base + self.left
+
+    @cached_property
+    def _rows(self) -> NDArray[np.uintp]:
+        return np.arange(len(self.base), dtype=np.uintp)[self.rows]
 
 
 def fit_mode(view: TimeView, runs: Sequence[AxisRun]) -> FittedMode | None:
@@ -172,11 +171,6 @@ def _best_power(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> float:
 
 
 def _moments(runs: Sequence[_Ringing], f_Hz: float, zeta: float) -> tuple[float, float, float]:
-    """Mean squares of what is left and of its change with a later answer, and their mean product between them."""
-    power = across = square = 0.0
-    for run in runs:
-        rest, late = run.remaining(f_Hz, zeta)
-        power += float(rest @ rest) / len(rest)
-        across += float(rest @ late) / len(rest)
-        square += float(late @ late) / len(late)
-    return power, across, square
+    """``_Ringing.remaining``, summed over the runs: left, across, late."""
+    left, across, late = np.sum([run.remaining(f_Hz, zeta) for run in runs], axis=0).tolist()
+    return left, across, late

@@ -16,6 +16,12 @@ PHASELEAD_EXPORT void stage_lags(size_t n, const double *x, size_t m, const stru
  * rest with x = x[0] = y: b and a have a gain of 1 at 0 Hz. */
 PHASELEAD_EXPORT void stage_second_order(size_t n, const double *x, const double *b, const double *a, double *y);
 
+/* What a second-order system y of x leaves of `measured` at the ascending `rows`, e = measured - y, and its change with
+ * a later answer, d = dy/dt: the mean of e e, e d and d d, each about the means of e and d. */
+PHASELEAD_EXPORT void stage_second_order_left(size_t n, const double *x, const double *measured, const double *b,
+                                              const double *a, double step, size_t n_rows, const size_t *rows,
+                                              double *means);
+
 /* y follows x by at most `rise` a row. */
 PHASELEAD_EXPORT void stage_slew(size_t n, const double *x, double rise, double *y);
 
