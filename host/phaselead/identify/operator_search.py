@@ -14,12 +14,15 @@ from phaselead.record.recording import Samples
 GUESS_STRIDE = 4
 """Of the rows, for the first guess."""
 MOST_STEPS, STEP_SHARES, GAINED = 10, (1.0, 0.5, 0.2, 0.05), 1e-5
-"""Steps, shares of a step that are tried until one gains, and the relative gain after which no other is tried."""
+"""Steps, shares of a step that are tried until one gains, and the least relative gain."""
 DELAY_STEP = 0.3
 """Of a row, for the slope of the error over the delay: voltages run straight between rows, and the error has a kink at
 every row that a smaller step takes for a minimum."""
 DAMPING = 0.01
 """Of the squared error: what a step across the whole range must gain. Settled rows do not know the memory at rest."""
+
+UNFELT = 1e-12
+"""Of the squared error: a move that changes the answer by less is rounding."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +49,11 @@ def least_error(
         for share in STEP_SHARES:
             tried = at[0] + share * move[0], at[1] + share * move[1]
             better = solved_at(fits, basis, *tried, own_offsets)
-            if better.error < solved.error:
+            if better.error < (1 - GAINED) * solved.error:
                 break
         else:
             break
-        gained = 1 - better.error / solved.error
         at, solved = tried, better
-        if gained < GAINED:
-            break
     return Searched(*at, solved.error)
 
 
@@ -84,8 +84,9 @@ def _gauss_newton(
     rest = total[n:, n:] - total[n:, :n] @ np.linalg.solve(inner, total[:n, n:])
     curvature = rest[:2, :2] + DAMPING * solved.error**2 * np.eye(2)
     place = np.array([at[0] / bound, at[1]])
-    move = least_in_box(curvature, rest[:2, 3], np.array([0.0, -1.0]) - place, 1.0 - place) * unit
-    return float(move[0]), float(move[1])
+    move = least_in_box(curvature, rest[:2, 3], np.array([0.0, -1.0]) - place, 1.0 - place)
+    changes = np.diag(rest)[:2] * move**2 > UNFELT * solved.error**2
+    return float(changes[0] * move[0] * bound), float(changes[1] * move[1])
 
 
 def least_in_box(curvature: Samples, slope: Samples, low: Samples, high: Samples) -> Samples:
