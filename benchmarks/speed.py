@@ -1,4 +1,5 @@
-"""Speed of the firmware in the loop as a ratio to real time: firmware, stage, recorder, codec and decoding counted.
+"""Speed of the firmware in the loop as a ratio to real time: firmware, stage, recorder, codec and decoding counted; and
+the time of ``phaselead fit`` on the grid of the built-in stage, from start to end of the process.
 
 Run with `make bench`. Prints the median and the spread of several runs; judges nothing.
 """
@@ -6,7 +7,11 @@ Run with `make bench`. Prints the median and the spread of several runs; judges 
 from __future__ import annotations
 
 import statistics
+import subprocess
+import sys
+import tempfile
 import time
+from pathlib import Path
 
 from phaselead.control.gains import PAPER_GAINS
 from phaselead.link.device import Device
@@ -29,6 +34,22 @@ def loop_ratio(axes: str) -> float:
     return SECONDS / elapsed_s
 
 
+def phaselead(*arguments: str) -> float:
+    """Seconds that the command took."""
+    begin = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "phaselead", *arguments], check=True, capture_output=True)
+    return time.perf_counter() - begin
+
+
+def fit_seconds() -> list[float]:
+    """Of every run, on the records that identify kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        grid = Path(folder) / "grid"
+        phaselead("identify", "--save", str(grid), "-o", f"{folder}/stage.toml")
+        files = [str(file) for file in sorted(grid.iterdir())]
+        return [phaselead("fit", *files, "-o", f"{folder}/refit.toml") for _ in range(RUNS)]
+
+
 def main() -> None:
     for axes in ("x", "xyz"):
         ratios = [loop_ratio(axes) for _ in range(RUNS + 1)][1:]
@@ -36,6 +57,11 @@ def main() -> None:
             f"firmware in the loop, axes {axes}: {statistics.median(ratios):.0f} x real time "
             f"(min {min(ratios):.0f}, max {max(ratios):.0f}, {RUNS} runs of {SECONDS:g} s)"
         )
+    seconds = fit_seconds()
+    print(
+        f"fit of the built-in grid: {statistics.median(seconds):.1f} s "
+        f"(min {min(seconds):.1f}, max {max(seconds):.1f}, {RUNS} runs)"
+    )
 
 
 if __name__ == "__main__":
