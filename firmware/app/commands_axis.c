@@ -27,6 +27,8 @@ enum wire_status command_set_axis(struct device *device, const struct request *r
     config->pid = (struct pid_config){set.kp_q24, set.ki_ts_q32, set.kd_over_ts_q24, set.d_alpha_q31};
     memset(&config->path, 0, sizeof config->path); /* its unit may have changed with the mode */
     memset(&config->point, 0, sizeof config->point);
+    axis_set_reference(config, &device->model_of[set.axis], &device->control.axis[set.axis]);
+    device_stir(device, set.axis);
     device->control.path_mask &= ~(1u << set.axis);
     return WIRE_STATUS_OK;
 }
@@ -151,6 +153,8 @@ enum wire_status command_set_path(struct device *device, const struct request *r
     config->path = (struct path_config){
         .kind = set.path, .swing = set.swing, .offset = set.offset, .step_turn64 = set.step_turn64, .ticks = set.ticks};
     config->point = point;
+    axis_set_reference(config, &device->model_of[set.axis], &device->control.axis[set.axis]);
+    device_stir(device, set.axis);
     device->control.path_mask |= 1u << set.axis;
     struct wire_set_path_reply reply = {.inverse_gain_q28 = point.inverse_gain_q28, .lead_turn32 = point.lead_turn32};
     wire_pack_set_path_reply(&reply, answer->payload, answer->size);
@@ -180,6 +184,7 @@ enum wire_status command_wave_chunk(struct device *device, const struct request 
     }
     device_lock(device);
     device->wave_mask &= ~(1u << chunk.axis); /* not whole again before its commit */
+    device_link_models(device);
     device_unlock(device);
     memcpy(&device->waves_q30[chunk.axis][chunk.offset], chunk.data, chunk.data_size);
     return WIRE_STATUS_OK;
@@ -196,6 +201,7 @@ enum wire_status command_wave_commit(struct device *device, const struct request
     device_lock(device);
     answer->tick = device->control.tick;
     device->wave_mask |= 1u << commit.axis;
+    device_link_models(device);
     device_unlock(device);
     return WIRE_STATUS_OK;
 }

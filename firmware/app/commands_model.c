@@ -76,6 +76,7 @@ enum wire_status command_model_commit(struct device *device, const struct reques
         status = WIRE_STATUS_MODEL_INVALID;
     } else {
         model_store_swap(&device->models);
+        device_link_models(device);
         device_reset_axes(device);
         device_rest(device);
         stand_still(device);

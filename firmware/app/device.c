@@ -6,6 +6,10 @@
 #include "core/fixed.h"
 
 #define ALL_AXES ((1u << AXES) - 1)
+#define EACH_AXIS inline __attribute__((always_inline)) /* with a constant axis: to pass over one is a test of a bit   \
+                                                         */
+
+_Static_assert(AXES == 3, "a tick names its axes one by one");
 
 /* Without a model: -2..10 V, 1000 V/s, parking at 50 V/s on 0 V; 16-bit converters over +-10.24 V and -10..270 um. */
 static const struct wire_axis_model DEFAULT_AXIS = {
@@ -49,6 +53,19 @@ const int32_t *device_wave_q30(const struct device *device, unsigned axis)
     return device->wave_mask >> axis & 1u ? device->waves_q30[axis] : NULL;
 }
 
+void device_stir(struct device *device, unsigned axis)
+{
+    device->still &= ~(1u << axis);
+}
+
+void device_link_models(struct device *device)
+{
+    device->still = 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        device->model_of[axis] = (struct axis_model){device_tables(device, axis), device_compensation(device, axis),
+                                                     device_wave_q30(device, axis)};
+}
+
 static void reset_axis(struct device *device, unsigned axis)
 {
     const struct model_slot *slot = model_store_active(&device->models);
@@ -67,12 +84,14 @@ static void reset_axis(struct device *device, unsigned axis)
     config->converter.adc_zero_code = model->adc_zero_code;
     config->converter.adc_um_per_code_q32 = model->adc_um_per_code_q32;
     memset(&state->path, 0, sizeof state->path);
+    memset(&state->aim, 0, sizeof state->aim);
     pid_reset(&state->pid);
 }
 
 void device_reset_axes(struct device *device)
 {
     device->control.path_mask = 0;
+    device->still = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
         reset_axis(device, axis);
 }
@@ -96,6 +115,7 @@ void device_init(struct device *device, const struct device_port *port)
     device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
     device->control.fault_axis = NO_AXIS;
     model_store_boot(&device->models, &device->port.flash);
+    device_link_models(device);
     device_reset_axes(device);
     device_rest(device);
     service_init(device);
@@ -117,19 +137,70 @@ uint8_t device_at_rest_mask(const struct device *device)
     return (uint8_t)mask;
 }
 
-static void drive_all(struct control *control, enum axis_drive drive)
+/* What the others cause in an axis of `mask` is taken from its value. */
+static void decoupled(struct device *device, uint32_t mask, int32_t values_q16[AXES])
 {
+    const struct model_slot *slot = model_store_active(&device->models);
+    bool saturated = false;
+    decouple(slot != NULL ? &slot->decoupling : NULL, mask, values_q16, &saturated);
+    for (unsigned axis = 0; axis < AXES && saturated; axis++)
+        if ((mask >> axis & 1u) != 0)
+            device->control.axis[axis].aim.flags |= AIM_SATURATED;
+}
+
+/* The inverse's voltages for where the axes of `feeding` should be, next to others that invert. */
+static void feed_axes(struct device *device, uint32_t feeding)
+{
+    int32_t ahead_q16[AXES];
+    uint32_t inverting = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_state *state = &device->control.axis[axis];
+        ahead_q16[axis] = state->aim.ahead_q16;
+        if (state->drive == DRIVE_PATH && (state->aim.flags & AIM_INVERTS) != 0)
+            inverting |= 1u << axis;
+    }
+    decoupled(device, inverting, ahead_q16);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if ((feeding >> axis & 1u) != 0)
+            axis_feed(&device->model_of[axis], &device->control.axis[axis], ahead_q16[axis]);
+}
+
+/* Bit of the axis when its inverse is to be fed. */
+static EACH_AXIS uint32_t aim_one(struct device *device, unsigned axis)
+{
+    struct axis_state *state = &device->control.axis[axis];
+    if ((device->still >> axis & 1u) != 0 || !axis_needs_aim(state))
+        return 0;
+    return (uint32_t)axis_aim(&device->control.config[axis], &device->model_of[axis], state) << axis;
+}
+
+/* Where the axes that follow a path should be next, and the feed-forward for it: at their start, and behind the output
+ * of every tick for the one to come. */
+static void aim_axes(struct device *device)
+{
+    uint32_t feeding = aim_one(device, 0) | aim_one(device, 1) | aim_one(device, 2);
+    if (feeding != 0)
+        feed_axes(device, feeding);
+}
+
+static void drive_all(struct device *device, enum axis_drive drive)
+{
+    struct control *control = &device->control;
+    device->still = 0;
     for (unsigned axis = 0; axis < AXES; axis++) {
         control->axis[axis].drive = drive;
         control->axis[axis].path.running = 0;
     }
 }
 
-static void start_axes(struct control *control, uint8_t axis_mask)
+static void start_axes(struct device *device, uint8_t axis_mask)
 {
+    struct control *control = &device->control;
+    device->still &= ~(uint32_t)axis_mask;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (axis_mask >> axis & 1u)
             axis_start(&control->config[axis], &control->axis[axis]);
+    aim_axes(device);
 }
 
 enum wire_status device_event(struct device *device, enum supervisor_event event, uint8_t axis_mask)
@@ -142,13 +213,13 @@ enum wire_status device_event(struct device *device, enum supervisor_event event
     case ACTION_REFUSE_FAULT:
         return WIRE_STATUS_FAULT_LATCHED;
     case ACTION_START:
-        start_axes(control, axis_mask);
+        start_axes(device, axis_mask);
         break;
     case ACTION_HOLD:
-        drive_all(control, DRIVE_HOLD);
+        drive_all(device, DRIVE_HOLD);
         break;
     case ACTION_RAMP:
-        drive_all(control, DRIVE_RAMP);
+        drive_all(device, DRIVE_RAMP);
         break;
     case ACTION_NONE:
     case ACTION_COUNT:
@@ -200,86 +271,76 @@ static void watch_host(struct device *device)
         device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
 }
 
-/* A loop that can no longer see where it is must not go on pushing. */
-static void watch_rails(struct device *device)
+/* The end of a path; and a loop that can no longer see where it is must not go on pushing. */
+static void watch_path(struct device *device, unsigned axis)
 {
     const struct control *control = &device->control;
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        const struct axis_config *config = &control->config[axis];
-        const struct axis_state *state = &control->axis[axis];
-        if (axis_mode_closes(config->mode) && state->drive == DRIVE_PATH && state->rail_ticks >= RAIL_TICKS)
-            device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
-    }
+    if (control->axis[axis].rail_ticks >= RAIL_TICKS && axis_mode_closes(control->config[axis].mode) &&
+        control->axis[axis].drive == DRIVE_PATH)
+        device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
+    if (device->traces[axis].path_done)
+        events_put(&device->events, control->tick, WIRE_EVENT_KIND_PATH_DONE, axis);
 }
 
-struct mixed { /* of the axes whose bit is set */
-    uint32_t inverting, closed;
-    int32_t ahead_q16[AXES], error_q16[AXES];
-};
-
-/* What the others cause in an axis is taken from its reference and from its error. */
-static void decouple_aims(const struct device *device, struct axis_aim aims[AXES])
+/* Bit of the axis when it is under feedback. */
+static EACH_AXIS uint32_t find_error(struct device *device, unsigned axis, uint32_t moving, int32_t error_q16[AXES])
 {
-    const struct model_slot *slot = model_store_active(&device->models);
-    const struct decoupling *decoupling = slot ? &slot->decoupling : NULL;
-    struct mixed mixed = {0};
-    bool saturated = false;
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        mixed.inverting |= (uint32_t)aims[axis].inverts << axis;
-        mixed.closed |= (uint32_t)aims[axis].closes << axis;
-        mixed.ahead_q16[axis] = aims[axis].ahead_q16;
-        mixed.error_q16[axis] = aims[axis].error_q16;
-    }
-    decouple(decoupling, mixed.inverting, mixed.ahead_q16, &saturated);
-    decouple(decoupling, mixed.closed, mixed.error_q16, &saturated);
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        aims[axis].ahead_q16 = mixed.ahead_q16[axis];
-        aims[axis].error_q16 = mixed.error_q16[axis];
-        aims[axis].saturated = aims[axis].saturated || (saturated && aims[axis].follows);
-    }
+    struct axis_state *state = &device->control.axis[axis];
+    if ((moving >> axis & 1u) == 0 || !axis_closes(state))
+        return 0;
+    error_q16[axis] = axis_error_q16(&device->control.config[axis], state, device->adc_codes[axis]);
+    return 1u << axis;
 }
 
-static void step_axes(struct device *device, const uint16_t adc_codes[AXES], struct axis_trace traces[AXES])
+static EACH_AXIS void step_one(struct device *device, unsigned axis, uint32_t moving, int32_t error_q16)
 {
-    struct control *control = &device->control;
-    struct axis_model models[AXES];
-    struct axis_aim aims[AXES];
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        models[axis] = (struct axis_model){device_tables(device, axis), device_compensation(device, axis),
-                                           device_wave_q30(device, axis)};
-        axis_aim(&control->config[axis], &models[axis], &control->axis[axis], adc_codes[axis], &aims[axis]);
-    }
-    decouple_aims(device, aims);
-    for (unsigned axis = 0; axis < AXES; axis++)
-        axis_step(&control->config[axis], &models[axis], &control->axis[axis], &aims[axis], adc_codes[axis],
-                  &traces[axis]);
+    struct axis_trace *trace = &device->traces[axis];
+    if ((moving >> axis & 1u) == 0)
+        return;
+    bool rests = axis_step(&device->control.config[axis], &device->control.axis[axis], device->adc_codes[axis],
+                           error_q16, trace);
+    device->still |= (uint32_t)rests << axis;
+    device->dac_codes[axis] = trace->dac_code;
+}
+
+static EACH_AXIS void settle_one(struct device *device, unsigned axis, uint32_t moving)
+{
+    struct axis_state *state = &device->control.axis[axis];
+    if ((moving >> axis & 1u) == 0)
+        return;
+    axis_settle(&device->model_of[axis], state, &device->traces[axis]);
+    if ((device->traces[axis].path_done || state->rail_ticks != 0) && device->control.state == WIRE_STATE_RUNNING)
+        watch_path(device, axis);
 }
 
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES])
 {
     struct control *control = &device->control;
-    struct axis_trace traces[AXES];
+    int32_t error_q16[AXES] = {0};
     if (atomic_load_explicit(&device->raised, memory_order_relaxed) != 0)
         take_raised(device);
     watch_host(device);
-    step_axes(device, adc_codes, traces);
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        device->adc_codes[axis] = adc_codes[axis];
-        device->dac_codes[axis] = dac_codes[axis] = traces[axis].dac_code;
-    }
+    memcpy(device->adc_codes, adc_codes, sizeof device->adc_codes);
+    const uint32_t moving = ~device->still;
+    uint32_t closed = find_error(device, 0, moving, error_q16) | find_error(device, 1, moving, error_q16) |
+                      find_error(device, 2, moving, error_q16);
+    if ((closed & (closed - 1)) != 0)
+        decoupled(device, closed, error_q16);
+    step_one(device, 0, moving, error_q16[0]);
+    step_one(device, 1, moving, error_q16[1]);
+    step_one(device, 2, moving, error_q16[2]);
+    memcpy(dac_codes, device->dac_codes, sizeof device->dac_codes);
     if (device->port.drive)
         device->port.drive(device->port.context, dac_codes);
-    if (control->state == WIRE_STATE_RUNNING) {
-        watch_rails(device);
-        for (unsigned axis = 0; axis < AXES; axis++)
-            if (traces[axis].path_done)
-                events_put(&device->events, control->tick, WIRE_EVENT_KIND_PATH_DONE, axis);
-    } else if (control->state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES) {
+    settle_one(device, 0, moving);
+    settle_one(device, 1, moving);
+    settle_one(device, 2, moving);
+    if (control->state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
-    }
-    if (recorder_tick(&device->recorder, control->tick, traces))
+    if (recorder_tick(&device->recorder, control->tick, adc_codes, device->traces))
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
     control->tick++;
+    aim_axes(device);
 }
 
 void device_miss_ticks(struct device *device, uint32_t ticks)

@@ -83,8 +83,11 @@ struct device {
     uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns, latched_late; /* kept by the port */
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
+    struct axis_trace traces[AXES]; /* of the last tick */
+    uint32_t still; /* axes at rest whose last tick was like any that follows: they need no step, their trace stays */
     struct model_store models;
-    uint32_t wave_mask; /* axes with a whole waveform */
+    struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
+    uint32_t wave_mask;               /* axes with a whole waveform */
     int32_t waves_q30[AXES][WAVE_POINTS];
     struct control latched; /* at the last STREAM_START */
     bool latched_valid;
@@ -121,6 +124,12 @@ void device_reset_axes(struct device *device);
 
 /* The memory of the active model as of a stage at rest at 0 V whose voltages have then gone to where they are. */
 void device_rest(struct device *device);
+
+/* After the configuration or the state of an axis was changed by other than a tick. */
+void device_stir(struct device *device, unsigned axis);
+
+/* After a model or a waveform came or went. */
+void device_link_models(struct device *device);
 
 uint8_t device_at_rest_mask(const struct device *device);
 

@@ -5,8 +5,8 @@
 #include "core/fixed.h"
 
 #define PREVIEW_MOST_Q16 (1024u << 16)
-#define OFFSET_MOST_Q16 (1 << 30) /* 16384 um */
-#define ONE_Q48 ((int64_t)1 << 48)
+#define OFFSET_MOST_Q16 (1 << 30)         /* 16384 um */
+#define ALPHA_MOST_Q48 ((int64_t)1 << 46) /* 1/4 */
 
 _Static_assert(sizeof(((struct wire_axis_model *)0)->play_r_q24) / sizeof(int32_t) == INVERSE_PLAYS, "schema and core");
 _Static_assert(sizeof(((struct wire_axis_model *)0)->knot_d_q24) / sizeof(int32_t) == INVERSE_KNOTS, "schema and core");
@@ -35,9 +35,9 @@ static enum model_field creep(const struct wire_axis_model *model, struct creep_
 {
     for (unsigned i = 0; i < CREEP_TERMS; i++) {
         config->k_q30[i] = model->creep_k_q30[i];
-        config->alpha_q48[i] = model->creep_alpha_q48[i];
-        if (config->alpha_q48[i] < 0 || config->alpha_q48[i] > ONE_Q48)
+        if (model->creep_alpha_q48[i] < 0 || model->creep_alpha_q48[i] > ALPHA_MOST_Q48)
             return FIELD_CREEP_ALPHA;
+        config->alpha_q64[i] = model->creep_alpha_q48[i] * 65536;
     }
     return creep_is_usable(config) ? FIELD_NONE : FIELD_CREEP_K;
 }
@@ -66,7 +66,6 @@ static enum model_field blamed(enum inverse_verdict verdict)
 static enum model_field inverse(const struct wire_axis_model *model, struct compensation *compensation)
 {
     struct inverse_config *config = &compensation->inverse;
-    struct inverse_state rest;
     bool beyond = model->offset_q16 > OFFSET_MOST_Q16 || model->offset_q16 < -OFFSET_MOST_Q16;
     config->u_min_q24 = model->u_min_q24;
     config->u_max_q24 = model->u_max_q24;
@@ -74,15 +73,12 @@ static enum model_field inverse(const struct wire_axis_model *model, struct comp
     config->offset_q16 = model->offset_q16;
     config->rest_fraction_q30 = model->rest_fraction_q30;
     memcpy(config->play_r_q24, model->play_r_q24, sizeof config->play_r_q24);
-    memcpy(config->play_w_q20, model->play_w_q20, sizeof config->play_w_q20);
     memcpy(config->knot_d_q24, model->knot_d_q24, sizeof config->knot_d_q24);
     memcpy(config->knot_s_q20, model->knot_s_q20, sizeof config->knot_s_q20);
-    enum model_field field = blamed(inverse_check(config));
+    enum model_field field = blamed(inverse_make(config, model->play_w_q20));
     if (field != FIELD_NONE || beyond)
         return beyond ? FIELD_OFFSET : field;
-    inverse_rest(config, &rest, 0);
-    compensation->rest_q16 = sat_i32(round_shift_i64(inverse_position_q44(config, &rest), 28), &beyond);
-    return beyond ? FIELD_OFFSET : FIELD_NONE;
+    return compensation_make(compensation) ? FIELD_NONE : FIELD_OFFSET;
 }
 
 enum model_field model_compensation(const struct wire_axis_model *model, struct compensation *compensation)

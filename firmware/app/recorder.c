@@ -83,18 +83,17 @@ static bool open_batch(struct recorder *recorder, uint64_t tick)
 
 static int16_t volts_q11(int32_t u_q24)
 {
-    int64_t u_q11 = round_shift_i64(u_q24, Q24_TO_Q11);
-    return (int16_t)(u_q11 > INT16_MAX ? INT16_MAX : u_q11 < INT16_MIN ? INT16_MIN : u_q11);
+    return (int16_t)clamp_i32(round_shift_i32(u_q24, Q24_TO_Q11), INT16_MIN, INT16_MAX);
 }
 
-static void put_traces(struct recorder *recorder, const struct axis_trace *traces)
+static void put_traces(struct recorder *recorder, const uint16_t *adc_codes, const struct axis_trace *traces)
 {
     struct recorder_batch *batch = recorder->open;
     uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
     for (unsigned i = 0; i < RECORDER_AXES; i++) {
         if (!(recorder->format.axis_mask >> i & 1u))
             continue;
-        struct wire_tick tick = {traces[i].reference, traces[i].adc_code, traces[i].dac_code,
+        struct wire_tick tick = {traces[i].reference, adc_codes[i], traces[i].dac_code,
                                  volts_q11(traces[i].feedforward_q24), volts_q11(traces[i].feedback_q24)};
         to = wire_put_tick(to, recorder->format.channels, &tick);
     }
@@ -102,7 +101,7 @@ static void put_traces(struct recorder *recorder, const struct axis_trace *trace
     recorder->taken++;
 }
 
-bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_trace *traces)
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces)
 {
     if (!recorder->recording)
         return false;
@@ -122,7 +121,7 @@ bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_t
         return first;
     }
     recorder->dropping = false;
-    put_traces(recorder, traces);
+    put_traces(recorder, adc_codes, traces);
     if (recorder->open->size == recorder->format.batch_size)
         close_batch(recorder);
     return false;

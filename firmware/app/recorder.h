@@ -12,7 +12,7 @@
 #include "core/axis.h"
 
 #define RECORDER_AXES 3
-#define RECORDER_BATCHES 28
+#define RECORDER_BATCHES 25
 #define RECORDER_DATA_SIZE (WIRE_MAX_PAYLOAD - WIRE_SAMPLES_SIZE)
 #define RECORDER_POST_TRIGGER_TICKS 250 /* 50 ms: enough to see how the output reacted to a fault */
 
@@ -63,7 +63,8 @@ void recorder_freeze(struct recorder *recorder);
 void recorder_discard(struct recorder *recorder);
 
 /* Takes a tick. True when it is the first of a row that had to be dropped. */
-bool recorder_tick(struct recorder *recorder, uint64_t tick, const struct axis_trace *traces);
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
+                   const struct axis_trace *traces);
 
 /* These ticks went by unseen: they count as dropped. */
 void recorder_miss(struct recorder *recorder, uint32_t ticks);

@@ -23,7 +23,15 @@ void axis_start(const struct axis_config *config, struct axis_state *state)
     path_start(&state->path);
     pid_reset(&state->pid);
     state->compensation.primed = 0;
+    state->aim.flags = 0;
+    state->rail_ticks = 0;
     state->drive = DRIVE_PATH;
+}
+
+void axis_set_reference(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
+{
+    bool saturated = false;
+    state->aim.reference = path_now(&config->path, &state->path, model->wave_q30, &saturated);
 }
 
 static bool is_periodic(const struct path_config *path)
@@ -31,108 +39,136 @@ static bool is_periodic(const struct path_config *path)
     return path->kind == PATH_SINE || path->kind == PATH_WAVE;
 }
 
-/* Modes this firmware does not know, or cannot run without what the model lacks, hold the output. */
-static bool can_follow(const struct axis_config *config, const struct axis_model *model)
-{
-    if (axis_mode_uses_tables(config->mode))
-        return is_periodic(&config->path) || model->tables != NULL;
-    if (axis_mode_inverts(config->mode))
-        return model->compensation != NULL;
-    return config->mode == AXIS_OPEN || config->mode == AXIS_PID;
-}
-
-void axis_aim(const struct axis_config *config, const struct axis_model *model, const struct axis_state *state,
-              uint16_t adc_code, struct axis_aim *aim)
-{
-    *aim = (struct axis_aim){.follows = state->drive == DRIVE_PATH && can_follow(config, model)};
-    aim->inverts = aim->follows && axis_mode_inverts(config->mode);
-    aim->closes = aim->follows && axis_mode_closes(config->mode);
-    aim->reference = path_now(&config->path, &state->path, model->wave_q30, &aim->saturated);
-    if (aim->inverts) {
-        int64_t ahead_q16 = path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32,
-                                       model->compensation->preview_ticks_q16, &aim->saturated);
-        aim->ahead_q16 = sat_i32(ahead_q16 - model->compensation->rest_q16, &aim->saturated);
-    }
-    if (aim->closes) {
-        int64_t position_q16 = converter_position_q16(&config->converter, adc_code, &aim->saturated);
-        aim->error_q16 = sat_i32(aim->reference - position_q16, &aim->saturated);
-    }
-}
-
-/* Position looked up at the phase lead and divided by the gain; a hold or a move is slow, so it needs no lead. */
+/* Position looked up at the phase lead and divided by the gain; a hold or a move is slow, so it needs no lead. Without
+ * what it needs of the model nothing. */
 static int32_t table_feedforward_q24(const struct axis_config *config, const struct axis_model *model,
-                                     const struct axis_state *state, int32_t reference_q16, bool *saturated)
+                                     const struct axis_state *state, bool *saturated)
 {
     if (!is_periodic(&config->path))
-        return feedforward_static_q24(model->tables, reference_q16);
+        return model->tables != NULL ? feedforward_static_q24(model->tables, state->aim.reference) : 0;
     int32_t ahead_q16 =
         path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32, 0, saturated);
     return feedforward_step_q24(&config->point, ahead_q16, saturated);
 }
 
-static int32_t feedforward_q24(const struct axis_config *config, const struct axis_model *model,
-                               struct axis_state *state, const struct axis_aim *aim, bool *saturated)
+static uint32_t if_set(bool condition, uint32_t flag)
 {
-    if (aim->inverts) {
-        int32_t ahead_q16 = sat_i32((int64_t)aim->ahead_q16 + model->compensation->rest_q16, saturated);
-        return compensation_step_q24(model->compensation, &state->compensation, ahead_q16, saturated);
+    return condition ? flag : 0;
+}
+
+/* Modes this firmware does not know, or cannot run without what the model lacks, hold the output. */
+bool axis_aim(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
+{
+    const uint32_t mode = config->mode;
+    struct axis_aim *aim = &state->aim;
+    bool saturated = false, inverts = false, follows = true;
+    aim->feedforward_q24 = 0;
+    aim->reference = path_now(&config->path, &state->path, model->wave_q30, &saturated);
+    if (axis_mode_uses_tables(mode)) {
+        follows = is_periodic(&config->path) || model->tables != NULL;
+        aim->feedforward_q24 = table_feedforward_q24(config, model, state, &saturated);
+    } else if (axis_mode_inverts(mode)) {
+        inverts = follows = model->compensation != NULL;
+        if (inverts) {
+            int64_t ahead_q16 = path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32,
+                                           model->compensation->preview_ticks_q16, &saturated);
+            aim->ahead_q16 = sat_i32(ahead_q16 - model->compensation->rest_q16, &saturated);
+        }
+    } else if (mode == AXIS_OPEN) {
+        aim->feedforward_q24 = aim->reference; /* the path is volts */
+    } else {
+        follows = mode == AXIS_PID;
     }
-    if (axis_mode_uses_tables(config->mode))
-        return table_feedforward_q24(config, model, state, aim->reference, saturated);
-    return config->mode == AXIS_OPEN ? aim->reference : 0; /* in mode open the path is volts */
+    aim->flags = AIM_READY | if_set(inverts, AIM_INVERTS) | if_set(saturated, AIM_SATURATED);
+    if (follows)
+        aim->flags |= AIM_FOLLOWS | if_set(axis_mode_closes(mode), AIM_CLOSES) |
+                      if_set(path_advance(&config->path, &state->path), AIM_PATH_DONE);
+    return inverts;
+}
+
+void axis_feed(const struct axis_model *model, struct axis_state *state, int32_t ahead_q16)
+{
+    bool saturated = false;
+    int32_t wanted_q16 = sat_i32((int64_t)ahead_q16 + model->compensation->rest_q16, &saturated);
+    state->aim.feedforward_q24 =
+        compensation_step_q24(model->compensation, &state->compensation, wanted_q16, &saturated);
+    state->aim.flags |= if_set(saturated, AIM_SATURATED);
+}
+
+int32_t axis_error_q16(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
+{
+    bool saturated = false;
+    int64_t position_q16 = converter_position_q16(&config->converter, adc_code, &saturated);
+    int32_t error_q16 = sat_i32(state->aim.reference - position_q16, &saturated);
+    state->aim.flags |= if_set(saturated, AIM_SATURATED);
+    return error_q16;
 }
 
 static int32_t feedback_q24(const struct axis_config *config, struct axis_state *state, int32_t error_q16,
-                            int32_t ff_q24, bool *saturated)
+                            bool *saturated)
 {
     if (state->pid.primed == 0)
-        pid_preset(&config->pid, &state->pid, error_q16, state->u_q24, ff_q24);
+        pid_preset(&config->pid, &state->pid, error_q16, state->u_q24, state->aim.feedforward_q24);
     return pid_step_q24(&config->pid, &state->pid, error_q16, saturated);
 }
 
-static int64_t toward_park_q24(const struct axis_config *config, const struct axis_state *state)
+static int32_t toward_park_q24(const struct axis_config *config, const struct axis_state *state)
 {
-    int64_t way_q24 = (int64_t)config->u_park_q24 - state->u_q24;
-    if (way_q24 > config->ramp_q24)
-        way_q24 = config->ramp_q24;
-    else if (way_q24 < -(int64_t)config->ramp_q24)
-        way_q24 = -(int64_t)config->ramp_q24;
-    return state->u_q24 + way_q24;
+    int32_t way_q24 = sub_i32(config->u_park_q24, state->u_q24);
+    return add_i32(state->u_q24, clamp_i32(way_q24, sub_i32(0, config->ramp_q24), config->ramp_q24));
 }
 
 static void count_rails(struct axis_state *state, uint16_t adc_code)
 {
-    bool at_rail = adc_code == 0 || adc_code == UINT16_MAX;
+    bool at_rail = (uint16_t)(adc_code + 1u) <= 1;
     if (!at_rail)
         state->rail_ticks = 0;
     else if (state->rail_ticks != UINT32_MAX)
         state->rail_ticks++;
 }
 
-void axis_step(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
-               const struct axis_aim *aim, uint16_t adc_code, struct axis_trace *trace)
+/* Where the path wants the output; the slew limit and the clamp have their say, and the integrator hears of it. */
+static void follow(const struct axis_config *config, struct axis_state *state, int32_t error_q16, bool *saturated,
+                   struct axis_trace *trace)
 {
-    bool saturated = aim->saturated;
-    *trace = (struct axis_trace){.adc_code = adc_code, .reference = aim->reference};
-    count_rails(state, adc_code);
+    const uint32_t flags = state->aim.flags;
+    trace->feedforward_q24 = state->aim.feedforward_q24;
+    trace->path_done = (flags & AIM_PATH_DONE) != 0;
+    trace->inverted = (flags & AIM_INVERTS) != 0;
+    *saturated = (flags & AIM_SATURATED) != 0;
+    int64_t asked_q24 = trace->feedforward_q24;
+    if ((flags & AIM_CLOSES) != 0) {
+        trace->feedback_q24 = feedback_q24(config, state, error_q16, saturated);
+        asked_q24 += trace->feedback_q24;
+    }
+    state->u_q24 = output_limit_q24(&config->output, state->u_q24, sat_i32(asked_q24, saturated), saturated);
+    pid_unwind(&state->pid, state->u_q24 - asked_q24);
+}
 
-    int64_t asked_q24 = state->u_q24;
-    if (aim->follows) {
-        trace->feedforward_q24 = feedforward_q24(config, model, state, aim, &saturated);
-        if (aim->closes)
-            trace->feedback_q24 = feedback_q24(config, state, aim->error_q16, trace->feedforward_q24, &saturated);
-        asked_q24 = (int64_t)trace->feedforward_q24 + trace->feedback_q24;
-    } else if (state->drive == DRIVE_RAMP) {
-        asked_q24 = toward_park_q24(config, state);
+bool axis_step(const struct axis_config *config, struct axis_state *state, uint16_t adc_code, int32_t error_q16,
+               struct axis_trace *trace)
+{
+    bool saturated = false, rests = false;
+    *trace = (struct axis_trace){.reference = state->aim.reference};
+    if (state->drive == DRIVE_PATH && (state->aim.flags & AIM_FOLLOWS) != 0) {
+        count_rails(state, adc_code);
+        follow(config, state, error_q16, &saturated, trace);
+    } else {
+        bool ramps = state->drive == DRIVE_RAMP && state->u_q24 != config->u_park_q24;
+        int32_t asked_q24 = ramps ? toward_park_q24(config, state) : state->u_q24;
+        int32_t before_q24 = state->u_q24;
+        state->u_q24 = output_limit_q24(&config->output, before_q24, asked_q24, &saturated);
+        rests = state->drive != DRIVE_PATH && state->u_q24 == before_q24;
     }
-    state->u_q24 = output_limit_q24(&config->output, state->u_q24, sat_i32(asked_q24, &saturated), &saturated);
-    if (aim->follows) {
-        pid_unwind(&state->pid, state->u_q24 - asked_q24);
-        trace->path_done = path_advance(&config->path, &state->path);
-    }
-    if (model->compensation != NULL && !aim->inverts)
-        compensation_follow(model->compensation, &state->compensation, state->u_q24);
+    state->aim.flags = 0;
     trace->dac_code = converter_dac_code(&config->converter, state->u_q24, &saturated);
     if (saturated)
         state->saturations++;
+    return rests;
+}
+
+void axis_settle(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace)
+{
+    if (model->compensation != NULL && !trace->inverted)
+        compensation_follow(model->compensation, &state->compensation, state->u_q24);
 }

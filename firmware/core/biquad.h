@@ -1,7 +1,7 @@
 /* One second-order section, direct form I: y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''.
  *
- * Signals are q40 of whatever unit (micrometres, volts), coefficients q26. The output is exact but for the rounding of
- * its five products, 2.5 LSB of q40 a tick before they go round the loop. Values are limited to +-32768 units.
+ * Signals are q40 of whatever unit (micrometres, volts), coefficients q26. The five products are summed exactly; their
+ * sum is rounded once, by half an LSB of q40 a tick before it goes round the loop. Values are limited to +-32768 units.
  */
 #ifndef PHASELEAD_CORE_BIQUAD_H
 #define PHASELEAD_CORE_BIQUAD_H
@@ -15,8 +15,13 @@ struct biquad_config {
     int32_t b0_q26, b1_q26, b2_q26, a1_q26, a2_q26;
 };
 
+/* A q40 value as high x 2^28 + low, 0 <= low < 2^28: each half times a coefficient, five times over, fits 64 bits. */
+struct biquad_value {
+    int32_t high_q12, low_q40;
+};
+
 struct biquad_state {
-    int64_t x1_q40, x2_q40, y1_q40, y2_q40;
+    struct biquad_value x1, x2, y1, y2;
 };
 
 /* Stable, and with a static gain of exactly 1: 1 + a1 + a2 = b0 + b1 + b2. The one usable section without effect is b0
@@ -24,14 +29,15 @@ struct biquad_state {
 bool biquad_is_usable(const struct biquad_config *config);
 
 /* A section that is not in use passes everything on; it need not be stepped. */
-static inline bool biquad_changes(const struct biquad_config *config)
-{
-    return (config->b1_q26 | config->b2_q26 | config->a1_q26 | config->a2_q26) != 0;
-}
+bool biquad_changes(const struct biquad_config *config);
 
 /* As if the input had always been this value. */
 void biquad_prime(struct biquad_state *state, int64_t value_q40);
 
+/* A state that came from elsewhere may hold anything: brings it within what a step takes. Not for the tick. */
+void biquad_admit(struct biquad_state *state);
+
+/* |x| <= 32768 units. */
 int64_t biquad_step_q40(const struct biquad_config *config, struct biquad_state *state, int64_t x_q40, bool *saturated);
 
 #endif

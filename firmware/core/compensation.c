@@ -5,18 +5,14 @@
 #define Q16_TO_Q40 ((int64_t)1 << 24)
 #define Q24_TO_Q40 ((int64_t)1 << 16)
 #define Q40_TO_Q44 16
-#define LIMIT_Q40 (((int64_t)1 << 55) - 1) /* 32768 um */
+#define LIMIT_Q40 ((int64_t)1 << 55) /* 32768 um */
 
 static void creep_on(const struct compensation *compensation, struct compensation_state *state)
 {
-    int64_t x_q40 = round_shift_i64(inverse_position_q44(&compensation->inverse, &state->inverse), 4);
+    if (compensation->creeps == 0)
+        return;
+    int64_t x_q40 = round_shift_i64(state->inverse.x_q44, 4);
     creep_follow(&compensation->creep, &state->creep, x_q40 - compensation->rest_q16 * Q16_TO_Q40);
-}
-
-void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24)
-{
-    *state = (struct compensation_state){.primed = 0};
-    inverse_rest(&compensation->inverse, &state->inverse, u_q24);
 }
 
 void compensation_follow(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24)
@@ -28,13 +24,25 @@ void compensation_follow(const struct compensation *compensation, struct compens
 static int64_t shaped_q40(const struct compensation *compensation, struct compensation_state *state, int64_t x_q40,
                           bool *saturated)
 {
-    for (unsigned i = 0; i < SHAPE_SECTIONS; i++) {
-        if (state->primed == 0)
-            biquad_prime(&state->shape[i], x_q40);
-        if (biquad_changes(&compensation->shape[i]))
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
+        if ((compensation->steps >> i & 1u) != 0) {
+            if (state->primed == 0)
+                biquad_prime(&state->shape[i], x_q40);
             x_q40 = biquad_step_q40(&compensation->shape[i], &state->shape[i], x_q40, saturated);
-    }
+        }
     return x_q40;
+}
+
+static int32_t driven_q24(const struct compensation *compensation, struct compensation_state *state, int32_t v_q24,
+                          bool *saturated)
+{
+    if (compensation->steps >> SHAPE_SECTIONS == 0)
+        return v_q24;
+    int64_t v_q40 = v_q24 * Q24_TO_Q40;
+    if (state->primed == 0)
+        biquad_prime(&state->drive, v_q40);
+    int64_t u_q40 = biquad_step_q40(&compensation->drive, &state->drive, v_q40, saturated);
+    return sat_i32(round_shift_i64(u_q40, 16), saturated);
 }
 
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
@@ -42,16 +50,12 @@ int32_t compensation_step_q24(const struct compensation *compensation, struct co
 {
     int64_t rest_q40 = compensation->rest_q16 * Q16_TO_Q40;
     int64_t x_q40 = shaped_q40(compensation, state, ahead_q16 * Q16_TO_Q40, saturated);
-    x_q40 = rest_q40 + creep_undo_q40(&compensation->creep, &state->creep, x_q40 - rest_q40);
-    x_q40 = sat_between_i64(x_q40, -LIMIT_Q40, LIMIT_Q40, saturated);
-    int64_t v_q40 =
-        inverse_step_q24(&compensation->inverse, &state->inverse, x_q40 * Q40_TO_Q44, saturated) * Q24_TO_Q40;
-    if (state->primed == 0)
-        biquad_prime(&state->drive, v_q40);
+    if (compensation->creeps != 0)
+        x_q40 = rest_q40 + creep_undo_q40(&compensation->creep, &state->creep, x_q40 - rest_q40);
+    x_q40 = sat_between_i64(x_q40, -LIMIT_Q40, LIMIT_Q40 - 1, saturated);
+    int32_t v_q24 = inverse_step_q24(&compensation->inverse, &state->inverse, x_q40 * Q40_TO_Q44, saturated);
+    int32_t u_q24 = driven_q24(compensation, state, v_q24, saturated);
     state->primed = 1;
-    int64_t u_q40 = v_q40;
-    if (biquad_changes(&compensation->drive))
-        u_q40 = biquad_step_q40(&compensation->drive, &state->drive, v_q40, saturated);
     creep_on(compensation, state);
-    return sat_i32(round_shift_i64(u_q40, 16), saturated);
+    return u_q24;
 }

@@ -17,6 +17,8 @@
 struct compensation { /* of one axis, made when a model is committed */
     uint32_t preview_ticks_q16;
     int32_t rest_q16; /* position at rest at 0 V */
+    uint32_t steps;   /* sections that change anything: bit i for shape[i], the next for drive. compensation_make() */
+    uint32_t creeps;  /* 1: some term of creep is in use */
     struct biquad_config shape[SHAPE_SECTIONS];
     struct biquad_config drive;
     struct creep_config creep;
@@ -29,15 +31,23 @@ struct compensation_state {
     struct creep_state creep;
     struct inverse_state inverse;
     uint32_t primed; /* 0: shape and drive begin at their next input as if it had always been there */
+    uint32_t reserved;
 };
+
+/* What follows from sections, creep and inverse. False when the position at rest does not fit. Like the next two not
+ * for the tick. */
+bool compensation_make(struct compensation *compensation);
 
 /* A stage at rest at 0 V whose voltage has then gone to u. */
 void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24);
 
+/* A state that came from elsewhere may hold anything: brings it within what a step takes. */
+void compensation_admit(const struct compensation *compensation, struct compensation_state *state);
+
 /* A tick in which something else decided the output. */
 void compensation_follow(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24);
 
-/* The voltage for the position that is wanted one preview from now. */
+/* The voltage for the position that is wanted one preview from now, |ahead| < 32768 um. */
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
                               int32_t ahead_q16, bool *saturated);
 

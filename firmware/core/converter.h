@@ -1,6 +1,7 @@
 /* Converter codes to physical units and back; 16-bit unipolar codes, zero and scale from calibration.
  *
- * Both give exactly the nearest code or q16 (ties up) for any calibration, then saturate. */
+ * Both give exactly the nearest code or q16 (ties up) for any calibration with the zero of the ADC within +-2^30 codes,
+ * then saturate. */
 #ifndef PHASELEAD_CORE_CONVERTER_H
 #define PHASELEAD_CORE_CONVERTER_H
 

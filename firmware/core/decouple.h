@@ -20,7 +20,8 @@ struct decoupling {
 /* Whether a row of couplings, those of `axis`, can be held: its own share 1, the others' below 2. */
 bool decoupling_takes(const int32_t row_q28[DECOUPLE_AXES], unsigned axis);
 
-/* False when a row is not taken, or some set of axes has no inverse (a determinant below 1/16). Not for the tick. */
+/* False when a row is not taken, or some set of axes has no inverse (a determinant below 1/16, or a share of 4 and
+ * more). Not for the tick. */
 bool decoupling_make(const int32_t coupling_q28[DECOUPLE_AXES][DECOUPLE_AXES], struct decoupling *decoupling);
 
 /* For the axes of `moving` (a mask): y in, x out, in place. The others stay as they are. NULL: nothing is coupled. */

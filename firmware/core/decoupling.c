@@ -3,6 +3,7 @@
 #include "core/fixed.h"
 
 #define N DECOUPLE_AXES
+#define SHARE_MOST_Q28 (4 * (int64_t)DECOUPLE_ONE_Q28 - 1)
 #define LEAST_DETERMINANT_Q28 (DECOUPLE_ONE_Q28 / 16)
 
 /* Of the 2 x 2 matrix without row i and column j, with the sign of its place. Entries below 2: at most 8. */
@@ -22,8 +23,10 @@ static bool invert(const int64_t m_q28[N][N], int32_t inverse_q28[N][N])
         return false;
     bool beyond = false;
     for (unsigned i = 0; i < N; i++)
-        for (unsigned j = 0; j < N; j++)
-            inverse_q28[i][j] = sat_i32(cofactor_q28(m_q28, j, i) * DECOUPLE_ONE_Q28 / determinant_q28, &beyond);
+        for (unsigned j = 0; j < N; j++) {
+            int64_t share_q28 = cofactor_q28(m_q28, j, i) * DECOUPLE_ONE_Q28 / determinant_q28;
+            inverse_q28[i][j] = (int32_t)sat_between_i64(share_q28, -SHARE_MOST_Q28, SHARE_MOST_Q28, &beyond);
+        }
     return !beyond;
 }
 
@@ -47,6 +50,15 @@ static void among(const int32_t coupling_q28[N][N], unsigned set, int64_t m_q28[
         }
 }
 
+/* What rounding made of the rows and columns of those that stand still. */
+static void leave_others(unsigned set, int32_t inverse_q28[N][N])
+{
+    for (unsigned i = 0; i < N; i++)
+        for (unsigned j = 0; j < N; j++)
+            if ((set >> i & set >> j & 1u) == 0)
+                inverse_q28[i][j] = i == j ? DECOUPLE_ONE_Q28 : 0;
+}
+
 bool decoupling_make(const int32_t coupling_q28[N][N], struct decoupling *decoupling)
 {
     for (unsigned i = 0; i < N; i++)
@@ -57,6 +69,7 @@ bool decoupling_make(const int32_t coupling_q28[N][N], struct decoupling *decoup
         among(coupling_q28, set, m_q28);
         if (!invert((const int64_t (*)[N])m_q28, decoupling->share_q28[set]))
             return false;
+        leave_others(set, decoupling->share_q28[set]);
     }
     return true;
 }

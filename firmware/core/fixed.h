@@ -29,9 +29,34 @@ static inline int64_t round_shift_i64(int64_t value, unsigned bits)
     return (value >> bits) + ((value >> (bits - 1)) & 1);
 }
 
+/* Likewise in 32 bits, 2 <= bits <= 31. */
+static inline int32_t round_shift_i32(int32_t value, unsigned bits)
+{
+    return ((value >> (bits - 1)) + 1) >> 1;
+}
+
+/* a x b / 2^bits, rounded to nearest. 1 <= bits <= 62. */
+static inline int64_t mul_shift_wide_i32(int32_t a, int32_t b, unsigned bits)
+{
+    return ((int64_t)a * b + ((int64_t)1 << (bits - 1))) >> bits; /* at most 2^62 + 2^61 */
+}
+
 static inline int32_t clamp_i32(int32_t value, int32_t low, int32_t high)
 {
     return value < low ? low : value > high ? high : value;
+}
+
+/* a + b and a - b, or the limit of int32 beyond which they are. */
+static inline int32_t add_i32(int32_t a, int32_t b)
+{
+    int32_t sum;
+    return __builtin_add_overflow(a, b, &sum) ? (b < 0 ? INT32_MIN : INT32_MAX) : sum;
+}
+
+static inline int32_t sub_i32(int32_t a, int32_t b)
+{
+    int32_t difference;
+    return __builtin_sub_overflow(a, b, &difference) ? (b < 0 ? INT32_MAX : INT32_MIN) : difference;
 }
 
 /* Limits to [low, high] and sets *saturated when it had to. Never clears it: one flag serves a whole block. */
@@ -50,7 +75,10 @@ static inline int64_t sat_between_i64(int64_t value, int64_t low, int64_t high, 
 
 static inline int32_t sat_i32(int64_t value, bool *saturated)
 {
-    return (int32_t)sat_between_i64(value, INT32_MIN, INT32_MAX, saturated);
+    if ((int32_t)value == value)
+        return (int32_t)value;
+    *saturated = true;
+    return value < 0 ? INT32_MIN : INT32_MAX;
 }
 
 static inline int64_t sat_add_i64(int64_t a, int64_t b, bool *saturated)
@@ -69,7 +97,7 @@ static inline int64_t sat_add_i64(int64_t a, int64_t b, bool *saturated)
 /* a x b / 2^bits, rounded to nearest, saturated to int32. */
 static inline int32_t mul_shift_i32(int32_t a, int32_t b, unsigned bits, bool *saturated)
 {
-    return sat_i32(round_shift_i64((int64_t)a * b, bits), saturated);
+    return sat_i32(mul_shift_wide_i32(a, b, bits), saturated);
 }
 
 /* a + (b - a) x fraction, rounded to nearest. 0 <= fraction_q30 <= 2^30. */
@@ -100,18 +128,59 @@ static inline int64_t mul_shift_i64_i32(int64_t a, int32_t b, unsigned bits)
     return floor_shift_i64(a, bits) * b + round_shift_i64(low * b, bits);
 }
 
-/* a / b, towards 0, without a division: 32 steps whatever the values. At most UINT32_MAX. 0 < b < 2^32. */
-static inline uint32_t ratio_u32(uint64_t a, uint64_t b)
+/* A value as high x 2^32 + low with both halves signed, so that their products are too. |value| < 2^62. */
+static inline int32_t signed_low_i64(int64_t value)
 {
-    uint32_t ratio = 0;
-    for (unsigned step = 0; step < 32; step++) {
-        unsigned bit = 31 - step;
-        if (a >= b << bit) {
-            a -= b << bit;
-            ratio |= 1u << bit;
-        }
+    return (int32_t)(uint32_t)value;
+}
+
+static inline int32_t signed_high_i64(int64_t value)
+{
+    return (int32_t)(value >> 32) + (int32_t)((uint32_t)value >> 31);
+}
+
+/* a x b / 2^64, rounded to nearest, for |a| < 2^62 and 0 <= b <= 2^62. The lowest 32 bits of the product cannot reach
+ * the half that rounds. */
+static inline int64_t mul_shift64_i64(int64_t a, int64_t b)
+{
+    int32_t a_low = signed_low_i64(a), a_high = signed_high_i64(a);
+    int32_t b_low = signed_low_i64(b), b_high = signed_high_i64(b);
+    int64_t middle = (((int64_t)a_low * b_low) >> 32) + ((int64_t)1 << 31);
+    middle += (int64_t)a_high * b_low;
+    middle += (int64_t)a_low * b_high;
+    return (int64_t)a_high * b_high + (middle >> 32);
+}
+
+/* High half of a product. */
+static inline uint32_t mul_high_u32(uint32_t a, uint32_t b)
+{
+    return (uint32_t)(((uint64_t)a * b) >> 32);
+}
+
+/* 2^62 / b, or up to 2^-25 of it less; 2^31 <= b. Newton's iteration, each step doubling the bits, from the line that
+ * is never more than 1/17 off. */
+static inline uint32_t reciprocal_q62(uint32_t b)
+{
+    uint32_t inverse = 3031741620u - mul_high_u32(b, 2021161080u); /* 48/17 - 32/17 b, q30 */
+    for (unsigned step = 0; step < 3; step++) {
+        int32_t left_q30 = (1 << 30) - (int32_t)mul_high_u32(b, inverse);
+        inverse += (uint32_t)floor_shift_i64((int64_t)inverse * left_q30, 30);
     }
-    return ratio;
+    return inverse - 16;
+}
+
+/* a / b, towards 0, without a division and whatever the values as fast. a < 2^32 b. */
+static inline uint32_t ratio_u32(uint64_t a, uint32_t b)
+{
+    unsigned spare = (unsigned)__builtin_clz(b);
+    uint64_t divisor = b << spare, left = a << spare;
+    uint32_t inverse = reciprocal_q62(b << spare);
+    uint32_t first = (uint32_t)((uint64_t)(uint32_t)(left >> 32) * inverse >> 30); /* less than 2^8 short */
+    left -= first * divisor;
+    uint32_t second = (uint32_t)((uint64_t)(uint32_t)(left >> 9) * inverse >> 53);
+    left -= second * divisor;
+    uint32_t last = left >= 2 * divisor ? 2 : left >= divisor ? 1 : 0;
+    return first + second + last;
 }
 
 /* a x b / 2^bits, rounded to nearest, saturated to int64. 1 <= bits <= 63. Four products: sparingly in a tick. */

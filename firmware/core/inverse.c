@@ -2,126 +2,173 @@
 
 #include "core/fixed.h"
 
-void inverse_follow(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24)
-{
-    bool dragged = false;
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++) {
-        int64_t r_q24 = config->play_r_q24[i];
-        if (r_q24 != INVERSE_UNUSED)
-            state->play_q24[i] = (int32_t)sat_between_i64(state->play_q24[i], v_q24 - r_q24, v_q24 + r_q24, &dragged);
-    }
-    state->v_q24 = v_q24;
-}
+#define FURTHER_THAN_ANY_Q44 ((uint64_t)1 << 63)
 
-void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24)
-{
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        state->play_q24[i] = (int32_t)round_shift_i64((int64_t)config->rest_fraction_q30 * config->play_r_q24[i], 30);
-    inverse_follow(config, state, v_q24);
-}
-
-/* The part without memory; *knots: how many lie at or below v, *slope_q20: its slope above v. */
-static int64_t curve_q44(const struct inverse_config *config, int32_t v_q24, unsigned *knots, int64_t *slope_q20)
-{
-    int64_t x_q44 = (int64_t)config->offset_q16 * (1 << 28) + (int64_t)config->gain_q20 * v_q24;
-    *knots = 0;
-    *slope_q20 = config->gain_q20;
-    for (unsigned j = 0; j < INVERSE_KNOTS; j++) {
-        int64_t above_q24 = (int64_t)v_q24 - config->knot_d_q24[j];
-        if (above_q24 >= 0) {
-            x_q44 += config->knot_s_q20[j] * above_q24;
-            *slope_q20 += config->knot_s_q20[j];
-            (*knots)++;
-        }
-    }
-    return x_q44;
-}
-
-static int64_t plays_q44(const struct inverse_config *config, const struct inverse_state *state)
-{
-    int64_t x_q44 = 0;
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        if (config->play_r_q24[i] != INVERSE_UNUSED)
-            x_q44 += (int64_t)config->play_w_q20[i] * state->play_q24[i];
-    return x_q44;
-}
-
-int64_t inverse_position_q44(const struct inverse_config *config, const struct inverse_state *state)
-{
-    unsigned knots;
-    int64_t slope_q20;
-    return curve_q44(config, state->v_q24, &knots, &slope_q20) + plays_q44(config, state);
-}
-
-struct walk { /* upwards, or mirrored: with all voltages of the other sign */
-    int64_t v_q24, end_q24;
-    int64_t slope_q20;
-    int64_t left_q44; /* of the way to go, in position */
-    unsigned play, knot;
-    bool arrived; /* what is left ends before the next bend */
+/* A way up or down. Where things are is told by how far they are from where it began, so that nothing has a sign; what
+ * lies behind that is negative, and adds up all the same. */
+struct walk {
+    uint32_t at_q24, end_q24;
+    uint32_t play_at_q24, knot_at_q24; /* the next bends */
+    uint32_t moving, knots, turns;     /* as in the state */
+    uint32_t then_moving;              /* behind the play's bend */
+    uint32_t slope_q20;
+    uint64_t left_q44; /* of the way to go, in position */
+    bool arrived;      /* it ends before the next bend */
 };
 
-/* To the next bend if the way goes further than that. Once it does not, later calls do nothing. */
-static void walk_on(struct walk *walk, const struct inverse_config *config, const struct inverse_state *state, int sign)
+static inline uint32_t way_q24(bool rises, int32_t from_q24, int32_t to_q24)
 {
-    int64_t play_q24 = INT64_MAX, knot_q24 = INT64_MAX;
-    unsigned knot = sign > 0 ? walk->knot : walk->knot - 1; /* of the mirrored ones the nearest is the last below */
-    if (walk->play < INVERSE_PLAYS && config->play_r_q24[walk->play] != INVERSE_UNUSED)
-        play_q24 = sign * (int64_t)state->play_q24[walk->play] + config->play_r_q24[walk->play];
-    if (knot < INVERSE_KNOTS)
-        knot_q24 = sign * (int64_t)config->knot_d_q24[knot];
-    bool at_play = play_q24 <= knot_q24;
-    int64_t bend_q24 = at_play ? play_q24 : knot_q24;
-    int64_t length_q24 = bend_q24 > walk->v_q24 ? bend_q24 - walk->v_q24 : 0;
-    walk->arrived = bend_q24 >= walk->end_q24 || walk->left_q44 < walk->slope_q20 * length_q24;
+    return rises ? (uint32_t)to_q24 - (uint32_t)from_q24 : (uint32_t)from_q24 - (uint32_t)to_q24;
+}
+
+/* Where another play begins to move, and how many do then. */
+static inline void find_play(struct walk *walk, const struct inverse_config *config, const struct inverse_state *state,
+                             bool rises)
+{
+    uint32_t play = walk->moving;
+    walk->then_moving = play + 1;
+    walk->play_at_q24 = UINT32_MAX;
+    if (play >= config->plays)
+        return;
+    int32_t r_q24 = config->play_r_q24[play];
+    if (walk->turns == 0) {
+        int32_t rest_q24 = (int32_t)round_shift_i64((int64_t)config->rest_fraction_q30 * r_q24, 30);
+        walk->play_at_q24 = way_q24(rises, state->v_q24, rest_q24) + (uint32_t)r_q24;
+        return;
+    }
+    uint32_t last = (uint32_t)__builtin_ctz(walk->turns);
+    uint32_t turn_at_q24 = way_q24(rises, state->v_q24, state->turn_q24[last]);
+    bool onward = (state->risen >> last & 1u) == (uint32_t)rises;
+    walk->play_at_q24 = onward ? turn_at_q24 : turn_at_q24 + 2 * (uint32_t)r_q24;
+    walk->then_moving = onward ? last + 1 : play + 1;
+}
+
+static inline void find_knot(struct walk *walk, const struct inverse_config *config, const struct inverse_state *state,
+                             bool rises)
+{
+    uint32_t knot = rises ? walk->knots : walk->knots - 1;
+    walk->knot_at_q24 = knot < config->knots ? way_q24(rises, state->v_q24, config->knot_d_q24[knot]) : UINT32_MAX;
+}
+
+static inline void pass_play(struct walk *walk, const struct inverse_config *config)
+{
+    walk->slope_q20 += (uint32_t)(config->play_sum_q20[walk->then_moving] - config->play_sum_q20[walk->moving]);
+    walk->moving = walk->then_moving;
+    if (walk->turns != 0 && walk->moving > (uint32_t)__builtin_ctz(walk->turns))
+        walk->turns &= walk->turns - 1;
+}
+
+static inline void pass_knot(struct walk *walk, const struct inverse_config *config, bool rises)
+{
+    uint32_t knot = rises ? walk->knots++ : --walk->knots;
+    uint32_t bend_q20 = (uint32_t)config->knot_s_q20[knot];
+    walk->slope_q20 += rises ? bend_q20 : 0 - bend_q20;
+}
+
+/* To the next bend if the way goes further than that. */
+static inline void walk_on(struct walk *walk, const struct inverse_config *config, const struct inverse_state *state,
+                           bool rises)
+{
+    bool at_play = walk->play_at_q24 <= walk->knot_at_q24;
+    uint32_t bend_at_q24 = at_play ? walk->play_at_q24 : walk->knot_at_q24;
+    uint64_t way_q44 = (uint64_t)walk->slope_q20 * (bend_at_q24 - walk->at_q24);
+    walk->arrived = bend_at_q24 >= walk->end_q24 || walk->left_q44 < way_q44;
     if (walk->arrived)
         return;
-    walk->left_q44 -= walk->slope_q20 * length_q24;
-    walk->v_q24 += length_q24;
+    walk->left_q44 -= way_q44;
+    walk->at_q24 = bend_at_q24;
     if (at_play) {
-        walk->slope_q20 += config->play_w_q20[walk->play++];
+        pass_play(walk, config);
+        find_play(walk, config, state, rises);
     } else {
-        walk->slope_q20 += sign * config->knot_s_q20[knot];
-        walk->knot = sign > 0 ? walk->knot + 1 : walk->knot - 1;
+        pass_knot(walk, config, rises);
+        find_knot(walk, config, state, rises);
     }
 }
 
-/* From where the memory stands towards x. Plays that are at their bend already go along from the start: they are the
- * first ones, for a larger threshold never moves without the smaller. */
-static struct walk begin_walk(const struct inverse_config *config, const struct inverse_state *state, int64_t x_q44,
-                              int *sign)
+/* The plays that moved stop where they are. */
+static void turn(struct inverse_state *state, bool rises)
 {
-    struct walk walk = {.play = 0};
-    int64_t here_q44 = curve_q44(config, state->v_q24, &walk.knot, &walk.slope_q20) + plays_q44(config, state);
-    *sign = x_q44 < here_q44 ? -1 : 1;
-    walk.v_q24 = *sign * (int64_t)state->v_q24;
-    walk.end_q24 = *sign > 0 ? config->u_max_q24 : -(int64_t)config->u_min_q24;
-    walk.left_q44 = *sign > 0 ? x_q44 - here_q44 : here_q44 - x_q44;
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        if (config->play_r_q24[i] != INVERSE_UNUSED &&
-            *sign * (int64_t)state->play_q24[i] + config->play_r_q24[i] <= walk.v_q24) {
-            walk.slope_q20 += config->play_w_q20[i];
-            walk.play++;
-        }
-    return walk;
+    if (state->moving != 0) {
+        uint32_t last = state->moving - 1, bit = 1u << last;
+        state->turn_q24[last] = state->v_q24;
+        state->turns |= bit;
+        state->risen = state->rises != 0 ? state->risen | bit : state->risen & ~bit;
+    }
+    state->moving = 0;
+    state->rises = rises;
+}
+
+/* On the last piece: to the nearest voltage, or to the end. False when the end is nearer than the position. */
+static inline bool finish(struct walk *walk)
+{
+    uint32_t room_q24 = walk->end_q24 - walk->at_q24;
+    uint64_t rounded_q44 = walk->left_q44 + walk->slope_q20 / 2;
+    bool reached = rounded_q44 < (uint64_t)walk->slope_q20 * room_q24 + walk->slope_q20;
+    uint32_t length_q24 = reached ? ratio_u32(rounded_q44, walk->slope_q20) : room_q24;
+    walk->at_q24 += length_q24;
+    walk->left_q44 -= (uint64_t)walk->slope_q20 * length_q24; /* by half an LSB below 0, perhaps */
+    return reached;
+}
+
+/* As far as voltage and position allow, and the bends of a tick. False when the position was not reached. */
+static inline bool walk_way(const struct inverse_config *config, struct inverse_state *state, bool rises,
+                            int32_t end_q24, uint64_t way_q44)
+{
+    if (state->rises != (uint32_t)rises)
+        turn(state, rises);
+    struct walk walk = {.end_q24 = way_q24(rises, state->v_q24, end_q24),
+                        .left_q44 = way_q44,
+                        .moving = state->moving,
+                        .knots = state->knots,
+                        .turns = state->turns,
+                        .slope_q20 = (uint32_t)(state->slope_q20 + config->play_sum_q20[state->moving])};
+    find_play(&walk, config, state, rises);
+    find_knot(&walk, config, state, rises);
+    for (unsigned i = 0; i < INVERSE_BENDS_A_TICK; i++)
+        if (!walk.arrived)
+            walk_on(&walk, config, state, rises);
+    bool reached = walk.arrived && finish(&walk);
+    uint32_t v_q24 = (uint32_t)state->v_q24;
+    way_q44 -= walk.left_q44;
+    state->v_q24 = (int32_t)(rises ? v_q24 + walk.at_q24 : v_q24 - walk.at_q24);
+    state->x_q44 += (int64_t)(rises ? way_q44 : 0 - way_q44);
+    state->slope_q20 = (int32_t)walk.slope_q20 - config->play_sum_q20[walk.moving];
+    state->knots = walk.knots;
+    state->moving = walk.moving;
+    state->turns = walk.turns;
+    return reached;
+}
+
+static bool walk_up(const struct inverse_config *config, struct inverse_state *state, int32_t end_q24, uint64_t way_q44)
+{
+    return walk_way(config, state, true, end_q24, way_q44);
+}
+
+static bool walk_down(const struct inverse_config *config, struct inverse_state *state, int32_t end_q24,
+                      uint64_t way_q44)
+{
+    return walk_way(config, state, false, end_q24, way_q44);
+}
+
+void inverse_follow(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24)
+{
+    v_q24 = clamp_i32(v_q24, config->u_min_q24, config->u_max_q24);
+    if (v_q24 > state->v_q24)
+        walk_up(config, state, v_q24, FURTHER_THAN_ANY_Q44);
+    else if (v_q24 < state->v_q24)
+        walk_down(config, state, v_q24, FURTHER_THAN_ANY_Q44);
 }
 
 int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_state *state, int64_t x_q44,
                          bool *saturated)
 {
-    int sign;
-    state->v_q24 = clamp_i32(state->v_q24, config->u_min_q24, config->u_max_q24);
-    struct walk walk = begin_walk(config, state, x_q44, &sign);
-    for (unsigned i = 0; i < INVERSE_BENDS_A_TICK; i++)
-        walk_on(&walk, config, state, sign);
-    int64_t v_q24 = walk.v_q24;
-    if (walk.arrived) {
-        uint64_t half_q44 = (uint64_t)walk.slope_q20 / 2;
-        v_q24 += ratio_u32((uint64_t)walk.left_q44 + half_q44, (uint64_t)walk.slope_q20);
-    }
-    if (v_q24 > walk.end_q24 || !walk.arrived)
+    bool reached = true;
+    if (x_q44 > state->x_q44)
+        reached = walk_up(config, state, config->u_max_q24, (uint64_t)(x_q44 - state->x_q44));
+    else if (x_q44 < state->x_q44)
+        reached = walk_down(config, state, config->u_min_q24, (uint64_t)(state->x_q44 - x_q44));
+    if (!reached)
         *saturated = true;
-    v_q24 = v_q24 > walk.end_q24 ? walk.end_q24 : v_q24;
-    inverse_follow(config, state, (int32_t)(sign * v_q24));
     return state->v_q24;
 }

@@ -2,12 +2,18 @@
  *
  *     x = offset + gain v + sum w_i play_ri[v] + sum s_j max(v - d_j, 0)      (Kuhnen 2003, eqs. 5, 8, 30)
  *
- * is a given position. From where the plays stand, x is a rising line with bends at p_i + r_i and d_j (going up): the
- * inverse walks along it from the present voltage, bend by bend. That is exact: Krejci and Kuhnen's closed form needs
- * plays and dead zones in series, these are in parallel. A tick has time for so many bends; a jump over more of them
- * (which the slew limit would spread anyway) is finished in the ticks that follow.
+ * is a given position. From where the plays stand, x is a rising line with bends where a play begins to move and at
+ * d_j: the inverse walks along it from the present voltage, bend by bend. That is exact: Krejci and Kuhnen's closed
+ * form needs plays and dead zones in series, these are in parallel. A tick has time for so many bends; a jump over more
+ * of them (which the slew limit would spread anyway) is finished in the ticks that follow.
  *
- * x is an exact integer (q44); the voltage is the nearest q24, so that x is met to half an LSB of it times the slope.
+ * The memory is not where each play stands but where the voltage turned. Plays are sorted by threshold, and a larger
+ * one never moves without the smaller ones: those that move are the first `moving` ones. At a turn they stop together,
+ * so one voltage tells where all of them stand, until the voltage comes back to it (they all move again) or is twice a
+ * play's threshold away from it (it moves the other way). Turns between which the way has closed are forgotten.
+ *
+ * x is an exact integer (q44), kept up by the way that is walked; the voltage is the nearest q24, so that x is met to
+ * half an LSB of it times the slope.
  */
 #ifndef PHASELEAD_CORE_INVERSE_H
 #define PHASELEAD_CORE_INVERSE_H
@@ -18,51 +24,69 @@
 #define INVERSE_PLAYS 32
 #define INVERSE_KNOTS 24
 #define INVERSE_BENDS_A_TICK 12
-#define INVERSE_UNUSED INT32_MAX /* threshold of a place that is not in use: it costs next to nothing in the tick */
+#define INVERSE_UNUSED INT32_MAX              /* threshold of a place that is not in use */
+#define INVERSE_THRESHOLD_MOST_Q24 (64 << 24) /* of a play that is: half of what a voltage can be away from another */
 
 struct inverse_config {
     int32_t u_min_q24, u_max_q24; /* the inverse exists, and stays, within these */
     int32_t gain_q20;             /* um/V */
     int32_t offset_q16;
     int32_t rest_fraction_q30;
-    int32_t play_r_q24[INVERSE_PLAYS]; /* never falling; those not in use: INVERSE_UNUSED */
-    int32_t play_w_q20[INVERSE_PLAYS]; /* um/V, not negative */
-    int32_t knot_d_q24[INVERSE_KNOTS]; /* never falling; those not in use: INVERSE_UNUSED */
+    uint32_t plays, knots;                   /* in use: made by inverse_make() */
+    int32_t play_r_q24[INVERSE_PLAYS];       /* never falling; those not in use: INVERSE_UNUSED */
+    int32_t play_sum_q20[INVERSE_PLAYS + 1]; /* um/V, what the first i plays move together: made by inverse_make() */
+    int32_t knot_d_q24[INVERSE_KNOTS];       /* never falling; those not in use: INVERSE_UNUSED */
     int32_t knot_s_q20[INVERSE_KNOTS];
 };
 
 struct inverse_state {
+    int64_t x_q44; /* where the stage stands by its memory */
     int32_t v_q24;
-    int32_t play_q24[INVERSE_PLAYS];
+    int32_t slope_q20; /* without plays, above v */
+    uint32_t knots;    /* so many lie at or below v; one at v may have been passed or not */
+    uint32_t rises;    /* 1: the voltage went up last, 0: down */
+    uint32_t moving;   /* so many plays went with it */
+    uint32_t turns;    /* bit i: plays up to i, those of lower bits left out, stopped where it turned */
+    uint32_t risen;    /* that turn ended a way up */
+    int32_t
+        turn_q24[INVERSE_PLAYS]; /* at this voltage. Plays above all turns never moved since the stage was at rest */
+    uint32_t reserved;           /* explicit padding */
 };
 
 enum inverse_verdict {
     INVERSE_EXISTS,
     INVERSE_REST_BEYOND_THRESHOLDS,
-    INVERSE_PLAYS_OUT_OF_ORDER,
+    INVERSE_PLAYS_OUT_OF_ORDER, /* or a threshold too large */
     INVERSE_WEIGHT_NEGATIVE,
     INVERSE_KNOTS_OUT_OF_ORDER,
     INVERSE_TOO_STEEP, /* all slopes together reach 1024 um/V */
     INVERSE_FALLS,     /* somewhere within the limits the position rises by less than 2^-10 um/V after a turn */
 };
 
-enum inverse_verdict inverse_check(const struct inverse_config *config);
+/* Makes what is not given, from the plays' weights (um/V, not negative); usable when the inverse exists. Like
+ * everything down to inverse_reach_q16() not for the tick. */
+enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS]);
 
-/* Plays of a stage at rest at 0 V, then moved to v. */
+/* The memory of a stage at rest at 0 V, then moved to v. */
 void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
 
-/* The memory when the voltage has gone straight to v. */
-void inverse_follow(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
+/* Where a play stands. */
+int64_t inverse_play_q24(const struct inverse_config *config, const struct inverse_state *state, unsigned play);
 
-/* Where the stage stands by its memory. */
-int64_t inverse_position_q44(const struct inverse_config *config, const struct inverse_state *state);
+/* A state that came from elsewhere may hold anything: one that is no memory of this operator becomes that of a stage at
+ * rest. */
+void inverse_admit(const struct inverse_config *config, struct inverse_state *state);
+
+/* What can be reached whatever the memory: from everything drawn down to u_min, to everything pushed up to u_max. */
+void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16);
+
+/* The memory when the voltage has gone straight to v (or the limit before it), or to the last bend of this tick before
+ * that. */
+void inverse_follow(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
 
 /* Goes to the voltage at which the position is x, or to the limit or the last bend of this tick before it, and then
  * sets *saturated; returns it. |x| < 2^15 um. */
 int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_state *state, int64_t x_q44,
                          bool *saturated);
-
-/* What can be reached whatever the memory: from everything drawn down to u_min, to everything pushed up to u_max. */
-void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16);
 
 #endif

@@ -1,4 +1,4 @@
-/* inverse_check() and inverse_reach_q16(): when a model is committed or a path set. Never called in a tick. */
+/* What the inverse needs when a model is committed, a path set, or a state put back. Never called in a tick. */
 #include "core/fixed.h"
 #include "core/inverse.h"
 
@@ -40,36 +40,167 @@ static int64_t sum_of_sizes(const int32_t *values, unsigned count)
     return sum;
 }
 
-enum inverse_verdict inverse_check(const struct inverse_config *config)
+static uint32_t used(const int32_t *thresholds, unsigned count)
+{
+    uint32_t used = 0;
+    for (unsigned i = 0; i < count; i++)
+        used += thresholds[i] != INVERSE_UNUSED;
+    return used;
+}
+
+static enum inverse_verdict check(const struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS])
 {
     if (config->rest_fraction_q30 < -ONE_Q30 || config->rest_fraction_q30 > ONE_Q30)
         return INVERSE_REST_BEYOND_THRESHOLDS;
     if (config->play_r_q24[0] < 0 || !never_falls(config->play_r_q24, INVERSE_PLAYS))
         return INVERSE_PLAYS_OUT_OF_ORDER;
     for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        if (config->play_w_q20[i] < 0)
+        if (config->play_r_q24[i] > INVERSE_THRESHOLD_MOST_Q24 && config->play_r_q24[i] != INVERSE_UNUSED)
+            return INVERSE_PLAYS_OUT_OF_ORDER;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
+        if (play_w_q20[i] < 0)
             return INVERSE_WEIGHT_NEGATIVE;
     if (!never_falls(config->knot_d_q24, INVERSE_KNOTS))
         return INVERSE_KNOTS_OUT_OF_ORDER;
-    int64_t slopes_q20 = (int64_t)magnitude_i64(config->gain_q20) + sum_of_sizes(config->play_w_q20, INVERSE_PLAYS) +
+    int64_t slopes_q20 = (int64_t)magnitude_i64(config->gain_q20) + sum_of_sizes(play_w_q20, INVERSE_PLAYS) +
                          sum_of_sizes(config->knot_s_q20, INVERSE_KNOTS);
     if (slopes_q20 >= SLOPES_MOST_Q20)
         return INVERSE_TOO_STEEP;
     return rises_everywhere(config) ? INVERSE_EXISTS : INVERSE_FALLS;
 }
 
-void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16)
+enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS])
+{
+    enum inverse_verdict verdict = check(config, play_w_q20);
+    if (verdict != INVERSE_EXISTS)
+        return verdict;
+    config->plays = used(config->play_r_q24, INVERSE_PLAYS);
+    config->knots = used(config->knot_d_q24, INVERSE_KNOTS);
+    config->play_sum_q20[0] = 0;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
+        config->play_sum_q20[i + 1] = config->play_sum_q20[i] + (i < config->plays ? play_w_q20[i] : 0);
+    return INVERSE_EXISTS;
+}
+
+/* Position without memory, and the slope above it, counted up to the knots at or below v. */
+static int64_t curve_q44(const struct inverse_config *config, int32_t v_q24, uint32_t *knots, int32_t *slope_q20)
+{
+    int64_t x_q44 = (int64_t)config->offset_q16 * (1 << 28) + (int64_t)config->gain_q20 * v_q24;
+    *knots = 0;
+    *slope_q20 = config->gain_q20;
+    for (unsigned j = 0; j < config->knots; j++) {
+        int64_t above_q24 = (int64_t)v_q24 - config->knot_d_q24[j];
+        if (above_q24 >= 0) {
+            x_q44 += config->knot_s_q20[j] * above_q24;
+            *slope_q20 += config->knot_s_q20[j];
+            (*knots)++;
+        }
+    }
+    return x_q44;
+}
+
+static int32_t at_rest_q24(const struct inverse_config *config, unsigned play)
+{
+    return (int32_t)round_shift_i64((int64_t)config->rest_fraction_q30 * config->play_r_q24[play], 30);
+}
+
+int64_t inverse_play_q24(const struct inverse_config *config, const struct inverse_state *state, unsigned play)
+{
+    int64_t r_q24 = config->play_r_q24[play];
+    uint32_t turns = state->turns >> play; /* the nearest one above tells */
+    if (play < state->moving)
+        return state->rises != 0 ? state->v_q24 - r_q24 : state->v_q24 + r_q24;
+    if (turns == 0)
+        return at_rest_q24(config, play);
+    unsigned last = play + (unsigned)__builtin_ctz(turns);
+    return (state->risen >> last & 1u) != 0 ? state->turn_q24[last] - r_q24 : state->turn_q24[last] + r_q24;
+}
+
+static int64_t weighted_q44(const struct inverse_config *config, unsigned play, int64_t play_q24)
+{
+    return (config->play_sum_q20[play + 1] - config->play_sum_q20[play]) * play_q24;
+}
+
+static int64_t plays_q44(const struct inverse_config *config, const struct inverse_state *state)
+{
+    int64_t x_q44 = 0;
+    for (unsigned i = 0; i < config->plays; i++)
+        x_q44 += weighted_q44(config, i, inverse_play_q24(config, state, i));
+    return x_q44;
+}
+
+void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24)
+{
+    *state = (struct inverse_state){.rises = 1};
+    state->x_q44 = curve_q44(config, 0, &state->knots, &state->slope_q20) + plays_q44(config, state);
+    for (unsigned i = 0; i < INVERSE_PLAYS + INVERSE_KNOTS; i += INVERSE_BENDS_A_TICK)
+        inverse_follow(config, state, v_q24);
+}
+
+/* Every play within its threshold of the voltage, and a larger one no nearer to moving than a smaller one. */
+static bool stands(const struct inverse_config *config, const struct inverse_state *state)
+{
+    int64_t up_before_q24 = 0, down_before_q24 = 0;
+    for (unsigned i = 0; i < config->plays; i++) {
+        int64_t from_q24 = (int64_t)inverse_play_q24(config, state, i) - state->v_q24;
+        int64_t up_q24 = config->play_r_q24[i] + from_q24, down_q24 = config->play_r_q24[i] - from_q24;
+        if (up_q24 < up_before_q24 || down_q24 < down_before_q24)
+            return false;
+        up_before_q24 = up_q24;
+        down_before_q24 = down_q24;
+    }
+    return true;
+}
+
+static bool may_be(const struct inverse_config *config, int32_t v_q24)
+{
+    return v_q24 >= config->u_min_q24 && v_q24 <= config->u_max_q24;
+}
+
+static bool within_format(const struct inverse_config *config, const struct inverse_state *state)
+{
+    bool fits = state->rises <= 1 && state->moving <= config->plays && may_be(config, state->v_q24);
+    for (unsigned i = 0; i < INVERSE_PLAYS && fits; i++)
+        if (state->turns >> i & 1u)
+            fits = i >= state->moving && i < config->plays && may_be(config, state->turn_q24[i]);
+    return fits;
+}
+
+/* A knot at v itself may have been passed or not. */
+static bool knots_fit(const struct inverse_config *config, const struct inverse_state *state)
+{
+    int64_t slope_q20 = config->gain_q20;
+    for (unsigned j = 0; j < config->knots && j < state->knots; j++)
+        slope_q20 += config->knot_s_q20[j];
+    return state->knots <= config->knots && slope_q20 == state->slope_q20 &&
+           (state->knots == 0 || config->knot_d_q24[state->knots - 1] <= state->v_q24) &&
+           (state->knots == config->knots || config->knot_d_q24[state->knots] >= state->v_q24);
+}
+
+void inverse_admit(const struct inverse_config *config, struct inverse_state *state)
+{
+    uint32_t knots;
+    int32_t slope_q20;
+    bool is_one = within_format(config, state) && knots_fit(config, state) && stands(config, state) &&
+                  curve_q44(config, state->v_q24, &knots, &slope_q20) + plays_q44(config, state) == state->x_q44;
+    if (!is_one)
+        inverse_rest(config, state, clamp_i32(state->v_q24, config->u_min_q24, config->u_max_q24));
+}
+
+/* Everything pulled along to v from `side` (1: from below). */
+static int32_t extreme_q16(const struct inverse_config *config, int32_t v_q24, int side)
 {
     bool saturated = false;
-    struct inverse_state state = {0};
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        state.play_q24[i] = (int32_t)sat_between_i64((int64_t)config->u_min_q24 + config->play_r_q24[i], INT32_MIN,
-                                                     INT32_MAX, &saturated);
-    state.v_q24 = config->u_min_q24;
-    *low_q16 = sat_i32(round_shift_i64(inverse_position_q44(config, &state), 28), &saturated);
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        state.play_q24[i] = (int32_t)sat_between_i64((int64_t)config->u_max_q24 - config->play_r_q24[i], INT32_MIN,
-                                                     INT32_MAX, &saturated);
-    state.v_q24 = config->u_max_q24;
-    *high_q16 = sat_i32(round_shift_i64(inverse_position_q44(config, &state), 28), &saturated);
+    uint32_t knots;
+    int32_t slope_q20;
+    int64_t x_q44 = curve_q44(config, v_q24, &knots, &slope_q20);
+    for (unsigned i = 0; i < config->plays; i++)
+        x_q44 += weighted_q44(config, i, v_q24 - side * (int64_t)config->play_r_q24[i]);
+    return sat_i32(round_shift_i64(x_q44, 28), &saturated);
+}
+
+void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16)
+{
+    *low_q16 = extreme_q16(config, config->u_min_q24, -1);
+    *high_q16 = extreme_q16(config, config->u_max_q24, 1);
 }

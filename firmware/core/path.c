@@ -18,9 +18,10 @@ void path_start(struct path_state *state)
 }
 
 /* offset + swing x share / 2^bits. |share| <= 2^31, so the product stays within 2^62. */
-static int32_t part_of_swing(const struct path_config *config, int64_t share, unsigned bits, bool *saturated)
+static inline int32_t part_of_swing(const struct path_config *config, int64_t share, unsigned bits, bool *saturated)
 {
-    return sat_i32(config->offset + round_shift_i64(config->swing * share, bits), saturated);
+    return sat_i32(config->offset + floor_shift_i64(config->swing * share + ((int64_t)1 << (bits - 1)), bits),
+                   saturated);
 }
 
 static int32_t wave_q30_at(const int32_t *wave_q30, uint32_t phase_turn32)

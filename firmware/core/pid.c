@@ -26,9 +26,9 @@ static int64_t derivative_q40(const struct pid_config *config, struct pid_state 
 {
     if (state->primed == 0)
         return state->derivative_q40;
-    int64_t change_q16 = (int64_t)error_q16 - state->error_q16; /* 33 bits; times 32 bits still fits 64 */
-    int64_t raw_q40 =
-        sat_between_i64(config->kd_over_ts_q24 * change_q16, -DERIVATIVE_LIMIT_Q40, DERIVATIVE_LIMIT_Q40, saturated);
+    int32_t change_q16 = sub_i32(error_q16, state->error_q16); /* beyond what a sensor can do it saturates */
+    int64_t raw_q40 = sat_between_i64((int64_t)config->kd_over_ts_q24 * change_q16, -DERIVATIVE_LIMIT_Q40,
+                                      DERIVATIVE_LIMIT_Q40, saturated);
     if (config->d_alpha_q31 == PID_DERIVATIVE_UNFILTERED)
         return raw_q40;
     return sat_between_i64(low_pass_q40(state->derivative_q40, raw_q40, config->d_alpha_q31), -DERIVATIVE_LIMIT_Q40,

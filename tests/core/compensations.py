@@ -1,11 +1,13 @@
 """Models for the inverse modes: drawn at random, all of a kind that a device accepts, and their exact mathematics."""
 
+import itertools
+
 import numpy as np
 from core_bindings import Biquad, Compensation, CompensationState, Creep, Inverse, whole
 from hypothesis import strategies as st
 
 V, UM = 2**24, 2**16
-ONE_Q26, ONE_Q48 = 1 << 26, 1 << 48
+ONE_Q26, ONE_Q64 = 1 << 26, 1 << 64
 UNUSED = 2**31 - 1
 PASS = Biquad(ONE_Q26)
 
@@ -16,7 +18,7 @@ def biquad_of(b, a):
     return Biquad(b0, ONE_Q26 + a1 + a2 - b0 - b2, b2, a1, a2)
 
 
-def _b(section):
+def coefficients_b(section):
     return section.b0_q26, section.b1_q26, section.b2_q26
 
 
@@ -31,20 +33,27 @@ def _sections(draw):
     return biquad_of(b, a)
 
 
-sections = _sections().filter(lambda section: sum(_b(section)) == ONE_Q26 + section.a1_q26 + section.a2_q26)
+sections = _sections().filter(lambda section: sum(coefficients_b(section)) == ONE_Q26 + section.a1_q26 + section.a2_q26)
 """Those whose coefficients fit: ctypes would wrap the others."""
 creeps = st.builds(
     lambda alphas, ks: Creep(tuple(alphas), tuple(ks)),
-    st.lists(whole(0, ONE_Q48), min_size=8, max_size=8),
+    st.lists(whole(0, ONE_Q64 // 4), min_size=8, max_size=8),
     st.lists(whole(-(2**26), 2**26), min_size=8, max_size=8),
 )
 
 
+def weights(config):
+    """Of the plays, from what the first ones move together."""
+    sums = list(config.play_sum_q20)
+    return [b - a for a, b in itertools.pairwise(sums)]
+
+
 def inverse_of(plays=(), knots=(), *, gain_q20=10 << 20, offset_q16=0, rest_q30=0, limits=(-2 * V, 10 * V)):
-    """The operator of (r_q24, w_q20) and (d_q24, s_q20), each rising."""
-    made = Inverse(*limits, gain_q20, offset_q16, rest_q30)
+    """The operator of (r_q24, w_q20) and (d_q24, s_q20), each rising, as inverse_make() leaves it when it exists."""
+    made = Inverse(*limits, gain_q20, offset_q16, rest_q30, len(plays), len(knots))
     for i in range(32):
-        made.play_r_q24[i], made.play_w_q20[i] = plays[i] if i < len(plays) else (UNUSED, 0)
+        made.play_r_q24[i], w_q20 = plays[i] if i < len(plays) else (UNUSED, 0)
+        made.play_sum_q20[i + 1] = made.play_sum_q20[i] + w_q20
     for j in range(24):
         made.knot_d_q24[j], made.knot_s_q20[j] = knots[j] if j < len(knots) else (UNUSED, 0)
     return made
@@ -67,10 +76,18 @@ def _inverses(draw):
 
 
 inverses = _inverses()
+
+
+def compensation_of(preview_ticks_q16, rest_q16, shape, drive, creep, inverse):
+    """As compensation_make() leaves it, but for any position at rest."""
+    changing = [bool(s.b1_q26 or s.b2_q26 or s.a1_q26 or s.a2_q26) for s in (*shape, drive)]
+    steps = sum(changes << i for i, changes in enumerate(changing))
+    creeps = int(any(creep.k_q30))
+    return Compensation(preview_ticks_q16, rest_q16, steps, creeps, (Biquad * 6)(*shape), drive, creep, inverse)
+
+
 any_compensation = st.builds(
-    lambda preview, rest, shape, drive, creep, inverse: Compensation(
-        preview, rest, (Biquad * 6)(*shape), drive, creep, inverse
-    ),
+    compensation_of,
     whole(0, 1024 << 16),
     whole(-(2**24), 2**24),
     st.lists(st.one_of(st.just(PASS), sections), min_size=6, max_size=6),
@@ -91,7 +108,7 @@ class Operator:
     """The time view in unbounded integers, q44, with its own memory: only max and min."""
 
     def __init__(self, config):
-        self.config = config
+        self.config, self.weights = config, weights(config)
         self.plays = [(config.rest_fraction_q30 * r + 2**29) >> 30 for r in config.play_r_q24]
         self.go(0)
 
@@ -100,10 +117,10 @@ class Operator:
         c = self.config
         self.plays = [max(v_q24 - r, min(v_q24 + r, p)) for r, p in zip(c.play_r_q24, self.plays, strict=True)]
         x = (c.offset_q16 << 28) + c.gain_q20 * v_q24
-        x += sum(w * p for w, p in zip(c.play_w_q20, self.plays, strict=True))
+        x += sum(w * p for w, p in zip(self.weights, self.plays, strict=True))
         return x + sum(s * max(v_q24 - d, 0) for d, s in zip(c.knot_d_q24, c.knot_s_q20, strict=True))
 
     def slopes(self):
         """No two positions one LSB apart differ by more."""
         c = self.config
-        return abs(c.gain_q20) + sum(c.play_w_q20) + sum(abs(s) for s in c.knot_s_q20)
+        return abs(c.gain_q20) + sum(self.weights) + sum(abs(s) for s in c.knot_s_q20)

@@ -12,12 +12,12 @@ ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
-STRAIGHT = ["axis", "biquad", "converter", "feedforward", "output", "path", "pid", "sine"]
-COUNTED = ["compensation", "creep", "decouple", "inverse"]
+STRAIGHT = ["axis", "biquad", "converter", "decouple", "feedforward", "output", "path", "pid", "sine"]
+COUNTED = ["compensation", "creep", "inverse"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
 """Sources whose every function may run in a tick."""
-AT_COMMIT = ["decoupling", "expand", "invertible"]
+AT_COMMIT = ["compensable", "decoupling", "expand", "invertible"]
 """What runs when a model is committed or a path is set."""
 
 INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
@@ -130,12 +130,22 @@ class Biquad(ct.Structure):
     _fields_ = [(f"{name}_q26", ct.c_int32) for name in ("b0", "b1", "b2", "a1", "a2")]
 
 
+class BiquadValue(ct.Structure):
+    """high x 2^28 + low, q40."""
+
+    _fields_ = [("high_q12", ct.c_int32), ("low_q40", ct.c_int32)]
+
+    @property
+    def q40(self):
+        return (self.high_q12 << 28) + self.low_q40
+
+
 class BiquadState(ct.Structure):
-    _fields_ = [(f"{name}_q40", ct.c_int64) for name in ("x1", "x2", "y1", "y2")]
+    _fields_ = [(name, BiquadValue) for name in ("x1", "x2", "y1", "y2")]
 
 
 class Creep(ct.Structure):
-    _fields_ = [("alpha_q48", ct.c_int64 * 8), ("k_q30", ct.c_int32 * 8)]
+    _fields_ = [("alpha_q64", ct.c_int64 * 8), ("k_q30", ct.c_int32 * 8)]
 
 
 class CreepState(ct.Structure):
@@ -149,15 +159,24 @@ class Inverse(ct.Structure):
         ("gain_q20", ct.c_int32),
         ("offset_q16", ct.c_int32),
         ("rest_fraction_q30", ct.c_int32),
+        ("plays", ct.c_uint32),
+        ("knots", ct.c_uint32),
         ("play_r_q24", ct.c_int32 * 32),
-        ("play_w_q20", ct.c_int32 * 32),
+        ("play_sum_q20", ct.c_int32 * 33),
         ("knot_d_q24", ct.c_int32 * 24),
         ("knot_s_q20", ct.c_int32 * 24),
     ]
 
 
 class InverseState(ct.Structure):
-    _fields_ = [("v_q24", ct.c_int32), ("play_q24", ct.c_int32 * 32)]
+    _fields_ = [
+        ("x_q44", ct.c_int64),
+        ("v_q24", ct.c_int32),
+        ("slope_q20", ct.c_int32),
+        *((name, ct.c_uint32) for name in ("knots", "rises", "moving", "turns", "risen")),
+        ("turn_q24", ct.c_int32 * 32),
+        ("reserved", ct.c_uint32),
+    ]
 
 
 class Decoupling(ct.Structure):
@@ -168,6 +187,8 @@ class Compensation(ct.Structure):
     _fields_ = [
         ("preview_ticks_q16", ct.c_uint32),
         ("rest_q16", ct.c_int32),
+        ("steps", ct.c_uint32),
+        ("creeps", ct.c_uint32),
         ("shape", Biquad * 6),
         ("drive", Biquad),
         ("creep", Creep),
@@ -182,12 +203,23 @@ class CompensationState(ct.Structure):
         ("creep", CreepState),
         ("inverse", InverseState),
         ("primed", ct.c_uint32),
+        ("reserved", ct.c_uint32),
+    ]
+
+
+class AxisAim(ct.Structure):
+    _fields_ = [
+        ("reference", ct.c_int32),
+        ("ahead_q16", ct.c_int32),
+        ("feedforward_q24", ct.c_int32),
+        ("flags", ct.c_uint32),
     ]
 
 
 class AxisState(ct.Structure):
     _fields_ = [
         ("path", PathState),
+        ("aim", AxisAim),
         ("pid", PidState),
         ("compensation", CompensationState),
         ("u_q24", ct.c_int32),
@@ -205,26 +237,14 @@ class AxisModel(ct.Structure):
     ]
 
 
-class AxisAim(ct.Structure):
-    _fields_ = [
-        ("reference", ct.c_int32),
-        ("ahead_q16", ct.c_int32),
-        ("error_q16", ct.c_int32),
-        ("inverts", ct.c_bool),
-        ("closes", ct.c_bool),
-        ("follows", ct.c_bool),
-        ("saturated", ct.c_bool),
-    ]
-
-
 class AxisTrace(ct.Structure):
     _fields_ = [
         ("reference", ct.c_int32),
         ("feedforward_q24", ct.c_int32),
         ("feedback_q24", ct.c_int32),
-        ("adc_code", ct.c_uint16),
         ("dac_code", ct.c_uint16),
         ("path_done", ct.c_bool),
+        ("inverted", ct.c_bool),
     ]
 
 
@@ -272,24 +292,32 @@ PROTOTYPES = {
     "h_clamp_i32": (I32, [I32, I32, I32]),
     "h_sine_many": (None, [ct.c_void_p, ct.c_void_p, ct.c_size_t]),
     "h_sizeof": (ct.c_size_t, [ct.c_int]),
-    "h_mul_shift_i64_i32": (I64, [I64, I32, ct.c_uint]),
-    "h_ratio_u32": (U32, [U64, U64]),
+    "h_mul_shift64_i64": (I64, [I64, I64]),
+    "h_ratio_u32": (U32, [U64, U32]),
+    "h_add_i32": (I32, [I32, I32]),
+    "h_sub_i32": (I32, [I32, I32]),
+    "h_round_shift_i32": (I32, [I32, ct.c_uint]),
     "h_run": (None, [ct.c_void_p] * 5 + [ct.c_size_t]),
     "h_biquad_many": (None, [ct.POINTER(Biquad), ct.c_size_t, ct.c_void_p, ct.c_size_t]),
     "h_inverse_many": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.c_void_p, ct.c_void_p, ct.c_size_t]),
     "h_creep_many": (None, [ct.POINTER(Creep), ct.POINTER(CreepState), ct.c_void_p, ct.c_size_t]),
     "biquad_is_usable": (ct.c_bool, [ct.POINTER(Biquad)]),
     "biquad_step_q40": (I64, [ct.POINTER(Biquad), ct.POINTER(BiquadState), I64, FLAG]),
+    "biquad_admit": (None, [ct.POINTER(BiquadState)]),
+    "creep_admit": (None, [ct.POINTER(CreepState)]),
     "creep_is_usable": (ct.c_bool, [ct.POINTER(Creep)]),
-    "inverse_check": (ct.c_int, [ct.POINTER(Inverse)]),
+    "inverse_make": (ct.c_int, [ct.POINTER(Inverse), I32 * 32]),
+    "inverse_admit": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState)]),
+    "inverse_play_q24": (I64, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.c_uint]),
     "inverse_rest": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
     "inverse_follow": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
-    "inverse_position_q44": (I64, [ct.POINTER(Inverse), ct.POINTER(InverseState)]),
     "inverse_step_q24": (I32, [ct.POINTER(Inverse), ct.POINTER(InverseState), I64, FLAG]),
     "inverse_reach_q16": (None, [ct.POINTER(Inverse), ct.POINTER(I32), ct.POINTER(I32)]),
     "decoupling_takes": (ct.c_bool, [I32 * 3, ct.c_uint]),
     "decoupling_make": (ct.c_bool, [ct.POINTER((I32 * 3) * 3), ct.POINTER(Decoupling)]),
     "decouple": (None, [ct.POINTER(Decoupling), U32, I32 * 3, FLAG]),
+    "compensation_make": (ct.c_bool, [ct.POINTER(Compensation)]),
+    "compensation_admit": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState)]),
     "compensation_rest": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32]),
     "compensation_follow": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32]),
     "compensation_step_q24": (I32, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32, FLAG]),
@@ -310,20 +338,10 @@ PROTOTYPES = {
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisConfig), ct.POINTER(AxisState)]),
-    "axis_aim": (
-        None,
-        [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState), U16, ct.POINTER(AxisAim)],
-    ),
+    "axis_aim": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
     "axis_step": (
-        None,
-        [
-            ct.POINTER(AxisConfig),
-            ct.POINTER(AxisModel),
-            ct.POINTER(AxisState),
-            ct.POINTER(AxisAim),
-            U16,
-            ct.POINTER(AxisTrace),
-        ],
+        ct.c_bool,
+        [ct.POINTER(AxisConfig), ct.POINTER(AxisState), U16, I32, ct.POINTER(AxisTrace)],
     ),
 }
 

@@ -59,12 +59,27 @@ int32_t h_clamp_i32(int32_t value, int32_t low, int32_t high)
     return clamp_i32(value, low, high);
 }
 
-int64_t h_mul_shift_i64_i32(int64_t a, int32_t b, unsigned bits)
+int64_t h_mul_shift64_i64(int64_t a, int64_t b)
 {
-    return mul_shift_i64_i32(a, b, bits);
+    return mul_shift64_i64(a, b);
 }
 
-uint32_t h_ratio_u32(uint64_t a, uint64_t b)
+int32_t h_add_i32(int32_t a, int32_t b)
+{
+    return add_i32(a, b);
+}
+
+int32_t h_sub_i32(int32_t a, int32_t b)
+{
+    return sub_i32(a, b);
+}
+
+int32_t h_round_shift_i32(int32_t value, unsigned bits)
+{
+    return round_shift_i32(value, bits);
+}
+
+uint32_t h_ratio_u32(uint64_t a, uint32_t b)
 {
     return ratio_u32(a, b);
 }
@@ -121,17 +136,25 @@ struct tick {
     uint16_t command;
 };
 
+static void aim(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
+{
+    if (axis_needs_aim(state) && axis_aim(config, model, state))
+        axis_feed(model, state, state->aim.ahead_q16);
+}
+
+/* What a device does of an axis that is alone. */
 void h_run(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
            const struct tick *ticks, struct axis_trace *traces, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
-        struct axis_aim aim;
         if (ticks[i].command < 3)
             state->drive = ticks[i].command;
         else if (ticks[i].command == 3)
             axis_start(config, state);
-        axis_aim(config, model, state, ticks[i].adc_code, &aim);
-        axis_step(config, model, state, &aim, ticks[i].adc_code, &traces[i]);
+        aim(config, model, state);
+        int32_t error_q16 = axis_closes(state) ? axis_error_q16(config, state, ticks[i].adc_code) : 0;
+        axis_step(config, state, ticks[i].adc_code, error_q16, &traces[i]);
+        axis_settle(model, state, &traces[i]);
     }
 }
 
@@ -163,18 +186,19 @@ static void give_trace(const struct axis_trace *trace, const struct axis_state *
 }
 
 /* What a device would check: with anything else a section is passed over, the rest not used at all. */
-static bool usable(struct compensation *compensation)
+static bool usable(struct compensation *compensation, const int32_t play_w_q20[INVERSE_PLAYS])
 {
-    struct inverse_state rest;
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
         if (!biquad_is_usable(&compensation->shape[i]))
             compensation->shape[i] = (struct biquad_config){.b0_q26 = BIQUAD_ONE_Q26};
     if (!biquad_is_usable(&compensation->drive))
         compensation->drive = (struct biquad_config){.b0_q26 = BIQUAD_ONE_Q26};
-    if (!creep_is_usable(&compensation->creep) || inverse_check(&compensation->inverse) != INVERSE_EXISTS)
+    if (!creep_is_usable(&compensation->creep) || inverse_make(&compensation->inverse, play_w_q20) != INVERSE_EXISTS)
         return false;
-    inverse_rest(&compensation->inverse, &rest, 0);
-    return true;
+    int32_t rest_q16 = compensation->rest_q16;
+    bool fits = compensation_make(compensation);
+    compensation->rest_q16 = rest_q16; /* any will do */
+    return fits;
 }
 
 int main(void)
@@ -183,7 +207,7 @@ int main(void)
     static struct compensation compensation;
     struct feedforward_model law;
     struct axis_config config;
-    static int32_t wave_q30[WAVE_POINTS];
+    static int32_t wave_q30[WAVE_POINTS], play_w_q20[INVERSE_PLAYS];
     uint32_t scenarios, n;
     take(&scenarios, sizeof scenarios);
     for (uint32_t scenario = 0; scenario < scenarios; scenario++) {
@@ -192,13 +216,16 @@ int main(void)
         take(&config, sizeof config);
         take(&law, sizeof law);
         take(&compensation, sizeof compensation);
+        take(play_w_q20, sizeof play_w_q20);
         take(wave_q30, sizeof wave_q30);
         take(range_f, sizeof range_f);
         take(&state.compensation, sizeof state.compensation);
         take(&n, sizeof n);
         enum feedforward_verdict verdict = feedforward_expand(&law, &tables);
         bool covered = verdict == FF_OK && feedforward_lookup(&tables, range_f[0], range_f[1], &config.point);
-        bool inverse = usable(&compensation);
+        bool inverse = usable(&compensation, play_w_q20);
+        if (inverse)
+            compensation_admit(&compensation, &state.compensation);
         give((int64_t)verdict * 4 + covered * 2 + inverse);
         struct axis_model model = {verdict == FF_OK ? &tables : NULL, inverse ? &compensation : NULL, wave_q30};
         for (uint32_t i = 0; i < n; i++) {

@@ -112,14 +112,18 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
     periodic = config.path.kind in (Kind.SINE, Kind.WAVE)
     runs = config.mode in (Mode.OPEN, Mode.PID) or (config.mode in TABLE and (periodic or tables is not None))
     follows = state.drive == Command.PATH and (runs or (config.mode in INVERSE and compensation is not None))
-    reference = block("path_now", config.path, state.path, wave)
-    state.rail_ticks = state.rail_ticks + 1 if adc_code in (0, 65535) else 0
+    if state.drive == Command.PATH:
+        state.aim.reference = block("path_now", config.path, state.path, wave)
+    reference = state.aim.reference
     ff = fb = error = 0
     asked = state.u_q24
+    if follows:
+        state.rail_ticks = state.rail_ticks + 1 if adc_code in (0, 65535) else 0
     if follows and config.mode in INVERSE:
         lead = config.point.lead_turn32, compensation.preview_ticks_q16
         ahead = block("path_ahead", config.path, state.path, wave, *lead)
-        ahead = limited(limited(ahead - compensation.rest_q16) + compensation.rest_q16)
+        state.aim.ahead_q16 = limited(ahead - compensation.rest_q16)
+        ahead = limited(state.aim.ahead_q16 + compensation.rest_q16)
     if follows and config.mode in CLOSED:
         error = limited(reference - block("converter_position_q16", config.converter, adc_code))
     if follows:
@@ -137,7 +141,11 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
                 core.pid_preset(config.pid, state.pid, error, state.u_q24, ff)
             fb = block("pid_step_q24", config.pid, state.pid, error)
         asked = ff + fb
-    elif state.drive == Command.RAMP:
+    else:
+        flags.clear()  # nothing came of it
+    if state.drive == Command.PATH:
+        state.aim.feedforward_q24 = ff
+    if state.drive == Command.RAMP:
         asked += max(-config.ramp_q24, min(config.ramp_q24, config.u_park_q24 - state.u_q24))
     state.u_q24 = block("output_limit_q24", config.output, state.u_q24, limited(asked))
     done = False
@@ -148,7 +156,7 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
         core.compensation_follow(compensation, state.compensation, state.u_q24)
     dac = block("converter_dac_code", config.converter, state.u_q24)
     state.saturations += any(flags)
-    return reference, ff, fb, adc_code, dac, done
+    return reference, ff, fb, dac, done, follows and config.mode in INVERSE
 
 
 @pytest.mark.parametrize("mode", Mode, ids=lambda mode: mode.name)
@@ -179,13 +187,14 @@ def test_struct_sizes_are_those_of_the_bindings(core):
 
 
 def test_start_sets_the_whole_state(core):
-    state = AxisState(PathState(1, 2, 0, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1))
+    state = AxisState(PathState(1, 2, 0, 4), AxisAim(1, 2, 3, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1))
     state.u_q24, state.drive, state.saturations, state.rail_ticks = 777, Command.RAMP, 8, 9
     state.compensation.inverse.v_q24 = 5
     core.axis_start(AxisConfig(), state)
     assert bytes(state.path) == bytes(PathState(0, 0, 1, 0))
     assert bytes(state.pid) == bytes(PidState())
-    assert (state.u_q24, state.drive, state.saturations, state.rail_ticks) == (777, Command.PATH, 8, 9)
+    assert (state.u_q24, state.drive, state.saturations, state.rail_ticks) == (777, Command.PATH, 8, 0)
+    assert state.aim.flags == 0
     assert (state.compensation.primed, state.compensation.inverse.v_q24) == (0, 5)
 
 
@@ -240,14 +249,18 @@ def test_open_is_the_path_in_volts(core):
     assert [t.dac_code for t in traces] == [math.floor(32768 + 3200 * u + 0.5) for u in u_V]
 
 
-def test_rails_are_counted_in_a_row(core):
-    state = AxisState()
+def test_rails_are_counted_in_a_row_on_the_path(core):
+    config, state = AxisConfig(Mode.PID, output=OUTPUT, converter=CONVERTER), AxisState(drive=Command.PATH)
     for adc_code, expected in [(0, 1), (65535, 2), (0, 3), (1, 0), (65534, 0), (65535, 1)]:
-        core.run(AxisConfig(output=OUTPUT, converter=CONVERTER), state, [(adc_code, Command.NOTHING)])
+        core.run(config, state, [(adc_code, Command.NOTHING)])
         assert state.rail_ticks == expected
     state.rail_ticks = 2**32 - 1
-    core.run(AxisConfig(output=OUTPUT, converter=CONVERTER), state, [(0, Command.NOTHING)])
+    core.run(config, state, [(0, Command.NOTHING)])
     assert state.rail_ticks == 2**32 - 1
+    core.run(config, state, [(0, Command.HOLD)])
+    assert state.rail_ticks == 2**32 - 1
+    core.run(config, state, [(0, Command.START)])
+    assert state.rail_ticks == 1
 
 
 # ---------------------------------------------------------------- closed loop

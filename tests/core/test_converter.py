@@ -17,10 +17,10 @@ def test_dac_code_is_nearest(core, zero, scale, u_q24):
     assert core.flagged("converter_dac_code", config, u_q24) == expected
 
 
-@given(any_i32, any_i32, code)
-@example(INT32_MIN, INT32_MIN, 65535)
-@example(INT32_MIN, INT32_MAX, 65535)
-@example(INT32_MAX, INT32_MIN, 0)
+@given(whole(-(2**30), 2**30), any_i32, code)
+@example(-(2**30), INT32_MIN, 65535)
+@example(-(2**30), INT32_MAX, 65535)
+@example(2**30, INT32_MIN, 0)
 def test_position_is_nearest(core, zero, scale, adc_code):
     config = ConverterConfig(0, 0, zero, scale)
     expected = saturate(round_half_up((adc_code - zero) * scale, 16))

@@ -77,6 +77,39 @@ def test_mul_shift_i32(core, a, b, shift):
     assert core.flagged("h_mul_shift_i32", a, b, shift) == saturate(round_half_up(a * b, shift))
 
 
+@given(any_i32, any_i32)
+@example(INT32_MIN, INT32_MIN)
+@example(INT32_MAX, INT32_MAX)
+def test_sums_stop_at_the_limit(core, a, b):
+    assert core.h_add_i32(a, b) == saturate(a + b)[0]
+    assert core.h_sub_i32(a, b) == saturate(a - b)[0]
+
+
+@given(any_i32, st.integers(2, 31))
+@example(INT32_MAX, 2)
+@example(INT32_MIN, 31)
+def test_round_shift_i32(core, value, shift):
+    assert core.h_round_shift_i32(value, shift) == round_half_up(value, shift)
+
+
+@given(whole(-(2**62) + 1, 2**62 - 1), whole(0, 2**62))
+@example(2**62 - 1, 2**62)
+@example(-(2**62) + 1, 2**62)
+@example(-1, 2**31)
+def test_mul_shift64(core, a, b):
+    assert core.h_mul_shift64_i64(a, b) == round_half_up(a * b, 64)
+
+
+@given(whole(1, 2**32 - 1), whole(0, 2**32 - 1), whole(0, 2**32 - 1))
+@example(1, 2**32 - 1, 0)
+@example(2**31, 2**32 - 1, 2**31 - 1)
+@example(2**32 - 1, 2**32 - 1, 2**32 - 2)
+def test_ratio_is_the_whole_part(core, divisor, ratio, rest):
+    """Of every dividend that leaves a ratio in 32 bits."""
+    dividend = ratio * divisor + rest % divisor
+    assert core.h_ratio_u32(dividend, divisor) == ratio
+
+
 @given(any_u64, any_u64)
 @example(2**64 - 1, 2**64 - 1)
 def test_mul_wide(core, a, b):

@@ -24,7 +24,7 @@ def expected_step(config, integral_q48, derivative_q40, previous, primed, error)
     integral_q48, s1 = saturate(integral_q48 + config.ki_ts_q32 * error, -INTEGRAL_LIMIT, INTEGRAL_LIMIT)
     s2 = False
     if primed:
-        raw, s2 = saturate(config.kd_over_ts_q24 * (error - previous), -DERIVATIVE_LIMIT, DERIVATIVE_LIMIT)
+        raw, s2 = saturate(config.kd_over_ts_q24 * saturate(error - previous)[0], -DERIVATIVE_LIMIT, DERIVATIVE_LIMIT)
         if config.d_alpha_q31 == INT32_MAX:
             derivative_q40 = raw
         else:

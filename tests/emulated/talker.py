@@ -36,8 +36,10 @@ def upload(model):
 
 
 class Talker:
-    def __init__(self, device):
-        self.device = device
+    """``pause``: ticks between a reply and the next command; long enough, and no command waits for the line."""
+
+    def __init__(self, device, pause=0):
+        self.device, self.pause = device, pause
         self.reader = FrameReader()
         self.frames, self.ticks = [], []
         """Every frame sent, and the tick before which it took effect."""
@@ -77,6 +79,7 @@ class Talker:
         status, tick = wire.REPLY_HEAD.unpack(payload[: wire.REPLY_HEAD.size])
         self.frames.append(frame)
         self.ticks.append(tick)
+        self.run(self.pause)
         if len(payload) == wire.REPLY_HEAD.size:
             return wire.Status(status)
         return command.REPLY.unpack(payload)

@@ -86,7 +86,7 @@ def repeat(board, stage):
 @pytest.mark.parametrize("board", BOARDS)
 def test_board_and_process_say_the_same_bits(board, stage, start):
     emulated = start(board)
-    talker = Talker(emulated)
+    talker = Talker(emulated, pause=60)
     last = script(talker)
     assert last > TICKS
     adc, dac = emulated.codes()

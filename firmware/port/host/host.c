@@ -231,7 +231,11 @@ int host_restore(struct host_device *host, uint64_t session, const uint8_t *stat
     enum host_restored restored = missing(&host->device, &control);
     if (restored != HOST_RESTORED)
         return restored;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (host->device.model_of[axis].compensation)
+            compensation_admit(host->device.model_of[axis].compensation, &control.axis[axis].compensation);
     host->device.control = control;
+    device_link_models(&host->device);
     host->device.session = session;
     host->infinite_line = true;
     return HOST_RESTORED;

@@ -29,6 +29,7 @@
 #define TIMER_HZ 84000000u
 
 #define CONVST_HIGH_COUNTS 84u /* 1 us */
+#define SAMPLED_COUNTS 76u     /* 0.9 us: the ADC needs 0.85; the tick begins here, so that it need not wait */
 #define LATCH_COUNTS 1680u     /* 20 us from the sample to LDAC */
 
 enum port { PORT_A, PORT_B, PORT_C };

@@ -21,25 +21,32 @@
 
 static uint16_t last_codes[CONVERTER_AXES];
 static bool word_lost;
+static uint32_t said; /* what came back with the first frame of the last drive */
 
-static uint16_t exchange(struct spi *spi, uint16_t word)
+/* Once the word was not there at once. */
+static __attribute__((noinline)) bool wait_for_word(const struct spi *spi)
 {
-    uint32_t turns = WORD_TURNS;
-    spi->DR = word;
-    while ((spi->SR & SPI_SR_RXNE) == 0)
-        if (turns-- == 0) {
-            word_lost = true;
-            return 0;
-        }
-    return (uint16_t)spi->DR;
+    for (uint32_t turns = WORD_TURNS; turns > 0; turns--)
+        if ((spi->SR & SPI_SR_RXNE) != 0)
+            return true;
+    word_lost = true;
+    return false;
 }
 
-static uint32_t dac_frame(uint32_t frame)
+static inline uint32_t exchange(struct spi *spi, uint32_t word)
+{
+    spi->DR = word;
+    if ((spi->SR & SPI_SR_RXNE) == 0 && !wait_for_word(spi))
+        return 0;
+    return spi->DR;
+}
+
+static inline uint32_t dac_frame(uint32_t frame)
 {
     pin_low(GPIOB, PIN_DAC_SYNC);
-    uint32_t answer = exchange(SPI2, (uint16_t)(frame >> 16 & 0xFFu));
-    answer = answer << 8 | exchange(SPI2, (uint16_t)(frame >> 8 & 0xFFu));
-    answer = answer << 8 | exchange(SPI2, (uint16_t)(frame & 0xFFu));
+    uint32_t answer = exchange(SPI2, frame >> 16);
+    answer = answer << 8 | exchange(SPI2, frame >> 8 & 0xFFu);
+    answer = answer << 8 | exchange(SPI2, frame & 0xFFu);
     pin_high(GPIOB, PIN_DAC_SYNC);
     return answer;
 }
@@ -84,7 +91,9 @@ bool converters_start(void)
     dac_frame(DAC_COARSE_GAIN | DAC_ALL_CHANNELS | DAC_RANGE_10V26);
     dac_frame(DAC_DATA | DAC_ALL_CHANNELS);
     pin_high(GPIOC, PIN_DAC_CLEAR);
-    return converters_dac_answers();
+    converters_ask_dac();
+    said = dac_frame(DAC_NOP);
+    return converters_dac_answered();
 }
 
 static bool conversion_done(void)
@@ -97,33 +106,39 @@ static bool conversion_done(void)
 
 bool converters_sample(uint16_t codes[CONVERTER_AXES])
 {
-    uint16_t words[CONVERTER_AXES];
     bool answers = conversion_done();
     word_lost = false;
     pin_low(GPIOA, PIN_ADC_CS);
-    answers = answers && pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
-    words[0] = exchange(SPI1, 0);
-    answers = answers && !pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
-    words[1] = exchange(SPI1, 0);
-    words[2] = exchange(SPI1, 0);
+    answers &= pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
+    uint32_t x = exchange(SPI1, 0);
+    answers &= !pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
+    uint32_t y = exchange(SPI1, 0);
+    uint32_t z = exchange(SPI1, 0);
     pin_high(GPIOA, PIN_ADC_CS);
-    answers = answers && !word_lost;
-    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++) {
-        if (answers)
-            last_codes[axis] = words[axis] ^ CONVERTERS_TWOS_COMPLEMENT;
-        codes[axis] = last_codes[axis];
+    answers &= !word_lost;
+    if (answers) {
+        last_codes[0] = (uint16_t)(x ^ CONVERTERS_TWOS_COMPLEMENT);
+        last_codes[1] = (uint16_t)(y ^ CONVERTERS_TWOS_COMPLEMENT);
+        last_codes[2] = (uint16_t)(z ^ CONVERTERS_TWOS_COMPLEMENT);
     }
+    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++)
+        codes[axis] = last_codes[axis];
     return answers;
 }
 
 void converters_drive(const uint16_t codes[CONVERTER_AXES])
 {
-    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++)
-        dac_frame(DAC_DATA | DAC_CHANNEL(axis) | (codes[axis] ^ CONVERTERS_TWOS_COMPLEMENT));
+    said = dac_frame(DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
+    dac_frame(DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
+    dac_frame(DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
 
-bool converters_dac_answers(void)
+void converters_ask_dac(void)
 {
     dac_frame(DAC_READ | DAC_COARSE_GAIN | DAC_CHANNEL(0));
-    return (dac_frame(DAC_NOP) & 0xFFFFu) == DAC_RANGE_10V26; /* the answer comes with the next frame */
+}
+
+bool converters_dac_answered(void)
+{
+    return (said & 0xFFFFu) == DAC_RANGE_10V26;
 }

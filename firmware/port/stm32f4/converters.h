@@ -25,7 +25,10 @@ bool converters_sample(uint16_t codes[CONVERTER_AXES]);
 /* Writes the codes of this tick; LDAC makes them the output. */
 void converters_drive(const uint16_t codes[CONVERTER_AXES]);
 
-/* Asks the DAC for the range it was given. */
-bool converters_dac_answers(void);
+/* Asks the DAC for the range it was given; the answer comes with the next frame it is sent. */
+void converters_ask_dac(void);
+
+/* Whether that was the range, with the first frame of converters_drive(). */
+bool converters_dac_answered(void);
 
 #endif

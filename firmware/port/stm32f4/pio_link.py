@@ -5,10 +5,9 @@ Import("env")
 board = env.subst("$PIOENV")
 env.Replace(
     LINKFLAGS=[
-        "-Os",
         "-mthumb",
         "-mcpu=cortex-m4",
-        "-mfloat-abi=soft",
+        *(flag for flag in env["CCFLAGS"] if str(flag).startswith(("-O", "-f", "-m"))),  # it compiles, with -flto
         "-nostartfiles",
         "--specs=nano.specs",
         "-Wl,--gc-sections,--fatal-warnings",

@@ -81,8 +81,8 @@ struct tim {
 };
 #define TIM2 ((struct tim *)0x40000000)
 #define TIM_CR1_CEN BIT(0)
-#define TIM_DIER_UIE BIT(0)
-#define TIM_SR_UIF BIT(0)
+#define TIM_DIER_CC3IE BIT(3)
+#define TIM_SR_CC3IF BIT(3)
 #define TIM_EGR_UG BIT(0)
 #define TIM_CCMR1_OC1_PWM1 (6u << 4)
 #define TIM_CCMR1_OC2_PWM1 (6u << 12)

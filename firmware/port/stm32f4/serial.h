@@ -9,7 +9,7 @@
 void serial_set_up(void);
 
 /* Moves what has come to the device and what it says to the line. False when there was nothing to do. */
-bool serial_poll(struct device *device);
+__attribute__((noinline, noclone)) bool serial_poll(struct device *device);
 
 /* Vector table: only wakes the main loop. */
 void serial_sent(void);

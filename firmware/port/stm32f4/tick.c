@@ -11,7 +11,7 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 
 /* The longest the main loop is busy is the expansion of a model's tables, some 10 ms. */
 #define MAIN_LOOP_TICKS 500u
-#define DAC_TICKS 8u       /* between two questions to the DAC: 1.6 ms */
+#define DAC_TICKS 7u       /* between two questions to the DAC; it answers in the tick that follows */
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
 
 volatile uint32_t tick_parked_count;
@@ -19,7 +19,7 @@ volatile uint32_t tick_parked_count;
 static struct device *ticking;
 static volatile uint32_t since_main_loop;
 static uint32_t interlock_open_ticks;
-static uint32_t since_dac_asked;
+static uint32_t since_dac_asked = 1; /* ticks; 0: the answer has just come */
 static bool late;
 
 static void watch_interlock(void)
@@ -27,6 +27,16 @@ static void watch_interlock(void)
     interlock_open_ticks = pin_is_high(GPIOC, PIN_INTERLOCK) ? interlock_open_ticks + 1 : 0;
     if (interlock_open_ticks == INTERLOCK_TICKS)
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
+}
+
+static void watch_dac(void)
+{
+    if (since_dac_asked == 0 && !converters_dac_answered())
+        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
+    if (++since_dac_asked == DAC_TICKS) {
+        since_dac_asked = 0;
+        converters_ask_dac();
+    }
 }
 
 static void keep_time(uint32_t start)
@@ -38,7 +48,7 @@ static void keep_time(uint32_t start)
     if (cycles > device->cycles_max)
         device->cycles_max = cycles;
     device->cycles_histogram[bin < 15u ? bin : 15u]++;
-    if ((TIM2->SR & TIM_SR_UIF) != 0) {
+    if ((TIM2->SR & TIM_SR_CC3IF) != 0) {
         device->overruns++;
         device_raise(device, WIRE_FAULT_TICK_OVERRUN, NO_AXIS, cycles);
     }
@@ -48,14 +58,12 @@ void tick_interrupt(void)
 {
     uint32_t start = DWT->CYCCNT;
     uint16_t adc_codes[AXES], dac_codes[AXES];
-    TIM2->SR = ~TIM_SR_UIF;
+    TIM2->SR = ~TIM_SR_CC3IF;
     if (!converters_sample(adc_codes))
         device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
     watch_interlock();
     device_tick(ticking, adc_codes, dac_codes);
-    if (++since_dac_asked == DAC_TICKS && !converters_dac_answers())
-        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
-    since_dac_asked %= DAC_TICKS;
+    watch_dac();
     if (late)
         ticking->latched_late++;
     if (since_main_loop++ < MAIN_LOOP_TICKS)
@@ -72,7 +80,7 @@ void tick_drive(void *context, const uint16_t dac_codes[AXES])
 
 RAM_CODE void tick_parked(void)
 {
-    TIM2->SR = ~TIM_SR_UIF;
+    TIM2->SR = ~TIM_SR_CC3IF;
     if ((GPIOC->IDR >> PIN_INTERLOCK & 1u) == 0)
         interlock_open_ticks = 0;
     else if (interlock_open_ticks < INTERLOCK_TICKS - 1) /* the last of them is left to a tick that can react */
@@ -109,11 +117,12 @@ void tick_start(struct device *device)
     TIM2->ARR = PERIOD_COUNTS - 1u;
     TIM2->CCR1 = CONVST_HIGH_COUNTS;
     TIM2->CCR2 = LATCH_COUNTS;
+    TIM2->CCR3 = SAMPLED_COUNTS;
     TIM2->CCMR1 = TIM_CCMR1_OC1_PWM1 | TIM_CCMR1_OC2_PWM1;
     TIM2->CCER = TIM_CCER_CC1E | TIM_CCER_CC2E;
     TIM2->EGR = TIM_EGR_UG;
     TIM2->SR = 0;
-    TIM2->DIER = TIM_DIER_UIE;
+    TIM2->DIER = TIM_DIER_CC3IE;
     NVIC->IPR[IRQ_TIM2] = 0;
     NVIC->ISER[IRQ_TIM2 / 32] = BIT(IRQ_TIM2 % 32);
     TIM2->CR1 = TIM_CR1_CEN;

@@ -19,6 +19,9 @@ from phaselead.stage.folded import folded
 
 PLAYS, KNOTS, TERMS, SECTIONS = 32, 24, 8, 6
 """What the device holds of each (firmware/core)."""
+LARGEST_THRESHOLD_V = 64.0
+"""Of a play, and the fastest creep: alpha is at most 1/4."""
+FASTEST_CREEP_s = 0.0007
 LEAST_SLOPE = 2.0**-10
 """um/V; flatter than this the device does not invert."""
 IN_TIME_VIEW = ("hysteresis", "asymmetric_hysteresis", "delay", "gain_change", "offset")
@@ -160,6 +163,10 @@ def _creep(effects: Mapping[str, Params]) -> tuple[tuple[float, ...], tuple[floa
     k, tau_s = terms(effects["creep"])
     if np.abs(k).sum() > 0.5:
         raise BadInput(f"its creep adds {np.abs(k).sum():.3g} of the motion; the device undoes at most half of it")
+    if np.min(tau_s, initial=np.inf) < FASTEST_CREEP_s:
+        raise BadInput(
+            f"its creep has a time constant of {np.min(tau_s):.3g} s; the device undoes {FASTEST_CREEP_s:g} s or more"
+        )
     return tuple(map(float, k)), tuple(map(float, tau_s))
 
 
@@ -185,3 +192,5 @@ def _refuse_more_than_it_holds(found: Compensation) -> None:
     ):
         if count > most:
             raise BadInput(f"it has {count} {what}, the device holds {most}; fit it with fewer")
+    if max(view.play_r_V, default=0.0) > LARGEST_THRESHOLD_V:
+        raise BadInput(f"a play of {max(view.play_r_V):g} V; the device holds up to {LARGEST_THRESHOLD_V:g} V")

@@ -13,15 +13,11 @@ UNKNOWN_BYTES = 64
 EXCEPTION_FRAME = 36
 """Eight registers, and four bytes to align them: the FPU is off."""
 INDIRECT = "__indirect_call"
-CALLED_THROUGH_POINTERS = {
-    "device_lock": ("tick_lock",),
-    "device_unlock": ("tick_unlock",),
-    "device_tick": ("tick_drive",),
-    "model_store_boot": ("read",),
-    "model_store_persist": ("erase", "program", "read"),
-    "program_verified": ("program", "read"),
-}
-"""By caller. Whoever else calls through a pointer calls a command."""
+PORT = ("tick_lock", "tick_unlock", "tick_drive", "erase", "program", "read")
+"""What struct device_port points to. Any call through a pointer may be one of these."""
+CALLS_NO_COMMAND = ("command_", "tick_interrupt", "device_", "model_store_", "program_verified")
+"""Who begins so calls nothing else through a pointer; others may be where a command is called. A guess that is wrong
+ends in a recursion, which is an error."""
 
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "[^"]*?(?:\\n(\d+) bytes \((\w+)[^"]*)?"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
@@ -47,7 +43,9 @@ class CallGraph:
         for caller, callees in self.calls.items():
             if INDIRECT in callees:
                 callees.remove(INDIRECT)
-                callees |= set(CALLED_THROUGH_POINTERS.get(caller, commands))
+                callees |= set(PORT)
+                if not caller.startswith(CALLS_NO_COMMAND):
+                    callees |= commands
 
     def _read(self, text: str) -> None:
         for title, size, kind in _NODE.findall(text):
@@ -79,5 +77,6 @@ class CallGraph:
 def worst_stack(build: Path) -> tuple[int, list[tuple[int, tuple[str, ...]]]]:
     """Bytes of stack at most: main, the line's interrupt on top, the tick on top of that. And the three chains."""
     graph = CallGraph(build)
-    chains = [graph.worst(name) for name in ("main", "serial_sent", "tick_interrupt")]
+    main = "main" if "main" in graph.frames else "start"  # the linker may have put one into the other
+    chains = [graph.worst(name) for name in (main, "serial_sent", "tick_interrupt")]
     return sum(size for size, _ in chains) + 2 * EXCEPTION_FRAME, chains

@@ -23,6 +23,8 @@ LARGEST_OFFSET_um = 16384.0
 LARGEST_COUPLING = 2.0
 LEAST_DETERMINANT = 0.0626
 """The device's is 1/16."""
+LARGEST_SHARE = 3.999
+"""Of one axis in undoing another: the device's is below 4."""
 
 Fixed = Callable[[float, int, str], int]
 """A value x 2^bits as int32, or BadInput with the key."""
@@ -113,13 +115,14 @@ def refuse_singular(matrix: Sequence[Sequence[float]]) -> None:
     """Raises BadInput when some axes, moving together, cannot be told apart by what the sensors see."""
     for size in (2, 3):
         for chosen in combinations(range(3), size):
-            determinant = float(np.linalg.det(np.array(matrix)[np.ix_(chosen, chosen)]))
-            if determinant < LEAST_DETERMINANT:
+            part = np.array(matrix)[np.ix_(chosen, chosen)]
+            determinant = float(np.linalg.det(part))
+            if determinant < LEAST_DETERMINANT or np.abs(np.linalg.inv(part)).max() > LARGEST_SHARE:
                 names = " and ".join("xyz"[i] for i in chosen)
                 raise BadInput(
                     f"cross_coupling: {names} are coupled so strongly that the device cannot decouple them "
-                    f"(determinant {determinant:.3g}, it takes {LEAST_DETERMINANT:g}); leave the coupling out to run "
-                    "without"
+                    f"(determinant {determinant:.3g}, it takes {LEAST_DETERMINANT:g}, and shares below 4); leave the "
+                    "coupling out to run without"
                 )
 
 

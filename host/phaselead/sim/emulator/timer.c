@@ -1,4 +1,5 @@
-/* TIM2 in its plainest use: up-counting, update interrupt, PWM mode 1 on channels 1 and 2. */
+/* TIM2 in its plainest use: up-counting, PWM mode 1 on channels 1 and 2, interrupts at the update and when channel 3
+ * compares. */
 #include "board.h"
 
 #include <string.h>
@@ -12,12 +13,15 @@
 #define CNT 9
 #define PSC 10
 #define ARR 11
+#define CCR3 15
+#define UPDATE 1u
+#define COMPARE3 8u
 #define TIM2_IRQ 28
 #define ENABLED_BIT 0
 #define LATE_NS (3 * TICK_NS / 2)
 
 static MemoryRegion region;
-static QEMUTimer update, idle;
+static QEMUTimer update, compare, idle;
 static uint32_t regs[0x100];
 static int64_t began_ns; /* the present period */
 static uint64_t periods;
@@ -39,6 +43,11 @@ static uint64_t clock_Hz(void)
     return apb == rcc_sysclk_Hz() ? apb : 2 * apb;
 }
 
+static int64_t counts_ns(uint64_t counts)
+{
+    return (int64_t)((unsigned __int128)counts * (regs[PSC] + 1ull) * 1000000000u / clock_Hz());
+}
+
 static int64_t period_begins_ns(uint64_t period)
 {
     unsigned __int128 counts = (unsigned __int128)period * (regs[PSC] + 1ull) * (regs[ARR] + 1ull);
@@ -47,7 +56,7 @@ static int64_t period_begins_ns(uint64_t period)
 
 static void set_irq(void)
 {
-    board_irq(TIM2_IRQ, regs[SR] & regs[DIER] & 1u);
+    board_irq(TIM2_IRQ, regs[SR] & regs[DIER] & (UPDATE | COMPARE3));
 }
 
 /* The converters hang on the pins that channels 1 and 2 drive. */
@@ -57,14 +66,23 @@ static bool drives_converters(void)
            gpio_is_function(GPIO_A, 1, 1);
 }
 
-/* The interrupt first: arming a timer while the processor sleeps lets QEMU skip ahead to it at once. The processor
+static void on_compare(void *opaque)
+{
+    (void)opaque;
+    regs[SR] |= COMPARE3;
+    set_irq();
+}
+
+/* What comes first first: arming a timer while the processor sleeps lets QEMU skip ahead to it at once. The processor
  * runs only after the callback. */
 static void on_update(void *opaque)
 {
     (void)opaque;
     began_ns = period_begins_ns(++periods);
-    regs[SR] |= 1u;
+    regs[SR] |= UPDATE;
     set_irq();
+    if (regs[CCR3] <= regs[ARR])
+        timer_mod(&compare, began_ns + counts_ns(regs[CCR3]));
     timer_mod(&update, period_begins_ns(periods + 1));
     timer_mod(&idle, began_ns + LATE_NS);
     if (!drives_converters())
@@ -100,7 +118,7 @@ static void timer_write(void *opaque, uint64_t offset, uint64_t value, unsigned 
         return;
     regs[offset / 4] = offset / 4 == SR ? before & (uint32_t)value : (uint32_t)value;
     if (offset / 4 == EGR && value & 1u)
-        regs[SR] |= 1u;
+        regs[SR] |= UPDATE;
     if (offset / 4 == CR1 && (value & 1u) && !(before & 1u)) {
         started_ns = began_ns = now_ns();
         periods = 0;
@@ -108,6 +126,7 @@ static void timer_write(void *opaque, uint64_t offset, uint64_t value, unsigned 
         timer_mod(&idle, period_begins_ns(1) + LATE_NS);
     } else if (offset / 4 == CR1 && !(value & 1u)) {
         timer_del(&update);
+        timer_del(&compare);
     }
     set_irq();
 }
@@ -117,6 +136,7 @@ void timer_reset(void)
     memset(regs, 0, sizeof regs);
     regs[ARR] = UINT32_MAX;
     timer_del(&update);
+    timer_del(&compare);
     timer_mod(&idle, now_ns() + TICK_NS);
     set_irq();
 }
@@ -127,5 +147,6 @@ void timer_map(void)
         .read = timer_read, .write = timer_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {4, 4, false, NULL}};
     board_map(&region, &ops, "tim2", 0x40000000, 0x400);
     timer_init_full(&update, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_update, NULL);
+    timer_init_full(&compare, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_compare, NULL);
     timer_init_full(&idle, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_idle, NULL);
 }

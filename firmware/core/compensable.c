@@ -1,0 +1,33 @@
+/* What a compensation needs when a model is committed or a state put back. Never called in a tick. */
+#include "core/compensation.h"
+#include "core/fixed.h"
+
+bool compensation_make(struct compensation *compensation)
+{
+    bool beyond = false;
+    struct inverse_state rest;
+    compensation->steps = compensation->creeps = 0;
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
+        compensation->steps |= (uint32_t)biquad_changes(&compensation->shape[i]) << i;
+    compensation->steps |= (uint32_t)biquad_changes(&compensation->drive) << SHAPE_SECTIONS;
+    for (unsigned i = 0; i < CREEP_TERMS; i++)
+        compensation->creeps |= compensation->creep.k_q30[i] != 0;
+    inverse_rest(&compensation->inverse, &rest, 0);
+    compensation->rest_q16 = sat_i32(round_shift_i64(rest.x_q44, 28), &beyond);
+    return !beyond;
+}
+
+void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24)
+{
+    *state = (struct compensation_state){.primed = 0};
+    inverse_rest(&compensation->inverse, &state->inverse, u_q24);
+}
+
+void compensation_admit(const struct compensation *compensation, struct compensation_state *state)
+{
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
+        biquad_admit(&state->shape[i]);
+    biquad_admit(&state->drive);
+    creep_admit(&state->creep);
+    inverse_admit(&compensation->inverse, &state->inverse);
+}
