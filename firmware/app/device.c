@@ -6,8 +6,8 @@
 #include "core/fixed.h"
 
 #define ALL_AXES ((1u << AXES) - 1)
-#define EACH_AXIS inline __attribute__((always_inline)) /* with a constant axis: to pass over one is a test of a bit   \
-                                                         */
+/* With a constant axis: to pass over one is a test of a bit. */
+#define EACH_AXIS inline __attribute__((always_inline))
 
 _Static_assert(AXES == 3, "a tick names its axes one by one");
 
