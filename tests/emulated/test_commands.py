@@ -1,6 +1,7 @@
 """The command line on the emulated board: every command that talks to a device takes qemu:// as it takes sim://."""
 
 import json
+import signal
 
 import pytest
 from click.testing import CliRunner
@@ -136,6 +137,26 @@ def test_an_exchange_that_was_cut_short_ends_the_board(start, monkeypatch):
         board.run(1)
     with pytest.raises(PhaseleadError, match="switched off"):
         board.run(1)
+
+
+def test_an_interrupt_waits_for_the_exchange_and_the_board_goes_on(start, monkeypatch):
+    board = start()
+    read = board._read
+    monkeypatch.setattr(board, "_read", lambda size: (signal.raise_signal(signal.SIGINT), read(size))[1])
+    with pytest.raises(KeyboardInterrupt):
+        board.time()  # two reads: a second interrupt is not held
+    monkeypatch.undo()
+    with pytest.raises(PhaseleadError, match="switched off"):
+        board.run(1)
+    board = start()
+    exchange = board._exchange
+    monkeypatch.setattr(board, "_exchange", lambda *ask: (signal.raise_signal(signal.SIGINT), exchange(*ask))[1])
+    with pytest.raises(KeyboardInterrupt):
+        board.run(1)
+    monkeypatch.undo()
+    before = board.time()[1]
+    assert board.run(3) == 3
+    assert board.time()[1] == before + 3
 
 
 def test_firmware_that_is_missing_is_asked_for(tmp_path):

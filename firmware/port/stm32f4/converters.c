@@ -142,3 +142,17 @@ bool converters_dac_answered(void)
 {
     return (said & 0xFFFFu) == DAC_RANGE_10V26;
 }
+
+void converters_listen(void)
+{
+    said = dac_frame(DAC_NOP);
+}
+
+void converters_read_back(uint16_t codes[CONVERTER_AXES])
+{
+    dac_frame(DAC_READ | DAC_DATA | DAC_CHANNEL(0));
+    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++) { /* each answer comes with the next frame */
+        uint32_t next = axis + 1 < CONVERTER_AXES ? DAC_READ | DAC_DATA | DAC_CHANNEL(axis + 1) : DAC_NOP;
+        codes[axis] = (uint16_t)(dac_frame(next) ^ CONVERTERS_TWOS_COMPLEMENT);
+    }
+}

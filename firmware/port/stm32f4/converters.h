@@ -28,7 +28,13 @@ void converters_drive(const uint16_t codes[CONVERTER_AXES]);
 /* Asks the DAC for the range it was given; the answer comes with the next frame it is sent. */
 void converters_ask_dac(void);
 
-/* Whether that was the range, with the first frame of converters_drive(). */
+/* Whether that was the range, with the first frame of converters_drive() or converters_listen(). */
 bool converters_dac_answered(void);
+
+/* Takes the DAC's answer without telling it anything. */
+void converters_listen(void);
+
+/* The codes that the DAC holds. */
+void converters_read_back(uint16_t codes[CONVERTER_AXES]);
 
 #endif

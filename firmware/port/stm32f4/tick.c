@@ -19,7 +19,10 @@ volatile uint32_t tick_parked_count;
 static struct device *ticking;
 static volatile uint32_t since_main_loop;
 static uint32_t interlock_open_ticks;
-static uint32_t since_dac_asked = 1; /* ticks; 0: the answer has just come */
+static uint32_t since_dac_asked;
+static bool dac_was_asked;
+static enum dac { DAC_HEARS, DAC_SILENT, DAC_BEHIND } dac;
+static uint16_t dac_codes_held[AXES]; /* DAC_BEHIND: on the way from where it stood to where it should be */
 static bool late;
 
 static void watch_interlock(void)
@@ -29,11 +32,43 @@ static void watch_interlock(void)
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
 }
 
+/* It hears again: what it missed it is not told at once. */
+static __attribute__((noinline)) void dac_answered(bool answered)
+{
+    if (!answered) {
+        dac = DAC_SILENT;
+        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
+    } else if (dac == DAC_SILENT) {
+        converters_read_back(dac_codes_held);
+        dac = DAC_BEHIND;
+    }
+}
+
+/* Axis by axis towards its code, by the step of its ramp. */
+static __attribute__((noinline)) void catch_up(const uint16_t codes[AXES])
+{
+    bool behind = false;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_config *config = &ticking->control.config[axis];
+        int32_t ramp = (int32_t)mul_shift_wide_i32(config->ramp_q24, config->converter.dac_codes_per_V_q16, 40);
+        int32_t step = ramp > 1 ? ramp : 1, way = codes[axis] - dac_codes_held[axis];
+        dac_codes_held[axis] = (uint16_t)(dac_codes_held[axis] + clamp_i32(way, -step, step));
+        behind = behind || dac_codes_held[axis] != codes[axis];
+    }
+    converters_drive(dac_codes_held);
+    if (!behind)
+        dac = DAC_HEARS;
+}
+
 static void watch_dac(void)
 {
-    if (since_dac_asked == 0 && !converters_dac_answered())
-        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
-    if (++since_dac_asked == DAC_TICKS) {
+    if (dac_was_asked) {
+        bool answered = converters_dac_answered();
+        if (!answered || dac == DAC_SILENT)
+            dac_answered(answered);
+    }
+    dac_was_asked = ++since_dac_asked == DAC_TICKS;
+    if (dac_was_asked) {
         since_dac_asked = 0;
         converters_ask_dac();
     }
@@ -74,7 +109,12 @@ void tick_interrupt(void)
 void tick_drive(void *context, const uint16_t dac_codes[AXES])
 {
     (void)context;
-    converters_drive(dac_codes);
+    if (dac == DAC_HEARS)
+        converters_drive(dac_codes);
+    else if (dac == DAC_BEHIND)
+        catch_up(dac_codes);
+    else
+        converters_listen();
     late = TIM2->CNT >= LATCH_COUNTS;
 }
 

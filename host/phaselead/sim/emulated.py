@@ -8,11 +8,14 @@ import importlib.util
 import os
 import re
 import shutil
+import signal
 import struct
 import subprocess
 import tempfile
+import threading
+from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Self
 
 import numpy as np
@@ -31,6 +34,8 @@ FLASH_SIZE = 2 * 128 * 1024
 """Both model sectors."""
 BOOT_TICKS = 100
 """Time for the firmware to come up, in ticks of 200 us."""
+TICKS_AT_ONCE = 5000
+"""About half a second: so long an interrupt may have to wait."""
 _BROKEN = 0xFFFF_FFFF
 
 
@@ -102,6 +107,28 @@ def check_qemu() -> str:
     if version != QEMU_VERSION:
         raise BadInput(f"{path} is version {version}; the emulated board is made for {QEMU_VERSION} (Debian 12's)")
     return path
+
+
+@contextlib.contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Ctrl-C waits until this is done, so that the board can still be parked; a second one does not."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        if came:
+            raise KeyboardInterrupt
+        came.append(number)
+
+    before = signal.signal(signal.SIGINT, hold)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came and callable(before):
+        before(came[0], None)
 
 
 class EmulatedStage:
@@ -237,11 +264,12 @@ class EmulatedDevice:
         """
         if self._process is None:
             raise PhaseleadError("the emulated board is switched off")
-        try:
-            return self._exchange(what, payload)
-        except BaseException:  # Ctrl-C too: half an exchange would be taken for the next one's answer
-            self.close()
-            raise
+        with _interrupt_held():
+            try:
+                return self._exchange(what, payload)
+            except BaseException:  # half an exchange would be taken for the next one's answer
+                self.close()
+                raise
 
     def _exchange(self, what: _Ask, payload: bytes) -> bytes:
         try:
@@ -259,8 +287,12 @@ class EmulatedDevice:
 
     def run(self, ticks: int, want_bytes: int = 0) -> int:
         """Runs up to ``ticks`` times 200 us, or until ``want_bytes`` (not 0) are readable. Gives those run."""
-        if ticks == 0 or (want_bytes and len(self._buffer) >= want_bytes):
-            return 0
+        done = 0
+        while done < ticks and not (want_bytes and len(self._buffer) >= want_bytes):
+            done += self._run(min(ticks - done, TICKS_AT_ONCE), want_bytes)
+        return done
+
+    def _run(self, ticks: int, want_bytes: int) -> int:
         want = want_bytes - len(self._buffer) if want_bytes else 0
         answer = self.ask(_Ask.RUN, struct.pack("<QQ", ticks, want))
         ran, self._flash_changes = struct.unpack_from("<QQ", answer)
