@@ -1,5 +1,7 @@
 #include "app/recorder.h"
 
+#include <string.h>
+
 #include "app/frame.h"
 #include "core/fixed.h"
 
@@ -86,17 +88,26 @@ static int16_t volts_q11(int32_t u_q24)
     return (int16_t)clamp_i32(round_shift_i32(u_q24, Q24_TO_Q11), INT16_MIN, INT16_MAX);
 }
 
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ && sizeof(struct wire_tick) == 12,
+               "all channels of an axis lie in memory as on the wire");
+
+static inline uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
+{
+    struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
+                             volts_q11(trace->feedback_q24)};
+    if (channels != ALL_CHANNELS)
+        return wire_put_tick(to, channels, &tick);
+    memcpy(to, &tick, sizeof tick);
+    return to + sizeof tick;
+}
+
 static void put_traces(struct recorder *recorder, const uint16_t *adc_codes, const struct axis_trace *traces)
 {
     struct recorder_batch *batch = recorder->open;
     uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
-    for (unsigned i = 0; i < RECORDER_AXES; i++) {
-        if (!(recorder->format.axis_mask >> i & 1u))
-            continue;
-        struct wire_tick tick = {traces[i].reference, adc_codes[i], traces[i].dac_code,
-                                 volts_q11(traces[i].feedforward_q24), volts_q11(traces[i].feedback_q24)};
-        to = wire_put_tick(to, recorder->format.channels, &tick);
-    }
+    for (unsigned i = 0; i < RECORDER_AXES; i++)
+        if ((recorder->format.axis_mask >> i & 1u) != 0)
+            to = put_axis(to, recorder->format.channels, adc_codes[i], &traces[i]);
     batch->size += recorder->format.tick_size;
     recorder->taken++;
 }

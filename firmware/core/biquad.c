@@ -57,12 +57,12 @@ int64_t biquad_step_q40(const struct biquad_config *config, struct biquad_state 
     high += (int64_t)b2 * x2.high_q12;
     high += (int64_t)a1 * y1.high_q12;
     high += (int64_t)a2 * y2.high_q12;
-    int64_t low = (int64_t)b0 * x.low_q40;
+    int64_t low = (int64_t)b0 * x.low_q40 + (1 << (COEFFICIENT_BITS - 1)); /* and the half that rounds */
     low += (int64_t)b1 * x1.low_q40;
     low += (int64_t)b2 * x2.low_q40;
     low += (int64_t)a1 * y1.low_q40;
     low += (int64_t)a2 * y2.low_q40;
-    int64_t y_q40 = high * (1 << (HALF_BITS - COEFFICIENT_BITS)) + round_shift_i64(low, COEFFICIENT_BITS);
+    int64_t y_q40 = high * (1 << (HALF_BITS - COEFFICIENT_BITS)) + floor_shift_i64(low, COEFFICIENT_BITS);
     y_q40 = sat_between_i64(y_q40, -LIMIT_Q40, LIMIT_Q40 - 1, saturated);
     state->x2 = x1;
     state->x1 = x;

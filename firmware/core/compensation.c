@@ -21,15 +21,21 @@ void compensation_follow(const struct compensation *compensation, struct compens
     creep_on(compensation, state);
 }
 
-static int64_t shaped_q40(const struct compensation *compensation, struct compensation_state *state, int64_t x_q40,
-                          bool *saturated)
+/* A constant goes through a section as it is: its static gain is exactly 1. */
+static void prime(struct compensation_state *state, int64_t x_q40)
 {
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
-        if ((compensation->steps >> i & 1u) != 0) {
-            if (state->primed == 0)
-                biquad_prime(&state->shape[i], x_q40);
+        biquad_prime(&state->shape[i], x_q40);
+}
+
+static inline int64_t shaped_q40(const struct compensation *compensation, struct compensation_state *state,
+                                 int64_t x_q40, bool *saturated)
+{
+    if (state->primed == 0)
+        prime(state, x_q40);
+    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
+        if ((compensation->steps >> i & 1u) != 0)
             x_q40 = biquad_step_q40(&compensation->shape[i], &state->shape[i], x_q40, saturated);
-        }
     return x_q40;
 }
 

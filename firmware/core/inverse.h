@@ -23,7 +23,7 @@
 
 #define INVERSE_PLAYS 32
 #define INVERSE_KNOTS 24
-#define INVERSE_BENDS_A_TICK 12
+#define INVERSE_BENDS_A_TICK 8
 #define INVERSE_UNUSED INT32_MAX              /* threshold of a place that is not in use */
 #define INVERSE_THRESHOLD_MOST_Q24 (64 << 24) /* of a play that is: half of what a voltage can be away from another */
 
