@@ -41,7 +41,7 @@ CEILINGS = {
     "instructions a tick, one axis, ff+pid, tables, streamed": 700,
     "the same with the built-in stage's time view beside the tables": None,
     "instructions a tick, three axes, every place of the model in use": 4500,
-    "the same with the built-in stage's model": None,
+    "the same with the built-in stage's model": 4500,
     "instructions from the sample to the DAC, three axes": None,
     "stack, bytes": 2048,
     "RAM, bytes": 100 * 1024,

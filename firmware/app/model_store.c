@@ -106,9 +106,9 @@ static bool is_blank(const uint8_t *bytes, size_t size)
     return true;
 }
 
-/* Reads a flash slot into a RAM slot. Whole: header and CRC hold and every field is usable. */
+/* Reads a flash slot into a RAM slot. Whole: header and CRC hold. */
 static enum record_kind read_record(const struct flash_port *flash, unsigned at, struct model_slot *to,
-                                    struct wire_axis_model *room, uint32_t *sequence)
+                                    uint32_t *sequence)
 {
     uint8_t head[RECORD_HEADER_SIZE];
     flash->read(flash->context, at, 0, head, sizeof head);
@@ -117,10 +117,18 @@ static enum record_kind read_record(const struct flash_port *flash, unsigned at,
         return RECORD_BLANK;
     *sequence = get_u32(head + 4);
     if (get_u32(head) != RECORD_MAGIC || *sequence == 0 || get_u32(head + 8) != WIRE_MODEL_SIZE ||
-        get_u32(head + 12) != record_crc(*sequence, to->blob) || model_expand(to, room) != 0)
+        get_u32(head + 12) != record_crc(*sequence, to->blob))
         return RECORD_TORN;
     to->crc = crc32(0, to->blob, WIRE_MODEL_SIZE);
     return RECORD_WHOLE;
+}
+
+/* FLASH_SLOTS when there is none. */
+static unsigned newest_whole(const enum record_kind kind[FLASH_SLOTS], const uint32_t sequence[FLASH_SLOTS])
+{
+    if (kind[0] != RECORD_WHOLE)
+        return kind[1] == RECORD_WHOLE ? 1 : FLASH_SLOTS;
+    return kind[1] == RECORD_WHOLE && (int32_t)(sequence[1] - sequence[0]) > 0 ? 1 : 0;
 }
 
 void model_store_boot(struct model_store *store, const struct flash_port *flash)
@@ -129,11 +137,17 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
     enum record_kind kind[FLASH_SLOTS];
     memset(store, 0, sizeof *store);
     for (unsigned i = 0; i < FLASH_SLOTS; i++)
-        kind[i] = read_record(flash, i, &store->slots[i], &store->room, &sequence[i]);
-    bool whole[FLASH_SLOTS] = {kind[0] == RECORD_WHOLE, kind[1] == RECORD_WHOLE};
-    if (!whole[0] && !whole[1])
+        kind[i] = read_record(flash, i, &store->slots[i], &sequence[i]);
+    unsigned newest = newest_whole(kind, sequence);
+    /* Expanding is what takes time: only the one that is used, unless it is of no use. */
+    if (newest != FLASH_SLOTS && model_expand(&store->slots[newest], &store->room) != 0) {
+        kind[newest] = RECORD_TORN;
+        newest = newest_whole(kind, sequence);
+        if (newest != FLASH_SLOTS && model_expand(&store->slots[newest], &store->room) != 0)
+            return;
+    }
+    if (newest == FLASH_SLOTS)
         return;
-    unsigned newest = !whole[0] || (whole[1] && (int32_t)(sequence[1] - sequence[0]) > 0) ? 1 : 0;
     unsigned other = 1 - newest;
     store->active = (uint8_t)newest;
     store->newest_slot = (uint8_t)newest;

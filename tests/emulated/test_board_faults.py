@@ -4,6 +4,7 @@ Each reaction is measured at the model of the DAC: it begins within one tick of 
 faster than the slew limit, unless the core is lost.
 """
 
+import itertools
 import re
 import struct
 import subprocess
@@ -198,3 +199,34 @@ def test_a_save_that_loses_power_falls_back_to_the_model_before(start):
     assert hello.reset_cause == wire.ResetCause.BROWN_OUT
     assert hello.model_flags == 0b111  # loaded, a fallback, persisted
     talker.run(1)
+
+
+def test_a_stream_says_which_ticks_went_by_while_flash_was_busy(start):
+    """Every tick is streamed or counted as dropped, and at its place."""
+    talker = Talker(start())
+    talker.ok(wire.HelloRequest(), *upload(stage_model()), wire.StreamStartRequest(31, 1, 1))
+    talker.run(300)
+    assert talker.ask(wire.ModelPersistRequest(), ticks=20_000).status == wire.Status.OK
+    talker.run(600)
+    stopped = talker.ok(wire.StreamStopRequest())
+    talker.run(100)
+    assert stopped.dropped_ticks > 4500  # an erase takes a second
+    for one, other in itertools.pairwise(talker.samples):
+        assert other.first_tick - one.first_tick == len(one.data) // 12 + other.dropped - one.dropped
+    assert talker.samples[-1].dropped == stopped.dropped_ticks
+
+
+def test_it_is_back_within_20_ms_with_a_model_in_both_slots(start):
+    talker = Talker(start())
+    talker.ok(wire.HelloRequest())
+    for changed in (0, 1):
+        model = bytearray(stage_model())
+        model[4] ^= changed
+        talker.ok(*upload(bytes(model)))
+        assert talker.ask(wire.ModelPersistRequest(), ticks=20_000).status == wire.Status.OK
+    flash, _ = talker.device.flash()
+    board = start(flash=flash, boot=False)
+    board.run(200)
+    ns, ticks = board.time()
+    assert ticks > 0
+    assert ns - ticks * 200_000 < 20_000_000

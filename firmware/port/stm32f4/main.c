@@ -54,7 +54,7 @@ int main(void)
                                .reset_cause = cause,
                                .target = BOARD_NAME};
     build_id(port.build_id);
-    device_init(&device, &port); /* some 35 ms when both slots hold a model, longer than the watchdog waits */
+    device_init(&device, &port); /* some 17 ms with a model, tables and inverse of three axes */
     watchdog_start();            /* until here the converter is cleared by its pin, so nothing needs it */
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
