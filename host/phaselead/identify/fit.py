@@ -15,7 +15,7 @@ from phaselead.identify.checks import AxisRun, Sine, axis_run, driven_axes, refu
 from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
 from phaselead.identify.in_turn import fit_in_turn
 from phaselead.identify.lockin import lock_in
-from phaselead.identify.mode_fit import FittedMode
+from phaselead.identify.mode_fit import FittedModes
 from phaselead.identify.operator_fit import fit_linear
 from phaselead.identify.operator_result import OperatorFit
 from phaselead.identify.table_fit import beside_table_1, comparison_text, table_fit
@@ -101,7 +101,7 @@ def fit(
             time[axis], mode = fit_in_turn(axis_runs)
             if mode is not None:
                 modes[axis] = mode
-                messages.append(_said_of_mode(axis, mode))
+                messages.append(_said_of_modes(axis, mode))
             view, said = _table(axis_runs)
             messages += said
             if view is not None:
@@ -177,7 +177,7 @@ def _is_paper_sine(sine: Sine | None) -> bool:
 
 
 def _model(
-    parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedMode | None
+    parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
     effects: tuple[Effect, ...] = ()
@@ -198,10 +198,11 @@ def _model(
     )
 
 
-def _said_of_mode(axis: str, mode: FittedMode) -> str:
+def _said_of_modes(axis: str, found: FittedModes) -> str:
+    each = [f"a mode at {f_Hz:.4g} Hz, zeta {zeta:.2g}, share {c:.3g}" for c, f_Hz, zeta in found.modes]
     return (
-        f"axis {axis}: a mode at {mode.f_Hz:.4g} Hz, zeta {mode.zeta:.2g}, explains "
-        f"{100 * (1 - mode.left):.0f} % of the squared residual of the operator; adopted as effect resonance"
+        f"axis {axis}: {' and '.join(each)} explain {100 * (1 - found.left):.0f} % of the squared residual of the "
+        "operator; adopted as effect resonance"
     )
 
 

@@ -7,7 +7,7 @@ simply "no slope is negative"; ``time_view`` turns them into a gain and one-side
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.effects.filters import resonant
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.columns import Columns, Slopes
 from phaselead.record.recording import Samples
@@ -62,6 +63,10 @@ def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_se
     return Basis(r, np.linspace(low_V, high_V, n_segments + 1))
 
 
+Mode = tuple[float, float, float]
+"""Share of the motion, frequency in Hz, damping ratio."""
+
+
 @dataclass(frozen=True)
 class FitRun:
     """One run as the fit sees it: the rows that count and the groups they fall into, row by row."""
@@ -74,6 +79,8 @@ class FitRun:
     ones."""
     came_from_V: float | None = None
     """Memory at the start: None is from rest, else the voltage at which the stage last turned round."""
+    modes: tuple[Mode, ...] = ()
+    """Behind the operator."""
 
     def position(self) -> Samples:
         return self.run.x_um[self.rows]
@@ -82,6 +89,8 @@ class FitRun:
     def _columns(self) -> Columns:
         u = self.run.u_V
         before_V = 0.0 if self.came_from_V is None else float(u[0])
+        if self.modes:
+            return Columns(u, before_V, self.run.turning_rows, np.arange(len(u), dtype=np.uintp), self.run.x_um)
         return Columns(u, before_V, self.run.turning_rows, self.rows, self.position())
 
     def fill(self, out: Samples, delay_s: float, play_r_V: Samples, rest_fraction: float, slopes: Slopes) -> None:
@@ -89,7 +98,15 @@ class FitRun:
         start = rest_fraction * play_r_V
         if self.came_from_V is not None:
             start = np.clip(start, self.came_from_V - play_r_V, self.came_from_V + play_r_V)
-        self._columns.fill(out, delay_s / self.run.step_s, slopes, start)
+        late_rows = delay_s / self.run.step_s
+        if not self.modes:
+            self._columns.fill(out, late_rows, slopes, start)
+            return
+        whole = np.empty((len(self.run.u_V), out.shape[1]))
+        self._columns.fill(whole, late_rows, slopes, start)
+        for i in range(out.shape[1] - 2):
+            out[: len(self.rows), i] = behind_modes(whole[:, i], self.modes, self.run.step_s)[self.rows]
+        out[: len(self.rows), -2:] = whole[self.rows, -2:]
 
     @cached_property
     def stretches(self) -> list[tuple[int, slice]]:
@@ -98,17 +115,23 @@ class FitRun:
         return [(int(self.groups[a]), slice(a, b)) for a, b in pairwise(edges)]
 
 
-def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int) -> FitRun:
+def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
+    """(n,): what modes make of a motion that they would follow at rest."""
+    changes = (c * (resonant(still_um, f_Hz, zeta, step_s) - still_um) for c, f_Hz, zeta in modes)
+    return sum(changes, start=still_um)
+
+
+def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int, modes: tuple[Mode, ...] = ()) -> FitRun:
     """Thin the scored rows of ``run`` to about ``most_rows`` and split them into ``n_groups`` stretches of
     time."""
     start, stop, _ = run.scored.indices(len(run.u_V))
     rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
     settled = rows[~_after_jump(run)[rows]]
-    if len(settled) > len(rows) // 2:
+    if not modes and len(settled) > len(rows) // 2:
         rows = settled
     groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
     weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
-    return FitRun(run, rows.astype(np.uintp), groups, float(weight))
+    return FitRun(run, rows.astype(np.uintp), groups, float(weight), modes=modes)
 
 
 def period_s(run: AxisRun) -> float:

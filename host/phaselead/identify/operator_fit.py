@@ -18,6 +18,7 @@ from phaselead.identify.memory import OTHER_MEMORY, came_from, settled
 from phaselead.identify.operator_design import (
     Basis,
     FitRun,
+    Mode,
     centred,
     design,
     fit_run,
@@ -102,6 +103,24 @@ def fit_operator(runs: Sequence[AxisRun]) -> OperatorFit:
     return _result(full, basis, delay, rest, own_offsets, choices, tuple(messages))
 
 
+def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
+    """The operator fitted again with modes behind it: memories and offsets of the records stay as they were known."""
+    past = [record.came_from_V for record in known.records]
+    own_offsets, view = known.own_offsets, known.view
+
+    def fits(rows: int) -> list[FitRun]:
+        made = _fit_runs(runs, rows, modes)
+        return [replace(f, came_from_V=v) for f, v in zip(made, past, strict=True)]
+
+    low, high = _voltage_range(runs)
+    search = fits(SEARCH_ROWS)
+    start = (view.delay_s, view.rest_fraction or 0.01)
+    basis = nested_basis(_largest_swing(runs), low, high, *SEARCH)
+    found = least_error(search, basis, _delay_bound(runs), own_offsets, start)
+    basis, choices = _choose(search, runs, low, high, found.delay_s, found.rest_fraction)
+    return _result(fits(MOST_ROWS), basis, found.delay_s, found.rest_fraction, own_offsets, choices, known.messages)
+
+
 def fit_linear(runs: Sequence[AxisRun]) -> OperatorFit:
     """Gain and offset only, no memory and no delay."""
     full = _fit_runs(runs, MOST_ROWS)
@@ -109,10 +128,10 @@ def fit_linear(runs: Sequence[AxisRun]) -> OperatorFit:
     return _result(full, nested_basis(1.0, low, high, 0, 1), 0.0, 0.0, False, (), ())
 
 
-def _fit_runs(runs: Sequence[AxisRun], rows: int) -> list[FitRun]:
+def _fit_runs(runs: Sequence[AxisRun], rows: int, modes: tuple[Mode, ...] = ()) -> list[FitRun]:
     each = max(200, rows // len(runs))
     blocks = 1 if len(runs) >= BLOCKS else -(-BLOCKS // len(runs))
-    return [fit_run(run, each, i * blocks, blocks) for i, run in enumerate(runs)]
+    return [fit_run(run, each, i * blocks, blocks, modes) for i, run in enumerate(runs)]
 
 
 def _voltage_range(runs: Sequence[AxisRun]) -> tuple[float, float]:
@@ -262,4 +281,5 @@ def _result(
         choices,
         messages,
         sum(effective_rows(e) for e in left),
+        own_offsets,
     )

@@ -56,6 +56,8 @@ class OperatorFit:
     choices: tuple[Choice, ...]
     messages: tuple[str, ...]
     effective_rows: float
+    own_offsets: bool = False
+    """Whether each record has an offset of its own."""
 
     def __str__(self) -> str:
         view = self.view
