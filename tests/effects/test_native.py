@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from phaselead.effects.filters import mode_coefficients, resonant
+from phaselead.effects.filters import mode_coefficients, relaxed, resonant, smoothly_relaxed
 from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed, smoothly_delayed
 
 rows = st.integers(1, 40).flatmap(
@@ -138,3 +138,20 @@ def test_a_mode_damped_beyond_all_sense_is_a_slow_lag():
     x, step, zeta = np.concatenate([[0.0], np.ones(50)]), 0.01, 1e4
     lag = 1 - np.exp(-2 * np.pi * 17.0 * step / (2 * zeta) * (np.arange(51) - 0.5))
     assert resonant(x, 17.0, zeta, step)[1:] == pytest.approx(lag[1:], rel=1e-3)
+
+
+@pytest.mark.parametrize("tau_s", [2e-5, 8e-5, 5e-4])
+def test_a_lag_behind_a_mode_follows_the_way_between_the_rows(tau_s):
+    step_s, finer = 2e-4, 40
+    x = np.interp(np.arange(300), [0, 20, 21, 120, 180, 299], [0, 0, 3, 3, 1, 2])
+    rows = np.arange(299 * finer + 1) / finer
+    moved = resonant(np.interp(rows, np.arange(300), x), 400.0, 0.04, step_s / finer)
+    exact = relaxed(moved, tau_s, step_s / finer)[::finer]
+    straight = np.abs(relaxed(moved[::finer], tau_s, step_s) - exact).max()
+    assert np.abs(smoothly_relaxed(moved[::finer], tau_s, step_s) - exact).max() < 0.2 * straight
+
+
+def test_a_lag_of_nothing_changes_nothing():
+    x = np.random.default_rng(0).normal(size=20)
+    assert np.array_equal(smoothly_relaxed(x, 0.0, 1e-3), x)
+    assert np.allclose(smoothly_relaxed(np.full(20, 3.0), 1e-3, 1e-3), 3.0)

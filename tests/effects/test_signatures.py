@@ -38,9 +38,12 @@ def last_period(x: np.ndarray, f_Hz: float) -> np.ndarray:
 
 def test_delay_falls_in_phase_and_keeps_the_gain():
     f = [5.0, 50.0, 100.0, 200.0]  # up to a tenth of the sampling rate
-    h = frequency_response("delay", f, delay_s=0.0017)  # 3.4 rows
+    h = frequency_response("delay", f, delay_s=0.0015)  # 3 rows
     assert np.abs(h) == pytest.approx(np.ones(4), abs=7e-3)
-    assert -np.angle(h) / (2 * np.pi * np.array(f)) == pytest.approx(0.0017, rel=5e-3)
+    assert -np.angle(h) / (2 * np.pi * np.array(f)) == pytest.approx(0.0015, rel=5e-3)
+    # Half-way between rows a voltage that runs straight between them is the mean of two.
+    halfway = frequency_response("delay", f, delay_s=0.00175)
+    assert np.abs(halfway) == pytest.approx(np.cos(np.pi * np.array(f) / RATE_HZ), abs=7e-3)
 
 
 def test_delay_lets_nothing_move_before_and_overshoots_nowhere():

@@ -23,6 +23,21 @@ def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
     return second_order(x, b, a)
 
 
+def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
+    """1/(tau s + 1) of ``x`` (n,), which is smooth: between rows it runs on parabolas through its neighbours."""
+    straight = relaxed(x, tau_s, step_s)
+    if not tau_s > 0:
+        return straight
+    padded = np.pad(x, (1, 2), mode="edge")
+    bend = (padded[3:] - padded[2:-1] - padded[1:-2] + padded[:-3]) / 2  # (n,): of the stretch after each row
+    ratio = step_s / tau_s
+    # Twice what bend/2 s (1 - s), s from 0 to 1 over the row, takes away at the row's end, seen through the decay.
+    decay = math.exp(-ratio)
+    taken = decay * (1 / (2 * ratio) + 1 / ratio**2) + 1 / (2 * ratio) - 1 / ratio**2
+    added = np.concatenate([[0.0], -taken * bend[:-1]])
+    return np.asarray(straight + second_order(added, np.array([1.0, 0.0, 0.0]), np.array([1.0, -decay, 0.0])))
+
+
 @lru_cache(maxsize=256)
 def mode_coefficients(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
     """(b, a) of a ramp-invariant mode of gain 1: exact states under an input that is linear over each step

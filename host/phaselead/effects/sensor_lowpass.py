@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from phaselead.effects.corner import corner_reads, from_corner
 from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.effects.filters import relaxed
+from phaselead.effects.filters import relaxed, smoothly_relaxed
 
 
 def apply(signal: Signal, params: Params) -> Samples:
-    return relaxed(signal.value, number(params, "tau_s"), signal.step_s)
+    """Behind a mode the motion is smooth; it may have corners without one."""
+    lag = smoothly_relaxed if any(e.name == "resonance" for e, _ in signal.active) else relaxed
+    return lag(signal.value, number(params, "tau_s"), signal.step_s)
 
 
 EFFECT = Effect(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phaselead.effects import catalogue, effect
-from phaselead.effects.effect import Effect, Entry, Params, Place, Samples, Signal
+from phaselead.effects.effect import Effect, Entry, Params, Place, Samples, Signal, number
 from phaselead.errors import BadInput
 from phaselead.stage.file import AxisModel, TimeView
 from phaselead.stage.operator import delayed, respond, rest_plays
@@ -160,10 +160,12 @@ class _Link:
 
 
 def _links(view: TimeView, entries: Sequence[Entry]) -> list[_Link]:
-    """Every step in order; the time view's delay and operator stand where the design has them."""
+    """Every step in order; the time view's delay and operator stand where the design has them. Delays add up: what runs
+    straight between rows would be bent twice by one after the other."""
+    delay_s = view.delay_s + sum(number(params, "delay_s") for e, params in entries if e.name == "delay")
 
     def late(signal: Signal) -> Samples:
-        return delayed(signal.value, view.delay_s / signal.step_s, float(signal.value[0]))
+        return delayed(signal.value, delay_s / signal.step_s, float(signal.value[0]))
 
     def operator(signal: Signal) -> Samples:
         return respond(view, signal.value, signal.start_plays_V)[0]
@@ -173,6 +175,9 @@ def _links(view: TimeView, entries: Sequence[Entry]) -> list[_Link]:
         values = {name: v if isinstance(v, (int, float)) else tuple(v) for name, v in params.items()}
         return _Link(e.name, tuple(sorted(values.items())), e.place, e.order, lambda signal: e.apply(signal, params))
 
-    own = [_Link("late", (), Place.TIMING, 0, late), _Link(OPERATOR, (), Place.HYSTERESIS, 0, operator)]
-    links = [*own, *map(of_effect, entries)]
+    own = [
+        _Link("late", (("delay_s", delay_s),), Place.TIMING, 0, late),
+        _Link(OPERATOR, (), Place.HYSTERESIS, 0, operator),
+    ]
+    links = [*own, *(of_effect(entry) for entry in entries if entry[0].name != "delay")]
     return sorted(links, key=lambda link: link.place)  # stable: the view's own come first in their place
