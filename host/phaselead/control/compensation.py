@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,15 +66,18 @@ def compensation(axis: AxisModel) -> Compensation:
             "voltage belongs to a position; fit it on records of that range, or narrow its limits"
         )
     effects = _by_name(axis)
-    k, tau_s = _creep(effects)
-    amplifier = _lowpass(effects, "amplifier_lowpass")
-    before = [_lowpass(effects, "sensor_lowpass"), *_mechanics(effects)]
-    shape = tuple(section for undone in before for section in undone.sections)
-    preview_s = view.delay_s + amplifier.delay_s + sum(undone.delay_s for undone in before)
+    k, tau_s = _creep(effects.get("creep", ()))
+    # The drive has room for one section; a further low-pass of the amplifier is undone on the position, as linear parts
+    # may change places.
+    amplifiers = [undo_lowpass(number(params, "tau_s")) for params in effects.get("amplifier_lowpass", ())]
+    sensors = [undo_lowpass(number(params, "tau_s")) for params in effects.get("sensor_lowpass", ())]
+    drive = [section for undone in amplifiers for section in undone.sections]
+    before = [*sensors, *_mechanics(effects.get("resonance", ()))]
+    shape = (*drive[1:], *(section for undone in before for section in undone.sections))
+    preview_s = view.delay_s + sum(undone.delay_s for undone in [*amplifiers, *before])
     found = Compensation(
-        view, k, tau_s, shape, amplifier.sections[0] if amplifier.sections else PASS, max(preview_s, 0.0),
-        _reach_um(view, axis.limits),
-    )  # fmt: skip
+        view, k, tau_s, shape, drive[0] if drive else PASS, max(preview_s, 0.0), _reach_um(view, axis.limits)
+    )
     _refuse_more_than_it_holds(found)
     return found
 
@@ -87,8 +91,7 @@ def coupling(stage: Stage) -> list[list[float]]:
             if i != j and stage.cross_coupling is not None:
                 matrix[i][j] = float(stage.cross_coupling[i][j])
         if name in stage.axes:
-            params = _by_name(stage.axes[name]).get("cross_coupling", {})
-            for j, other in enumerate(names):
+            for params, (j, other) in product(_by_name(stage.axes[name]).get("cross_coupling", ()), enumerate(names)):
                 if i != j:  # through shared modes: at rest every mode passes its share on
                     matrix[i][j] += sum(
                         float(np.sum(params.get(f"{part}_{other}", 0.0))) for part in ("from", "direct")
@@ -144,42 +147,52 @@ def _reach_um(view: TimeView, limits: Limits) -> tuple[float, float]:
     return position(limits.u_min_V, -1), position(limits.u_max_V, 1)
 
 
-def _by_name(axis: AxisModel) -> Mapping[str, Params]:
-    """Complete parameters of the adopted effects, a load that was added already in the modes."""
+def _by_name(axis: AxisModel) -> Mapping[str, Sequence[Params]]:
+    """Complete parameters of the adopted effects, a load that was added already in the modes. An effect may be there
+    more than once: each acts."""
     entries = [(effect(adopted.name), _complete(adopted)) for adopted in axis.effects]
     for e, params in tuple(entries):
         if e.rewrite is not None:
             entries = [(other, dict(given)) for other, given in e.rewrite(entries, params)]
-    return {e.name: params for e, params in entries}
+    found: dict[str, list[Params]] = {}
+    for e, params in entries:
+        found.setdefault(e.name, []).append(params)
+    return found
 
 
 def _complete(adopted: Effect) -> Params:
     return dict(effect(adopted.name).complete(adopted.params))
 
 
-def _creep(effects: Mapping[str, Params]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    if "creep" not in effects:
-        return (), ()
-    k, tau_s = terms(effects["creep"])
+def _creep(given: Sequence[Params]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Terms of all of them: what one creeps of the other's creep is small of second order."""
+    each = [terms(params) for params in given]
+    k = np.concatenate([np.zeros(0), *(k for k, _ in each)])
+    tau_s = np.concatenate([np.zeros(0), *(tau_s for _, tau_s in each)])
     if np.abs(k).sum() > 0.5:
         raise BadInput(f"its creep adds {np.abs(k).sum():.3g} of the motion; the device undoes at most half of it")
     if np.min(tau_s, initial=np.inf) < FASTEST_CREEP_s:
         raise BadInput(
             f"its creep has a time constant of {np.min(tau_s):.3g} s; the device undoes {FASTEST_CREEP_s:g} s or more"
         )
+    if len(k) > TERMS:
+        k, tau_s = _fewer_terms(k, tau_s)
     return tuple(map(float, k)), tuple(map(float, tau_s))
 
 
-def _lowpass(effects: Mapping[str, Params], name: str) -> Undone:
-    return undo_lowpass(number(effects[name], "tau_s")) if name in effects else Undone((), 0.0)
+def _fewer_terms(k: Samples, tau_s: Samples) -> tuple[Samples, Samples]:
+    """As many as the device holds, of the same answer to a step from the fastest to the slowest by least squares."""
+    kept_s = np.geomspace(tau_s.min(), tau_s.max(), TERMS)
+    t_s = np.geomspace(0.1 * tau_s.min(), 10 * tau_s.max(), 40 * TERMS)
+    decays = np.exp(-t_s[:, None] / kept_s)
+    kept, *_ = np.linalg.lstsq(decays, np.exp(-t_s[:, None] / tau_s) @ k, rcond=1e-9)
+    return np.asarray(kept), kept_s
 
 
-def _mechanics(effects: Mapping[str, Params]) -> list[Undone]:
-    if "resonance" not in effects:
-        return []
-    if np.any(np.asarray(effects["resonance"].get("velocity", 0.0)) != 0):
+def _mechanics(given: Sequence[Params]) -> list[Undone]:
+    if any(np.any(np.asarray(params.get("velocity", 0.0)) != 0) for params in given):
         raise BadInput("its modes are shared with other axes and pass on velocity too, which is not undone")
-    return [undo_modes(modes(effects["resonance"]))]
+    return [undo_modes(modes(params)) for params in given]
 
 
 def _refuse_more_than_it_holds(found: Compensation) -> None:

@@ -13,10 +13,8 @@ from phaselead.stage.file import AxisModel, DataSource, Effect, Provenance, Stag
 
 
 def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
-    """The axis with the effects in its list; one of a name that is there already takes its place."""
-    names = {effect.name for effect in found}
-    kept = [effect for effect in axis.effects if effect.name not in names]
-    return axis.model_copy(update={"effects": tuple([*kept, *map(_entry, found)])})
+    """The axis with the effects behind its list: one of a name that is there already acts beside it."""
+    return axis.model_copy(update={"effects": (*axis.effects, *map(_entry, found))})
 
 
 def _entry(named: NamedEffect) -> Effect:
