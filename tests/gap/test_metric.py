@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from phaselead.gap.disturb import Left, vibration
+from phaselead.gap.disturb import Left, jitter, vibration
 from phaselead.gap.evidence import evidence
 from phaselead.gap.native import whitened
 from phaselead.gap.noise import Noise, as_idle, fit_noise
@@ -125,3 +125,49 @@ def test_a_new_vibration_is_found_where_it_is():
     assert found is not None
     assert abs(found.params["f_Hz"][0] - 120) < 10
     assert 0.005 < found.params["rms_um"][0] < 0.015
+
+
+def jittery(rng: np.random.Generator, f_Hz: float, rms_s: float, role: str) -> Left:
+    """A sine read at times that are off at random."""
+    t = np.arange(6000) * STEP_s
+    late = rms_s * rng.normal(size=len(t))
+    ideal, speed = 20 * np.sin(2 * np.pi * f_Hz * t), 40 * np.pi * f_Hz * np.cos(2 * np.pi * f_Hz * t)
+    error = 0.01 * rng.normal(size=len(t)) + late * speed
+    return Left(run_of(ideal / 10, ideal + error, role), error)
+
+
+def test_a_clock_that_is_off_shows_on_all_records_alike():
+    rng = np.random.default_rng(4)
+    parts = [[jittery(rng, f, rms, role) for f in (5.0, 11.0)]
+             for rms, role in ((2e-5, "train"), (2e-5, "holdout"), (0.0, "reference"))]  # fmt: skip
+    found = jitter(*parts)
+    assert found is not None
+    assert found.params["rms_s"][0] == pytest.approx(2e-5, rel=0.1)
+    assert jitter(parts[2], parts[2], parts[2]) is None
+
+
+def test_fast_noise_on_one_record_alone_is_no_clock():
+    rng = np.random.default_rng(5)
+    odd = [[jittery(rng, 5.0, 0.0, role), jittery(rng, 11.0, 3e-5, role)] for role in ("train", "holdout")]
+    still = [jittery(rng, f, 0.0, "reference") for f in (5.0, 11.0)]
+    slow = [[jittery(rng, 5.0, 2e-4, role), jittery(rng, 11.0, 0.0, role)] for role in ("train", "holdout")]
+    assert jitter(*slow, still) is None
+    assert jitter(*odd, still) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_narrow_vibration_in_a_short_record_is_found(seed):
+    rng = np.random.default_rng(seed)
+    b, a = [1.0], np.poly(np.exp([(-0.05 + 1j) * 2 * np.pi * 17 * STEP_s, (-0.05 - 1j) * 2 * np.pi * 17 * STEP_s]))
+
+    def still(rms_um: float, role: str) -> Left:
+        shaken = lfilter(b, np.real(a), rng.normal(size=6500))[5000:]
+        error = 0.01 * rng.normal(size=1500) + rms_um * shaken / shaken.std()
+        return Left(run_of(np.zeros(1500), error, role), error - error.mean())
+
+    shaking = [[still(0.015, role)] for role in ("train", "holdout")]
+    calm = [still(0.0, "reference")]
+    found = vibration(*shaking, calm)
+    assert found is not None
+    assert abs(found.params["f_Hz"][0] - 17) < 6
+    assert vibration([still(0.0, "train")], [still(0.0, "holdout")], calm) is None

@@ -16,13 +16,15 @@ from phaselead.gap.locate import Part, locate
 from phaselead.gap.next_experiment import propose
 from phaselead.gap.records import Run
 from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Spectrum, Trace, Value
+from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
 from phaselead.gap.surplus import unexplained
 from phaselead.stage.file import AxisModel
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
-OFFSET = "every record has its own offset, so that a shift of all of them cannot be told apart from it"
-CONSTANT = ("gain_change", "load_change")
+OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
+EXPLAINED = 2.0
+"""Times the floor: while more is left, what is missing may shift the records as well."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,21 @@ def search_axis(
         final.lefts("train"), final.lefts("holdout"), final.lefts("reference"), {e.name for e in effects}
     )
     noise_like = [_disturbance(found, final, label) for found in disturbed]
+    shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
+    explained = final.gap.after < EXPLAINED * final.gap.floor
+    shifted = best_explained(shifts) if explained else ()
+    allowed = {e.name for e in effects} - {e.name for e in named} - {n for tie in ties for n in tie}
+    moved = [_other_zero(name, shifts[name], label) for name in shifted if set(shifted) <= allowed]
+    if len(moved) > 1:
+        ties.append(shifted)
+    else:
+        noise_like += moved
+    if shifts:
+        refused.pop("offset", None)
     taken = {e.name for e in [*named, *noise_like]} | {n for tie in ties for n in tie}
     excluded, hidden = bounds(growth, candidates, taken, label)
+    if "offset" in shifts and "offset" in allowed - taken:
+        excluded.append(Bound("offset", abs(shifts["offset"].amount) + shifts["offset"].half, "um", label))
     on_progress(0.97)
     tied = next((n for n in growth.named if len(n.tied) > 1), None)
     return AxisResult(
@@ -74,7 +89,7 @@ def search_axis(
         adopted(final.axis, [*file_entries, *noise_like]),
         [*named, *noise_like],
         ties,
-        unexplained(growth, final),
+        unexplained(growth, final) or (bool(shifted) and not moved and not allowed >= set(shifted)),
         excluded,
         {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
         locate(
@@ -148,6 +163,14 @@ def _why(one: Named) -> str:
     if rivals:
         found += f"; {rivals[0].effect.title.lower()} comes next, {one.score - rivals[0].score:.0f} points behind"
     return found
+
+
+def _other_zero(name: str, shift: Shift, label: str | None) -> NamedEffect:
+    """Its share is 0: the gap is measured about each record's own offset."""
+    at, half = shift.amount, shift.half
+    size, unit = ("offset_um", "um") if name == "offset" else ("ramp_um_per_s", "um/s")
+    why = f"from the reference session on records stand off by {at:.4g} {unit}, and held-out ones too"
+    return NamedEffect(name, label, {size: (at, unit, (at - half, at + half))}, 0.0, why)
 
 
 def _disturbance(found: Found, final: Final, label: str | None) -> NamedEffect:

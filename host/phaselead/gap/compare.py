@@ -28,6 +28,9 @@ KNOWN_SHARE, KNOWN_Z = 0.4, 3.0
 ONE_LOOP = 0.5
 """Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
 RIVALS = 5
+RICHER = 0.001
+"""Of what is gained: the price of each parameter after an effect's first. No equation is the stage's own, and where
+much is gained a richer one follows what a simpler one leaves of it."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +131,10 @@ def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
         inflation = max(_inflation(bench, before, best[1]), bench.mistaken.get(best[0].name, 1.0))
         best = min(again, key=lambda pair: pair[1].squares / inflation + penalty(bench, pair[0]))
     rivals = []
+    most = max(before.squares - result.squares for _, result in again) / inflation
     for effect, result in again:
         score = (before.squares - result.squares) / inflation - penalty(bench, effect)
+        score -= RICHER * max(most, 0.0) * (len(effect.parameters) - 1)
         distance = 0.0 if effect is best[0] else _distance(bench, before, best[1], result) / inflation
         rivals.append(Rival(effect, result, score, distance))
     rivals.sort(key=lambda rival: -rival.score)

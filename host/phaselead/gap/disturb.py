@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import periodogram, welch
 from scipy.stats import chi2, norm
@@ -28,12 +30,22 @@ BESIDE_Hz = 6.0
 SEGMENT = 1024
 SURE_BAND = 1e-4
 """Over all bands looked at: training and held-out records at rest together against the reference's."""
+SURE_HERE, AROUND = 0.01, 8
+"""The same in the band found alone; lines to either side of it that say what is usual."""
 WIDTHS = (1, 3, 7, 15)
 """Lines of a spectrum over which something new may spread."""
 LATEST = 0.05
 """Of the sampling step: a clock that is off by more is no clock, and what grows with speed is a fault of the model."""
 LEAK = 1.5
 """Lines over which a Hann window spreads one: neighbours are not independent."""
+SEEN_Z, UNALIKE, TELLING = 2.0, 2.5, 0.05
+"""From where the reference's own slope counts; the factor by which a record's slope may be off where what it says is
+more than the last share of the record's whole residual."""
+SHORTEST, BLOCK_ROWS = 256, 64
+ROUGH = 5
+"""Differences that are taken to be rid of what a model misses of its modes."""
+JUMP_SHARE, AFTER_JUMP_ROWS = 0.02, 40
+"""Of the voltage's range, in one row; and for how long a fast mode rings."""
 SLOW_LINES = 4
 """Of a spectrum: what moves as slowly as the records are long is drift or creep, not vibration."""
 
@@ -60,6 +72,7 @@ class Found:
     why: str
 
 
+Parts = tuple[Sequence[Left], Sequence[Left], Sequence[Left]]
 Test = Callable[[Sequence[Left], Sequence[Left], Sequence[Left]], Found | None]
 
 
@@ -177,43 +190,47 @@ def _hum_params(train: Sequence[Left], f_Hz: float) -> dict[str, Value]:
 
 def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
     """A peak of the idle spectrum that stands out of the reference's, or out of its own surroundings."""
+    parts = train, holdout, reference
     shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
     if reference:
-        _, before, averages_before = _density(reference, length)
+        _, before, _ = _density(reference, length)
     else:
-        before, averages_before = median_filter(seen, size=41, mode="nearest") / 0.97, 1e9
+        before = median_filter(seen, size=41, mode="nearest") / 0.97
     live = np.array([not _is_mains(float(v)) for v in f])
     live[:SLOW_LINES] = False
-    band = _new_band(seen * live, before * live, averages, averages_before)
-    if band is None:
+    bands, looked = _new_bands(seen * live, before * live)
+    found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= SURE_BAND]
+    if not found:
         return None
-    low, high, looked = band
+    return _vibration_found(f, seen - before, *min(found)[1], averages)
+
+
+def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -> float:
+    """Probability that a band of training and held-out records stands out of the reference's as much by chance; 1
+    where it does not stand out in both."""
+    (train, holdout, reference), (low, high) = parts, band
     edges_Hz = float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2)
     new, again, both, old = (_band_power(part, *edges_Hz) for part in (train, holdout, [*train, *holdout], reference))
+    around = _band_power(reference, edges_Hz[0] - AROUND * f[1], edges_Hz[1] + AROUND * f[1])
     if not reference:
-        old = float(before[low:high].mean()), np.inf
-    p = float(f_distribution.sf(both[0] / old[0], both[1], min(old[1], 1e6))) * looked
-    if p > SURE_BAND or min(new[0], again[0]) < MORE * old[0]:
-        return None
-    return _vibration_found(f, seen - before, low, high, averages)
+        old = around = float(before[low:high].mean()), np.inf
+    # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
+    p, p_here = (float(f_distribution.sf(both[0] / part[0], both[1], min(part[1], 1e6))) for part in (around, old))
+    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= MORE * max(old[0], around[0]) else 1.0
 
 
-def _new_band(seen: Samples, before: Samples, averages: float, averages_before: float) -> tuple[int, int, int] | None:
-    """First and last line (excluded) of the band that stands out most, and how many bands were looked at."""
-    best: tuple[int, int] | None = None
-    least, looked = 1.0, 0
+def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
+    """First and last line (excluded) of the band of each width that stands out most; how many were looked at."""
+    bands, looked = [], 0
     for width in WIDTHS:
         box = np.ones(width)
         new, old = np.convolve(seen, box, "valid"), np.convolve(before, box, "valid")
         ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
-        top, lines = int(np.argmax(ratio)), (width - 1) / LEAK + 1
-        p = float(f_distribution.sf(ratio[top], 2 * averages * lines, 2 * averages_before * lines))
+        bands.append((int(np.argmax(ratio)), int(np.argmax(ratio)) + width))
         looked += len(ratio)
-        if p < least:
-            best, least = (top, top + width), p
-    return None if best is None else (*best, looked)
+    return bands, looked
 
 
 def _band_power(part: Sequence[Left], low_Hz: float, high_Hz: float) -> tuple[float, float]:
@@ -283,11 +300,16 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
     """Fast noise that grows with the square of the speed."""
     slope, z = _speed_slope(train)
     _, z_again = _speed_slope(holdout)
-    # What a model misses grows with the speed too, on some records more than on others: a clock does on all alike.
-    before = max((_speed_slope([left])[0] for left in reference), default=0.0)
-    if norm.sf(z) > SURE or norm.sf(z_again) > AGAIN or slope < MORE**2 * max(before, 0.0) or not reference:
+    if norm.sf(z) > SURE or norm.sf(z_again) > AGAIN or not reference:
         return None
-    slope -= max(before, 0.0)
+    # What a model misses grows with the speed too, on some records more than on others: a clock does on all alike.
+    if not (_alike(train, slope) and _alike(holdout, slope)):
+        return None
+    seen_before, z_before = _speed_slope(reference)
+    before = seen_before if z_before > SEEN_Z else 0.0
+    if slope < MORE**2 * before:
+        return None
+    slope -= before
     rms = float(np.sqrt(slope))
     if rms > LATEST * train[0].run.step_s:
         return None
@@ -297,21 +319,47 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
     return Found("sampling_jitter", params, slope * speed, f"fast noise of {1e6 * rms:.3g} us times the speed")
 
 
+def _alike(part: Sequence[Left], slope: float) -> bool:
+    """Whether each record that is fast enough to know has about this slope."""
+    knowing = [left for left in part if slope * _fastest(left) > TELLING * float(np.mean(left.error_um**2))]
+    return all(slope / UNALIKE < _speed_slope([left])[0] < slope * UNALIKE for left in knowing)
+
+
+def _fastest(left: Left) -> float:
+    """(um/s)^2 in the fastest tenth of the rows that count."""
+    blocks = _rough_and_speed(left)
+    return float(np.quantile(blocks[1], 0.9)) if blocks is not None else 0.0
+
+
+def _rough_and_speed(left: Left) -> tuple[Samples, Samples] | None:
+    """Fast variance of the residual, um^2, and mean squared speed, (um/s)^2, of blocks (b,); None of a short record."""
+    if not left.run.driven or len(left.error_um) < SHORTEST:
+        return None
+    rough = np.diff(left.error_um, ROUGH) ** 2 / comb(2 * ROUGH, ROUGH)
+    smooth = np.convolve(left.run.x_um[left.run.rows], np.ones(5) / 5, mode="same")
+    v2 = np.gradient(smooth, left.run.step_s)[ROUGH // 2 : ROUGH // 2 - ROUGH] ** 2
+    known = ~_after_jump(left.run)[ROUGH:]
+    count = int(known.sum()) // BLOCK_ROWS
+    if count < 2:
+        return None
+    rough, v2 = (values[known][: count * BLOCK_ROWS].reshape(count, BLOCK_ROWS).mean(axis=1) for values in (rough, v2))
+    return rough, v2
+
+
+def _after_jump(run: Run) -> NDArray[np.bool_]:
+    """Scored rows (n,) in which a model that is wrong by a fraction of a row is rough too."""
+    u = run.u_V[run.rows]
+    steps = np.abs(np.diff(u, prepend=u[0]))
+    jumped = steps > max(JUMP_SHARE * float(np.ptp(run.u_V)), 5 * float(np.quantile(steps, 0.9)))
+    return np.convolve(jumped, np.ones(AFTER_JUMP_ROWS))[: len(u)] > 0
+
+
 def _speed_slope(part: Sequence[Left]) -> tuple[float, float]:
     """s^2 of fast residual variance per squared speed, and how sure."""
-    variance, speed = [], []
-    for left in part:
-        if not left.run.driven or len(left.error_um) < 256:
-            continue
-        rough = np.diff(left.error_um, 3) ** 2 / 20
-        smooth = np.convolve(left.run.x_um[left.run.rows], np.ones(5) / 5, mode="same")
-        v2 = np.gradient(smooth, left.run.step_s)[1:-2] ** 2
-        edges = np.arange(0, len(rough), 64)
-        variance.append(np.add.reduceat(rough, edges)[:-1] / 64)
-        speed.append(np.add.reduceat(v2, edges)[:-1] / 64)
-    if not variance:
+    blocks = [found for found in map(_rough_and_speed, part) if found is not None]
+    if not blocks:
         return 0.0, 0.0
-    y, x = np.concatenate(variance), np.concatenate(speed)
+    y, x = (np.concatenate(values) for values in zip(*blocks, strict=True))
     if np.ptp(x) == 0:
         return 0.0, 0.0
     # A block's variance of 64 rows is known to a share of itself: weigh by what the first line says.

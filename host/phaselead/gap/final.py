@@ -14,6 +14,7 @@ from phaselead.gap.records import Role, Run
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import Track, track
 from phaselead.gap.result import Gap, Trace
+from phaselead.gap.session_offset import RecordOffset
 from phaselead.record.recording import Samples
 from phaselead.stage.file import AxisModel
 
@@ -39,6 +40,15 @@ class Final:
         """What the final model leaves; the reference records are without what was found."""
         entries = () if role == "reference" else self.fitted.entries
         return [Left(t.run, _own_offset_removed(t, t.error(entries))) for t in self.after if t.run.role == role]
+
+    def offsets(self, role: Role) -> list[RecordOffset]:
+        """What the final model leaves of each record on average; the reference records are without what was found."""
+        entries = () if role == "reference" else self.fitted.entries
+        return [
+            RecordOffset(float(t.run.t_s[t.run.rows].mean()), float(t.error(entries).mean()), t.run.idle)
+            for t in self.after
+            if t.run.role == role
+        ]
 
     def before_lefts(self, role: Role) -> list[Left]:
         """What the base as given leaves."""

@@ -1,0 +1,67 @@
+"""A zero that moved is told from drift and from the scatter of records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phaselead.gap.session_offset import RecordOffset, best_explained, session_shifts
+
+
+def records(
+    step_um: float, drift_um_per_s: float, scatter_um: float, seed: int
+) -> tuple[list[RecordOffset], list[RecordOffset], list[RecordOffset]]:
+    """Three sessions; the drift begins when the first has ended."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(17) * 2.0 + np.repeat([0.0, 30.0, 40.0], [6, 6, 5])
+    later = np.arange(17) >= 6
+    means = drift_um_per_s * np.maximum(times - 10, 0) + scatter_um * rng.normal(size=17) + step_um * later
+    idle = np.isin(np.arange(17), [0, 6, 12])
+    found = [RecordOffset(float(t), float(m), bool(i)) for t, m, i in zip(times, means, idle, strict=True)]
+    return found[:6], found[6:12], found[12:]
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.1), st.sampled_from([-1, 1]))
+def test_a_step_far_beyond_the_scatter_is_found(seed, scatter_um, sign):
+    shifts = session_shifts(*records(sign * 60 * scatter_um, 0.0, scatter_um, seed))
+    assert best_explained(shifts) == ("offset",)
+    assert abs(shifts["offset"].amount - sign * 60 * scatter_um) < 4 * shifts["offset"].half
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.1), st.sampled_from([-1, 1]))
+def test_a_drift_far_beyond_the_scatter_is_found(seed, scatter_um, sign):
+    shifts = session_shifts(*records(0.0, sign * scatter_um, scatter_um, seed))
+    assert best_explained(shifts) == ("thermal_drift",)
+    assert abs(shifts["thermal_drift"].amount - sign * scatter_um) < 4 * shifts["thermal_drift"].half
+
+
+@settings(max_examples=300)
+@given(st.integers(0, 10**6))
+def test_scatter_is_neither(seed):
+    assert best_explained(session_shifts(*records(0.0, 0.0, 0.01, seed))) == ()
+
+
+def test_a_shift_of_driven_records_alone_is_another_answer_and_no_other_zero():
+    parts = [[replace(r, mean_um=0.0) if r.idle else r for r in part] for part in records(1.0, 0.0, 0.001, 0)]
+    assert best_explained(session_shifts(*parts)) == ()
+
+
+def test_a_step_seen_only_once_may_be_either():
+    """All later records at one time: nothing says how they came there."""
+    reference, train, _ = records(1.0, 0.0, 0.001, 0)
+    at_once = [replace(r, t_s=60.0) for r in train]
+    assert set(best_explained(session_shifts(reference, at_once, at_once))) == {"offset", "thermal_drift"}
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    found = [session_shifts(*records(0.05, 0.0, 0.01, seed))["offset"] for seed in range(400)]
+    assert 0.91 <= np.mean([abs(shift.amount - 0.05) < shift.half for shift in found]) <= 0.98
+
+
+def test_two_records_tell_no_scatter():
+    few = [RecordOffset(0.0, 0.0, True), RecordOffset(1.0, 0.1)]
+    assert not session_shifts(few, few * 3, few)
+    assert not session_shifts(few * 3, few * 3, [])
