@@ -5,15 +5,13 @@
 bool compensation_make(struct compensation *compensation)
 {
     bool beyond = false;
-    struct inverse_state rest;
     compensation->steps = compensation->creeps = 0;
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
         compensation->steps |= (uint32_t)biquad_changes(&compensation->shape[i]) << i;
     compensation->steps |= (uint32_t)biquad_changes(&compensation->drive) << SHAPE_SECTIONS;
     for (unsigned i = 0; i < CREEP_TERMS; i++)
         compensation->creeps |= compensation->creep.k_q30[i] != 0;
-    inverse_rest(&compensation->inverse, &rest, 0);
-    compensation->rest_q16 = sat_i32(round_shift_i64(rest.x_q44, 28), &beyond);
+    compensation->rest_q16 = sat_i32(round_shift_i64(compensation->inverse.rest_x_q44, 28), &beyond);
     return !beyond;
 }
 

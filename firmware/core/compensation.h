@@ -38,7 +38,7 @@ struct compensation_state {
  * for the tick. */
 bool compensation_make(struct compensation *compensation);
 
-/* A stage at rest at 0 V whose voltage has then gone to u. */
+/* A stage at rest at 0 V that begins to follow u. */
 void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24);
 
 /* A state that came from elsewhere may hold anything: brings it within what a step takes. */

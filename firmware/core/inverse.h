@@ -28,6 +28,9 @@
 #define INVERSE_THRESHOLD_MOST_Q24 (64 << 24) /* of a play that is: half of what a voltage can be away from another */
 
 struct inverse_config {
+    int64_t rest_x_q44; /* of a stage at rest at 0 V; this and the next two made by inverse_make() */
+    int32_t rest_slope_q20;
+    uint32_t rest_knots;
     int32_t u_min_q24, u_max_q24; /* the inverse exists, and stays, within these */
     int32_t gain_q20;             /* um/V */
     int32_t offset_q16;
@@ -67,7 +70,7 @@ enum inverse_verdict {
  * everything down to inverse_reach_q16() not for the tick. */
 enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS]);
 
-/* The memory of a stage at rest at 0 V, then moved to v. */
+/* The memory of a stage at rest at 0 V that begins to follow v. Short enough for a moment without ticks. */
 void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
 
 /* Where a play stands. */

@@ -69,19 +69,6 @@ static enum inverse_verdict check(const struct inverse_config *config, const int
     return rises_everywhere(config) ? INVERSE_EXISTS : INVERSE_FALLS;
 }
 
-enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS])
-{
-    enum inverse_verdict verdict = check(config, play_w_q20);
-    if (verdict != INVERSE_EXISTS)
-        return verdict;
-    config->plays = used(config->play_r_q24, INVERSE_PLAYS);
-    config->knots = used(config->knot_d_q24, INVERSE_KNOTS);
-    config->play_sum_q20[0] = 0;
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        config->play_sum_q20[i + 1] = config->play_sum_q20[i] + (i < config->plays ? play_w_q20[i] : 0);
-    return INVERSE_EXISTS;
-}
-
 /* Position without memory, and the slope above it, counted up to the knots at or below v. */
 static int64_t curve_q44(const struct inverse_config *config, int32_t v_q24, uint32_t *knots, int32_t *slope_q20)
 {
@@ -129,12 +116,27 @@ static int64_t plays_q44(const struct inverse_config *config, const struct inver
     return x_q44;
 }
 
+enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS])
+{
+    enum inverse_verdict verdict = check(config, play_w_q20);
+    if (verdict != INVERSE_EXISTS)
+        return verdict;
+    config->plays = used(config->play_r_q24, INVERSE_PLAYS);
+    config->knots = used(config->knot_d_q24, INVERSE_KNOTS);
+    config->play_sum_q20[0] = 0;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
+        config->play_sum_q20[i + 1] = config->play_sum_q20[i] + (i < config->plays ? play_w_q20[i] : 0);
+    const struct inverse_state nowhere = {.rises = 1};
+    config->rest_x_q44 =
+        curve_q44(config, 0, &config->rest_knots, &config->rest_slope_q20) + plays_q44(config, &nowhere);
+    return INVERSE_EXISTS;
+}
+
 void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24)
 {
-    *state = (struct inverse_state){.rises = 1};
-    state->x_q44 = curve_q44(config, 0, &state->knots, &state->slope_q20) + plays_q44(config, state);
-    for (unsigned i = 0; i < INVERSE_PLAYS + INVERSE_KNOTS; i += INVERSE_BENDS_A_TICK)
-        inverse_follow(config, state, v_q24);
+    *state = (struct inverse_state){
+        .rises = 1, .x_q44 = config->rest_x_q44, .slope_q20 = config->rest_slope_q20, .knots = config->rest_knots};
+    inverse_follow(config, state, v_q24);
 }
 
 /* Every play within its threshold of the voltage, and a larger one no nearer to moving than a smaller one. */

@@ -50,7 +50,11 @@ def weights(config):
 
 def inverse_of(plays=(), knots=(), *, gain_q20=10 << 20, offset_q16=0, rest_q30=0, limits=(-2 * V, 10 * V)):
     """The operator of (r_q24, w_q20) and (d_q24, s_q20), each rising, as inverse_make() leaves it when it exists."""
-    made = Inverse(*limits, gain_q20, offset_q16, rest_q30, len(plays), len(knots))
+    at_rest = [(w, (rest_q30 * r + 2**29) >> 30) for r, w in plays]
+    x_q44 = (offset_q16 << 28) + sum(w * p for w, p in at_rest) - sum(s * d for d, s in knots if d < 0)
+    below = [s for d, s in knots if d <= 0]
+    rest = x_q44, gain_q20 + sum(below), len(below)
+    made = Inverse(*rest, *limits, gain_q20, offset_q16, rest_q30, len(plays), len(knots))
     for i in range(32):
         made.play_r_q24[i], w_q20 = plays[i] if i < len(plays) else (UNUSED, 0)
         made.play_sum_q20[i + 1] = made.play_sum_q20[i] + w_q20

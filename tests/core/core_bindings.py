@@ -154,6 +154,9 @@ class CreepState(ct.Structure):
 
 class Inverse(ct.Structure):
     _fields_ = [
+        ("rest_x_q44", ct.c_int64),
+        ("rest_slope_q20", ct.c_int32),
+        ("rest_knots", ct.c_uint32),
         ("u_min_q24", ct.c_int32),
         ("u_max_q24", ct.c_int32),
         ("gain_q20", ct.c_int32),

@@ -48,8 +48,8 @@ def rested(core, config):
 @example(inverse_of(), [0, 30, 0])
 def test_the_position_asked_for_is_the_position_of_the_voltage(core, config, targets_um):
     """Whatever was before: to half an LSB where it can be reached, at the limit where it cannot."""
-    sums = list(config.play_sum_q20)
-    assert (make(core, config), list(config.play_sum_q20)) == (EXISTS, sums)
+    before = bytes(config)
+    assert (make(core, config), bytes(config)) == (EXISTS, before)
     state, operator = rested(core, config), Operator(config)
     assert state.x_q44 == operator.go(0)
     for target_um in targets_um:
@@ -206,4 +206,4 @@ def test_unused_places_do_nothing(core):
     config = inverse_of(gain_q20=4 << 20)
     state = rested(core, config)
     assert core.flagged("inverse_step_q24", config, state, 8 << 44) == (2 * V, False)
-    assert ct.sizeof(Inverse) == 4 * (7 + 2 * 32 + 1 + 2 * 24)
+    assert ct.sizeof(Inverse) == 16 + 4 * (7 + 2 * 32 + 1 + 2 * 24)

@@ -48,6 +48,8 @@ static inline uint32_t dac_frame(uint32_t frame)
     answer = answer << 8 | exchange(SPI2, frame >> 8 & 0xFFu);
     answer = answer << 8 | exchange(SPI2, frame & 0xFFu);
     pin_high(GPIOB, PIN_DAC_SYNC);
+    (void)SPI2->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
+    (void)SPI2->SR;
     return answer;
 }
 
