@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from phaselead.effects.filters import mode_coefficients, relaxed, resonant, smoothly_relaxed
+from phaselead.effects.filters import mode_coefficients, relaxed, relaxed_late, resonant, smoothly_relaxed
 from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed, smoothly_delayed
 
 rows = st.integers(1, 40).flatmap(
@@ -155,3 +155,15 @@ def test_a_lag_of_nothing_changes_nothing():
     x = np.random.default_rng(0).normal(size=20)
     assert np.array_equal(smoothly_relaxed(x, 0.0, 1e-3), x)
     assert np.allclose(smoothly_relaxed(np.full(20, 3.0), 1e-3, 1e-3), 3.0)
+
+
+@laws
+@given(rows, st.floats(0, 3.5), st.floats(1e-5, 1e-2))
+def test_a_late_lag_is_read_on_its_way_between_rows(x, late_rows, tau_s):
+    step_s, finer = 2e-4, 50
+    late_rows = round(late_rows * finer) / finer
+    fine = np.interp(np.arange((len(x) - 1) * finer + 1) / finer, np.arange(len(x)), x)
+    way = relaxed(fine, tau_s, step_s / finer)
+    at = np.arange(len(x)) * finer - round(late_rows * finer)
+    expected = np.where(at < 0, x[0], way[np.maximum(at, 0)])
+    assert np.allclose(relaxed_late(x, tau_s, step_s, late_rows * step_s), expected, atol=1e-8)

@@ -23,6 +23,21 @@ def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
     return second_order(x, b, a)
 
 
+def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samples:
+    """1/(tau s + 1) of ``x`` (n,), which stood at its first value before, read ``late_s`` before each row: exact where
+    a lag of rows that are late already would be straight across their corners."""
+    whole, part = divmod(late_s / step_s, 1.0)
+    y, seen = relaxed(x, tau_s, step_s), 1.0 - part
+    if part and tau_s > 0:
+        gone = -math.expm1(-seen * step_s / tau_s)
+        before, last = np.concatenate([x[:1], x[:-1]]), np.concatenate([y[:1], y[:-1]])
+        y = last + (before - last) * gone + (x - before) * (seen - gone * tau_s / step_s)
+    elif part:
+        y = part * np.concatenate([x[:1], x[:-1]]) + seen * x
+    rows = min(int(whole), len(x))
+    return np.concatenate([np.full(rows, x[0]), y[: len(x) - rows]])
+
+
 def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
     """1/(tau s + 1) of ``x`` (n,), which is smooth: between rows it runs on parabolas through its neighbours."""
     straight = relaxed(x, tau_s, step_s)

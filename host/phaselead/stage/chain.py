@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from phaselead.effects import catalogue, effect
 from phaselead.effects.effect import Effect, Entry, Params, Place, Samples, Signal, number
+from phaselead.effects.filters import relaxed_late
 from phaselead.errors import BadInput
 from phaselead.stage.file import AxisModel, TimeView
 from phaselead.stage.operator import delayed, respond, rest_plays
@@ -180,4 +181,19 @@ def _links(view: TimeView, entries: Sequence[Entry]) -> list[_Link]:
         _Link(OPERATOR, (), Place.HYSTERESIS, 0, operator),
     ]
     links = [*own, *(of_effect(entry) for entry in entries if entry[0].name != "delay")]
+    amplifier = next((link for link in links if link.place == Place.AMPLIFIER), None)
+    if amplifier is not None and amplifier.name == "amplifier_lowpass":
+        links[links.index(amplifier)] = _late_lag(amplifier, delay_s)
+        links = links[1:]
     return sorted(links, key=lambda link: link.place)  # stable: the view's own come first in their place
+
+
+def _late_lag(link: _Link, delay_s: float) -> _Link:
+    """The delay and the amplifier's lag behind it in one: between rows the lag's way is curved."""
+    params = dict(link.params)
+    tau_s = number(params, "tau_s")  # type: ignore[arg-type]
+
+    def apply(signal: Signal) -> Samples:
+        return relaxed_late(signal.value, tau_s, signal.step_s, delay_s)
+
+    return replace(link, params=(*link.params, ("delay_s", delay_s)), apply=apply)
