@@ -29,7 +29,7 @@ LACKING = 0.05
 """Of what an effect gains on training records: held-out records whose drive would show less of it lack that drive."""
 HARM = 0.01
 """An effect may raise the held-out mean square by this share and no more: a disturbance that is not there does."""
-NEAR_SHARE, FAR_SHARE = 0.02, 0.002
+NEAR_SHARE, FAR_SHARE = 0.05, 0.002
 """Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
 that is right by and large leaves is explained best by those it is confused with, and is no evidence for them."""
 RISK = 0.0125

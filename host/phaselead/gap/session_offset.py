@@ -20,7 +20,7 @@ BEYOND = 3.0
 """Times the scatter of single records: less is no other zero."""
 APART = 2.0
 """Ratio of squared residuals from which a step and a drift are told apart."""
-AT_REST = 0.3
+AT_REST = 0.2
 """Of the shift: how far idle records may be from showing it too."""
 FEWEST = 3
 """Records of a session that tell its scatter."""
@@ -82,9 +82,10 @@ def _shift(
     amount, error, scatter, p = _fitted(before, later, began_s)
     again, _, _, p_again = _fitted(before, held, began_s)
     reach = max(abs(amount) * _shape(r, began_s) for r in later)
-    expected = amount * float(np.mean([_shape(r, began_s) for r in still[1]]))
-    seen = float(np.mean([r.mean_um for r in still[1]]) - np.mean([r.mean_um for r in still[0]]))
-    at_rest = abs(seen - expected) < np.hypot(AT_REST * expected, 2 * scatter)
+    was = float(np.mean([r.mean_um for r in still[0]]))
+    at_rest = all(
+        abs(r.mean_um - was - (e := amount * _shape(r, began_s))) < np.hypot(AT_REST * e, 3 * scatter) for r in still[1]
+    )
     sure = at_rest and p < SURE and p_again < AGAIN and amount * again > 0 and reach > BEYOND * scatter
     freedom = len(before) + len(later) - 2
     return Shift(amount, float(t_distribution.isf(0.025, freedom)) * error, bool(sure), scatter**2 * freedom)
