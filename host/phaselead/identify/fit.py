@@ -199,10 +199,12 @@ def _model(
 
 
 def _said_of_modes(axis: str, found: FittedModes) -> str:
-    each = [f"a mode at {f_Hz:.4g} Hz, zeta {zeta:.2g}, share {c:.3g}" for c, f_Hz, zeta in found.modes]
+    each = [f"a mode at {f_Hz:.4g} Hz, zeta {zeta:.2g}" for _, f_Hz, zeta in found.modes]
+    if len(each) > 1:
+        each[1] += f", of {100 * found.modes[1][0]:.2g} % of the motion"
     return (
-        f"axis {axis}: {' and '.join(each)} explain {100 * (1 - found.left):.0f} % of the squared residual of the "
-        "operator; adopted as effect resonance"
+        f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {100 * (1 - found.left):.0f} % of "
+        "the squared residual of the operator; adopted as effect resonance"
     )
 
 

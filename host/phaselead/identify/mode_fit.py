@@ -32,6 +32,8 @@ APART = 1.3
 TRIED_FREQUENCIES, TRIED_ZETAS = 100, (0.01, 0.03, 0.1)
 ZETA, UNDAMPED = (0.002, 0.5), 0.0022
 """A second mode at the bound of damping stands in for what the delay leaves."""
+MOST_SHARE = 0.1
+"""Of the motion: a second mode that carries more stands in for what happens between rows."""
 MOST_RUNS = 16
 FEW_RUNS, BLOCKS = 8, 24
 """Below so many runs each is fitted and judged on alternating blocks of itself, not on alternating runs, and fitted by
@@ -128,6 +130,8 @@ def fit_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | None
     if two is None or two[2] < APART * two[0] or two[3] < UNDAMPED:
         return alone
     shift_s, share = _amounts(_pair_moments(fitted, two)).tolist()
+    if abs(share) > MOST_SHARE:
+        return alone
     left_by_two = _pair_power(judged, two, shift_s, share) / nothing
     if left_by_two >= PAYS * left and not _rings(judged, one, two, fitted):
         return alone
