@@ -29,9 +29,10 @@ LACKING = 0.05
 """Of what an effect gains on training records: held-out records whose drive would show less of it lack that drive."""
 HARM = 0.01
 """An effect may raise the held-out mean square by this share and no more: a disturbance that is not there does."""
-NEAR_SHARE, FAR_SHARE = 0.05, 0.002
+NEAR_SHARE, FAR_SHARE, OPERATOR_SHARE = 0.05, 0.002, 0.02
 """Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
-that is right by and large leaves is explained best by those it is confused with, and is no evidence for them."""
+that is right by and large leaves is explained best by those it is confused with, and is no evidence for them; a whole
+operator in place of the equation leaves less."""
 RISK = 0.0125
 """Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
 
@@ -48,6 +49,8 @@ class Named:
     rivals: tuple[Rival, ...]
     tied: tuple[str, ...]
     """Names that these records cannot tell apart, its own first."""
+    near_share: float = NEAR_SHARE
+    """Of its score, what those it is confused with must gain."""
 
 
 @dataclass
@@ -132,7 +135,7 @@ def _held_out(found: Contest) -> HeldOut:
 
 def cost(named: Sequence[Named], effect: Effect) -> float:
     """Score from which a further effect is more than what the equations of those named before leave."""
-    owed = [n.score * (NEAR_SHARE if _alike(n, effect) else FAR_SHARE) for n in named]
+    owed = [n.score * (n.near_share if _alike(n, effect) else FAR_SHARE) for n in named]
     return MARGIN + sum(owed)
 
 
@@ -161,11 +164,13 @@ def _accept(
 ) -> None:
     best = found.best
     tied = tuple(r.effect.name for r in found.tied())
-    growth.named.append(Named(best.effect, best.score, held, found.rivals, tied))
-    growth.inflation = found.inflation
     view = growth.bench.axis.time
     assert view is not None
-    if best.effect.name != "hysteresis" or view.play_r_V:
+    equation = best.effect.name != "hysteresis" or bool(view.play_r_V)
+    near_share = NEAR_SHARE if equation else OPERATOR_SHARE
+    growth.named.append(Named(best.effect, best.score, held, found.rivals, tied, near_share))
+    growth.inflation = found.inflation
+    if equation:
         growth.bench = beside(found.bench, best.fitted.entries)
         growth.fitted = refit(growth.bench.slim, growth.bench.correction, best.fitted.entries)
         return
