@@ -10,7 +10,7 @@ from phaselead.gap.adopt import adopted
 from phaselead.gap.bounds import bounds
 from phaselead.gap.disturb import Found, Left, disturbances
 from phaselead.gap.final import Final, finish
-from phaselead.gap.grow import Growth, Named, grow
+from phaselead.gap.grow import Growth, Named, grow, unnamed
 from phaselead.gap.intervals import intervals
 from phaselead.gap.locate import Part, locate
 from phaselead.gap.next_experiment import propose
@@ -18,11 +18,13 @@ from phaselead.gap.records import Run
 from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Spectrum, Trace, Value
 from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
-from phaselead.gap.surplus import unexplained
+from phaselead.gap.surplus import leaves_too_much, unexplained
 from phaselead.stage.file import AxisModel
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
+SLOW = {"creep", "charge_leakage", "thermal_drift"}
+"""What moves the offset of a record by itself."""
 EXPLAINED = 2.0
 """Times the floor: while more is left, what is missing may shift the records as well."""
 
@@ -62,15 +64,19 @@ def search_axis(
     candidates, refused = responses(effects, frozen)
     growth = grow(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
     final = finish(growth, runs)
+    if leaves_too_much(growth, final):
+        growth = unnamed(growth)
+        final = finish(growth, runs)
     named, ties, file_entries = _named(growth, final, label, seed)
     disturbed, untested = disturbances(
         final.lefts("train"), final.lefts("holdout"), final.lefts("reference"), {e.name for e in effects}
     )
     noise_like = [_disturbance(found, final, label) for found in disturbed]
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
-    explained = final.gap.after < EXPLAINED * final.gap.floor
+    claimed = {e.name for e in named} | {n for tie in ties for n in tie}
+    explained = final.gap.after < EXPLAINED * final.gap.floor and not claimed & SLOW
     shifted = best_explained(shifts) if explained else ()
-    allowed = {e.name for e in effects} - {e.name for e in named} - {n for tie in ties for n in tie}
+    allowed = {e.name for e in effects} - claimed
     moved = [_other_zero(name, shifts[name], label) for name in shifted if set(shifted) <= allowed]
     if len(moved) > 1:
         ties.append(shifted)

@@ -305,8 +305,8 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
     # What a model misses grows with the speed too, on some records more than on others: a clock does on all alike.
     if not (_alike(train, slope) and _alike(holdout, slope)):
         return None
-    seen_before, z_before = _speed_slope(reference)
-    before = seen_before if z_before > SEEN_Z else 0.0
+    known = [_speed_slope(reference), *(_speed_slope([left]) for left in reference)]
+    before = max((seen for seen, z_seen in known if z_seen > SEEN_Z), default=0.0)
     if slope < MORE**2 * before:
         return None
     slope -= before

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -90,6 +90,23 @@ def grow(
             break
     _prune(growth)
     return growth
+
+
+def unnamed(growth: Growth) -> Growth:
+    """The search without what it named, where that leaves too much: the nearest of the catalogue is not the effect."""
+    bare = beside(growth.bench, [])
+    names = " and ".join(n.effect.name for n in growth.named)
+    said = f"{names} would come nearest, but leaves too much of what is new since the reference to be it"
+    return replace(
+        growth,
+        bench=bare,
+        fitted=refit(bare.slim, bare.correction, []),
+        named=[],
+        candidates=[
+            replace(c, remark="nearest, but leaves too much") if c.remark == "named" else c for c in growth.candidates
+        ],
+        messages=[*growth.messages, said],
+    )
 
 
 def _memory(growth: Growth, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool) -> bool:

@@ -14,9 +14,9 @@ from scipy.stats import t as t_distribution
 
 from phaselead.record.recording import Samples
 
-SURE, AGAIN = 1e-5, 1e-2
+SURE, AGAIN = 1e-6, 1e-2
 """Of all records together, and of held-out ones against the reference."""
-BEYOND = 3.0
+BEYOND = 5.0
 """Times the scatter of single records: less is no other zero."""
 APART = 2.0
 """Ratio of squared residuals from which a step and a drift are told apart."""

@@ -14,6 +14,10 @@ from phaselead.gap.refit import Entry
 from phaselead.record.recording import Samples
 
 P, SHARE, CHI2 = 1e-3, 0.02, 1.3
+PLAINLY = 2.0
+"""Times what the model leaves of the reference records: a stop met now and then fills too few blocks for ranks."""
+NEAREST = 0.15
+"""Of the power that is new since the reference: names that leave more are the catalogue's nearest, not what it is."""
 
 
 def unexplained(growth: Growth, final: Final) -> bool:
@@ -25,6 +29,8 @@ def unexplained(growth: Growth, final: Final) -> bool:
     bench, gap = growth.bench, final.gap
     if (gap.after**2 - gap.floor**2) <= SHARE * max(gap.before**2, 1e-30):
         return False
+    if bench.reference is not None and gap.after > PLAINLY * gap.floor:
+        return True
     held = _mean_squares(bench.holdout, bench.correction, growth.fitted.entries)
     if bench.reference is not None:
         known = _mean_squares(bench.reference, bench.correction, ())
@@ -33,6 +39,14 @@ def unexplained(growth: Growth, final: Final) -> bool:
     if np.median(held) <= CHI2 * np.median(known) and held.mean() <= CHI2 * known.mean():
         return False
     return float(mannwhitneyu(held, known, alternative="greater").pvalue) < P
+
+
+def leaves_too_much(growth: Growth, final: Final) -> bool:
+    """Whether the names explain so little of what is new that something else must be behind it."""
+    gap = final.gap
+    if growth.bench.reference is None or not growth.named or gap.after < PLAINLY * gap.floor:
+        return False
+    return (gap.after**2 - gap.floor**2) > NEAREST * (gap.before**2 - gap.floor**2)
 
 
 def _mean_squares(panel: Panel, correction: Correction, entries: tuple[Entry, ...]) -> Samples:
