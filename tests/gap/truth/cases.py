@@ -23,8 +23,8 @@ EFFECTS: dict[str, type[Effect]] = {
     e.name: e for m in (electrical, ferroelectric, mechanical, sensor, surroundings) for e in m.EFFECTS
 }
 SETS = {"tuning": "tuning-2026", "sealed": "sealed-2026-11-b"}
-"""Name of each set of seeds. The sealed ones are for the published figure alone; those of "sealed-2026-11" were spent on an
-earlier version."""
+"""Name of each set of seeds. The sealed ones are for the published figure alone; those of "sealed-2026-11" were spent
+on an earlier version."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
 COUNTS = {
     "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
