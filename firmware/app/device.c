@@ -138,7 +138,7 @@ uint8_t device_at_rest_mask(const struct device *device)
 }
 
 /* What the others cause in an axis of `mask` is taken from its value. */
-static void decoupled(struct device *device, uint32_t mask, int32_t values_q16[AXES])
+static __attribute__((noinline)) void decoupled(struct device *device, uint32_t mask, int32_t values_q16[AXES])
 {
     const struct model_slot *slot = model_store_active(&device->models);
     bool saturated = false;
@@ -149,7 +149,7 @@ static void decoupled(struct device *device, uint32_t mask, int32_t values_q16[A
 }
 
 /* The inverse's voltages for where the axes of `feeding` should be, next to others that invert. */
-static void feed_axes(struct device *device, uint32_t feeding)
+static __attribute__((noinline)) void feed_axes(struct device *device, uint32_t feeding)
 {
     int32_t ahead_q16[AXES];
     uint32_t inverting = 0;
@@ -178,7 +178,9 @@ static EACH_AXIS uint32_t aim_one(struct device *device, unsigned axis)
  * of every tick for the one to come. */
 static void aim_axes(struct device *device)
 {
-    uint32_t feeding = aim_one(device, 0) | aim_one(device, 1) | aim_one(device, 2);
+    uint32_t feeding = aim_one(device, 0);
+    if ((~device->still & ALL_AXES & ~1u) != 0)
+        feeding |= aim_one(device, 1) | aim_one(device, 2);
     if (feeding != 0)
         feed_axes(device, feeding);
 }
@@ -283,12 +285,12 @@ static void watch_path(struct device *device, unsigned axis)
 }
 
 /* Bit of the axis when it is under feedback. */
-static EACH_AXIS uint32_t find_error(struct device *device, unsigned axis, uint32_t moving, int32_t error_q16[AXES])
+static EACH_AXIS uint32_t find_error(struct device *device, unsigned axis, uint32_t moving, int32_t *error_q16)
 {
     struct axis_state *state = &device->control.axis[axis];
     if ((moving >> axis & 1u) == 0 || !axis_closes(state))
         return 0;
-    error_q16[axis] = axis_error_q16(&device->control.config[axis], state, device->adc_codes[axis]);
+    *error_q16 = axis_error_q16(&device->control.config[axis], state, device->adc_codes[axis]);
     return 1u << axis;
 }
 
@@ -316,28 +318,40 @@ static EACH_AXIS void settle_one(struct device *device, unsigned axis, uint32_t 
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES])
 {
     struct control *control = &device->control;
-    int32_t error_q16[AXES] = {0};
+    int32_t x_q16 = 0, y_q16 = 0, z_q16 = 0; /* errors */
     if (atomic_load_explicit(&device->raised, memory_order_relaxed) != 0)
         take_raised(device);
     watch_host(device);
     memcpy(device->adc_codes, adc_codes, sizeof device->adc_codes);
-    const uint32_t moving = ~device->still;
-    uint32_t closed = find_error(device, 0, moving, error_q16) | find_error(device, 1, moving, error_q16) |
-                      find_error(device, 2, moving, error_q16);
-    if ((closed & (closed - 1)) != 0)
-        decoupled(device, closed, error_q16);
-    step_one(device, 0, moving, error_q16[0]);
-    step_one(device, 1, moving, error_q16[1]);
-    step_one(device, 2, moving, error_q16[2]);
-    memcpy(dac_codes, device->dac_codes, sizeof device->dac_codes);
+    const uint32_t moving = ~device->still & ALL_AXES;
+    const bool others = (moving & ~1u) != 0; /* where the first moves alone, they are passed over together */
+    uint32_t closed = find_error(device, 0, moving, &x_q16);
+    if (others) {
+        closed |= find_error(device, 1, moving, &y_q16) | find_error(device, 2, moving, &z_q16);
+        if ((closed & (closed - 1)) != 0) {
+            int32_t error_q16[AXES] = {x_q16, y_q16,
+                                       z_q16}; /* here alone, so that one axis has its own in a register */
+            decoupled(device, closed, error_q16);
+            x_q16 = error_q16[0], y_q16 = error_q16[1], z_q16 = error_q16[2];
+        }
+    }
+    step_one(device, 0, moving, x_q16);
+    if (others) {
+        step_one(device, 1, moving, y_q16);
+        step_one(device, 2, moving, z_q16);
+    }
     if (device->port.drive)
-        device->port.drive(device->port.context, dac_codes);
+        device->port.drive(device->port.context, device->dac_codes);
+    else
+        memcpy(dac_codes, device->dac_codes, sizeof device->dac_codes);
     settle_one(device, 0, moving);
-    settle_one(device, 1, moving);
-    settle_one(device, 2, moving);
+    if (others) {
+        settle_one(device, 1, moving);
+        settle_one(device, 2, moving);
+    }
     if (control->state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
-    if (recorder_tick(&device->recorder, control->tick, adc_codes, device->traces))
+    if (recorder_tick(&device->recorder, control->tick, device->adc_codes, device->traces))
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
     control->tick++;
     aim_axes(device);

@@ -80,36 +80,51 @@ static bool open_batch(struct recorder *recorder, uint64_t tick)
     batch->dropped = (uint32_t)recorder->dropped;
     batch->size = 0;
     recorder->open = batch;
+    recorder->dropping = false;
     return true;
 }
 
 static int16_t volts_q11(int32_t u_q24)
 {
-    return (int16_t)clamp_i32(round_shift_i32(u_q24, Q24_TO_Q11), INT16_MIN, INT16_MAX);
+    return sat_i16(round_shift_i32(u_q24, Q24_TO_Q11));
 }
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ && sizeof(struct wire_tick) == 12,
                "all channels of an axis lie in memory as on the wire");
 
-static inline uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
+/* As a word: the linker's view of all files does not put two halves together. */
+static inline uint8_t *put_halves(uint8_t *to, uint16_t low, uint16_t high)
 {
-    struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
-                             volts_q11(trace->feedback_q24)};
-    if (channels != ALL_CHANNELS)
-        return wire_put_tick(to, channels, &tick);
-    memcpy(to, &tick, sizeof tick);
-    return to + sizeof tick;
+    uint32_t word = low | (uint32_t)high << 16;
+    memcpy(to, &word, sizeof word);
+    return to + sizeof word;
 }
 
-static void put_traces(struct recorder *recorder, const uint16_t *adc_codes, const struct axis_trace *traces)
+static inline uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
 {
-    struct recorder_batch *batch = recorder->open;
-    uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
+    int16_t feedforward_q11 = volts_q11(trace->feedforward_q24), feedback_q11 = volts_q11(trace->feedback_q24);
+    if (channels != ALL_CHANNELS) {
+        struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, feedforward_q11, feedback_q11};
+        return wire_put_tick(to, channels, &tick);
+    }
+    memcpy(to, &trace->reference, sizeof trace->reference);
+    to = put_halves(to + sizeof trace->reference, adc_code, trace->dac_code);
+    return put_halves(to, (uint16_t)feedforward_q11, (uint16_t)feedback_q11);
+}
+
+/* Bytes that the batch then has. */
+static uint32_t put_traces(struct recorder *recorder, struct recorder_batch *batch, const uint16_t *adc_codes,
+                           const struct axis_trace *traces)
+{
+    const struct recorder_format format = recorder->format; /* what is put might be it, for all the compiler knows */
+    const uint32_t size = batch->size;
+    uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + size;
     for (unsigned i = 0; i < RECORDER_AXES; i++)
-        if ((recorder->format.axis_mask >> i & 1u) != 0)
-            to = put_axis(to, recorder->format.channels, adc_codes[i], &traces[i]);
-    batch->size += recorder->format.tick_size;
+        if ((format.axis_mask >> i & 1u) != 0)
+            to = put_axis(to, format.channels, adc_codes[i], &traces[i]);
+    batch->size = size + format.tick_size;
     recorder->taken++;
+    return size + format.tick_size;
 }
 
 bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces)
@@ -131,9 +146,7 @@ bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc
         recorder->dropped++;
         return first;
     }
-    recorder->dropping = false;
-    put_traces(recorder, adc_codes, traces);
-    if (recorder->open->size == recorder->format.batch_size)
+    if (put_traces(recorder, recorder->open, adc_codes, traces) == recorder->format.batch_size)
         close_batch(recorder);
     return false;
 }

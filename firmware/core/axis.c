@@ -39,21 +39,47 @@ static bool is_periodic(const struct path_config *path)
     return path->kind == PATH_SINE || path->kind == PATH_WAVE;
 }
 
-/* Position looked up at the phase lead and divided by the gain; a hold or a move is slow, so it needs no lead. Without
- * what it needs of the model nothing. */
-static int32_t table_feedforward_q24(const struct axis_config *config, const struct axis_model *model,
-                                     const struct axis_state *state, bool *saturated)
-{
-    if (!is_periodic(&config->path))
-        return model->tables != NULL ? feedforward_static_q24(model->tables, state->aim.reference) : 0;
-    int32_t ahead_q16 =
-        path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32, 0, saturated);
-    return feedforward_step_q24(&config->point, ahead_q16, saturated);
-}
-
 static uint32_t if_set(bool condition, uint32_t flag)
 {
     return condition ? flag : 0;
+}
+
+/* What a path that comes round wants of the tables: position looked up at the phase lead and divided by the gain. */
+static inline void aim_by_tables(const struct axis_config *config, const struct axis_model *model,
+                                 struct axis_state *state, bool *saturated)
+{
+    struct path_pair path =
+        path_now_and_led(&config->path, &state->path, model->wave_q30, config->point.lead_turn32, saturated);
+    state->aim.reference = path.now;
+    state->aim.feedforward_q24 = feedforward_step_q24(&config->point, path.led, saturated);
+}
+
+/* What does not follow from now and the tables' lead. Returns whether the axis follows its path. */
+static inline bool aim_otherwise(const struct axis_config *config, const struct axis_model *model,
+                                 struct axis_state *state, bool *inverts, bool *saturated)
+{
+    const uint32_t mode = config->mode;
+    struct axis_aim *aim = &state->aim;
+    aim->feedforward_q24 = 0;
+    aim->reference = path_now(&config->path, &state->path, model->wave_q30, saturated);
+    if (axis_mode_uses_tables(mode)) { /* a hold or a move is slow, so it needs no lead */
+        if (model->tables == NULL)
+            return false;
+        aim->feedforward_q24 = feedforward_static_q24(model->tables, aim->reference);
+        return true;
+    }
+    if (axis_mode_inverts(mode)) {
+        *inverts = model->compensation != NULL;
+        if (*inverts) {
+            int64_t ahead_q16 = path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32,
+                                           model->compensation->preview_ticks_q16, saturated);
+            aim->ahead_q16 = sat_i32(ahead_q16 - model->compensation->rest_q16, saturated);
+        }
+        return *inverts;
+    }
+    if (mode == AXIS_OPEN)
+        aim->feedforward_q24 = aim->reference; /* the path is volts */
+    return mode == AXIS_OPEN || mode == AXIS_PID;
 }
 
 /* Modes this firmware does not know, or cannot run without what the model lacks, hold the output. */
@@ -62,23 +88,10 @@ bool axis_aim(const struct axis_config *config, const struct axis_model *model, 
     const uint32_t mode = config->mode;
     struct axis_aim *aim = &state->aim;
     bool saturated = false, inverts = false, follows = true;
-    aim->feedforward_q24 = 0;
-    aim->reference = path_now(&config->path, &state->path, model->wave_q30, &saturated);
-    if (axis_mode_uses_tables(mode)) {
-        follows = is_periodic(&config->path) || model->tables != NULL;
-        aim->feedforward_q24 = table_feedforward_q24(config, model, state, &saturated);
-    } else if (axis_mode_inverts(mode)) {
-        inverts = follows = model->compensation != NULL;
-        if (inverts) {
-            int64_t ahead_q16 = path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32,
-                                           model->compensation->preview_ticks_q16, &saturated);
-            aim->ahead_q16 = sat_i32(ahead_q16 - model->compensation->rest_q16, &saturated);
-        }
-    } else if (mode == AXIS_OPEN) {
-        aim->feedforward_q24 = aim->reference; /* the path is volts */
-    } else {
-        follows = mode == AXIS_PID;
-    }
+    if (axis_mode_uses_tables(mode) && is_periodic(&config->path))
+        aim_by_tables(config, model, state, &saturated);
+    else
+        follows = aim_otherwise(config, model, state, &inverts, &saturated);
     aim->flags = AIM_READY | if_set(inverts, AIM_INVERTS) | if_set(saturated, AIM_SATURATED);
     if (follows)
         aim->flags |= AIM_FOLLOWS | if_set(axis_mode_closes(mode), AIM_CLOSES) |
@@ -98,9 +111,10 @@ void axis_feed(const struct axis_model *model, struct axis_state *state, int32_t
 int32_t axis_error_q16(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
 {
     bool saturated = false;
-    int64_t position_q16 = converter_position_q16(&config->converter, adc_code, &saturated);
-    int32_t error_q16 = sat_i32(state->aim.reference - position_q16, &saturated);
-    state->aim.flags |= if_set(saturated, AIM_SATURATED);
+    int32_t position_q16 = converter_position_q16(&config->converter, adc_code, &saturated);
+    int32_t error_q16 = sat_sub_i32(state->aim.reference, position_q16, &saturated);
+    if (saturated)
+        state->aim.flags |= AIM_SATURATED;
     return error_q16;
 }
 
@@ -133,16 +147,24 @@ static void follow(const struct axis_config *config, struct axis_state *state, i
 {
     const uint32_t flags = state->aim.flags;
     trace->feedforward_q24 = state->aim.feedforward_q24;
-    trace->path_done = (flags & AIM_PATH_DONE) != 0;
-    trace->inverted = (flags & AIM_INVERTS) != 0;
-    *saturated = (flags & AIM_SATURATED) != 0;
-    int64_t asked_q24 = trace->feedforward_q24;
-    if ((flags & AIM_CLOSES) != 0) {
-        trace->feedback_q24 = feedback_q24(config, state, error_q16, saturated);
-        asked_q24 += trace->feedback_q24;
+    if ((flags & (AIM_PATH_DONE | AIM_INVERTS)) != 0) {
+        trace->path_done = (flags & AIM_PATH_DONE) != 0;
+        trace->inverted = (flags & AIM_INVERTS) != 0;
     }
-    state->u_q24 = output_limit_q24(&config->output, state->u_q24, sat_i32(asked_q24, saturated), saturated);
-    pid_unwind(&state->pid, state->u_q24 - asked_q24);
+    *saturated = (flags & AIM_SATURATED) != 0;
+    const int32_t feedforward_q24 = trace->feedforward_q24;
+    int32_t feedback = 0;
+    bool beyond = false;
+    if ((flags & AIM_CLOSES) != 0)
+        feedback = feedback_q24(config, state, error_q16, saturated);
+    trace->feedback_q24 = feedback;
+    int32_t wanted_q24 = sat_add_i32(feedforward_q24, feedback, &beyond);
+    int32_t u_q24 = output_limit_q24(&config->output, state->u_q24, wanted_q24, &beyond);
+    state->u_q24 = u_q24;
+    if (beyond) {
+        *saturated = true;
+        pid_unwind(&state->pid, u_q24 - ((int64_t)feedforward_q24 + feedback));
+    }
 }
 
 bool axis_step(const struct axis_config *config, struct axis_state *state, uint16_t adc_code, int32_t error_q16,

@@ -29,7 +29,12 @@ static inline int64_t round_shift_i64(int64_t value, unsigned bits)
     return (value >> bits) + ((value >> (bits - 1)) & 1);
 }
 
-/* Likewise in 32 bits, 2 <= bits <= 31. */
+static inline int32_t floor_shift_i32(int32_t value, unsigned bits)
+{
+    return value >> bits;
+}
+
+/* value / 2^bits, rounded to nearest, 2 <= bits <= 31. */
 static inline int32_t round_shift_i32(int32_t value, unsigned bits)
 {
     return ((value >> (bits - 1)) + 1) >> 1;
@@ -41,9 +46,30 @@ static inline int64_t mul_shift_wide_i32(int32_t a, int32_t b, unsigned bits)
     return ((int64_t)a * b + ((int64_t)1 << (bits - 1))) >> bits; /* at most 2^62 + 2^61 */
 }
 
+/* High half of a product, rounded down and to nearest. Unsigned shifts: with signed ones GCC 12 sees 64 bits in what
+ * follows, and multiplies those. */
+static inline int32_t mul_high_i32(int32_t a, int32_t b)
+{
+    return (int32_t)(uint32_t)((uint64_t)((int64_t)a * b) >> 32);
+}
+
+static inline int32_t mul_high_round_i32(int32_t a, int32_t b)
+{
+    return (int32_t)(uint32_t)((uint64_t)((int64_t)a * b + ((int64_t)1 << 31)) >> 32);
+}
+
 static inline int32_t clamp_i32(int32_t value, int32_t low, int32_t high)
 {
     return value < low ? low : value > high ? high : value;
+}
+
+static inline int16_t sat_i16(int32_t value)
+{
+#if defined(__ARM_FEATURE_SAT) && defined(__GNUC__)
+    return (int16_t)__builtin_arm_ssat(value, 16); /* one instruction, where the compiler makes six of the line below */
+#else
+    return (int16_t)clamp_i32(value, INT16_MIN, INT16_MAX);
+#endif
 }
 
 /* a + b and a - b, or the limit of int32 beyond which they are. */
@@ -57,6 +83,12 @@ static inline int32_t sub_i32(int32_t a, int32_t b)
 {
     int32_t difference;
     return __builtin_sub_overflow(a, b, &difference) ? (b < 0 ? INT32_MAX : INT32_MIN) : difference;
+}
+
+/* (a + b) / 2, rounded up. */
+static inline int32_t upper_mean_i32(int32_t a, int32_t b)
+{
+    return (a | b) - floor_shift_i32(a ^ b, 1);
 }
 
 /* Limits to [low, high] and sets *saturated when it had to. Never clears it: one flag serves a whole block. */
@@ -73,12 +105,39 @@ static inline int64_t sat_between_i64(int64_t value, int64_t low, int64_t high, 
     return value;
 }
 
+/* Limits to +-2^bits, 32 <= bits <= 61: what lies well within is told by its high half. */
+static inline int64_t sat_power_i64(int64_t value, unsigned bits, bool *saturated)
+{
+    uint32_t limit = 1u << (bits - 32);
+    if ((uint32_t)floor_shift_i64(value, 32) + limit < 2 * limit)
+        return value;
+    return sat_between_i64(value, -((int64_t)1 << bits), (int64_t)1 << bits, saturated);
+}
+
 static inline int32_t sat_i32(int64_t value, bool *saturated)
 {
     if ((int32_t)value == value)
         return (int32_t)value;
     *saturated = true;
     return value < 0 ? INT32_MIN : INT32_MAX;
+}
+
+static inline int32_t sat_add_i32(int32_t a, int32_t b, bool *saturated)
+{
+    int32_t sum;
+    if (!__builtin_add_overflow(a, b, &sum))
+        return sum;
+    *saturated = true;
+    return b < 0 ? INT32_MIN : INT32_MAX;
+}
+
+static inline int32_t sat_sub_i32(int32_t a, int32_t b, bool *saturated)
+{
+    int32_t difference;
+    if (!__builtin_sub_overflow(a, b, &difference))
+        return difference;
+    *saturated = true;
+    return b < 0 ? INT32_MAX : INT32_MIN;
 }
 
 static inline int64_t sat_add_i64(int64_t a, int64_t b, bool *saturated)

@@ -24,6 +24,16 @@ static inline int32_t part_of_swing(const struct path_config *config, int64_t sh
                    saturated);
 }
 
+/* offset + swing (1 + sine) / 2, rounded as above: the upper mean of the swing and its product with the sine. */
+static inline int32_t part_by_sine(const struct path_config *config, int32_t sine_q30, bool *saturated)
+{
+    const int32_t swing = config->swing;
+    if (swing == INT32_MIN) /* -swing does not fit */
+        return part_of_swing(config, ONE_Q30 + sine_q30, 31, saturated);
+    int32_t product = (int32_t)floor_shift_i64((int64_t)swing * sine_q30, 30);
+    return sat_add_i32(config->offset, upper_mean_i32(swing, product), saturated);
+}
+
 static int32_t wave_q30_at(const int32_t *wave_q30, uint32_t phase_turn32)
 {
     uint32_t point = phase_turn32 >> 22;
@@ -45,17 +55,33 @@ static int64_t least_jerk_q31(uint64_t phase_turn64)
     return share_q31 < ONE_Q31 ? share_q31 : ONE_Q31;
 }
 
+static inline uint32_t rounded_turn32(uint64_t phase_turn64)
+{
+    return (uint32_t)((phase_turn64 + HALF_TURN32) >> 32);
+}
+
+/* It begins at its lowest, a quarter turn behind a sine. */
+static inline int32_t sine_at(const struct path_config *config, uint32_t phase_turn32, bool *saturated)
+{
+    return part_by_sine(config, sine_q30(phase_turn32 - 0x40000000u), saturated);
+}
+
+static inline int32_t wave_at(const struct path_config *config, uint32_t phase_turn32, const int32_t *wave_q30,
+                              bool *saturated)
+{
+    if (wave_q30 == NULL)
+        return config->offset;
+    return part_of_swing(config, wave_q30_at(wave_q30, phase_turn32), 30, saturated);
+}
+
 static int32_t value_at(const struct path_config *config, uint64_t phase_turn64, const int32_t *wave_q30,
                         bool *saturated)
 {
-    uint32_t phase_turn32 = (uint32_t)((phase_turn64 + HALF_TURN32) >> 32);
     switch (config->kind) {
-    case PATH_SINE: /* a cosine is a sine a quarter turn ahead */
-        return part_of_swing(config, ONE_Q30 - sine_q30(phase_turn32 + 0x40000000u), 31, saturated);
+    case PATH_SINE:
+        return sine_at(config, rounded_turn32(phase_turn64), saturated);
     case PATH_WAVE:
-        if (wave_q30 == NULL)
-            return config->offset;
-        return part_of_swing(config, wave_q30_at(wave_q30, phase_turn32), 30, saturated);
+        return wave_at(config, rounded_turn32(phase_turn64), wave_q30, saturated);
     case PATH_MOVE:
         return part_of_swing(config, least_jerk_q31(phase_turn64), 31, saturated);
     default:
@@ -80,6 +106,19 @@ int32_t path_now(const struct path_config *config, const struct path_state *stat
                  bool *saturated)
 {
     return value_at(config, state->phase_turn64, wave_q30, saturated);
+}
+
+/* The lead has no part of a turn32, so that both are rounded alike. Flat: it is what the tables' tick is made of. */
+__attribute__((flatten)) struct path_pair path_now_and_led(const struct path_config *config,
+                                                           const struct path_state *state, const int32_t *wave_q30,
+                                                           int32_t lead_turn32, bool *saturated)
+{
+    uint32_t now_turn32 = rounded_turn32(state->phase_turn64);
+    uint32_t led_turn32 = now_turn32 + (state->running != 0 ? (uint32_t)lead_turn32 : 0);
+    if (config->kind == PATH_SINE)
+        return (struct path_pair){sine_at(config, now_turn32, saturated), sine_at(config, led_turn32, saturated)};
+    return (struct path_pair){wave_at(config, now_turn32, wave_q30, saturated),
+                              wave_at(config, led_turn32, wave_q30, saturated)};
 }
 
 int32_t path_ahead(const struct path_config *config, const struct path_state *state, const int32_t *wave_q30,

@@ -2,9 +2,9 @@
 
 #include "core/fixed.h"
 
-#define INTEGRAL_LIMIT_Q40 ((int64_t)1 << 47) /* 128 V: what the output can hold */
-#define INTEGRAL_LIMIT_Q48 ((int64_t)1 << 55)
-#define DERIVATIVE_LIMIT_Q40 ((int64_t)1 << 61) /* leaves room to add P, at most 2^62, in 64 bits */
+#define INTEGRAL_BITS_Q40 47u /* 128 V: what the output can hold */
+#define INTEGRAL_BITS_Q48 55u
+#define DERIVATIVE_BITS_Q40 61u /* leaves room to add P, at most 2^62, in 64 bits */
 
 void pid_reset(struct pid_state *state)
 {
@@ -27,12 +27,11 @@ static int64_t derivative_q40(const struct pid_config *config, struct pid_state 
     if (state->primed == 0)
         return state->derivative_q40;
     int32_t change_q16 = sub_i32(error_q16, state->error_q16); /* beyond what a sensor can do it saturates */
-    int64_t raw_q40 = sat_between_i64((int64_t)config->kd_over_ts_q24 * change_q16, -DERIVATIVE_LIMIT_Q40,
-                                      DERIVATIVE_LIMIT_Q40, saturated);
+    int64_t raw_q40 = sat_power_i64((int64_t)config->kd_over_ts_q24 * change_q16, DERIVATIVE_BITS_Q40, saturated);
     if (config->d_alpha_q31 == PID_DERIVATIVE_UNFILTERED)
         return raw_q40;
-    return sat_between_i64(low_pass_q40(state->derivative_q40, raw_q40, config->d_alpha_q31), -DERIVATIVE_LIMIT_Q40,
-                           DERIVATIVE_LIMIT_Q40, saturated);
+    return sat_power_i64(low_pass_q40(state->derivative_q40, raw_q40, config->d_alpha_q31), DERIVATIVE_BITS_Q40,
+                         saturated);
 }
 
 int32_t pid_step_q24(const struct pid_config *config, struct pid_state *state, int32_t error_q16, bool *saturated)
@@ -42,8 +41,8 @@ int32_t pid_step_q24(const struct pid_config *config, struct pid_state *state, i
     state->primed = 1;
 
     int64_t before_q48 = state->integral_q48;
-    state->integral_q48 = sat_between_i64(before_q48 + (int64_t)config->ki_ts_q32 * error_q16, -INTEGRAL_LIMIT_Q48,
-                                          INTEGRAL_LIMIT_Q48, saturated);
+    state->integral_q48 =
+        sat_power_i64(before_q48 + (int64_t)config->ki_ts_q32 * error_q16, INTEGRAL_BITS_Q48, saturated);
     state->integral_step_q48 = state->integral_q48 - before_q48;
 
     int64_t proportional_q40 = (int64_t)config->kp_q24 * error_q16;
@@ -65,7 +64,7 @@ void pid_preset(const struct pid_config *config, struct pid_state *state, int32_
 {
     bool beyond = false; /* an integral that does not fit leaves a bump, which the slew limit spreads */
     int64_t wanted_q40 = ((int64_t)output_q24 - feedforward_q24) * 65536 - (int64_t)config->kp_q24 * error_q16;
-    state->integral_q48 = 256 * sat_between_i64(wanted_q40, -INTEGRAL_LIMIT_Q40, INTEGRAL_LIMIT_Q40, &beyond);
+    state->integral_q48 = 256 * sat_power_i64(wanted_q40, INTEGRAL_BITS_Q40, &beyond);
     state->integral_step_q48 = 0;
     state->derivative_q40 = 0;
     state->error_q16 = error_q16;

@@ -37,7 +37,7 @@ static const int32_t quarter_q30[257] = {
 
 #define NODE_BITS 22 /* turn32 between two nodes: 2^30 / 256 */
 #define TWO_PI_Q28 1686629713
-#define THIRD_Q31 715827883
+#define THIRD_Q32 1431655766
 
 int32_t sine_q30(uint32_t phase_turn32)
 {
@@ -45,14 +45,14 @@ int32_t sine_q30(uint32_t phase_turn32)
     if (phase_turn32 & 0x40000000u)
         into = 0x40000000u - into;
     uint32_t node = (into + (1u << (NODE_BITS - 1))) >> NODE_BITS;
-    int32_t from_node_turn32 = (int32_t)into - (int32_t)(node << NODE_BITS);
+    int32_t from_node_turn42 = (int32_t)(into << (32 - NODE_BITS)); /* the bits above are the node's */
     int32_t s = quarter_q30[node], c = quarter_q30[256 - node];
 
     /* sin(a + d) = s + d (c - d/2 (s + d/3 c)), |d| < 0.0031: the next term is below 4e-12. */
-    int32_t d_q38 = (int32_t)round_shift_i64((int64_t)from_node_turn32 * TWO_PI_Q28, 22);
-    int32_t cd_q30 = (int32_t)floor_shift_i64((int64_t)c * d_q38, 38);
-    int32_t inner_q30 = s + (int32_t)floor_shift_i64((int64_t)cd_q30 * THIRD_Q31, 31);
-    int32_t slope_q30 = c - (int32_t)floor_shift_i64((int64_t)inner_q30 * d_q38, 39);
-    int32_t value_q30 = s + (int32_t)round_shift_i64((int64_t)slope_q30 * d_q38, 38);
+    int32_t d_q38 = mul_high_round_i32(from_node_turn42, TWO_PI_Q28);
+    int32_t cd_q30 = floor_shift_i32(mul_high_i32(c, d_q38), 6);
+    int32_t inner_q30 = s + mul_high_i32(cd_q30, THIRD_Q32);
+    int32_t slope_q30 = c - floor_shift_i32(mul_high_i32(inner_q30, d_q38), 7);
+    int32_t value_q30 = s + round_shift_i32(mul_high_i32(slope_q30, d_q38), 6);
     return phase_turn32 & 0x80000000u ? -value_q30 : value_q30;
 }

@@ -34,6 +34,41 @@ int64_t h_sat_between_i64(int64_t value, int64_t low, int64_t high, bool *satura
     return sat_between_i64(value, low, high, saturated);
 }
 
+int64_t h_sat_power_i64(int64_t value, unsigned bits, bool *saturated)
+{
+    return sat_power_i64(value, bits, saturated);
+}
+
+int32_t h_sat_add_i32(int32_t a, int32_t b, bool *saturated)
+{
+    return sat_add_i32(a, b, saturated);
+}
+
+int32_t h_sat_sub_i32(int32_t a, int32_t b, bool *saturated)
+{
+    return sat_sub_i32(a, b, saturated);
+}
+
+int32_t h_sat_i16(int32_t value)
+{
+    return sat_i16(value);
+}
+
+int32_t h_upper_mean_i32(int32_t a, int32_t b)
+{
+    return upper_mean_i32(a, b);
+}
+
+int32_t h_mul_high_i32(int32_t a, int32_t b)
+{
+    return mul_high_i32(a, b);
+}
+
+int32_t h_mul_high_round_i32(int32_t a, int32_t b)
+{
+    return mul_high_round_i32(a, b);
+}
+
 int32_t h_mul_shift_i32(int32_t a, int32_t b, unsigned bits, bool *saturated)
 {
     return mul_shift_i32(a, b, bits, saturated);

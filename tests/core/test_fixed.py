@@ -51,6 +51,39 @@ def test_sat_between(core, value, one, other):
     assert core.flagged("h_sat_between_i64", value, low, high) == saturate(value, low, high)
 
 
+@given(any_i64, st.integers(32, 61), st.integers(-2, 2))
+def test_sat_power_is_sat_between(core, value, power, beside):
+    for one in (value, 2**power + beside, -(2**power) + beside):
+        assert core.flagged("h_sat_power_i64", one, power) == saturate(one, -(2**power), 2**power)
+
+
+@given(any_i32, any_i32)
+@example(INT32_MAX, 1)
+@example(INT32_MIN, -1)
+@example(0, INT32_MIN)
+@example(-1, INT32_MIN)
+def test_sums_of_32_bits(core, a, b):
+    assert core.flagged("h_sat_add_i32", a, b) == saturate(a + b)
+    assert core.flagged("h_sat_sub_i32", a, b) == saturate(a - b)
+    assert core.h_upper_mean_i32(a, b) == round_half_up(a + b, 1)
+
+
+@given(any_i32, any_i32)
+@example(INT32_MIN, INT32_MIN)
+@example(INT32_MIN, INT32_MAX)
+@example(1, -1)
+def test_high_halves_of_products(core, a, b):
+    assert core.h_mul_high_i32(a, b) == a * b // 2**32
+    assert core.h_mul_high_round_i32(a, b) == round_half_up(a * b, 32)
+
+
+@given(any_i32)
+@example(32768)
+@example(-32769)
+def test_sat_i16(core, value):
+    assert core.h_sat_i16(value) == min(max(value, -32768), 32767)
+
+
 def test_saturation_flag_is_never_cleared(core):
     saturated = ct.c_bool(True)
     core.h_sat_i32(0, ct.byref(saturated))

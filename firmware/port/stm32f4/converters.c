@@ -19,7 +19,6 @@
 #define DAC_RANGE_10V26 1u /* +-10.2564 V: full scale is at least 10.2 V, as the design asks */
 #define DAC_NOP 0u
 
-static uint16_t last_codes[CONVERTER_AXES];
 static bool word_lost;
 static uint32_t said; /* what came back with the first frame of the last drive */
 
@@ -33,6 +32,14 @@ static __attribute__((noinline)) bool wait_for_word(const struct spi *spi)
     return false;
 }
 
+/* Known to the compiler as a constant, each register of a peripheral would have its own address fetched anew. */
+#define HELD(peripheral)                                                                                               \
+    ({                                                                                                                 \
+        __typeof__(peripheral) held = (peripheral);                                                                    \
+        __asm("" : "+r"(held));                                                                                        \
+        held;                                                                                                          \
+    })
+
 static inline uint32_t exchange(struct spi *spi, uint32_t word)
 {
     spi->DR = word;
@@ -41,16 +48,21 @@ static inline uint32_t exchange(struct spi *spi, uint32_t word)
     return spi->DR;
 }
 
-static inline uint32_t dac_frame(uint32_t frame)
+static inline uint32_t frame_on(struct spi *spi, struct gpio *sync, uint32_t frame)
 {
-    pin_low(GPIOB, PIN_DAC_SYNC);
-    uint32_t answer = exchange(SPI2, frame >> 16);
-    answer = answer << 8 | exchange(SPI2, frame >> 8 & 0xFFu);
-    answer = answer << 8 | exchange(SPI2, frame & 0xFFu);
-    pin_high(GPIOB, PIN_DAC_SYNC);
-    (void)SPI2->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
-    (void)SPI2->SR;
+    pin_low(sync, PIN_DAC_SYNC);
+    uint32_t answer = exchange(spi, frame >> 16);
+    answer = answer << 8 | exchange(spi, frame >> 8 & 0xFFu);
+    answer = answer << 8 | exchange(spi, frame & 0xFFu);
+    pin_high(sync, PIN_DAC_SYNC);
+    (void)spi->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
+    (void)spi->SR;
     return answer;
+}
+
+static uint32_t dac_frame(uint32_t frame)
+{
+    return frame_on(HELD(SPI2), HELD(GPIOB), frame);
 }
 
 static void set_up_adc(void)
@@ -98,41 +110,43 @@ bool converters_start(void)
     return converters_dac_answered();
 }
 
-static bool conversion_done(void)
+/* Once it was not done at once. */
+static __attribute__((noinline)) bool wait_for_conversion(const struct gpio *signals)
 {
     for (uint32_t turns = CONVERSION_TURNS; turns > 0; turns--)
-        if (!pin_is_high(GPIOB, PIN_ADC_BUSY))
+        if (!pin_is_high(signals, PIN_ADC_BUSY))
             return true;
     return false;
 }
 
 bool converters_sample(uint16_t codes[CONVERTER_AXES])
 {
-    bool answers = conversion_done();
+    struct spi *spi = HELD(SPI1);
+    struct gpio *signals = HELD(GPIOB);
+    bool done = !pin_is_high(signals, PIN_ADC_BUSY) || wait_for_conversion(signals);
     word_lost = false;
     pin_low(GPIOA, PIN_ADC_CS);
-    answers &= pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
-    uint32_t x = exchange(SPI1, 0);
-    answers &= !pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
-    uint32_t y = exchange(SPI1, 0);
-    uint32_t z = exchange(SPI1, 0);
+    bool first = pin_is_high(signals, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
+    uint32_t x = exchange(spi, 0);
+    bool still_first = pin_is_high(signals, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
+    uint32_t y = exchange(spi, 0);
+    uint32_t z = exchange(spi, 0);
     pin_high(GPIOA, PIN_ADC_CS);
-    answers &= !word_lost;
-    if (answers) {
-        last_codes[0] = (uint16_t)(x ^ CONVERTERS_TWOS_COMPLEMENT);
-        last_codes[1] = (uint16_t)(y ^ CONVERTERS_TWOS_COMPLEMENT);
-        last_codes[2] = (uint16_t)(z ^ CONVERTERS_TWOS_COMPLEMENT);
-    }
-    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++)
-        codes[axis] = last_codes[axis];
-    return answers;
+    if (!done || !first || still_first || word_lost)
+        return false;
+    codes[0] = (uint16_t)(x ^ CONVERTERS_TWOS_COMPLEMENT);
+    codes[1] = (uint16_t)(y ^ CONVERTERS_TWOS_COMPLEMENT);
+    codes[2] = (uint16_t)(z ^ CONVERTERS_TWOS_COMPLEMENT);
+    return true;
 }
 
 void converters_drive(const uint16_t codes[CONVERTER_AXES])
 {
-    said = dac_frame(DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
-    dac_frame(DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
-    dac_frame(DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
+    struct spi *spi = HELD(SPI2);
+    struct gpio *sync = HELD(GPIOB);
+    said = frame_on(spi, sync, DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
+    frame_on(spi, sync, DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
+    frame_on(spi, sync, DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
 
 void converters_ask_dac(void)

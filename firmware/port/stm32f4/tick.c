@@ -18,12 +18,11 @@ volatile uint32_t tick_parked_count;
 
 static struct device *ticking;
 static volatile uint32_t since_main_loop;
+static uint16_t adc_codes[AXES]; /* the last that the ADC gave */
 static uint32_t interlock_open_ticks;
-static uint32_t since_dac_asked;
-static bool dac_was_asked;
+static uint32_t since_dac_asked = 1; /* ticks; 0: in the last one */
 static enum dac { DAC_HEARS, DAC_SILENT, DAC_BEHIND } dac;
 static uint16_t dac_codes_held[AXES]; /* DAC_BEHIND: on the way from where it stood to where it should be */
-static bool late;
 
 static void watch_interlock(void)
 {
@@ -62,13 +61,12 @@ static __attribute__((noinline)) void catch_up(const uint16_t codes[AXES])
 
 static void watch_dac(void)
 {
-    if (dac_was_asked) {
+    if (since_dac_asked == 0) {
         bool answered = converters_dac_answered();
         if (!answered || dac == DAC_SILENT)
             dac_answered(answered);
     }
-    dac_was_asked = ++since_dac_asked == DAC_TICKS;
-    if (dac_was_asked) {
+    if (++since_dac_asked == DAC_TICKS) {
         since_dac_asked = 0;
         converters_ask_dac();
     }
@@ -92,15 +90,13 @@ static void keep_time(uint32_t start)
 void tick_interrupt(void)
 {
     uint32_t start = DWT->CYCCNT;
-    uint16_t adc_codes[AXES], dac_codes[AXES];
+    uint16_t dac_codes[AXES];
     TIM2->SR = ~TIM_SR_CC3IF;
     if (!converters_sample(adc_codes))
         device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
     watch_interlock();
     device_tick(ticking, adc_codes, dac_codes);
     watch_dac();
-    if (late)
-        ticking->latched_late++;
     if (since_main_loop++ < MAIN_LOOP_TICKS)
         watchdog_feed();
     keep_time(start);
@@ -115,7 +111,8 @@ void tick_drive(void *context, const uint16_t dac_codes[AXES])
         catch_up(dac_codes);
     else
         converters_listen();
-    late = TIM2->CNT >= LATCH_COUNTS;
+    if (TIM2->CNT >= LATCH_COUNTS)
+        ticking->latched_late++;
 }
 
 RAM_CODE void tick_parked(void)
