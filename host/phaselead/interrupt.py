@@ -14,7 +14,9 @@ _asked = False
 
 
 def install() -> None:
-    """Ends a command on SIGINT, SIGTERM and SIGHUP alike, with a KeyboardInterrupt. Only in the main thread."""
+    """Ends the command that begins here on SIGINT, SIGTERM and SIGHUP alike, with a KeyboardInterrupt. Only in the main
+    thread."""
+    clear()
     if threading.current_thread() is threading.main_thread():
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, _handle)

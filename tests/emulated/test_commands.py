@@ -6,6 +6,7 @@ import signal
 import pytest
 from click.testing import CliRunner
 
+from phaselead import interrupt
 from phaselead.cli import main
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.link.selftest import loop_result
@@ -139,6 +140,16 @@ def test_an_exchange_that_was_cut_short_ends_the_board(start, monkeypatch):
         board.run(1)
 
 
+@pytest.fixture
+def plain_interrupts():
+    """Whatever a command of an earlier test has installed, and no mark left behind."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+    interrupt.clear()
+
+
+@pytest.mark.usefixtures("plain_interrupts")
 def test_an_interrupt_waits_for_the_exchange_and_the_board_goes_on(start, monkeypatch):
     board = start()
     read = board._read
