@@ -23,7 +23,7 @@ test: $(STAMP)
 	@! command -v arm-none-eabi-gcc >/dev/null || $(MAKE) --no-print-directory firmware
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
-	@$(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
 
 bench: $(STAMP)
 	@$(BIN)/python benchmarks/speed.py
