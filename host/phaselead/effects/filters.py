@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from phaselead.effects.effect import Samples
 from phaselead.effects.native import lags, second_order
+
+Mode = tuple[float, float, float]
+"""Share of the motion, frequency in Hz, damping ratio."""
 
 
 def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
@@ -36,6 +40,12 @@ def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samp
         y = part * np.concatenate([x[:1], x[:-1]]) + seen * x
     rows = min(int(whole), len(x))
     return np.concatenate([np.full(rows, x[0]), y[: len(x) - rows]])
+
+
+def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
+    """(n,): what modes make of a motion that they would follow at rest."""
+    changes = (c * (resonant(still_um, f_Hz, zeta, step_s) - still_um) for c, f_Hz, zeta in modes if c != 0)
+    return sum(changes, start=np.array(still_um))
 
 
 def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.errors import BadInput, PhaseleadError
+from phaselead.compiled import kernel_of
+from phaselead.errors import BadInput
 
 Samples = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -106,17 +106,9 @@ def _holds(z: Complex) -> tuple[Complex, Complex, Complex, Complex]:
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    spec = find_spec("phaselead.stage._kernel")
-    if spec is None or spec.origin is None:
-        raise PhaseleadError("the stage kernel is not built; run: python setup.py build_ext --inplace")
-    kernel = ctypes.CDLL(spec.origin)
+    kernel = kernel_of("phaselead.stage._kernel", "stage_modes")
     size, double = ctypes.c_size_t, ctypes.c_double
-    try:
-        function = kernel.stage_modes
-    except AttributeError:
-        raise PhaseleadError(
-            "the stage kernel is of an older build; run: python setup.py build_ext --inplace"
-        ) from None
+    function = kernel.stage_modes
     function.argtypes = [size, _DOUBLES, double, size, _DOUBLES, size, *[_DOUBLES] * 5]
     function.restype = None
     return kernel

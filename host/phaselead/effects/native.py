@@ -7,37 +7,31 @@ import ctypes
 import math
 from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phaselead.errors import PhaseleadError
+from phaselead.compiled import kernel_of
 
 Samples = NDArray[np.float64]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
+FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays", "smooth_delay")
+
+
 @cache
 def _kernel() -> ctypes.CDLL:
-    spec = find_spec("phaselead.stage._kernel")
-    if spec is None or spec.origin is None:
-        raise PhaseleadError("the stage kernel is not built; run: python setup.py build_ext --inplace")
-    kernel = ctypes.CDLL(spec.origin)
+    kernel = kernel_of("phaselead.stage._kernel", *(f"stage_{name}" for name in FUNCTIONS))
     size, double = ctypes.c_size_t, ctypes.c_double
-    try:
-        kernel.stage_lags.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, _DOUBLES]
-        kernel.stage_second_order.argtypes = [size, *[_DOUBLES] * 4]
-        kernel.stage_second_order_left.argtypes = [size, *[ctypes.c_void_p] * 4, double, size, *[ctypes.c_void_p] * 2]
-        kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
-        kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 4]
-        kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
-    except AttributeError:
-        raise PhaseleadError(
-            "the stage kernel is of an older build; run: python setup.py build_ext --inplace"
-        ) from None
-    for name in ("lags", "second_order", "second_order_left", "slew", "scaled_plays", "smooth_delay"):
-        kernel[f"stage_{name}"].restype = None
+    kernel.stage_lags.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, _DOUBLES]
+    kernel.stage_second_order.argtypes = [size, *[_DOUBLES] * 4]
+    kernel.stage_second_order_left.argtypes = [size, *[ctypes.c_void_p] * 4, double, size, *[ctypes.c_void_p] * 2]
+    kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
+    kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 4]
+    kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
+    for name in FUNCTIONS:
+        getattr(kernel, f"stage_{name}").restype = None
     return kernel
 
 

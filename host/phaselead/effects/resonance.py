@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, columns, numbers
-from phaselead.effects.filters import resonant
+from phaselead.effects.filters import behind_modes, resonant
 from phaselead.effects.mode_bank import poles, state_weights, states
 from phaselead.effects.softening import mode_levels
 from phaselead.errors import BadInput
@@ -28,11 +28,7 @@ def modes(params: Params) -> list[tuple[float, float, float]]:
 def apply(signal: Signal, params: Params) -> Samples:
     if "velocity" in params:
         return _shared_modes(signal, params)
-    y = np.array(signal.value)
-    for c, f_Hz, zeta in modes(params):
-        if c != 0:
-            y += c * (resonant(signal.value, f_Hz, zeta, signal.step_s) - signal.value)
-    return y
+    return behind_modes(signal.value, modes(params), signal.step_s)
 
 
 def _shared_modes(signal: Signal, params: Params) -> Samples:

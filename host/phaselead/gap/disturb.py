@@ -36,8 +36,6 @@ WIDTHS = (1, 3, 7, 15)
 """Lines of a spectrum over which something new may spread."""
 LATEST = 0.05
 """Of the sampling step: a clock that is off by more is no clock, and what grows with speed is a fault of the model."""
-LEAK = 1.5
-"""Lines over which a Hann window spreads one: neighbours are not independent."""
 SEEN_Z, UNALIKE, TELLING = 2.0, 2.5, 0.05
 """From where the reference's own slope counts; the factor by which a record's slope may be off where what it says is
 more than the last share of the record's whole residual."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.errors import PhaseleadError
+from phaselead.compiled import kernel_of
 from phaselead.record.recording import Samples
 
 _SIZE, _DATA = ctypes.c_size_t, ctypes.c_void_p
@@ -26,10 +25,7 @@ class _Whitener(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    spec = find_spec("phaselead.gap._kernel")
-    if spec is None or spec.origin is None:
-        raise PhaseleadError("the gap kernel is not built; run: python setup.py build_ext --inplace")
-    kernel = ctypes.CDLL(spec.origin)
+    kernel = kernel_of("phaselead.gap._kernel")
     kernel.gap_whiten.argtypes = [ctypes.POINTER(_Whitener), _SIZE, _SIZE, _DATA, _DATA, _DATA]
     kernel.gap_whiten.restype = None
     return kernel

@@ -5,12 +5,11 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.errors import PhaseleadError
+from phaselead.compiled import kernel_of
 from phaselead.record.recording import Samples
 
 _SIZE, _DOUBLE, _ARRAY = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
@@ -43,16 +42,8 @@ class _Basis(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    spec = find_spec("phaselead.stage._kernel")
-    if spec is None or spec.origin is None:
-        raise PhaseleadError("the stage kernel is not built; run: python setup.py build_ext --inplace")
-    kernel = ctypes.CDLL(spec.origin)
-    try:
-        kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), _ARRAY, _ARRAY]
-    except AttributeError:
-        raise PhaseleadError(
-            "the stage kernel is of an older build; run: python setup.py build_ext --inplace"
-        ) from None
+    kernel = kernel_of("phaselead.stage._kernel", "stage_columns")
+    kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), _ARRAY, _ARRAY]
     kernel.stage_columns.restype = None
     return kernel
 

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from phaselead.effects.filters import behind_modes
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.mode_fit import FittedModes, fit_modes
-from phaselead.identify.operator_design import behind_modes
 from phaselead.identify.operator_fit import fit_operator, refit_operator
 from phaselead.identify.operator_result import OperatorFit
 from phaselead.stage.operator import predict_time_view

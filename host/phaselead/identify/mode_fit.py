@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from phaselead.effects.filters import mode_coefficients, resonant
+from phaselead.effects.filters import Mode, mode_coefficients, resonant
 from phaselead.effects.native import second_order_left
 from phaselead.identify.checks import AxisRun
-from phaselead.identify.operator_design import Mode
 from phaselead.record.recording import Samples
 from phaselead.stage.file import Effect, TimeView
 from phaselead.stage.operator import predict_time_view
@@ -133,17 +132,18 @@ def fit_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | None
     if abs(share) > MOST_SHARE:
         return alone
     left_by_two = _pair_power(judged, two, shift_s, share) / nothing
-    if left_by_two >= PAYS * left and not _rings(judged, one, two, fitted):
+    if left_by_two >= PAYS * left and not _rings(judged, one, _shift_s(fitted, *one), two, (shift_s, share)):
         return alone
     modes = ((1 - share, two[0], two[1]), (share, two[2], two[3]))
     return FittedModes(modes, max(view.delay_s + shift_s, 0.0), left_by_two)
 
 
-def _rings(judged: Sequence[_Ringing], one: tuple[float, float], two: Pair, fitted: Sequence[_Ringing]) -> bool:
+def _rings(
+    judged: Sequence[_Ringing], one: tuple[float, float], one_s: float, two: Pair, amounts: tuple[float, float]
+) -> bool:
     """Whether a second mode pays in the second differences of rows that it was not fitted on."""
     fine = [_differenced(run) for run in judged]
-    shift_s, share = _amounts(_pair_moments(fitted, two)).tolist()
-    return _pair_power(fine, two, shift_s, share) < SECOND_PAYS * _power(fine, *one, _shift_s(fitted, *one))
+    return _pair_power(fine, two, *amounts) < SECOND_PAYS * _power(fine, *one, one_s)
 
 
 def _ringing(view: TimeView, run: AxisRun) -> _Ringing:

@@ -7,7 +7,7 @@ simply "no slope is negative"; ``time_view`` turns them into a gain and one-side
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.effects.filters import resonant
+from phaselead.effects.filters import Mode, behind_modes
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.columns import Columns, Slopes
 from phaselead.record.recording import Samples
@@ -61,10 +61,6 @@ def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_se
     """
     r = swing_V / 2 * (np.arange(1, n_plays + 1) / max(n_plays, 1)) ** 1.5
     return Basis(r, np.linspace(low_V, high_V, n_segments + 1))
-
-
-Mode = tuple[float, float, float]
-"""Share of the motion, frequency in Hz, damping ratio."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +109,6 @@ class FitRun:
         """Each group and where its rows are."""
         edges = [*np.flatnonzero(np.diff(self.groups, prepend=-1)).tolist(), len(self.rows)]
         return [(int(self.groups[a]), slice(a, b)) for a, b in pairwise(edges)]
-
-
-def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
-    """(n,): what modes make of a motion that they would follow at rest."""
-    changes = (c * (resonant(still_um, f_Hz, zeta, step_s) - still_um) for c, f_Hz, zeta in modes)
-    return sum(changes, start=still_um)
 
 
 def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int, modes: tuple[Mode, ...] = ()) -> FitRun:

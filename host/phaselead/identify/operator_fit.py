@@ -13,12 +13,12 @@ from itertools import product
 
 import numpy as np
 
+from phaselead.effects.filters import Mode
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.memory import OTHER_MEMORY, came_from, settled
 from phaselead.identify.operator_design import (
     Basis,
     FitRun,
-    Mode,
     centred,
     design,
     fit_run,

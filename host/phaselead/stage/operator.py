@@ -14,12 +14,11 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phaselead.errors import PhaseleadError
+from phaselead.compiled import kernel_of
 from phaselead.stage.file import TimeView
 
 Samples = NDArray[np.float64]
@@ -39,10 +38,7 @@ class _Operator(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    spec = find_spec("phaselead.stage._kernel")
-    if spec is None or spec.origin is None:
-        raise PhaseleadError("the stage kernel is not built; run: python setup.py build_ext --inplace")
-    kernel = ctypes.CDLL(spec.origin)
+    kernel = kernel_of("phaselead.stage._kernel")
     size, double = ctypes.c_size_t, ctypes.c_double
     array = ctypes.c_void_p
     kernel.stage_delay.argtypes = [size, array, double, double, array]
