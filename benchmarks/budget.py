@@ -2,7 +2,8 @@
 
 Instructions are counted one by one in the emulated board, over the worst of a run; they are instructions, not cycles.
 The words on the converters' buses take no time there: that time is added from their clock. Exit status 1 above a
-ceiling that was once kept, or more than 10 % above the last figures in docs/emulation.md.
+ceiling, or more than 10 % above the last figures in docs/emulation.md. The runs look for the worst that can be: see
+there what they make come together.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
+
+import numpy as np
 
 from phaselead.control.gains import PAPER_GAINS
 from phaselead.link import wire
@@ -49,6 +52,8 @@ CEILINGS = {
     "flash, bytes": 64 * 1024,
 }
 WARN = 1.10
+STARTS = 120
+"""More than the 39 ticks of a batch and the 7 between questions have phases that matter two by two."""
 UNFILTERED = 0x7FFF_FFFF
 
 
@@ -84,10 +89,10 @@ class Counted:
         self.device.write(encode_frame(wire.HEADER.pack(command.NUMBER, self.id, SESSION) + command.pack()))
         return wire.Status(self._answer()[wire.HEADER.size])
 
-    def park(self) -> None:
+    def park(self, ticks: int) -> None:
         """Out of a fault too: an unstable loop may have met a rail."""
         self.ask(wire.ParkRequest())
-        self.device.run(2500)
+        self.device.run(ticks)
         self.try_to(wire.ClearFaultRequest())
 
     def _answer(self) -> bytes:
@@ -127,12 +132,13 @@ def full() -> bytes:
     """Every place in use: 32 plays, 24 dead zones, 8 creep terms, 7 sections an axis, coupling, tables."""
     sent = wire.Model.unpack(model())
     one = 1 << 26
-    section = wire.Biquad(2 * one, one - 2 * one - one // 4, 0, -one // 4, 0)  # (2 - 1.25/z) / (1 - 0.25/z)
+    lead = wire.Biquad(2 * one, -one - one // 4 - 3, 4, -one // 4, 1)  # (2 - 1.25/z) / (1 - 0.25/z), all but
+    near = wire.Biquad(one + 4, -one // 4 - 4, 2, -one // 4, 2)
     axes = tuple(
         replace(
             axis,
-            shape=(section, section, *[wire.Biquad(one + 4, -one // 4 - 4, 0, -one // 4, 0)] * 4),
-            drive=(wire.Biquad(one + 4, -one // 4 - 4, 0, -one // 4, 0),),
+            shape=(lead, lead, near, near, near, near),
+            drive=(near,),
             creep_k_q30=(2 << 20,) * 8,
             creep_alpha_q48=tuple((1 << 38) >> i for i in range(8)),
             play_r_q24=tuple(round((0.01 + 0.004 * i * i) * V) for i in range(32)),
@@ -160,37 +166,68 @@ def axis(index: int, mode: wire.Mode, swing: int, f_Hz: float) -> list[wire.Comm
     ]
 
 
+def slow(blob: bytes) -> bytes:
+    """The same with a slew limit of 0.01 V a tick, which the paper's path exceeds."""
+    sent = wire.Model.unpack(blob)
+    return replace(sent, axes=tuple(replace(axis, slew_q24=V // 100) for axis in sent.axes)).pack()
+
+
 def one_axis(elf: Path, blob: bytes, *, streamed: bool = True) -> int:
-    """The worst tick of one axis under the paper's gains, its derivative unfiltered, on the paper's path."""
+    """The worst tick of one axis under the paper's gains, its derivative unfiltered, on the paper's path: followed for
+    long; begun and ended over and over, in every phase of the stream and of the questions to the DAC; slew limited."""
     board = Counted(elf)
-    board.ask(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(blob))
+    board.ask(wire.HelloRequest(), wire.SetTimeoutRequest(0))
     set_axis, set_path = axis(0, wire.Mode.FF_PID, 60 * UM, 5)
-    board.ask(replace(set_axis, d_alpha_q31=UNFILTERED), set_path)
-    if streamed:
-        board.ask(wire.StreamStartRequest(31, 1, 1))
-    board.most(0)
-    board.ask(wire.ArmRequest(0), wire.StartRequest(1))
-    most, _ = board.most(3000)
+    worst = 0
+    for model_blob, ticks, runs in ((blob, 3000, 1), (slow(blob), 3000, 1), (blob, 12, STARTS), (slow(blob), 250, 45)):
+        board.ask(*upload(model_blob), replace(set_axis, d_alpha_q31=UNFILTERED), replace(set_path, ticks=ticks))
+        if streamed:
+            board.ask(wire.StreamStartRequest(31, 1, 1))
+        board.most(0)
+        for run in range(runs):
+            board.ask(wire.ArmRequest(0), wire.StartRequest(1))
+            most, _ = board.most(ticks + 8 + run % 7)
+            worst = max(worst, most)
+            board.park(1500 if ticks > 100 else 60)
+            board.most(0)
     board.device.close()
-    return most
+    return worst
+
+
+def nested() -> bytes:
+    """A waveform of loops within loops, and then one way that closes them all: each bend is a turn to come back to."""
+    corners = [(1 - 0.94**k) / 2 if k % 2 else (1 + 0.94**k) / 2 for k in range(40)]
+    at = np.r_[np.arange(40) * 20, 790, 800, 1023]
+    points = np.interp(np.arange(1024), at, [*corners, 0.5, 1.0, corners[0]])
+    return np.round(points * 2**30).astype("<i4").tobytes()
+
+
+def waveform(index: int, points: bytes) -> list[wire.Command]:
+    chunks = [wire.WaveChunkRequest(index, at // 4, points[at : at + 1024]) for at in range(0, len(points), 1024)]
+    return [*chunks, wire.WaveCommitRequest(index, crc32(points))]
 
 
 def three_axes(elf: Path, blob: bytes) -> tuple[int, int]:
-    """The worst tick, and up to its output: every mode, saturations, changes of mode, a model that is swapped in."""
+    """The worst tick, and up to its output: every mode, saturations, changes of mode, a model that is swapped in, turns
+    within turns, and paths that end together."""
     board = Counted(elf)
     board.ask(wire.HelloRequest(), wire.SetTimeoutRequest(0))
     worst = worst_to_drive = 0
-    for mode, swing, f_Hz in (
-        (wire.Mode.FF_PID, 60, 5),
-        (wire.Mode.INVERSE_PID, 100, 5),
-        (wire.Mode.INVERSE_PID, 180, 90),  # slew limit and clamps
-        (wire.Mode.PID, 230, 400),
+    for mode, kind, swing, f_Hz, ticks in (
+        (wire.Mode.FF_PID, wire.PathKind.SINE, 60, 5, 0),
+        (wire.Mode.INVERSE_PID, wire.PathKind.SINE, 100, 5, 0),
+        (wire.Mode.INVERSE_PID, wire.PathKind.SINE, 180, 90, 0),  # slew limit and clamps
+        (wire.Mode.INVERSE_PID, wire.PathKind.WAVE, 100, 10, 0),
+        (wire.Mode.INVERSE_PID, wire.PathKind.WAVE, 60, 40, 3500),
+        (wire.Mode.PID, wire.PathKind.SINE, 230, 400, 0),
     ):
-        board.park()
+        board.park(2500)
         board.ask(*upload(blob))  # its swap at a tick's edge is in the count
         board.ask(wire.StreamStartRequest(31, 7, 1))
         for index in range(3):
-            board.ask(*axis(index, mode, swing * UM, f_Hz))
+            set_axis, set_path = axis(index, mode, swing * UM, f_Hz)
+            board.ask(*(waveform(index, nested()) if kind == wire.PathKind.WAVE else []))
+            board.ask(set_axis, replace(set_path, path=kind, ticks=ticks))
         board.ask(wire.ArmRequest(0), wire.StartRequest(7))
         most, to_drive = board.most(4000)
         worst, worst_to_drive = max(worst, most), max(worst_to_drive, to_drive)
@@ -220,11 +257,9 @@ def committed() -> dict[str, int]:
 
 
 def verdict(figure: int, ceiling: int | None, last: int | None) -> str:
-    if ceiling is not None and figure > ceiling and (last is None or last <= ceiling):
+    if ceiling is not None and figure > ceiling:
         return "ABOVE ITS CEILING"
-    if last is not None and figure > WARN * last:
-        return "MORE THAN 10 % ABOVE THE LAST"
-    return "not reached" if ceiling is not None and figure > ceiling else "ok"
+    return "MORE THAN 10 % ABOVE THE LAST" if last is not None and figure > WARN * last else "ok"
 
 
 def main() -> int:

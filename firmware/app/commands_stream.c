@@ -25,7 +25,7 @@ enum wire_status command_stream_stop(struct device *device, const struct request
 {
     (void)request;
     recorder_stop(&device->recorder);
-    struct wire_stream_stop_reply reply = {.sent_ticks = device->recorder.taken,
+    struct wire_stream_stop_reply reply = {.sent_ticks = recorder_taken(&device->recorder),
                                            .dropped_ticks = device->recorder.dropped};
     wire_pack_stream_stop_reply(&reply, answer->payload, answer->size);
     return WIRE_STATUS_OK;

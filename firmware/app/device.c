@@ -176,7 +176,7 @@ static EACH_AXIS uint32_t aim_one(struct device *device, unsigned axis)
 
 /* Where the axes that follow a path should be next, and the feed-forward for it: at their start, and behind the output
  * of every tick for the one to come. */
-static void aim_axes(struct device *device)
+static EACH_AXIS void aim_axes(struct device *device)
 {
     uint32_t feeding = aim_one(device, 0);
     if ((~device->still & ALL_AXES & ~1u) != 0)
@@ -195,7 +195,7 @@ static void drive_all(struct device *device, enum axis_drive drive)
     }
 }
 
-static void start_axes(struct device *device, uint8_t axis_mask)
+static __attribute__((noinline)) void start_axes(struct device *device, uint8_t axis_mask)
 {
     struct control *control = &device->control;
     device->still &= ~(uint32_t)axis_mask;
@@ -273,15 +273,12 @@ static void watch_host(struct device *device)
         device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
 }
 
-/* The end of a path; and a loop that can no longer see where it is must not go on pushing. */
-static void watch_path(struct device *device, unsigned axis)
+/* A loop that can no longer see where it is must not go on pushing. */
+static __attribute__((noinline)) void watch_rail(struct device *device, unsigned axis)
 {
     const struct control *control = &device->control;
-    if (control->axis[axis].rail_ticks >= RAIL_TICKS && axis_mode_closes(control->config[axis].mode) &&
-        control->axis[axis].drive == DRIVE_PATH)
+    if (axis_mode_closes(control->config[axis].mode) && control->axis[axis].drive == DRIVE_PATH)
         device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
-    if (device->traces[axis].path_done)
-        events_put(&device->events, control->tick, WIRE_EVENT_KIND_PATH_DONE, axis);
 }
 
 /* Bit of the axis when it is under feedback. */
@@ -311,8 +308,12 @@ static EACH_AXIS void settle_one(struct device *device, unsigned axis, uint32_t 
     if ((moving >> axis & 1u) == 0)
         return;
     axis_settle(&device->model_of[axis], state, &device->traces[axis]);
-    if ((device->traces[axis].path_done || state->rail_ticks != 0) && device->control.state == WIRE_STATE_RUNNING)
-        watch_path(device, axis);
+    if (state->rail_ticks >= RAIL_TICKS && device->control.state == WIRE_STATE_RUNNING)
+        watch_rail(device, axis);
+    if (device->traces[axis].path_done) {
+        device->rare = true;
+        events_put(&device->events, device->control.tick, WIRE_EVENT_KIND_PATH_DONE, axis);
+    }
 }
 
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES])
@@ -351,7 +352,10 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     }
     if (control->state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
-    if (recorder_tick(&device->recorder, control->tick, device->adc_codes, device->traces))
+    enum recorder_took took = recorder_tick(&device->recorder, control->tick, device->adc_codes, device->traces);
+    if (took != RECORDER_TOOK)
+        device->rare = true;
+    if (took == RECORDER_DROPS)
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
     control->tick++;
     aim_axes(device);

@@ -84,6 +84,7 @@ struct device {
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
+    bool rare;      /* a tick did what few do: what can wait for the next one should. The port takes it back */
     uint32_t still; /* axes at rest whose last tick was like any that follows: they need no step, their trace stays */
     struct model_store models;
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */

@@ -14,7 +14,8 @@ _Static_assert(sizeof(((struct wire_axis_model *)0)->creep_k_q30) / sizeof(int32
 
 static struct biquad_config biquad(const struct wire_biquad *section)
 {
-    return (struct biquad_config){section->b0_q26, section->b1_q26, section->b2_q26, section->a1_q26, section->a2_q26};
+    const int32_t c_q26[] = {section->b0_q26, section->b1_q26, section->b2_q26, section->a1_q26, section->a2_q26};
+    return biquad_of(c_q26);
 }
 
 static enum model_field filters(const struct wire_axis_model *model, struct compensation *compensation)
@@ -39,7 +40,7 @@ static enum model_field creep(const struct wire_axis_model *model, struct creep_
             return FIELD_CREEP_ALPHA;
         config->alpha_q64[i] = model->creep_alpha_q48[i] * 65536;
     }
-    return creep_is_usable(config) ? FIELD_NONE : FIELD_CREEP_K;
+    return creep_make(config) ? FIELD_NONE : FIELD_CREEP_K;
 }
 
 static enum model_field blamed(enum inverse_verdict verdict)
@@ -72,7 +73,8 @@ static enum model_field inverse(const struct wire_axis_model *model, struct comp
     config->gain_q20 = model->gain_q20;
     config->offset_q16 = model->offset_q16;
     config->rest_fraction_q30 = model->rest_fraction_q30;
-    memcpy(config->play_r_q24, model->play_r_q24, sizeof config->play_r_q24);
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
+        config->play[i].r_q24 = model->play_r_q24[i];
     memcpy(config->knot_d_q24, model->knot_d_q24, sizeof config->knot_d_q24);
     memcpy(config->knot_s_q20, model->knot_s_q20, sizeof config->knot_s_q20);
     enum model_field field = blamed(inverse_make(config, model->play_w_q20));

@@ -37,18 +37,25 @@ void recorder_start(struct recorder *recorder, const struct recorder_format *for
     recorder->skip = 0;
     recorder->freeze_left = 0;
     recorder->sequence = 0;
-    recorder->taken = 0;
+    recorder->released = 0;
     recorder->dropped = 0;
     recorder->dropping = false;
     recorder->recording = true;
+}
+
+static struct recorder_batch *behind(struct recorder *recorder, struct recorder_batch *batch)
+{
+    return batch == &recorder->batches[RECORDER_BATCHES - 1] ? recorder->batches : batch + 1;
 }
 
 static void close_batch(struct recorder *recorder)
 {
     if (!recorder->open)
         return;
+    recorder->next = behind(recorder, recorder->open);
     recorder->open = NULL;
-    atomic_fetch_add_explicit(&recorder->filled, 1, memory_order_release);
+    uint32_t filled = atomic_load_explicit(&recorder->filled, memory_order_relaxed); /* nobody else writes it */
+    atomic_store_explicit(&recorder->filled, filled + 1, memory_order_release);
 }
 
 void recorder_stop(struct recorder *recorder)
@@ -68,6 +75,7 @@ void recorder_discard(struct recorder *recorder)
     recorder_stop(recorder);
     atomic_store_explicit(&recorder->drained, atomic_load_explicit(&recorder->filled, memory_order_relaxed),
                           memory_order_release);
+    recorder->next = recorder->oldest = recorder->batches;
 }
 
 static bool open_batch(struct recorder *recorder, uint64_t tick)
@@ -75,7 +83,7 @@ static bool open_batch(struct recorder *recorder, uint64_t tick)
     uint32_t filled = atomic_load_explicit(&recorder->filled, memory_order_relaxed);
     if (filled - atomic_load_explicit(&recorder->drained, memory_order_acquire) >= RECORDER_BATCHES)
         return false;
-    struct recorder_batch *batch = &recorder->batches[filled % RECORDER_BATCHES];
+    struct recorder_batch *batch = recorder->next;
     batch->first_tick = tick;
     batch->dropped = (uint32_t)recorder->dropped;
     batch->size = 0;
@@ -102,14 +110,14 @@ static inline uint8_t *put_halves(uint8_t *to, uint16_t low, uint16_t high)
 
 static inline uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
 {
-    int16_t feedforward_q11 = volts_q11(trace->feedforward_q24), feedback_q11 = volts_q11(trace->feedback_q24);
     if (channels != ALL_CHANNELS) {
-        struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, feedforward_q11, feedback_q11};
+        struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
+                                 volts_q11(trace->feedback_q24)};
         return wire_put_tick(to, channels, &tick);
     }
     memcpy(to, &trace->reference, sizeof trace->reference);
     to = put_halves(to + sizeof trace->reference, adc_code, trace->dac_code);
-    return put_halves(to, (uint16_t)feedforward_q11, (uint16_t)feedback_q11);
+    return put_halves(to, (uint16_t)volts_q11(trace->feedforward_q24), (uint16_t)volts_q11(trace->feedback_q24));
 }
 
 /* Bytes that the batch then has. */
@@ -123,32 +131,51 @@ static uint32_t put_traces(struct recorder *recorder, struct recorder_batch *bat
         if ((format.axis_mask >> i & 1u) != 0)
             to = put_axis(to, format.channels, adc_codes[i], &traces[i]);
     batch->size = size + format.tick_size;
-    recorder->taken++;
     return size + format.tick_size;
 }
 
-bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces)
+enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
+                                 const struct axis_trace *traces)
 {
+    enum recorder_took took = RECORDER_TOOK;
     if (!recorder->recording)
-        return false;
+        return RECORDER_TOOK;
     if (recorder->freeze_left != 0 && --recorder->freeze_left == 0) {
         recorder_stop(recorder);
-        return false;
+        return RECORDER_TURNED;
     }
     if (recorder->skip > 0) {
         recorder->skip--;
-        return false;
+        return RECORDER_TOOK;
     }
     recorder->skip = (uint16_t)(recorder->format.decimation - 1);
-    if (!recorder->open && !open_batch(recorder, tick)) {
-        bool first = !recorder->dropping;
-        recorder->dropping = true;
-        recorder->dropped++;
-        return first;
+    if (!recorder->open) {
+        if (!open_batch(recorder, tick)) {
+            bool first = !recorder->dropping;
+            recorder->dropping = true;
+            recorder->dropped++;
+            return first ? RECORDER_DROPS : RECORDER_TOOK;
+        }
+        took = RECORDER_TURNED;
     }
-    if (put_traces(recorder, recorder->open, adc_codes, traces) == recorder->format.batch_size)
+    if (put_traces(recorder, recorder->open, adc_codes, traces) == recorder->format.batch_size) {
         close_batch(recorder);
-    return false;
+        took = RECORDER_TURNED;
+    }
+    return took;
+}
+
+uint64_t recorder_taken(struct recorder *recorder)
+{
+    uint64_t bytes = recorder->released;
+    uint32_t waiting = atomic_load_explicit(&recorder->filled, memory_order_acquire) -
+                       atomic_load_explicit(&recorder->drained, memory_order_relaxed);
+    struct recorder_batch *batch = recorder->oldest;
+    for (uint32_t i = 0; i < waiting; i++) {
+        bytes += batch->size;
+        batch = behind(recorder, batch);
+    }
+    return bytes == 0 ? 0 : bytes / recorder->format.tick_size;
 }
 
 void recorder_miss(struct recorder *recorder, uint32_t ticks)
@@ -168,7 +195,7 @@ struct recorder_batch *recorder_next(struct recorder *recorder, size_t *payload_
     uint32_t drained = atomic_load_explicit(&recorder->drained, memory_order_relaxed);
     if (atomic_load_explicit(&recorder->filled, memory_order_acquire) == drained)
         return NULL;
-    struct recorder_batch *batch = &recorder->batches[drained % RECORDER_BATCHES];
+    struct recorder_batch *batch = recorder->oldest;
     const struct recorder_format *format = &recorder->format;
     struct wire_samples head = {.sequence = recorder->sequence,
                                 .first_tick = batch->first_tick,
@@ -184,5 +211,7 @@ struct recorder_batch *recorder_next(struct recorder *recorder, size_t *payload_
 void recorder_release(struct recorder *recorder)
 {
     recorder->sequence++;
+    recorder->released += recorder->oldest->size;
+    recorder->oldest = behind(recorder, recorder->oldest);
     atomic_fetch_add_explicit(&recorder->drained, 1, memory_order_release);
 }

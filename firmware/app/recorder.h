@@ -38,8 +38,11 @@ struct recorder {
     uint16_t skip;        /* ticks to pass before the next one is taken */
     uint32_t freeze_left; /* 0: not frozen; else ticks until it stops, plus one */
     uint32_t sequence;    /* of the next batch to be sent */
-    uint64_t taken, dropped;
+    uint64_t released;    /* bytes of data that were sent */
+    uint64_t dropped;
     struct recorder_batch *open; /* being filled, or NULL */
+    struct recorder_batch *next; /* to be filled; and to be drained: a tick does not divide by their number */
+    struct recorder_batch *oldest;
     _Atomic uint32_t filled, drained;
     struct recorder_batch batches[RECORDER_BATCHES];
 };
@@ -62,9 +65,17 @@ void recorder_freeze(struct recorder *recorder);
 /* Empties the ring too. */
 void recorder_discard(struct recorder *recorder);
 
-/* Takes a tick. True when it is the first of a row that had to be dropped. */
-bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
-                   const struct axis_trace *traces);
+enum recorder_took {
+    RECORDER_TOOK = 0, /* as nearly always */
+    RECORDER_TURNED,   /* and opened or closed a batch */
+    RECORDER_DROPS     /* not: it is the first of a row that has to be dropped */
+};
+
+enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
+                                 const struct axis_trace *traces);
+
+/* Ticks taken since it was started, without those in a batch that is still open. Not for the tick. */
+uint64_t recorder_taken(struct recorder *recorder);
 
 /* These ticks went by unseen: they count as dropped. */
 void recorder_miss(struct recorder *recorder, uint32_t ticks);

@@ -44,17 +44,39 @@ static uint32_t if_set(bool condition, uint32_t flag)
     return condition ? flag : 0;
 }
 
-/* What a path that comes round wants of the tables: position looked up at the phase lead and divided by the gain. */
-static inline void aim_by_tables(const struct axis_config *config, const struct axis_model *model,
-                                 struct axis_state *state, bool *saturated)
+static bool aim_of_inverse(const struct axis_model *model, struct axis_aim *aim, int32_t ahead_q16, bool *saturated)
+{
+    if (model->compensation == NULL)
+        return false;
+    aim->ahead_q16 = sat_sub_i32(ahead_q16, model->compensation->rest_q16, saturated);
+    return true;
+}
+
+static inline bool looks_ahead(uint32_t mode)
+{
+    _Static_assert(AXIS_FF_PID == AXIS_FF + 1 && AXIS_INVERSE == AXIS_FF + 2 && AXIS_INVERSE_PID == AXIS_FF + 3,
+                   "one comparison tells");
+    return mode - AXIS_FF <= AXIS_INVERSE_PID - AXIS_FF;
+}
+
+/* A path that comes round is looked up at the phase lead too: divided by the gain, or as what the inverse is of.
+ * Returns whether the axis follows its path. */
+static inline bool aim_led(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
+                           bool *inverts, bool *saturated)
 {
     struct path_pair path =
         path_now_and_led(&config->path, &state->path, model->wave_q30, config->point.lead_turn32, saturated);
     state->aim.reference = path.now;
-    state->aim.feedforward_q24 = feedforward_step_q24(&config->point, path.led, saturated);
+    if (axis_mode_uses_tables(config->mode)) {
+        state->aim.feedforward_q24 = feedforward_step_q24(&config->point, path.led, saturated);
+        return true;
+    }
+    state->aim.feedforward_q24 = 0;
+    *inverts = aim_of_inverse(model, &state->aim, path.led, saturated);
+    return *inverts;
 }
 
-/* What does not follow from now and the tables' lead. Returns whether the axis follows its path. */
+/* What does not follow from now and a phase lead. Returns whether the axis follows its path. */
 static inline bool aim_otherwise(const struct axis_config *config, const struct axis_model *model,
                                  struct axis_state *state, bool *inverts, bool *saturated)
 {
@@ -69,11 +91,10 @@ static inline bool aim_otherwise(const struct axis_config *config, const struct 
         return true;
     }
     if (axis_mode_inverts(mode)) {
-        *inverts = model->compensation != NULL;
-        if (*inverts) {
-            int64_t ahead_q16 = path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32,
+        if (model->compensation != NULL) {
+            int32_t ahead_q16 = path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32,
                                            model->compensation->preview_ticks_q16, saturated);
-            aim->ahead_q16 = sat_i32(ahead_q16 - model->compensation->rest_q16, saturated);
+            *inverts = aim_of_inverse(model, aim, ahead_q16, saturated);
         }
         return *inverts;
     }
@@ -87,22 +108,28 @@ bool axis_aim(const struct axis_config *config, const struct axis_model *model, 
 {
     const uint32_t mode = config->mode;
     struct axis_aim *aim = &state->aim;
-    bool saturated = false, inverts = false, follows = true;
-    if (axis_mode_uses_tables(mode) && is_periodic(&config->path))
-        aim_by_tables(config, model, state, &saturated);
-    else
-        follows = aim_otherwise(config, model, state, &inverts, &saturated);
-    aim->flags = AIM_READY | if_set(inverts, AIM_INVERTS) | if_set(saturated, AIM_SATURATED);
+    bool saturated, inverts = false, follows;
+    if (looks_ahead(mode) && is_periodic(&config->path)) {
+        bool beyond = false; /* its own, which no call from here sees: it stays in a register */
+        follows = aim_led(config, model, state, &inverts, &beyond);
+        saturated = beyond;
+    } else {
+        bool beyond = false;
+        follows = aim_otherwise(config, model, state, &inverts, &beyond);
+        saturated = beyond;
+    }
+    uint32_t flags = AIM_READY | if_set(inverts, AIM_INVERTS) | if_set(saturated, AIM_SATURATED);
     if (follows)
-        aim->flags |= AIM_FOLLOWS | if_set(axis_mode_closes(mode), AIM_CLOSES) |
-                      if_set(path_advance(&config->path, &state->path), AIM_PATH_DONE);
+        flags |= AIM_FOLLOWS | (uint32_t)axis_mode_closes(mode) * AIM_CLOSES |
+                 if_set(path_advance(&config->path, &state->path), AIM_PATH_DONE);
+    aim->flags = flags;
     return inverts;
 }
 
 void axis_feed(const struct axis_model *model, struct axis_state *state, int32_t ahead_q16)
 {
     bool saturated = false;
-    int32_t wanted_q16 = sat_i32((int64_t)ahead_q16 + model->compensation->rest_q16, &saturated);
+    int32_t wanted_q16 = sat_add_i32(ahead_q16, model->compensation->rest_q16, &saturated);
     state->aim.feedforward_q24 =
         compensation_step_q24(model->compensation, &state->compensation, wanted_q16, &saturated);
     state->aim.flags |= if_set(saturated, AIM_SATURATED);
@@ -159,11 +186,13 @@ static void follow(const struct axis_config *config, struct axis_state *state, i
         feedback = feedback_q24(config, state, error_q16, saturated);
     trace->feedback_q24 = feedback;
     int32_t wanted_q24 = sat_add_i32(feedforward_q24, feedback, &beyond);
+    const bool overflows = beyond;
     int32_t u_q24 = output_limit_q24(&config->output, state->u_q24, wanted_q24, &beyond);
     state->u_q24 = u_q24;
     if (beyond) {
         *saturated = true;
-        pid_unwind(&state->pid, u_q24 - ((int64_t)feedforward_q24 + feedback));
+        pid_unwind(&state->pid,
+                   overflows ? u_q24 - ((int64_t)feedforward_q24 + feedback) : (int64_t)u_q24 - wanted_q24);
     }
 }
 
@@ -171,11 +200,13 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, uint1
                struct axis_trace *trace)
 {
     bool saturated = false, rests = false;
-    *trace = (struct axis_trace){.reference = state->aim.reference};
+    trace->reference = state->aim.reference;
+    trace->path_done = trace->inverted = false;
     if (state->drive == DRIVE_PATH && (state->aim.flags & AIM_FOLLOWS) != 0) {
         count_rails(state, adc_code);
         follow(config, state, error_q16, &saturated, trace);
     } else {
+        trace->feedforward_q24 = trace->feedback_q24 = 0;
         bool ramps = state->drive == DRIVE_RAMP && state->u_q24 != config->u_park_q24;
         int32_t asked_q24 = ramps ? toward_park_q24(config, state) : state->u_q24;
         int32_t before_q24 = state->u_q24;

@@ -5,13 +5,12 @@
 bool compensation_make(struct compensation *compensation)
 {
     bool beyond = false;
-    compensation->steps = compensation->creeps = 0;
+    compensation->steps = 0;
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
         compensation->steps |= (uint32_t)biquad_changes(&compensation->shape[i]) << i;
     compensation->steps |= (uint32_t)biquad_changes(&compensation->drive) << SHAPE_SECTIONS;
-    for (unsigned i = 0; i < CREEP_TERMS; i++)
-        compensation->creeps |= compensation->creep.k_q30[i] != 0;
     compensation->rest_q16 = sat_i32(round_shift_i64(compensation->inverse.rest_x_q44, 28), &beyond);
+    compensation->rest_q40 = compensation->rest_q16 * ((int64_t)1 << 24);
     return !beyond;
 }
 

@@ -2,17 +2,14 @@
 
 #include "core/fixed.h"
 
-#define Q16_TO_Q40 ((int64_t)1 << 24)
-#define Q24_TO_Q40 ((int64_t)1 << 16)
 #define Q40_TO_Q44 16
-#define LIMIT_Q40 ((int64_t)1 << 55) /* 32768 um */
 
 static void creep_on(const struct compensation *compensation, struct compensation_state *state)
 {
-    if (compensation->creeps == 0)
+    if (compensation->creep.fours == 0)
         return;
     int64_t x_q40 = round_shift_i64(state->inverse.x_q44, 4);
-    creep_follow(&compensation->creep, &state->creep, x_q40 - compensation->rest_q16 * Q16_TO_Q40);
+    creep_follow(&compensation->creep, &state->creep, x_q40 - compensation->rest_q40);
 }
 
 void compensation_follow(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24)
@@ -22,21 +19,38 @@ void compensation_follow(const struct compensation *compensation, struct compens
 }
 
 /* A constant goes through a section as it is: its static gain is exactly 1. */
-static void prime(struct compensation_state *state, int64_t x_q40)
+static __attribute__((noinline)) void prime(struct compensation_state *state, struct biquad_value value)
 {
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
-        biquad_prime(&state->shape[i], x_q40);
+        biquad_prime(&state->shape[i], value);
 }
 
-static inline int64_t shaped_q40(const struct compensation *compensation, struct compensation_state *state,
-                                 int64_t x_q40, bool *saturated)
+/* With a constant section: to pass over one is a test of a bit. */
+static inline __attribute__((always_inline)) struct biquad_value shaped_once(const struct compensation *compensation,
+                                                                             struct compensation_state *state,
+                                                                             unsigned section,
+                                                                             struct biquad_value value, bool *saturated)
 {
+    if (__builtin_expect((compensation->steps >> section & 1u) != 0, true)) /* what counts is a tick that has all */
+        value = biquad_step(&compensation->shape[section], &state->shape[section], value, saturated);
+    return value;
+}
+
+_Static_assert(SHAPE_SECTIONS == 6, "a tick names its sections one by one");
+
+static inline int64_t shaped_q40(const struct compensation *compensation, struct compensation_state *state,
+                                 int32_t ahead_q16, bool *saturated)
+{
+    struct biquad_value value = biquad_of_q16(ahead_q16);
     if (state->primed == 0)
-        prime(state, x_q40);
-    for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
-        if ((compensation->steps >> i & 1u) != 0)
-            x_q40 = biquad_step_q40(&compensation->shape[i], &state->shape[i], x_q40, saturated);
-    return x_q40;
+        prime(state, value);
+    value = shaped_once(compensation, state, 0, value, saturated);
+    value = shaped_once(compensation, state, 1, value, saturated);
+    value = shaped_once(compensation, state, 2, value, saturated);
+    value = shaped_once(compensation, state, 3, value, saturated);
+    value = shaped_once(compensation, state, 4, value, saturated);
+    value = shaped_once(compensation, state, 5, value, saturated);
+    return biquad_joined_q40(value);
 }
 
 static int32_t driven_q24(const struct compensation *compensation, struct compensation_state *state, int32_t v_q24,
@@ -44,21 +58,22 @@ static int32_t driven_q24(const struct compensation *compensation, struct compen
 {
     if (compensation->steps >> SHAPE_SECTIONS == 0)
         return v_q24;
-    int64_t v_q40 = v_q24 * Q24_TO_Q40;
+    const struct biquad_value v = biquad_of_q24(v_q24);
     if (state->primed == 0)
-        biquad_prime(&state->drive, v_q40);
-    int64_t u_q40 = biquad_step_q40(&compensation->drive, &state->drive, v_q40, saturated);
-    return sat_i32(round_shift_i64(u_q40, 16), saturated);
+        biquad_prime(&state->drive, v);
+    const struct biquad_value u = biquad_step(&compensation->drive, &state->drive, v, saturated);
+    return sat_i32(round_shift_i64(biquad_joined_q40(u), 16), saturated);
 }
 
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
                               int32_t ahead_q16, bool *saturated)
 {
-    int64_t rest_q40 = compensation->rest_q16 * Q16_TO_Q40;
-    int64_t x_q40 = shaped_q40(compensation, state, ahead_q16 * Q16_TO_Q40, saturated);
-    if (compensation->creeps != 0)
+    int64_t x_q40 = shaped_q40(compensation, state, ahead_q16, saturated);
+    if (compensation->creep.fours != 0) {
+        const int64_t rest_q40 = compensation->rest_q40;
         x_q40 = rest_q40 + creep_undo_q40(&compensation->creep, &state->creep, x_q40 - rest_q40);
-    x_q40 = sat_between_i64(x_q40, -LIMIT_Q40, LIMIT_Q40 - 1, saturated);
+        x_q40 = sat_below_power_i64(x_q40, BIQUAD_LIMIT_BITS_Q40, saturated); /* 32768 um */
+    }
     int32_t v_q24 = inverse_step_q24(&compensation->inverse, &state->inverse, x_q40 * Q40_TO_Q44, saturated);
     int32_t u_q24 = driven_q24(compensation, state, v_q24, saturated);
     state->primed = 1;

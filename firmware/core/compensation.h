@@ -17,8 +17,9 @@
 struct compensation { /* of one axis, made when a model is committed */
     uint32_t preview_ticks_q16;
     int32_t rest_q16; /* position at rest at 0 V */
-    uint32_t steps;   /* sections that change anything: bit i for shape[i], the next for drive. compensation_make() */
-    uint32_t creeps;  /* 1: some term of creep is in use */
+    int64_t rest_q40; /* the same; like steps made by compensation_make() */
+    uint32_t steps;   /* sections that change anything: bit i for shape[i], the next for drive */
+    uint32_t reserved;
     struct biquad_config shape[SHAPE_SECTIONS];
     struct biquad_config drive;
     struct creep_config creep;

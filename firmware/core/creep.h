@@ -16,15 +16,18 @@
 struct creep_config { /* terms of no effect have k = 0 */
     int64_t alpha_q64[CREEP_TERMS];
     int32_t k_q30[CREEP_TERMS];
+    uint32_t fours; /* bit i: of the four terms from 4 i on some have an effect. creep_make() */
+    uint32_t reserved;
 };
 
 struct creep_state {
     int64_t lag_q40[CREEP_TERMS]; /* um from rest */
 };
 
-bool creep_is_usable(const struct creep_config *config);
+/* False when it is not usable. Like creep_admit() not for the tick. */
+bool creep_make(struct creep_config *config);
 
-/* A state that came from elsewhere may hold anything: brings it within what a step takes. Not for the tick. */
+/* A state that came from elsewhere may hold anything: brings it within what a step takes. */
 void creep_admit(struct creep_state *state);
 
 /* d for a displacement x from rest, both um, each below 65536 um. */

@@ -8,10 +8,10 @@
 static inline int32_t row_q16(const int32_t share_q28[DECOUPLE_AXES], int32_t x_q16, int32_t y_q16, int32_t z_q16,
                               bool *saturated)
 {
-    int64_t sum_q44 = (int64_t)share_q28[0] * x_q16;
+    int64_t sum_q44 = (int64_t)share_q28[0] * x_q16 + (1 << 27); /* the half that rounds */
     sum_q44 += (int64_t)share_q28[1] * y_q16;
     sum_q44 += (int64_t)share_q28[2] * z_q16;
-    return sat_i32(round_shift_i64(sum_q44, 28), saturated);
+    return sat_i32(floor_shift_i64(sum_q44, 28), saturated);
 }
 
 /* An axis that does not move has no share in the others and all of its own: it stays as it is. */

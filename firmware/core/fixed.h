@@ -114,6 +114,16 @@ static inline int64_t sat_power_i64(int64_t value, unsigned bits, bool *saturate
     return sat_between_i64(value, -((int64_t)1 << bits), (int64_t)1 << bits, saturated);
 }
 
+/* Limits to -2^bits .. 2^bits - 1, 32 <= bits <= 61: what lies within is told by its high half. */
+static inline int64_t sat_below_power_i64(int64_t value, unsigned bits, bool *saturated)
+{
+    uint32_t limit = 1u << (bits - 32);
+    if ((uint32_t)floor_shift_i64(value, 32) + limit < 2 * limit)
+        return value;
+    *saturated = true;
+    return value < 0 ? -((int64_t)1 << bits) : ((int64_t)1 << bits) - 1;
+}
+
 static inline int32_t sat_i32(int64_t value, bool *saturated)
 {
     if ((int32_t)value == value)
@@ -198,16 +208,18 @@ static inline int32_t signed_high_i64(int64_t value)
     return (int32_t)(value >> 32) + (int32_t)((uint32_t)value >> 31);
 }
 
-/* a x b / 2^64, rounded to nearest, for |a| < 2^62 and 0 <= b <= 2^62. The lowest 32 bits of the product cannot reach
- * the half that rounds. */
-static inline int64_t mul_shift64_i64(int64_t a, int64_t b)
+/* sum + a x b / 2^64, the product rounded to nearest, for |a| < 2^62 and 0 <= b <= 2^62. The lowest 32 bits of the
+ * product cannot reach the half that rounds; with it, the product of the low halves is positive: its high half is all
+ * of it. */
+static inline int64_t add_mul_shift64_i64(int64_t sum, int64_t a, int64_t b)
 {
     int32_t a_low = signed_low_i64(a), a_high = signed_high_i64(a);
     int32_t b_low = signed_low_i64(b), b_high = signed_high_i64(b);
-    int64_t middle = (((int64_t)a_low * b_low) >> 32) + ((int64_t)1 << 31);
+    int64_t middle = (int64_t)(((uint64_t)((int64_t)a_low * b_low) + ((uint64_t)1 << 63)) >> 32);
     middle += (int64_t)a_high * b_low;
     middle += (int64_t)a_low * b_high;
-    return (int64_t)a_high * b_high + (middle >> 32);
+    sum += (int32_t)(middle >> 32);
+    return sum + (int64_t)a_high * b_high;
 }
 
 /* High half of a product. */

@@ -23,9 +23,15 @@
 
 #define INVERSE_PLAYS 32
 #define INVERSE_KNOTS 24
-#define INVERSE_BENDS_A_TICK 8
+#define INVERSE_BENDS_A_TICK 3
 #define INVERSE_UNUSED INT32_MAX              /* threshold of a place that is not in use */
 #define INVERSE_THRESHOLD_MOST_Q24 (64 << 24) /* of a play that is: half of what a voltage can be away from another */
+
+struct inverse_play { /* side by side, as they are walked along; all but r made by inverse_make() */
+    int32_t r_q24;    /* never falling; those not in use: INVERSE_UNUSED */
+    int32_t sum_q20;  /* um/V, what those before it move together */
+    int32_t rest_q24; /* where it stands in a stage at rest */
+};
 
 struct inverse_config {
     int64_t rest_x_q44; /* of a stage at rest at 0 V; this and the next two made by inverse_make() */
@@ -35,10 +41,9 @@ struct inverse_config {
     int32_t gain_q20;             /* um/V */
     int32_t offset_q16;
     int32_t rest_fraction_q30;
-    uint32_t plays, knots;                   /* in use: made by inverse_make() */
-    int32_t play_r_q24[INVERSE_PLAYS];       /* never falling; those not in use: INVERSE_UNUSED */
-    int32_t play_sum_q20[INVERSE_PLAYS + 1]; /* um/V, what the first i plays move together: made by inverse_make() */
-    int32_t knot_d_q24[INVERSE_KNOTS];       /* never falling; those not in use: INVERSE_UNUSED */
+    uint32_t plays, knots; /* in use: made by inverse_make() */
+    struct inverse_play play[INVERSE_PLAYS + 1];
+    int32_t knot_d_q24[INVERSE_KNOTS]; /* never falling; those not in use: INVERSE_UNUSED */
     int32_t knot_s_q20[INVERSE_KNOTS];
 };
 

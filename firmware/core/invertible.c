@@ -32,6 +32,18 @@ static bool never_falls(const int32_t *values, unsigned count)
     return true;
 }
 
+static bool plays_in_order(const struct inverse_play play[INVERSE_PLAYS])
+{
+    int32_t before_q24 = 0;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++) {
+        int32_t r_q24 = play[i].r_q24;
+        if (r_q24 < before_q24 || (r_q24 > INVERSE_THRESHOLD_MOST_Q24 && r_q24 != INVERSE_UNUSED))
+            return false;
+        before_q24 = r_q24;
+    }
+    return true;
+}
+
 static int64_t sum_of_sizes(const int32_t *values, unsigned count)
 {
     int64_t sum = 0;
@@ -40,23 +52,21 @@ static int64_t sum_of_sizes(const int32_t *values, unsigned count)
     return sum;
 }
 
-static uint32_t used(const int32_t *thresholds, unsigned count)
+static void count_used(struct inverse_config *config)
 {
-    uint32_t used = 0;
-    for (unsigned i = 0; i < count; i++)
-        used += thresholds[i] != INVERSE_UNUSED;
-    return used;
+    config->plays = config->knots = 0;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
+        config->plays += config->play[i].r_q24 != INVERSE_UNUSED;
+    for (unsigned j = 0; j < INVERSE_KNOTS; j++)
+        config->knots += config->knot_d_q24[j] != INVERSE_UNUSED;
 }
 
 static enum inverse_verdict check(const struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS])
 {
     if (config->rest_fraction_q30 < -ONE_Q30 || config->rest_fraction_q30 > ONE_Q30)
         return INVERSE_REST_BEYOND_THRESHOLDS;
-    if (config->play_r_q24[0] < 0 || !never_falls(config->play_r_q24, INVERSE_PLAYS))
+    if (!plays_in_order(config->play))
         return INVERSE_PLAYS_OUT_OF_ORDER;
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        if (config->play_r_q24[i] > INVERSE_THRESHOLD_MOST_Q24 && config->play_r_q24[i] != INVERSE_UNUSED)
-            return INVERSE_PLAYS_OUT_OF_ORDER;
     for (unsigned i = 0; i < INVERSE_PLAYS; i++)
         if (play_w_q20[i] < 0)
             return INVERSE_WEIGHT_NEGATIVE;
@@ -86,26 +96,21 @@ static int64_t curve_q44(const struct inverse_config *config, int32_t v_q24, uin
     return x_q44;
 }
 
-static int32_t at_rest_q24(const struct inverse_config *config, unsigned play)
-{
-    return (int32_t)round_shift_i64((int64_t)config->rest_fraction_q30 * config->play_r_q24[play], 30);
-}
-
 int64_t inverse_play_q24(const struct inverse_config *config, const struct inverse_state *state, unsigned play)
 {
-    int64_t r_q24 = config->play_r_q24[play];
+    int64_t r_q24 = config->play[play].r_q24;
     uint32_t turns = state->turns >> play; /* the nearest one above tells */
     if (play < state->moving)
         return state->rises != 0 ? state->v_q24 - r_q24 : state->v_q24 + r_q24;
     if (turns == 0)
-        return at_rest_q24(config, play);
+        return config->play[play].rest_q24;
     unsigned last = play + (unsigned)__builtin_ctz(turns);
     return (state->risen >> last & 1u) != 0 ? state->turn_q24[last] - r_q24 : state->turn_q24[last] + r_q24;
 }
 
 static int64_t weighted_q44(const struct inverse_config *config, unsigned play, int64_t play_q24)
 {
-    return (config->play_sum_q20[play + 1] - config->play_sum_q20[play]) * play_q24;
+    return (config->play[play + 1].sum_q20 - config->play[play].sum_q20) * play_q24;
 }
 
 static int64_t plays_q44(const struct inverse_config *config, const struct inverse_state *state)
@@ -121,11 +126,15 @@ enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t p
     enum inverse_verdict verdict = check(config, play_w_q20);
     if (verdict != INVERSE_EXISTS)
         return verdict;
-    config->plays = used(config->play_r_q24, INVERSE_PLAYS);
-    config->knots = used(config->knot_d_q24, INVERSE_KNOTS);
-    config->play_sum_q20[0] = 0;
-    for (unsigned i = 0; i < INVERSE_PLAYS; i++)
-        config->play_sum_q20[i + 1] = config->play_sum_q20[i] + (i < config->plays ? play_w_q20[i] : 0);
+    count_used(config);
+    config->play[0].sum_q20 = 0;
+    config->play[INVERSE_PLAYS].r_q24 = INVERSE_UNUSED;
+    for (unsigned i = 0; i < INVERSE_PLAYS; i++) {
+        struct inverse_play *play = &config->play[i];
+        play->rest_q24 = (int32_t)round_shift_i64((int64_t)config->rest_fraction_q30 * play->r_q24, 30);
+        play[1].sum_q20 = play->sum_q20 + (i < config->plays ? play_w_q20[i] : 0);
+    }
+    config->play[INVERSE_PLAYS].rest_q24 = 0;
     const struct inverse_state nowhere = {.rises = 1};
     config->rest_x_q44 =
         curve_q44(config, 0, &config->rest_knots, &config->rest_slope_q20) + plays_q44(config, &nowhere);
@@ -145,7 +154,7 @@ static bool stands(const struct inverse_config *config, const struct inverse_sta
     int64_t up_before_q24 = 0, down_before_q24 = 0;
     for (unsigned i = 0; i < config->plays; i++) {
         int64_t from_q24 = (int64_t)inverse_play_q24(config, state, i) - state->v_q24;
-        int64_t up_q24 = config->play_r_q24[i] + from_q24, down_q24 = config->play_r_q24[i] - from_q24;
+        int64_t up_q24 = config->play[i].r_q24 + from_q24, down_q24 = config->play[i].r_q24 - from_q24;
         if (up_q24 < up_before_q24 || down_q24 < down_before_q24)
             return false;
         up_before_q24 = up_q24;
@@ -197,7 +206,7 @@ static int32_t extreme_q16(const struct inverse_config *config, int32_t v_q24, i
     int32_t slope_q20;
     int64_t x_q44 = curve_q44(config, v_q24, &knots, &slope_q20);
     for (unsigned i = 0; i < config->plays; i++)
-        x_q44 += weighted_q44(config, i, v_q24 - side * (int64_t)config->play_r_q24[i]);
+        x_q44 += weighted_q44(config, i, v_q24 - side * (int64_t)config->play[i].r_q24);
     return sat_i32(round_shift_i64(x_q44, 28), &saturated);
 }
 

@@ -134,18 +134,24 @@ int32_t path_ahead(const struct path_config *config, const struct path_state *st
     return value_at(config, phase_turn64, wave_q30, saturated);
 }
 
+static bool ends(struct path_state *state, bool ended)
+{
+    if (ended)
+        state->running = 0;
+    return ended;
+}
+
 bool path_advance(const struct path_config *config, struct path_state *state)
 {
     if (state->running == 0)
         return false;
-    state->elapsed++;
-    if (config->kind == PATH_MOVE)
-        state->phase_turn64 = add_up_to_end(state->phase_turn64, config->step_turn64);
-    else
-        state->phase_turn64 += config->step_turn64;
-    bool arrived = config->kind == PATH_MOVE && state->phase_turn64 == UINT64_MAX;
-    bool ended = config->ticks != 0 ? state->elapsed >= config->ticks : arrived;
-    if (ended)
-        state->running = 0;
-    return ended;
+    const uint64_t elapsed = state->elapsed + 1, phase_turn64 = state->phase_turn64;
+    const bool in_time = config->ticks != 0 && elapsed >= config->ticks;
+    state->elapsed = elapsed;
+    if (config->kind == PATH_MOVE) {
+        state->phase_turn64 = add_up_to_end(phase_turn64, config->step_turn64);
+        return ends(state, config->ticks != 0 ? in_time : state->phase_turn64 == UINT64_MAX);
+    }
+    state->phase_turn64 = phase_turn64 + config->step_turn64;
+    return ends(state, in_time);
 }

@@ -11,21 +11,18 @@ void pid_reset(struct pid_state *state)
     *state = (struct pid_state){0};
 }
 
-/* value + alpha (target - value), |value|, |target| <= 2^61. The difference is split at bit 31 because its product
- * with alpha has 94 bits. */
+/* value + alpha (target - value), |value|, |target| <= 2^61. The product of the difference with alpha has 94 bits. */
 static int64_t low_pass_q40(int64_t value_q40, int64_t target_q40, int32_t alpha_q31)
 {
     int64_t difference_q40 = target_q40 - value_q40;
-    int64_t high = floor_shift_i64(difference_q40, 31);
-    int64_t low = difference_q40 & INT32_MAX;
-    return value_q40 + alpha_q31 * high + round_shift_i64(alpha_q31 * low, 31);
+    int64_t low_q71 = (int64_t)alpha_q31 * signed_low_i64(difference_q40) + (1 << 30); /* the half that rounds */
+    int64_t high_q39 = (int64_t)alpha_q31 * signed_high_i64(difference_q40);
+    return value_q40 + 2 * high_q39 + floor_shift_i64(low_q71, 31);
 }
 
 static int64_t derivative_q40(const struct pid_config *config, struct pid_state *state, int32_t error_q16,
                               bool *saturated)
 {
-    if (state->primed == 0)
-        return state->derivative_q40;
     int32_t change_q16 = sub_i32(error_q16, state->error_q16); /* beyond what a sensor can do it saturates */
     int64_t raw_q40 = sat_power_i64((int64_t)config->kd_over_ts_q24 * change_q16, DERIVATIVE_BITS_Q40, saturated);
     if (config->d_alpha_q31 == PID_DERIVATIVE_UNFILTERED)
@@ -38,7 +35,6 @@ int32_t pid_step_q24(const struct pid_config *config, struct pid_state *state, i
 {
     state->derivative_q40 = derivative_q40(config, state, error_q16, saturated);
     state->error_q16 = error_q16;
-    state->primed = 1;
 
     int64_t before_q48 = state->integral_q48;
     state->integral_q48 =
@@ -47,16 +43,14 @@ int32_t pid_step_q24(const struct pid_config *config, struct pid_state *state, i
 
     int64_t proportional_q40 = (int64_t)config->kp_q24 * error_q16;
     int64_t sum_q40 = proportional_q40 + state->derivative_q40 + floor_shift_i64(state->integral_q48, 8);
-    return sat_i32(round_shift_i64(sum_q40, 16), saturated);
+    return sat_i32(floor_shift_i64(sum_q40 + (1 << 15), 16), saturated); /* below 2^63 whatever the parts */
 }
 
+/* Of opposite signs: deeper. Where nothing was added, nothing is taken back. */
 void pid_unwind(struct pid_state *state, int64_t cut_q24)
 {
-    bool deeper = (cut_q24 < 0 && state->integral_step_q48 > 0) || (cut_q24 > 0 && state->integral_step_q48 < 0);
-    if (deeper) {
+    if ((cut_q24 ^ state->integral_step_q48) < 0 && cut_q24 != 0)
         state->integral_q48 -= state->integral_step_q48;
-        state->integral_step_q48 = 0;
-    }
 }
 
 void pid_preset(const struct pid_config *config, struct pid_state *state, int32_t error_q16, int32_t output_q24,
@@ -66,7 +60,6 @@ void pid_preset(const struct pid_config *config, struct pid_state *state, int32_
     int64_t wanted_q40 = ((int64_t)output_q24 - feedforward_q24) * 65536 - (int64_t)config->kp_q24 * error_q16;
     state->integral_q48 = 256 * sat_power_i64(wanted_q40, INTEGRAL_BITS_Q40, &beyond);
     state->integral_step_q48 = 0;
-    state->derivative_q40 = 0;
     state->error_q16 = error_q16;
     state->primed = 1;
 }

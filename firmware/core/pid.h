@@ -28,19 +28,22 @@ struct pid_state {
     int64_t integral_step_q48; /* V: what this tick's integration added */
     int64_t derivative_q40;    /* V */
     int32_t error_q16;         /* of the tick before */
-    uint32_t primed;           /* 0 until the first step: the derivative of the first tick is 0 */
+    uint32_t primed;           /* 0 until the preset that goes before the first step */
 };
 
 void pid_reset(struct pid_state *state);
 
-/* Output of this tick. The integrator is advanced by this tick's error (backward rectangle, as eq. 13). */
+/* Output of this tick, behind a preset. The integrator is advanced by this tick's error (backward rectangle, as eq.
+ * 13). */
 int32_t pid_step_q24(const struct pid_config *config, struct pid_state *state, int32_t error_q16, bool *saturated);
 
 /* Anti-windup that sees the final slew limit and clamp: `cut_q24` = limited - wanted output of this tick. When the
- * output was cut and this tick's integration pushed further into the cut, that integration is taken back. */
+ * output was cut and this tick's integration pushed further into the cut, that integration is taken back.
+ * Once a step. */
 void pid_unwind(struct pid_state *state, int64_t cut_q24);
 
-/* Bumpless start: sets the integrator so that feedforward + P + I equals `output_q24` for this error, D = 0. */
+/* Bumpless start of a state as reset leaves it: sets the integrator so that feedforward + P + I equals `output_q24` for
+ * this error. */
 void pid_preset(const struct pid_config *config, struct pid_state *state, int32_t error_q16, int32_t output_q24,
                 int32_t feedforward_q24);
 

@@ -42,22 +42,35 @@ creeps = st.builds(
 )
 
 
+def creep_made(creep):
+    """As creep_make() leaves it."""
+    creep.fours = sum(any(creep.k_q30[4 * i : 4 * i + 4]) << i for i in range(2))
+    creep.alpha_q64 = tuple(alpha if k else 0 for alpha, k in zip(creep.alpha_q64, creep.k_q30, strict=True))
+    return creep
+
+
 def weights(config):
     """Of the plays, from what the first ones move together."""
-    sums = list(config.play_sum_q20)
+    sums = [play.sum_q20 for play in config.play]
     return [b - a for a, b in itertools.pairwise(sums)]
+
+
+def at_rest_q24(rest_q30, r_q24):
+    return (rest_q30 * r_q24 + 2**29) >> 30
 
 
 def inverse_of(plays=(), knots=(), *, gain_q20=10 << 20, offset_q16=0, rest_q30=0, limits=(-2 * V, 10 * V)):
     """The operator of (r_q24, w_q20) and (d_q24, s_q20), each rising, as inverse_make() leaves it when it exists."""
-    at_rest = [(w, (rest_q30 * r + 2**29) >> 30) for r, w in plays]
+    at_rest = [(w, at_rest_q24(rest_q30, r)) for r, w in plays]
     x_q44 = (offset_q16 << 28) + sum(w * p for w, p in at_rest) - sum(s * d for d, s in knots if d < 0)
     below = [s for d, s in knots if d <= 0]
     rest = x_q44, gain_q20 + sum(below), len(below)
     made = Inverse(*rest, *limits, gain_q20, offset_q16, rest_q30, len(plays), len(knots))
     for i in range(32):
-        made.play_r_q24[i], w_q20 = plays[i] if i < len(plays) else (UNUSED, 0)
-        made.play_sum_q20[i + 1] = made.play_sum_q20[i] + w_q20
+        r_q24, w_q20 = plays[i] if i < len(plays) else (UNUSED, 0)
+        made.play[i] = (r_q24, made.play[i].sum_q20, at_rest_q24(rest_q30, r_q24))
+        made.play[i + 1].sum_q20 = made.play[i].sum_q20 + w_q20
+    made.play[32].r_q24 = UNUSED
     for j in range(24):
         made.knot_d_q24[j], made.knot_s_q20[j] = knots[j] if j < len(knots) else (UNUSED, 0)
     return made
@@ -86,8 +99,8 @@ def compensation_of(preview_ticks_q16, rest_q16, shape, drive, creep, inverse):
     """As compensation_make() leaves it, but for any position at rest."""
     changing = [bool(s.b1_q26 or s.b2_q26 or s.a1_q26 or s.a2_q26) for s in (*shape, drive)]
     steps = sum(changes << i for i, changes in enumerate(changing))
-    creeps = int(any(creep.k_q30))
-    return Compensation(preview_ticks_q16, rest_q16, steps, creeps, (Biquad * 6)(*shape), drive, creep, inverse)
+    known = preview_ticks_q16, rest_q16, rest_q16 << 24, steps, 0
+    return Compensation(*known, (Biquad * 6)(*shape), drive, creep_made(creep), inverse)
 
 
 any_compensation = st.builds(
@@ -113,13 +126,14 @@ class Operator:
 
     def __init__(self, config):
         self.config, self.weights = config, weights(config)
-        self.plays = [(config.rest_fraction_q30 * r + 2**29) >> 30 for r in config.play_r_q24]
+        self.thresholds = [play.r_q24 for play in config.play[:32]]
+        self.plays = [at_rest_q24(config.rest_fraction_q30, r) for r in self.thresholds]
         self.go(0)
 
     def go(self, v_q24):
         """Position after the voltage has gone straight to v."""
         c = self.config
-        self.plays = [max(v_q24 - r, min(v_q24 + r, p)) for r, p in zip(c.play_r_q24, self.plays, strict=True)]
+        self.plays = [max(v_q24 - r, min(v_q24 + r, p)) for r, p in zip(self.thresholds, self.plays, strict=True)]
         x = (c.offset_q16 << 28) + c.gain_q20 * v_q24
         x += sum(w * p for w, p in zip(self.weights, self.plays, strict=True))
         return x + sum(s * max(v_q24 - d, 0) for d, s in zip(c.knot_d_q24, c.knot_s_q20, strict=True))

@@ -2,6 +2,7 @@
 
 import ctypes as ct
 import random
+import re
 import subprocess
 from enum import IntEnum
 from pathlib import Path
@@ -19,6 +20,8 @@ IN_TICK = [*STRAIGHT, *COUNTED]
 """Sources whose every function may run in a tick."""
 AT_COMMIT = ["compensable", "decoupling", "expand", "invertible"]
 """What runs when a model is committed or a path is set."""
+
+BENDS_A_TICK = int(re.search(r"BENDS_A_TICK (\d+)", (CORE / "inverse.h").read_text())[1])
 
 INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
 INT64_MIN, INT64_MAX = -(2**63), 2**63 - 1
@@ -127,7 +130,20 @@ class AxisConfig(ct.Structure):
 
 
 class Biquad(ct.Structure):
-    _fields_ = [(f"{name}_q26", ct.c_int32) for name in ("b0", "b1", "b2", "a1", "a2")]
+    """Given and asked for its a1 and a2, of which the core holds the negatives."""
+
+    _fields_ = [(f"{name}_q26", ct.c_int32) for name in ("b0", "b1", "b2", "minus_a1", "minus_a2")]
+
+    def __init__(self, b0=0, b1=0, b2=0, a1=0, a2=0):
+        super().__init__(b0, b1, b2, -a1, -a2)
+
+    @property
+    def a1_q26(self):
+        return -self.minus_a1_q26
+
+    @property
+    def a2_q26(self):
+        return -self.minus_a2_q26
 
 
 class BiquadValue(ct.Structure):
@@ -145,11 +161,20 @@ class BiquadState(ct.Structure):
 
 
 class Creep(ct.Structure):
-    _fields_ = [("alpha_q64", ct.c_int64 * 8), ("k_q30", ct.c_int32 * 8)]
+    _fields_ = [
+        ("alpha_q64", ct.c_int64 * 8),
+        ("k_q30", ct.c_int32 * 8),
+        ("fours", ct.c_uint32),
+        ("reserved", ct.c_uint32),
+    ]
 
 
 class CreepState(ct.Structure):
     _fields_ = [("lag_q40", ct.c_int64 * 8)]
+
+
+class Play(ct.Structure):
+    _fields_ = [(name, ct.c_int32) for name in ("r_q24", "sum_q20", "rest_q24")]
 
 
 class Inverse(ct.Structure):
@@ -164,8 +189,7 @@ class Inverse(ct.Structure):
         ("rest_fraction_q30", ct.c_int32),
         ("plays", ct.c_uint32),
         ("knots", ct.c_uint32),
-        ("play_r_q24", ct.c_int32 * 32),
-        ("play_sum_q20", ct.c_int32 * 33),
+        ("play", Play * 33),
         ("knot_d_q24", ct.c_int32 * 24),
         ("knot_s_q20", ct.c_int32 * 24),
     ]
@@ -190,8 +214,9 @@ class Compensation(ct.Structure):
     _fields_ = [
         ("preview_ticks_q16", ct.c_uint32),
         ("rest_q16", ct.c_int32),
+        ("rest_q40", ct.c_int64),
         ("steps", ct.c_uint32),
-        ("creeps", ct.c_uint32),
+        ("reserved", ct.c_uint32),
         ("shape", Biquad * 6),
         ("drive", Biquad),
         ("creep", Creep),
@@ -289,6 +314,7 @@ PROTOTYPES = {
     "h_sat_add_i64": (I64, [I64, I64, FLAG]),
     "h_sat_between_i64": (I64, [I64, I64, I64, FLAG]),
     "h_sat_power_i64": (I64, [I64, ct.c_uint, FLAG]),
+    "h_sat_below_power_i64": (I64, [I64, ct.c_uint, FLAG]),
     "h_sat_add_i32": (I32, [I32, I32, FLAG]),
     "h_sat_sub_i32": (I32, [I32, I32, FLAG]),
     "h_sat_i16": (I32, [I32]),
@@ -302,7 +328,7 @@ PROTOTYPES = {
     "h_clamp_i32": (I32, [I32, I32, I32]),
     "h_sine_many": (None, [ct.c_void_p, ct.c_void_p, ct.c_size_t]),
     "h_sizeof": (ct.c_size_t, [ct.c_int]),
-    "h_mul_shift64_i64": (I64, [I64, I64]),
+    "h_add_mul_shift64_i64": (I64, [I64, I64, I64]),
     "h_ratio_u32": (U32, [U64, U32]),
     "h_add_i32": (I32, [I32, I32]),
     "h_sub_i32": (I32, [I32, I32]),
@@ -315,7 +341,7 @@ PROTOTYPES = {
     "biquad_step_q40": (I64, [ct.POINTER(Biquad), ct.POINTER(BiquadState), I64, FLAG]),
     "biquad_admit": (None, [ct.POINTER(BiquadState)]),
     "creep_admit": (None, [ct.POINTER(CreepState)]),
-    "creep_is_usable": (ct.c_bool, [ct.POINTER(Creep)]),
+    "creep_make": (ct.c_bool, [ct.POINTER(Creep)]),
     "inverse_make": (ct.c_int, [ct.POINTER(Inverse), I32 * 32]),
     "inverse_admit": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState)]),
     "inverse_play_q24": (I64, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.c_uint]),

@@ -39,6 +39,11 @@ int64_t h_sat_power_i64(int64_t value, unsigned bits, bool *saturated)
     return sat_power_i64(value, bits, saturated);
 }
 
+int64_t h_sat_below_power_i64(int64_t value, unsigned bits, bool *saturated)
+{
+    return sat_below_power_i64(value, bits, saturated);
+}
+
 int32_t h_sat_add_i32(int32_t a, int32_t b, bool *saturated)
 {
     return sat_add_i32(a, b, saturated);
@@ -94,9 +99,9 @@ int32_t h_clamp_i32(int32_t value, int32_t low, int32_t high)
     return clamp_i32(value, low, high);
 }
 
-int64_t h_mul_shift64_i64(int64_t a, int64_t b)
+int64_t h_add_mul_shift64_i64(int64_t sum, int64_t a, int64_t b)
 {
-    return mul_shift64_i64(a, b);
+    return add_mul_shift64_i64(sum, a, b);
 }
 
 int32_t h_add_i32(int32_t a, int32_t b)
@@ -124,7 +129,7 @@ void h_biquad_many(const struct biquad_config *sections, size_t count, int64_t *
 {
     struct biquad_state states[16];
     for (size_t k = 0; k < count; k++)
-        biquad_prime(&states[k], values_q40[0]);
+        biquad_prime(&states[k], biquad_split(values_q40[0]));
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < count; k++) {
             bool saturated = false;
@@ -141,8 +146,11 @@ void h_inverse_many(const struct inverse_config *config, struct inverse_state *s
 }
 
 /* Displacements with creep to those without, in place. */
-void h_creep_many(const struct creep_config *config, struct creep_state *state, int64_t *x_q40, size_t n)
+void h_creep_many(const struct creep_config *given, struct creep_state *state, int64_t *x_q40, size_t n)
 {
+    struct creep_config made = *given;
+    const struct creep_config *config = &made;
+    creep_make(&made);
     for (size_t i = 0; i < n; i++) {
         x_q40[i] = creep_undo_q40(config, state, x_q40[i]);
         creep_follow(config, state, x_q40[i]);
@@ -228,11 +236,12 @@ static bool usable(struct compensation *compensation, const int32_t play_w_q20[I
             compensation->shape[i] = (struct biquad_config){.b0_q26 = BIQUAD_ONE_Q26};
     if (!biquad_is_usable(&compensation->drive))
         compensation->drive = (struct biquad_config){.b0_q26 = BIQUAD_ONE_Q26};
-    if (!creep_is_usable(&compensation->creep) || inverse_make(&compensation->inverse, play_w_q20) != INVERSE_EXISTS)
+    if (!creep_make(&compensation->creep) || inverse_make(&compensation->inverse, play_w_q20) != INVERSE_EXISTS)
         return false;
     int32_t rest_q16 = compensation->rest_q16;
     bool fits = compensation_make(compensation);
     compensation->rest_q16 = rest_q16; /* any will do */
+    compensation->rest_q40 = rest_q16 * ((int64_t)1 << 24);
     return fits;
 }
 

@@ -68,7 +68,7 @@ def test_a_step_held_for_minutes_neither_stalls_nor_drifts(core):
     ],
 )
 def test_what_is_usable(core, config, usable):
-    assert core.creep_is_usable(config) == usable
+    assert core.creep_make(config) == usable
 
 
 @given(creeps, st.lists(any_i64, min_size=8, max_size=8), st.lists(whole(-(2**56), 2**56), min_size=1, max_size=10))

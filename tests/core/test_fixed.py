@@ -55,6 +55,7 @@ def test_sat_between(core, value, one, other):
 def test_sat_power_is_sat_between(core, value, power, beside):
     for one in (value, 2**power + beside, -(2**power) + beside):
         assert core.flagged("h_sat_power_i64", one, power) == saturate(one, -(2**power), 2**power)
+        assert core.flagged("h_sat_below_power_i64", one, power) == saturate(one, -(2**power), 2**power - 1)
 
 
 @given(any_i32, any_i32)
@@ -125,12 +126,13 @@ def test_round_shift_i32(core, value, shift):
     assert core.h_round_shift_i32(value, shift) == round_half_up(value, shift)
 
 
-@given(whole(-(2**62) + 1, 2**62 - 1), whole(0, 2**62))
-@example(2**62 - 1, 2**62)
-@example(-(2**62) + 1, 2**62)
-@example(-1, 2**31)
-def test_mul_shift64(core, a, b):
-    assert core.h_mul_shift64_i64(a, b) == round_half_up(a * b, 64)
+@given(whole(-(2**61), 2**61), whole(-(2**62) + 1, 2**62 - 1), whole(0, 2**62))
+@example(0, 2**62 - 1, 2**62)
+@example(0, -(2**62) + 1, 2**62)
+@example(0, -1, 2**31)
+@example(0, 2**31, 2**31)
+def test_add_mul_shift64(core, total, a, b):
+    assert core.h_add_mul_shift64_i64(total, a, b) == total + round_half_up(a * b, 64)
 
 
 @given(whole(1, 2**32 - 1), whole(0, 2**32 - 1), whole(0, 2**32 - 1))

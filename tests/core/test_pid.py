@@ -19,32 +19,28 @@ def least(alpha_q31):
     return PidConfig(INT32_MIN, INT32_MIN, INT32_MIN, alpha_q31)
 
 
-def expected_step(config, integral_q48, derivative_q40, previous, primed, error):
+def expected_step(config, integral_q48, derivative_q40, previous, error):
     """What one step must give: integral, derivative, output, whether anything saturated."""
     integral_q48, s1 = saturate(integral_q48 + config.ki_ts_q32 * error, -INTEGRAL_LIMIT, INTEGRAL_LIMIT)
-    s2 = False
-    if primed:
-        raw, s2 = saturate(config.kd_over_ts_q24 * saturate(error - previous)[0], -DERIVATIVE_LIMIT, DERIVATIVE_LIMIT)
-        if config.d_alpha_q31 == INT32_MAX:
-            derivative_q40 = raw
-        else:
-            derivative_q40 += round_half_up(config.d_alpha_q31 * (raw - derivative_q40), 31)
+    raw, s2 = saturate(config.kd_over_ts_q24 * saturate(error - previous)[0], -DERIVATIVE_LIMIT, DERIVATIVE_LIMIT)
+    if config.d_alpha_q31 == INT32_MAX:
+        derivative_q40 = raw
+    else:
+        derivative_q40 += round_half_up(config.d_alpha_q31 * (raw - derivative_q40), 31)
     total_q48 = (config.kp_q24 * error + derivative_q40) * 256 + integral_q48
     output, s3 = saturate(round_half_up(total_q48 >> 8, 16))
     return integral_q48, derivative_q40, output, s1 or s2 or s3
 
 
-@given(gains, integral, derivative, any_i32, st.integers(0, 1), any_i32)
-@example(least(INT32_MAX), INTEGRAL_LIMIT, 0, INT32_MAX, 1, INT32_MIN)
-@example(least(0), -INTEGRAL_LIMIT, DERIVATIVE_LIMIT, INT32_MIN, 1, INT32_MAX)
-@example(least(INT32_MAX - 1), 0, -DERIVATIVE_LIMIT, INT32_MAX, 1, INT32_MIN)
-@example(least(INT32_MAX - 1), 0, DERIVATIVE_LIMIT, INT32_MIN, 1, INT32_MAX)
-def test_step_is_exact(core, config, integral_q48, derivative_q40, previous, primed, error):
-    if not primed:
-        derivative_q40 = 0  # as reset leaves it
-    state = PidState(integral_q48, 0, derivative_q40, previous, primed)
+@given(gains, integral, derivative, any_i32, any_i32)
+@example(least(INT32_MAX), INTEGRAL_LIMIT, 0, INT32_MAX, INT32_MIN)
+@example(least(0), -INTEGRAL_LIMIT, DERIVATIVE_LIMIT, INT32_MIN, INT32_MAX)
+@example(least(INT32_MAX - 1), 0, -DERIVATIVE_LIMIT, INT32_MAX, INT32_MIN)
+@example(least(INT32_MAX - 1), 0, DERIVATIVE_LIMIT, INT32_MIN, INT32_MAX)
+def test_step_is_exact(core, config, integral_q48, derivative_q40, previous, error):
+    state = PidState(integral_q48, 0, derivative_q40, previous, 1)
     output, saturated = core.flagged("pid_step_q24", config, state, error)
-    expected = expected_step(config, integral_q48, derivative_q40, previous, primed, error)
+    expected = expected_step(config, integral_q48, derivative_q40, previous, error)
     assert (state.integral_q48, state.derivative_q40, output, saturated) == expected
     assert state.integral_step_q48 == state.integral_q48 - integral_q48
     assert (state.error_q16, state.primed) == (error, 1)
@@ -54,8 +50,7 @@ def test_step_is_exact(core, config, integral_q48, derivative_q40, previous, pri
 def test_sequence_follows_equation_13(core, config, errors):
     """Without a derivative filter the output is eq. 13 to 0.51 LSB after any number of ticks."""
     config.d_alpha_q31 = INT32_MAX
-    state = PidState()
-    core.pid_reset(state)
+    state = PidState(error_q16=errors[0])
     total, previous = 0, errors[0]
     for error in errors:
         output, saturated = core.flagged("pid_step_q24", config, state, error)
@@ -70,7 +65,7 @@ def test_sequence_follows_equation_13(core, config, errors):
 @given(ordinary_gains, st.lists(ordinary_error, min_size=2, max_size=50))
 def test_filtered_derivative_stays_near_the_exact_filter(core, config, errors):
     """Each tick rounds once, by half an LSB of q40, and the filter forgets: n/2 LSB at most after n ticks."""
-    state = PidState()
+    state = PidState(error_q16=errors[0])
     exact, previous = 0.0, errors[0]
     for n, error in enumerate(errors):
         core.flagged("pid_step_q24", config, state, error)
@@ -106,12 +101,12 @@ def test_unwind_takes_back_only_what_pushes_into_the_cut(core, config, integral_
     assert state.integral_q48 == (integral_q48 if deeper else after)
 
 
-@given(gains, derivative, any_i32, any_i32, any_i32, any_i32)
-@example(PidConfig(INT32_MIN, 0, 0, 0), 0, 0, INT32_MIN, INT32_MIN, INT32_MAX)
-@example(PidConfig(INT32_MIN, 0, 0, 0), 0, 0, INT32_MAX, INT32_MAX, INT32_MIN)
-def test_preset_continues_from_the_output(core, config, derivative_q40, previous, error, output, feedforward):
+@given(gains, any_i32, any_i32, any_i32, any_i32)
+@example(PidConfig(INT32_MIN, 0, 0, 0), 0, INT32_MIN, INT32_MIN, INT32_MAX)
+@example(PidConfig(INT32_MIN, 0, 0, 0), 0, INT32_MAX, INT32_MAX, INT32_MIN)
+def test_preset_continues_from_the_output(core, config, previous, error, output, feedforward):
     """The step after a preset, its integration aside, gives the old output to 1 LSB, if it fits."""
-    state = PidState(0, 5, derivative_q40, previous, 0)
+    state = PidState(0, 5, 0, previous, 0)
     core.pid_preset(config, state, error, output, feedforward)
     wanted_q48 = (output - feedforward) * 2**24 - config.kp_q24 * error * 256
     assert state.integral_q48 == saturate(wanted_q48, -INTEGRAL_LIMIT, INTEGRAL_LIMIT)[0]

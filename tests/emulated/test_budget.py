@@ -24,7 +24,7 @@ def test_a_figure_is_judged_by_its_ceiling_and_by_the_last_one():
     assert verdict(101, 100, 95) == "ABOVE ITS CEILING"
     assert verdict(101, 100, None) == "ABOVE ITS CEILING"
     assert verdict(95, 100, 80) == "MORE THAN 10 % ABOVE THE LAST"
-    assert verdict(150, 100, 150) == "not reached"
+    assert verdict(150, 100, 150) == "ABOVE ITS CEILING"
 
 
 def test_the_stack_is_the_deepest_chain_with_both_interrupts_on_top():

@@ -20,7 +20,7 @@
 #define DAC_NOP 0u
 
 static bool word_lost;
-static uint32_t said; /* what came back with the first frame of the last drive */
+static uint16_t said; /* data that came back with the first frame of the last drive */
 
 /* Once the word was not there at once. */
 static __attribute__((noinline)) bool wait_for_word(const struct spi *spi)
@@ -48,21 +48,35 @@ static inline uint32_t exchange(struct spi *spi, uint32_t word)
     return spi->DR;
 }
 
-static inline uint32_t frame_on(struct spi *spi, struct gpio *sync, uint32_t frame)
+struct dac_line {
+    struct spi *spi;
+    struct gpio *port;
+    uint32_t select, release; /* what makes SYNC low and high */
+};
+
+static inline struct dac_line dac_line(void)
 {
-    pin_low(sync, PIN_DAC_SYNC);
-    uint32_t answer = exchange(spi, frame >> 16);
-    answer = answer << 8 | exchange(spi, frame >> 8 & 0xFFu);
-    answer = answer << 8 | exchange(spi, frame & 0xFFu);
-    pin_high(sync, PIN_DAC_SYNC);
-    (void)spi->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
-    (void)spi->SR;
-    return answer;
+    return (struct dac_line){HELD(SPI2), HELD(GPIOB), HELD((uint32_t)BIT(PIN_DAC_SYNC + 16)),
+                             HELD((uint32_t)BIT(PIN_DAC_SYNC))};
 }
 
-static uint32_t dac_frame(uint32_t frame)
+/* Gives the data of the frame that comes back. */
+static inline uint16_t frame_on(struct dac_line line, uint32_t frame)
 {
-    return frame_on(HELD(SPI2), HELD(GPIOB), frame);
+    struct spi *spi = line.spi;
+    line.port->BSRR = line.select;
+    exchange(spi, frame >> 16);
+    uint32_t answer = exchange(spi, frame >> 8 & 0xFFu);
+    answer = answer << 8 | exchange(spi, frame & 0xFFu);
+    line.port->BSRR = line.release;
+    (void)spi->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
+    (void)spi->SR;
+    return (uint16_t)answer;
+}
+
+static inline __attribute__((always_inline)) uint16_t dac_frame(uint32_t frame)
+{
+    return frame_on(dac_line(), frame);
 }
 
 static void set_up_adc(void)
@@ -142,11 +156,10 @@ bool converters_sample(uint16_t codes[CONVERTER_AXES])
 
 void converters_drive(const uint16_t codes[CONVERTER_AXES])
 {
-    struct spi *spi = HELD(SPI2);
-    struct gpio *sync = HELD(GPIOB);
-    said = frame_on(spi, sync, DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
-    frame_on(spi, sync, DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
-    frame_on(spi, sync, DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
+    const struct dac_line line = dac_line();
+    said = frame_on(line, DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
+    frame_on(line, DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
+    frame_on(line, DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
 
 void converters_ask_dac(void)
@@ -156,7 +169,7 @@ void converters_ask_dac(void)
 
 bool converters_dac_answered(void)
 {
-    return (said & 0xFFFFu) == DAC_RANGE_10V26;
+    return said == DAC_RANGE_10V26;
 }
 
 void converters_listen(void)

@@ -1,5 +1,7 @@
 #include "port/stm32f4/tick.h"
 
+#include <stddef.h>
+
 #include "core/fixed.h"
 #include "port/stm32f4/board.h"
 #include "port/stm32f4/converters.h"
@@ -11,7 +13,10 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 
 /* The longest the main loop is busy is the expansion of a model's tables, some 10 ms. */
 #define MAIN_LOOP_TICKS 500u
-#define DAC_TICKS 7u       /* between two questions to the DAC; it answers in the tick that follows */
+/* Between two questions to the DAC; it answers in the tick that follows. Where ticks have done something rare beside
+ * their work, the question waits, but not for long. */
+#define DAC_TICKS 7u
+#define DAC_TICKS_MOST 10u
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
 
 volatile uint32_t tick_parked_count;
@@ -44,7 +49,7 @@ static __attribute__((noinline)) void dac_answered(bool answered)
 }
 
 /* Axis by axis towards its code, by the step of its ramp. */
-static __attribute__((noinline)) void catch_up(const uint16_t codes[AXES])
+static void catch_up(const uint16_t codes[AXES])
 {
     bool behind = false;
     for (unsigned axis = 0; axis < AXES; axis++) {
@@ -54,27 +59,38 @@ static __attribute__((noinline)) void catch_up(const uint16_t codes[AXES])
         dac_codes_held[axis] = (uint16_t)(dac_codes_held[axis] + clamp_i32(way, -step, step));
         behind = behind || dac_codes_held[axis] != codes[axis];
     }
-    converters_drive(dac_codes_held);
     if (!behind)
         dac = DAC_HEARS;
 }
 
-static void watch_dac(void)
+/* What it is told that did not hear everything; NULL: nothing yet. */
+static __attribute__((noinline)) const uint16_t *codes_behind(const uint16_t codes[AXES])
+{
+    if (dac == DAC_SILENT)
+        return NULL;
+    catch_up(codes);
+    return dac_codes_held;
+}
+
+static void watch_dac(struct device *device)
 {
     if (since_dac_asked == 0) {
         bool answered = converters_dac_answered();
         if (!answered || dac == DAC_SILENT)
             dac_answered(answered);
     }
-    if (++since_dac_asked == DAC_TICKS) {
-        since_dac_asked = 0;
-        converters_ask_dac();
+    if (++since_dac_asked < DAC_TICKS)
+        return;
+    if (device->rare && since_dac_asked < DAC_TICKS_MOST) {
+        device->rare = false;
+        return;
     }
+    since_dac_asked = 0;
+    converters_ask_dac();
 }
 
-static void keep_time(uint32_t start)
+static void keep_time(struct device *device, uint32_t start)
 {
-    struct device *device = ticking;
     uint32_t cycles = DWT->CYCCNT - start;
     uint32_t bin = 31u - (uint32_t)__builtin_clz(cycles | 1u);
     device->cycles_last = cycles;
@@ -90,25 +106,25 @@ static void keep_time(uint32_t start)
 void tick_interrupt(void)
 {
     uint32_t start = DWT->CYCCNT;
+    struct device *device = ticking;
     uint16_t dac_codes[AXES];
     TIM2->SR = ~TIM_SR_CC3IF;
     if (!converters_sample(adc_codes))
-        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
+        device_raise(device, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
     watch_interlock();
-    device_tick(ticking, adc_codes, dac_codes);
-    watch_dac();
+    device_tick(device, adc_codes, dac_codes);
+    watch_dac(device);
     if (since_main_loop++ < MAIN_LOOP_TICKS)
         watchdog_feed();
-    keep_time(start);
+    keep_time(device, start);
 }
 
 void tick_drive(void *context, const uint16_t dac_codes[AXES])
 {
     (void)context;
-    if (dac == DAC_HEARS)
-        converters_drive(dac_codes);
-    else if (dac == DAC_BEHIND)
-        catch_up(dac_codes);
+    const uint16_t *codes = dac == DAC_HEARS ? dac_codes : codes_behind(dac_codes);
+    if (codes != NULL)
+        converters_drive(codes);
     else
         converters_listen();
     if (TIM2->CNT >= LATCH_COUNTS)
