@@ -312,7 +312,9 @@ static EACH_AXIS void settle_one(struct device *device, unsigned axis, uint32_t 
         watch_rail(device, axis);
     if (device->traces[axis].path_done) {
         device->rare = true;
-        events_put(&device->events, device->control.tick, WIRE_EVENT_KIND_PATH_DONE, axis);
+        device->path_done_tick[axis] = device->control.tick;
+        uint32_t done = atomic_load_explicit(&device->path_done, memory_order_relaxed); /* no tick interrupts another */
+        atomic_store_explicit(&device->path_done, done | 1u << axis, memory_order_relaxed);
     }
 }
 
@@ -359,6 +361,18 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
     control->tick++;
     aim_axes(device);
+}
+
+void device_tell(struct device *device)
+{
+    if (atomic_load_explicit(&device->path_done, memory_order_relaxed) == 0)
+        return;
+    device_lock(device);
+    uint32_t done = atomic_exchange_explicit(&device->path_done, 0, memory_order_relaxed);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (done >> axis & 1u)
+            events_put(&device->events, device->path_done_tick[axis], WIRE_EVENT_KIND_PATH_DONE, axis);
+    device_unlock(device);
 }
 
 void device_miss_ticks(struct device *device, uint32_t ticks)

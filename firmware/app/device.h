@@ -84,7 +84,9 @@ struct device {
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
-    bool rare;      /* a tick did what few do: what can wait for the next one should. The port takes it back */
+    bool rare; /* a tick did what few do: what can wait for the next one should. The port takes it back */
+    _Atomic uint32_t path_done; /* axes whose path has ended, at these ticks: events that device_tell() puts */
+    uint64_t path_done_tick[AXES];
     uint32_t still; /* axes at rest whose last tick was like any that follows: they need no step, their trace stays */
     struct model_store models;
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
@@ -106,6 +108,9 @@ void device_init(struct device *device, const struct device_port *port);
 
 /* One control tick: codes in, codes out. */
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES]);
+
+/* Outside the tick, whose worst would have to hold it: puts the events of paths that have ended. */
+void device_tell(struct device *device);
 
 /* For ports: so many ticks went by without device_tick(), at rest, because flash was busy. They count, and a stream
  * says that it lacks them. */

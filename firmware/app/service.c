@@ -74,6 +74,7 @@ static void obey(struct device *device, const struct request *request, bool in_s
     struct line *line = &device->line;
     const struct command *command = command_find(request->header->type);
     struct answer answer = {.payload = line->reply_body + WIRE_HEADER_SIZE, .size = WIRE_REPLY_HEAD_SIZE};
+    device_tell(device); /* before the command can begin another path */
     if (command->handler)
         answer.size = wire_message_size(request->header->type | WIRE_REPLY_BIT)->fixed;
     memset(answer.payload, 0, answer.size);
@@ -140,6 +141,7 @@ static size_t seal_event(struct device *device)
     struct line *line = &device->line;
     struct wire_event event;
     struct wire_header header = {.type = WIRE_EVENT, .session = device->session};
+    device_tell(device);
     while (events_take(&device->events, &event, &header.id)) {
         if (device->session == 0)
             continue; /* nobody to tell */
