@@ -65,12 +65,17 @@ def test_slewed(x, rise):
 @given(rows, st.integers(0, 2**31))
 def test_scaled_plays_equal_plain_python(v, seed):
     rng = np.random.default_rng(seed)
+    share = float(rng.choice([0.0, 0.4, 1.0]))
     scale, r, w, p = rng.uniform(0, 2, len(v)), rng.uniform(0, 5, 3), rng.uniform(0, 2, 3), rng.uniform(-5, 5, 3)
     expected, at = [], list(p)
-    for volt, s in zip(v, scale, strict=True):
-        at = [max(volt - s * a, min(volt + s * a, b)) for a, b in zip(r, at, strict=True)]
+    for k, (volt, s) in enumerate(zip(v, scale, strict=True)):
+        # Held back as far as before, less what the voltage moved, unless the threshold lets it lag further.
+        moved = abs(volt - v[k - 1])
+        held = [abs(v[k - 1] - b) - moved if k else 0.0 for b in at]
+        reach = [s * a + share * max(h - s * a, 0.0) for a, h in zip(r, held, strict=True)]
+        at = [max(volt - a, min(volt + a, b)) for a, b in zip(reach, at, strict=True)]
         expected.append(float(np.dot(w, at)))
-    assert np.allclose(scaled_plays(v, scale, r, w, p), expected)
+    assert np.allclose(scaled_plays(v, scale, r, w, p, share), expected)
 
 
 def test_scaled_plays_refuse_other_shapes():

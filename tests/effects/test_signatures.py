@@ -178,6 +178,16 @@ def test_rate_widens_the_loop_in_proportion_to_the_logarithm_of_frequency():
     assert widths[0] > 1.1 * plain[0]
 
 
+def test_what_a_jump_held_back_stays_until_the_voltage_moves_on():
+    loop = {"play_r_V": (0.2, 0.6), "deadzone_s_um_per_V": (0.0, 0.0), "play_w_um_per_V": (2.0, 2.0), "delay_s": 0.0}
+    model = axis(PIEZO.model_copy(update=loop))
+    u = np.concatenate([np.zeros(10), np.full(200, 4.0), np.linspace(4.0, 8.0, 4000)])
+    held_back = run(model, u) - run(model, u, "rate_dependence", widening=0.3, onset_per_s=5.0)
+    assert held_back[10] > 0.5
+    np.testing.assert_allclose(held_back[10:210], held_back[10], rtol=1e-12)
+    assert held_back[-1] < 0.2 * held_back[10]
+
+
 def test_rate_needs_a_loop_and_takes_an_adopted_one():
     assert effect("rate_dependence").untestable(signal(PLAIN, rich(), "rate_dependence"))
     hysteretic = axis(LINEAR, Effect(name="hysteresis", params={"width": 0.15, "reach": 0.5}))

@@ -50,6 +50,8 @@ class Parameter:
     log: bool = False
     """Whether its scale is logarithmic: scan it in equal ratios."""
     doc: str = ""
+    extreme: bool = False
+    """Of a shape: whether no stage comes near its bounds."""
 
 
 @dataclass(frozen=True)

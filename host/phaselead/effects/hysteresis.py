@@ -53,7 +53,9 @@ EFFECT = Effect(
         Parameter(
             "reach", "1", 0.5, 0.02, 1.0, role="shape", log=True, doc="largest threshold, of half the voltage range"
         ),
-        Parameter("slope", "1", 0.0, -6.0, 6.0, role="shape", doc="above 0: more of the large thresholds"),
+        Parameter(
+            "slope", "1", 0.0, -6.0, 6.0, role="shape", extreme=True, doc="above 0: more of the large thresholds"
+        ),
         Parameter("rest_fraction", "1", 0.0, -1.0, 1.0, role="shape", doc="where the plays stand at rest, of r_i"),
     ),
     shows="a loop of position over voltage that does not close as the frequency falls; odd harmonics; the way back "

@@ -28,7 +28,7 @@ def _kernel() -> ctypes.CDLL:
     kernel.stage_second_order.argtypes = [size, *[_DOUBLES] * 4]
     kernel.stage_second_order_left.argtypes = [size, *[ctypes.c_void_p] * 4, double, size, *[ctypes.c_void_p] * 2]
     kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
-    kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 4]
+    kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 2, double, *[_DOUBLES] * 2]
     kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
     for name in FUNCTIONS:
         getattr(kernel, f"stage_{name}").restype = None
@@ -104,13 +104,19 @@ def slewed(x: ArrayLike, rise: float) -> Samples:
     return y
 
 
-def scaled_plays(v: ArrayLike, scale: ArrayLike, r: ArrayLike, w: ArrayLike, start: ArrayLike) -> Samples:
-    """sum_j w_j play_j[v], thresholds ``scale`` (n,) times ``r`` (m,), from ``start`` (m,)."""
+def scaled_plays(
+    v: ArrayLike, scale: ArrayLike, r: ArrayLike, w: ArrayLike, start: ArrayLike, held: float = 1.0
+) -> Samples:
+    """sum_j w_j play_j[v], thresholds ``scale`` (n,) times ``r`` (m,), from ``start`` (m,).
+
+    Where a threshold shrinks, what is held back beyond it is let go at once but for the share ``held``, which is let go
+    only as the voltage moves, by as much.
+    """
     v, scale, r, w = _doubles(v), _doubles(scale), _doubles(r), _doubles(w)
     p, y = np.array(start, dtype=np.float64), np.empty_like(v)
     if not r.shape == w.shape == p.shape or scale.shape != v.shape:
         raise ValueError(f"shapes differ: r {r.shape}, w {w.shape}, start {p.shape}; v {v.shape}, scale {scale.shape}")
-    _kernel().stage_scaled_plays(len(v), _at(v), _at(scale), len(r), _at(r), _at(w), _at(p), _at(y))
+    _kernel().stage_scaled_plays(len(v), _at(v), _at(scale), len(r), _at(r), _at(w), held, _at(p), _at(y))
     return y
 
 

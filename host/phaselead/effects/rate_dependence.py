@@ -17,7 +17,7 @@ def apply(signal: Signal, params: Params) -> Samples:
         return signal.value
     v = signal.driven_V
     steady = np.ones_like(v)
-    widened = scaled_plays(v, scale(signal, params), r, w, start)
+    widened = scaled_plays(v, scale(signal, params), r, w, start, number(params, "held"))
     return signal.value + widened - scaled_plays(v, steady, r, w, start)
 
 
@@ -51,7 +51,8 @@ EFFECT = Effect(
     title="Rate dependence",
     place=Place.HYSTERESIS,
     order=2,
-    equation="r_i(t) = r_i (1 + widening log10(1 + abs(dv/dt) / (U onset_per_s)))",
+    equation="r_i(t) = r_i (1 + widening log10(1 + abs(dv/dt) / (U onset_per_s))); of what is held back beyond "
+    "a threshold that shrinks the share `held` is let go only as the voltage moves on, the rest at once",
     source="Ang, Khosla and Riviere 2007 (rate-dependent Prandtl-Ishlinskii); Al Janaideh, Rakheja and Su 2009 "
     "(thresholds alpha ln(beta + lambda abs(dv/dt)))",
     parameters=(
@@ -59,10 +60,11 @@ EFFECT = Effect(
         Parameter(
             "onset_per_s", "1/s", 1.0, 0.02, 100.0, role="shape", log=True, doc="ranges per second where it sets in"
         ),
+        Parameter("held", "1", 1.0, 0.0, 1.0, role="shape", doc="share let go only as the voltage moves on"),
     ),
     shows="loop width against the logarithm of frequency is a straight line, while the way stays the same",
     reveals="the same full loop from 0.1 to 50 Hz, well below the first mode",
-    confused_with=("creep", "amplifier_lowpass", "delay", "softening"),
+    confused_with=("hysteresis", "creep", "amplifier_lowpass", "delay", "softening"),
     compensation="Not from its parameters: the inverse operator is made for one rate. The phase-lead tables, measured "
     "at several frequencies, hold it for periodic paths.",
     compensated=False,

@@ -1,5 +1,7 @@
 #include "effects.h"
 
+#include <math.h>
+
 void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lags, double *s, double *y)
 {
     double before = n ? x[0] : 0.0;
@@ -79,12 +81,16 @@ void stage_slew(size_t n, const double *x, double rise, double *y)
 }
 
 void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m, const double *r, const double *w,
-                        double *p, double *y)
+                        double held, double *p, double *y)
 {
     for (size_t k = 0; k < n; k++) {
         double sum = 0.0;
+        double before = v[k > 0 ? k - 1 : 0];
+        double moved = fabs(v[k] - before);
         for (size_t j = 0; j < m; j++) {
+            double kept = k > 0 ? fabs(before - p[j]) - moved : 0.0;
             double reach = scale[k] * r[j];
+            reach += held * fmax(kept - reach, 0.0);
             double high = v[k] + reach;
             double low = v[k] - reach;
             double q = p[j] < high ? p[j] : high;
