@@ -127,6 +127,14 @@ def test_a_new_vibration_is_found_where_it_is():
     assert 0.005 < found.params["rms_um"][0] < 0.015
 
 
+def test_a_line_at_the_mains_is_no_vibration():
+    rng = np.random.default_rng(3)
+    t = STEP_s * np.arange(4000)
+    hum = 0.01 * np.sin(2 * np.pi * 50.02 * t)
+    parts = [[left(0.005 * rng.normal(size=4000) + share * hum)] for share in (1.0, 1.0, 0.0)]
+    assert vibration(*parts) is None
+
+
 def jittery(rng: np.random.Generator, f_Hz: float, rms_s: float, role: str) -> Left:
     """A sine read at times that are off at random."""
     t = np.arange(6000) * STEP_s

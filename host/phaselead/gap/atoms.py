@@ -29,6 +29,10 @@ GAIN_STD, PLAY_STD, OPEN_STD = 0.05, 0.02, 0.3
 its plays are fitted anew with every effect."""
 
 
+DELAY_STD, OWN_STD = 0.05, 0.02
+"""The same of its delay, in rows, and of the parameters of its own effects."""
+
+
 @dataclass(frozen=True)
 class Atom:
     """One effect at one shape. ``steps``: the size at which each column was simulated."""
@@ -97,7 +101,16 @@ def _ordered(shapes: Mapping[str, float]) -> bool:
     return not (first and last) or first[0] < last[0]
 
 
-def base_columns(track: Track, open_plays: bool = False, extra: Extra = ()) -> Samples:
+@dataclass(frozen=True)
+class Freedom:
+    """What may be wrong with a base. ``open_plays``: its plays were fitted to these very records and move with every
+    effect that is added. ``learned``: reference records say what it misses, so that more may be asked of them."""
+
+    open_plays: bool = False
+    learned: bool = False
+
+
+def base_columns(track: Track, freedom: Freedom, extra: Extra = ()) -> Samples:
     """(n, k): one standard deviation of each thing a refit of the base could change, seen through the effects around
     it. A base without plays has no plays to refit, one without dead zones no dead zones."""
     view = track.axis.time
@@ -110,11 +123,53 @@ def base_columns(track: Track, open_plays: bool = False, extra: Extra = ()) -> S
         r = nested_basis(high - low, low, high, BASE_PLAYS, 1).play_r_V
         start = view.rest_fraction * r if track.plays_V is None else np.interp(r, view.play_r_V, track.plays_V)
         moved, _ = plays(v, r, np.clip(start, v[0] - r, v[0] + r))
-        columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * moved).T)
+        columns += list(((OPEN_STD if freedom.open_plays else PLAY_STD) * slope * moved).T)
+        if freedom.learned:
+            columns += _bent(moved, low, high, PLAY_STD * slope)
     if view.deadzone_d_V:
         knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
         columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
-    return through_effects(track, np.stack(columns, axis=1), extra)[1:][track.run.rows]
+    refitted = through_effects(track, np.stack(columns, axis=1), extra)[1:][track.run.rows]
+    return np.concatenate([refitted, _own_tangents(track, extra)], axis=1) if freedom.learned else refitted
+
+
+def _bent(moved: Samples, low: float, high: float, std: float) -> list[Samples]:
+    """What plays (n, m) miss of a memory whose density varies over the range (Preisach): their squares and cubes."""
+    half = (high - low) / 2
+    z = (moved - (low + high) / 2) / half
+    return [std * half * column for column in np.concatenate([z**2, z**3], axis=1).T]
+
+
+def _own_tangents(track: Track, extra: Extra) -> Samples:
+    """(n, k) in um: one standard deviation of the base's delay, and of each parameter of its own effects."""
+    answer = track.answer(extra)
+    return np.stack([track.with_axis(axis).answer(extra) - answer for axis in _nearby(track)], axis=1)
+
+
+def _nearby(track: Track) -> list[AxisModel]:
+    """The base with one of its parameters moved."""
+    axis, view = track.axis, track.axis.time
+    assert view is not None
+    later = view.model_copy(update={"delay_s": view.delay_s + DELAY_STD * track.run.step_s})
+    found = [axis.model_copy(update={"time": later})]
+    for i, adopted in enumerate(axis.effects):
+        for params in _moved_a_little(adopted.params):
+            moved = adopted.model_copy(update={"params": params})
+            effects = (*axis.effects[:i], moved, *axis.effects[i + 1 :])
+            found.append(axis.model_copy(update={"effects": effects}))
+    return found
+
+
+def _moved_a_little(params: Mapping[str, object]) -> list[dict[str, object]]:
+    """Every number of ``params``, the lists' too, moved by itself."""
+    found: list[dict[str, object]] = []
+    for name, value in params.items():
+        numbers = value if isinstance(value, tuple) else (value,)
+        for i, number in enumerate(numbers):
+            if isinstance(number, float):
+                changed = (*numbers[:i], number * (1 + OWN_STD), *numbers[i + 1 :])
+                found.append({**params, name: changed if isinstance(value, tuple) else changed[0]})
+    return found
 
 
 def through_effects(track: Track, columns: Samples, extra: Extra) -> Samples:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.effects import Effect
-from phaselead.gap.atoms import atoms_of, rich_columns
+from phaselead.gap.atoms import Freedom, atoms_of, rich_columns
 from phaselead.gap.correction import Correction, flexible_left, from_reference, prior
 from phaselead.gap.evidence import evidence, fair_weights, noise_of
 from phaselead.gap.mistaken import mistaken_gains
@@ -34,9 +34,14 @@ class Bench:
     reference: Panel | None
     correction: Correction
     noise: Noise
-    open_plays: bool
+    freedom: Freedom
     mistaken: Mapping[str, float]
     """By effect: what its gains on reference records say about believing them."""
+
+    @property
+    def open_plays(self) -> bool:
+        """Whether the base was fitted to the training records."""
+        return self.freedom.open_plays
 
     @property
     def common(self) -> Correction:
@@ -64,15 +69,16 @@ def bench(
     """
     tracks = [track(axis, run) for run in runs]
     train, held, reference = ([t for t in tracks if t.run.role == role] for role in ("train", "holdout", "reference"))
+    freedom = Freedom(open_plays, learned=bool(reference))
     longest = max(t.run.t_s[-1] - t.run.t_s[0] for t in train)
     atoms = atoms_of(effects, train[0].run.step_s, float(longest))
-    train_raw = [raw(t, atoms, open_plays) for t in train]
+    train_raw = [raw(t, atoms, freedom) for t in train]
     n_base = train_raw[0].columns.shape[1] - sum(len(a.steps) for a in atoms)
     layout = Layout(tuple(atoms), n_base)
-    held_raw = [raw(t, layout.coarser().atoms, open_plays) for t in held]
+    held_raw = [raw(t, layout.coarser().atoms, freedom) for t in held]
     mistaken: dict[str, float] = {}
     if reference:
-        whole = [raw(t, atoms, open_plays) for t in reference]
+        whole = [raw(t, atoms, freedom) for t in reference]
         coarse = [replace(r, columns=r.columns[:, layout.common()]) for r in whole]
         noise, reference_panel, correction = _from_reference(coarse, layout)
         fine = panel(reference_panel.evidence, layout, whole)
@@ -86,15 +92,15 @@ def bench(
     full = _weighed(panel(evidence(train, noise), layout, train_raw), train_raw, correction.at(layout.common()))
     slim = full.restricted(layout.common())
     holdout = _weighed(panel(evidence(held, noise), layout.coarser(), held_raw), held_raw, correction)
-    return Bench(axis, layout, full, slim, holdout, reference_panel, correction, noise, open_plays, mistaken)
+    return Bench(axis, layout, full, slim, holdout, reference_panel, correction, noise, freedom, mistaken)
 
 
 def beside(made: Bench, extra: Extra) -> Bench:
     """The bench with every column simulated anew beside the effects ``extra``: what the base misses passes through a
     named delay or mode like everything else."""
-    train_raw = [raw(t, made.layout.atoms, made.open_plays, extra) for t in made.tracks()]
+    train_raw = [raw(t, made.layout.atoms, made.freedom, extra) for t in made.tracks()]
     coarse = made.layout.coarser()
-    held_raw = [raw(t, coarse.atoms, made.open_plays, extra) for t in made.holdout.evidence.tracks]
+    held_raw = [raw(t, coarse.atoms, made.freedom, extra) for t in made.holdout.evidence.tracks]
     full = panel(made.train.evidence, made.layout, train_raw)
     holdout = panel(made.holdout.evidence, coarse, held_raw)
     return replace(made, train=full, slim=full.restricted(made.layout.common()), holdout=holdout)
@@ -103,7 +109,7 @@ def beside(made: Bench, extra: Extra) -> Bench:
 def slim_beside(made: Bench, extra: Extra) -> Panel:
     """The common columns of the training records alone, simulated anew beside the effects ``extra``."""
     coarse = made.layout.coarser()
-    raws = [raw(t, coarse.atoms, made.open_plays, extra) for t in made.tracks()]
+    raws = [raw(t, coarse.atoms, made.freedom, extra) for t in made.tracks()]
     found = panel(made.train.evidence, coarse, raws)
     return found.restricted(np.arange(found.size))
 

@@ -12,6 +12,8 @@ from phaselead.gap.result import Bound
 from phaselead.gap.search import Scanned, scan
 
 ONE_SIDED = 1.645
+NEAR = 0.5
+"""Share of the score of a named effect from which a rival came near it."""
 HOPELESS = 20.0
 """An effect whose bound lies this many typical sizes up is not tested by these records."""
 
@@ -28,7 +30,7 @@ def bounds(
         if effect.name not in shapes:
             untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
             continue
-        upper = max(_upper(s) for s in shapes[effect.name])
+        upper = max(*(_upper(s) for s in shapes[effect.name]), _in_place_of_a_named(growth, effect))
         size = effect.sizes[0]
         if upper > HOPELESS * size.typical or upper >= max(abs(size.low), size.high):
             untestable[effect.name] = (
@@ -38,6 +40,18 @@ def bounds(
             continue
         found.append(Bound(effect.name, upper, size.unit, axis))
     return found, untestable
+
+
+def _in_place_of_a_named(growth: Growth, effect: Effect) -> float:
+    """How large it was when it was fitted in the place of an effect that was named, where it came near: should the name
+    be wrong, it may be that large."""
+    near = [
+        rival.fitted.entries[-1][1]
+        for one in growth.named
+        for rival in one.rivals
+        if rival.effect.name == effect.name and rival.score > NEAR * one.score
+    ]
+    return max((abs(params[effect.sizes[0].name]) for params in near), default=0.0)
 
 
 def _upper(scanned: Scanned) -> float:

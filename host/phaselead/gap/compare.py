@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,12 +26,15 @@ TIE = 37.0
 HELD_OUT_Z = 3.3
 KNOWN_SHARE, KNOWN_Z = 0.4, 3.0
 """Share of an effect, and how surely, that makes reference records show it too."""
+ABSORBED = 0.05
+"""Share of an effect's squares that must be left once the base absorbed what it can, for that question to be asked."""
 ONE_LOOP = 0.5
 """Where all records show the same loop, rivals with this share of the best one's score are tied with it."""
 RIVALS = 5
-RICHER = 0.001
+RICHER, RICHER_BESIDE = 0.001, 0.005
 """Of what is gained: the price of each parameter after an effect's first. No equation is the stage's own, and where
-much is gained a richer one follows what a simpler one leaves of it."""
+much is gained a richer one follows what a simpler one leaves of it; beside a base that was fitted to reference records
+the more, since what that base misses is followed as well."""
 
 
 @dataclass(frozen=True)
@@ -131,10 +135,11 @@ def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
         inflation = max(_inflation(bench, before, best[1]), bench.mistaken.get(best[0].name, 1.0))
         best = min(again, key=lambda pair: pair[1].squares / inflation + penalty(bench, pair[0]))
     rivals = []
+    richer = RICHER if bench.reference is None else RICHER_BESIDE
     most = max(before.squares - result.squares for _, result in again) / inflation
     for effect, result in again:
         score = (before.squares - result.squares) / inflation - penalty(bench, effect)
-        score -= RICHER * max(most, 0.0) * (len(effect.parameters) - 1)
+        score -= richer * max(most, 0.0) * (len(effect.parameters) - 1)
         distance = 0.0 if effect is best[0] else _distance(bench, before, best[1], result) / inflation
         rivals.append(Rival(effect, result, score, distance))
     rivals.sort(key=lambda rival: -rival.score)
@@ -222,30 +227,42 @@ def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], leas
 
     ``least``: inflation of its variance at least.
     """
-    slope, power, inflation = _regression(bench.holdout, bench.correction, before, after)
-    if not power > 0:
+    found = _regression(bench.holdout, bench.correction, before, after)
+    if not found.power > 0:
         return HeldOut(0.0, 0.0, 0.0, 0.0, 0.0)
-    whole = float(np.sqrt(power / max(least, inflation)))
-    return HeldOut(slope, slope * whole, whole, power, _worse(bench, before, after))
+    whole = float(np.sqrt(found.power / max(least, found.inflation)))
+    return HeldOut(found.slope, found.slope * whole, whole, found.power, _worse(bench, before, after))
 
 
 def known_before(bench: Bench, before: Sequence[Entry], after: Sequence[Entry]) -> bool:
     """Whether the reference records, which are without it, seem to show the new effect too: then it is the base's
-    fault. Only what the base could absorb is projected out, since the correction has learned from these very records.
+    fault. Only what the base could absorb is projected out, since the correction has learned from these very records;
+    of an effect that the base absorbs nearly whole, they can show nothing.
     """
     panel = bench.reference
     if panel is None:
         return False
     index = panel.layout.base
     base = Correction(index, np.zeros(len(index)), np.eye(len(index)))
-    slope, power, inflation = _regression(panel, base, before, after)
-    return slope > KNOWN_SHARE and slope * float(np.sqrt(power / inflation)) > KNOWN_Z
+    found = _regression(panel, base, before, after)
+    if found.power < ABSORBED * found.whole:
+        return False
+    return found.slope > KNOWN_SHARE and found.slope * float(np.sqrt(found.power / found.inflation)) > KNOWN_Z
 
 
-def _regression(
-    panel: Panel, correction: Correction, before: Sequence[Entry], after: Sequence[Entry]
-) -> tuple[float, float, float]:
-    """Share of what the new effect says that a panel's residual shows, the squares of all of it, and the inflation."""
+class Regression(NamedTuple):
+    """Of a panel's residual on what a new effect says."""
+
+    slope: float
+    """Share of it that the residual shows."""
+    power: float
+    """Whitened squares of all of it, after the nuisances were fitted to it."""
+    inflation: float
+    whole: float
+    """Its squares before."""
+
+
+def _regression(panel: Panel, correction: Correction, before: Sequence[Entry], after: Sequence[Entry]) -> Regression:
     fresh = []
     for track in panel.evidence.tracks:
         was = track.answer(before)
@@ -254,8 +271,9 @@ def _regression(
     target = moments.shape[-1] - 1
     total = correction.conditioned(moments.sum(axis=0), target)
     power = float(total[target - 1, target - 1])
+    whole = float(moments[:, target - 1, target - 1].sum())
     if not power > 1e-9:
-        return 0.0, 0.0, 1.0
+        return Regression(0.0, 0.0, 1.0, whole)
     slope = float(total[target - 1, target]) / power
     explained = np.zeros(len(total))
     explained[target - 1] = 1.0
@@ -263,7 +281,7 @@ def _regression(
     left = residual_amounts(moments, correction) - slope * (projector @ explained)
     squares_left = float(total[target, target]) - slope**2 * power
     scatter = float(block_inflation(moments, projector, left)[target - 1])
-    return slope, power, max(1.0, squares_left / panel.evidence.rows, scatter)
+    return Regression(slope, power, max(1.0, squares_left / panel.evidence.rows, scatter), whole)
 
 
 __all__ = ["Contest", "HeldOut", "Rival", "contest", "held_out", "known_before", "reweighed"]

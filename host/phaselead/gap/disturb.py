@@ -44,6 +44,8 @@ ROUGH = 5
 """Differences that are taken to be rid of what a model misses of its modes."""
 JUMP_SHARE, AFTER_JUMP_ROWS = 0.02, 40
 """Of the voltage's range, in one row; and for how long a fast mode rings."""
+BESIDE_MAINS = 0.2
+"""Of what is new in a band: with less of it away from the mains and its multiples it is hum, not vibration."""
 SLOW_LINES = 4
 """Of a spectrum: what moves as slowly as the records are long is drift or creep, not vibration."""
 
@@ -202,7 +204,11 @@ def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequenc
     found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= SURE_BAND]
     if not found:
         return None
-    return _vibration_found(f, seen - before, *min(found)[1], averages)
+    low, high = min(found)[1]
+    new = np.maximum(seen - before, 0.0)
+    if new[low:high] @ live[low:high] < BESIDE_MAINS * new[low:high].sum():
+        return None
+    return _vibration_found(f, seen - before, low, high, averages)
 
 
 def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -> float:

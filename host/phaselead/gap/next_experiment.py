@@ -133,7 +133,7 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
     if not _in_sight(growth, shown) or not _known_ground(growth, made, members):
         return 0.0
     metric = evidence([made], coarser(growth.bench.noise, every))
-    base = metric.project(0, base_columns(made, growth.bench.open_plays, members[0].rival.fitted.entries))
+    base = metric.project(0, base_columns(made, growth.bench.freedom, members[0].rival.fitted.entries))
     answers = [metric.project(0, answer[:, None])[:, 0] for answer in shown]
     least = np.inf
     for j, member in enumerate(members[1:], 1):

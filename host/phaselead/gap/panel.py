@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from phaselead.gap.atoms import Atom, base_columns
+from phaselead.gap.atoms import Atom, Freedom, base_columns
 from phaselead.gap.evidence import Evidence
 from phaselead.gap.residual import Track
 from phaselead.record.recording import Samples
@@ -60,11 +60,11 @@ class Layout:
         return Layout(tuple(a for a in self.atoms if a.coarse), self.n_base)
 
 
-def raw(track: Track, atoms: Sequence[Atom], open_plays: bool, extra: Extra = ()) -> Raw:
-    """Simulate every atom on one track, beside ``extra``. ``open_plays``: the base's plays are not fixed."""
+def raw(track: Track, atoms: Sequence[Atom], freedom: Freedom, extra: Extra = ()) -> Raw:
+    """Simulate every atom on one track, beside ``extra``."""
     base_um = track.answer(extra)
     parts = [atom.columns(track, base_um, extra).astype(np.float32) for atom in atoms]
-    parts.append(base_columns(track, open_plays, extra).astype(np.float32))
+    parts.append(base_columns(track, freedom, extra).astype(np.float32))
     return Raw(track, base_um, np.concatenate(parts, axis=1))
 
 

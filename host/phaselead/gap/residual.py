@@ -6,7 +6,7 @@ explain: the columns of ``local_columns``, the memory's shrunk to how far a play
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,6 +54,10 @@ class Track:
     def answer(self, extra: Extra = ()) -> Samples:
         """The model's position over the scored rows, (n,) in um."""
         return self.chain.run(extra)[self.run.rows]
+
+    def with_axis(self, axis: AxisModel) -> Track:
+        """The same run from the same memory under another model of its axis."""
+        return replace(self, axis=axis, chain=_chain(axis, self.run, self.plays_V))
 
     def error(self, extra: Extra = ()) -> Samples:
         """Measured minus model over the scored rows, (n,) in um; the record's offset is still in it."""

@@ -159,16 +159,16 @@ def try_effects(bench: Bench, fitted: Fitted, scanned: Sequence[list[Scanned]]) 
         replace(t, fitted=refit(bench.slim, bench.correction, t.fitted.entries)) if i < TOP else t
         for i, t in enumerate(rough)
     ]
-    finished = [t for t in finished if not at_a_bound(t) and not without_peak(bench, t.fitted.entries[-1])]
+    finished = [t for t in finished if not at_a_bound(bench, t) and not without_peak(bench, t.fitted.entries[-1])]
     return sorted(finished, key=lambda t: t.fitted.squares + penalty(bench, t.effect))
 
 
-def at_a_bound(tried: Tried) -> bool:
-    """Whether the largest of its sizes ran as far as the catalogue allows: then it stands in for something else."""
+def at_a_bound(bench: Bench, tried: Tried) -> bool:
+    """Whether the largest of its sizes ran as far as the catalogue allows, or beside a fitted base a shape that no
+    stage has: then it stands in for something else."""
     effect, params = tried.fitted.entries[-1]
-    return any(
-        params[p.name] >= 0.999 * p.high or params[p.name] <= p.low + 1e-3 * abs(p.low) < 0 for p in effect.sizes
-    )
+    far = [*effect.sizes, *(p for p in effect.shapes if p.extreme and bench.reference is not None)]
+    return any(params[p.name] >= 0.999 * p.high or params[p.name] <= p.low + 1e-3 * abs(p.low) < 0 for p in far)
 
 
 def without_peak(bench: Bench, entry: Entry) -> bool:

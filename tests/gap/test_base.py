@@ -1,0 +1,55 @@
+"""What may be wrong with a base: reference records say how much, and none of it is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from phaselead.gap.atoms import Freedom, base_columns
+from phaselead.gap.campaign.trial import try_case
+from phaselead.gap.compare import MARGIN
+from phaselead.gap.records import Run
+from phaselead.gap.residual import track
+from phaselead.stage.file import AxisModel, Effect, TimeView
+
+TRUTH = str(Path(__file__).parent / "truth")
+STEP_s = 5e-4
+
+
+def test_a_mode_that_the_base_has_a_little_wrong_gains_nothing():
+    outcome = try_case(TRUTH, "tuning/none/nothing/0/fast/78", follow_up=False)
+    assert outcome["verdicts"] == ["none"]
+    assert all(score < MARGIN for _, _, score, _, _ in outcome["candidates"])
+
+
+def a_track():
+    t = np.arange(2000) * STEP_s
+    u = 4 - 4 * np.cos(2 * np.pi * 5 * t)
+    view = TimeView(
+        gain_um_per_V=5.0, delay_s=2e-4, play_r_V=(0.5, 1.5), play_w_um_per_V=(2.0, 1.0),
+        rest_fraction=-1.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s, residual_um_rms=0.1,
+    )  # fmt: skip
+    mode = Effect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (150.0, 420.0), "zeta": (0.02, 0.05)})
+    run = Run("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", "", {}, {})
+    return track(AxisModel(time=view, effects=(mode,)), run)
+
+
+def test_every_number_of_the_base_has_its_tangent_where_a_reference_can_say_how_wrong_it_is():
+    made = a_track()
+    refitted, learned = (base_columns(made, Freedom(learned=known)) for known in (False, True))
+    own = learned[:, -7:]  # the delay, and two modes of three numbers
+    assert learned.shape[1] > refitted.shape[1] + own.shape[1]  # and what plays miss of a denser memory
+    view = made.axis.time
+    later = view.model_copy(update={"delay_s": view.delay_s + 0.05 * STEP_s})
+    np.testing.assert_allclose(
+        own[:, 0], made.with_axis(made.axis.model_copy(update={"time": later})).answer() - made.answer()
+    )
+    assert np.linalg.matrix_rank(own / np.linalg.norm(own, axis=0), tol=1e-6) == 7
+
+
+def test_a_track_under_another_model_remembers_the_same():
+    made = a_track()
+    started = replace(made, plays_V=np.array([0.2, -0.3]))
+    assert started.with_axis(made.axis).plays_V is started.plays_V
