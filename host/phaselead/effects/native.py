@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from phaselead.compiled import kernel_of
 
 Samples = NDArray[np.float64]
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_DOUBLES = ctypes.c_void_p
 
 
 FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays", "smooth_delay")
@@ -39,8 +39,8 @@ def _doubles(values: ArrayLike) -> Samples:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _at(values: Samples) -> ctypes._Pointer[ctypes.c_double]:
-    return values.ctypes.data_as(_DOUBLES)
+def _at(values: Samples) -> int:
+    return values.ctypes.data
 
 
 def lags(x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] | Samples, step_s: float) -> Samples:

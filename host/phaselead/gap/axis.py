@@ -128,7 +128,7 @@ def _named(
     growth: Growth, final: Final, label: str | None, seed: int
 ) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
     """Named effects, ties, and what goes into the file's list (a tie's best member too, so that the model predicts)."""
-    values = intervals(final.fitted, growth.bench.correction, seed)
+    values = intervals(final.fitted, growth.bench.slim, growth.bench.correction, seed)
     by_name = {effect.name: v for (effect, _), v in zip(final.fitted.entries, values, strict=True)}
     named, ties, entries = [], [], []
     for one in growth.named:

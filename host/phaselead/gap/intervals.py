@@ -7,23 +7,25 @@ import numpy as np
 from phaselead.effects import Parameter
 from phaselead.gap.compare import residual_amounts
 from phaselead.gap.correction import Correction
+from phaselead.gap.panel import Panel
 from phaselead.gap.refit import Fitted, inner, outer
 from phaselead.gap.result import Value
-from phaselead.gap.search import projection, with_free
+from phaselead.gap.search import full_moments, projection, with_free
 from phaselead.record.recording import Samples
 
 DRAWS = 400
 
 
-def intervals(fitted: Fitted, correction: Correction, seed: int) -> list[dict[str, Value]]:
+def intervals(fitted: Fitted, panel: Panel, correction: Correction, seed: int) -> list[dict[str, Value]]:
     """Value, unit and 95 % interval of every parameter of every effect.
 
-    A draw weighs the blocks of the training records anew (Efron and Tibshirani 1993, section 9.4, on the scores: full
-    refits give the same to first order). Never narrower than the white-noise interval.
+    ``panel`` holds the common columns of the training records. A draw weighs the blocks of these records anew (Efron
+    and Tibshirani 1993, section 9.4, on the scores: full refits give the same to first order). Never narrower than the
+    white-noise interval.
     """
     if not fitted.entries:
         return []
-    draws = _draws(fitted, correction, seed)
+    draws = _draws(full_moments(panel, fitted), correction, seed)
     found: list[dict[str, Value]] = [{} for _ in fitted.entries]
     for j, (i, p) in enumerate(fitted.free):
         value = float(fitted.entries[i][1][p.name])
@@ -38,9 +40,9 @@ def _interval(p: Parameter, value: float, shifts: Samples) -> tuple[float, float
     return min(ends[0], value), max(ends[1], value)
 
 
-def _draws(fitted: Fitted, correction: Correction, seed: int) -> Samples:
+def _draws(moments: Samples, correction: Correction, seed: int) -> Samples:
     """(DRAWS, tangents) shifts of the parameters in internal units."""
-    moments, k = fitted.moments, len(correction.index)
+    k = len(correction.index)
     target = moments.shape[-1] - 1
     tangents = np.arange(k, target)
     total = moments.sum(axis=0)

@@ -100,12 +100,12 @@ def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
 
 def _known(growth: Growth, rival: Rival) -> Samples:
     """From the moments of its refit and what is known of the base; weights only, no directions of the residual."""
-    moments = rival.fitted.moments.sum(axis=0)
+    total = rival.fitted.total
     correction, k = growth.bench.correction, len(growth.bench.layout.common())
-    size = len(moments) - 1
+    size = len(total) - 1
     if size != k + rival.fitted.n_tangents:  # the base was given an operator since
         return np.eye(growth.bench.layout.n_base + rival.fitted.n_tangents)
-    inner = moments[:size, :size] / growth.inflation
+    inner = total[:size, :size] / growth.inflation
     inner[np.ix_(correction.index, correction.index)] += correction.precision
     base = np.arange(k - growth.bench.layout.n_base, k)
     kept = np.concatenate([base, np.arange(k, size)])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -102,6 +103,22 @@ class Panel:
                 moments[block, k:, k:] = part.T @ part
                 block += 1
         return moments
+
+    def total_with_columns(self, fresh: Sequence[Samples]) -> Samples:
+        """The same summed over all blocks, (k + q, k + q)."""
+        q, k = fresh[0].shape[1], self.size
+        total = np.zeros((k + q, k + q))
+        total[:k, :k] = self._fixed_total
+        for i, columns in enumerate(fresh):
+            new = self.evidence.project(i, columns)
+            total[:k, k:] += np.asarray(self.projected[i], dtype=np.float64).T @ new
+            total[k:, k:] += new.T @ new
+        total[k:, :k] = total[:k, k:].T
+        return total
+
+    @cached_property
+    def _fixed_total(self) -> Samples:
+        return np.asarray(self.fixed.sum(axis=0))
 
     def reweighted(self, weights: Sequence[Samples]) -> Panel:
         """The same with other weights (blocks,) per track. Shrunk nuisances move a little with them: ignored."""

@@ -29,11 +29,11 @@ ENOUGH = 0.05
 
 @dataclass(frozen=True)
 class Fitted:
-    """Effects at their best, and moments (blocks, k, k) of [common columns, tangents, residual] there."""
+    """Effects at their best, and the sum (k, k) of the moments of [common columns, tangents, residual] there."""
 
     entries: tuple[Entry, ...]
     squares: float
-    moments: Samples
+    total: Samples
     free: tuple[tuple[int, Parameter], ...]
 
     @property
@@ -79,16 +79,16 @@ def _sampled(effect: Effect, highest_Hz: float) -> Effect:
 
 def _normal(fitted: Fitted, correction: Correction) -> tuple[Samples, Samples]:
     k = len(correction.index)
-    total = correction.conditioned(fitted.moments.sum(axis=0), fitted.moments.shape[-1] - 1)
+    total = correction.conditioned(fitted.total, len(fitted.total) - 1)
     return total[k:-1, k:-1], total[k:-1, -1]
 
 
 def _evaluate(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> Fitted:
     free = tuple((i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters)
-    moments = panel.with_columns([fresh_columns(track, entries, free) for track in panel.evidence.tracks])
-    target = moments.shape[-1] - 1
-    left = float(correction.conditioned(moments.sum(axis=0), target)[target, target])
-    return Fitted(tuple(entries), left, moments, free)
+    total = panel.total_with_columns([fresh_columns(track, entries, free) for track in panel.evidence.tracks])
+    target = len(total) - 1
+    left = float(correction.conditioned(total, target)[target, target])
+    return Fitted(tuple(entries), left, total, free)
 
 
 def fresh_columns(track: Track, entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> Samples:
@@ -100,8 +100,8 @@ def fresh_columns(track: Track, entries: Sequence[Entry], free: Sequence[tuple[i
 
 def squares(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> float:
     """Whitened squares that the effects leave, everything else projected out."""
-    moments = panel.with_columns([track.error(entries)[:, None] for track in panel.evidence.tracks])
-    return float(correction.conditioned(moments.sum(axis=0), panel.size)[-1, -1])
+    total = panel.total_with_columns([track.error(entries)[:, None] for track in panel.evidence.tracks])
+    return float(correction.conditioned(total, panel.size)[-1, -1])
 
 
 def _differences(entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> list[tuple[int, Parameter, float]]:
