@@ -118,6 +118,13 @@ def bounds_hold(outcome: Outcome) -> list[bool]:
     return found
 
 
+def absent_bounds(outcome: Outcome) -> int:
+    """How many effects that are not there were bounded. A bound is never below 0, so all of these hold."""
+    hidden = {(h["name"], h["axis"]) for h in outcome["hidden"]}
+    bounds = () if outcome["error"] else outcome["excluded"]
+    return sum((b["name"], None) not in hidden and (b["name"], b["axis"]) not in hidden for b in bounds)
+
+
 def resolved(outcome: Outcome) -> bool | None:
     """Whether the proposed experiment turned a tie that held the truth into its name; None without such a tie."""
     after = outcome.get("after_next")
