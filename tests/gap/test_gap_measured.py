@@ -31,7 +31,8 @@ def test_a_straight_line_lacks_hysteresis(tmp_path):
     assert phaselead("gap", "--model", linear, *records, "-o", after, "--json", figures, *MAPPED) == (0, "")
     found = json.loads(figures.read_text())
     assert "named" in found["verdicts"]
-    assert found["effects"][0]["name"] == "hysteresis"
+    assert [e["name"] for e in found["effects"]] == ["hysteresis"]
+    assert {"delay", "amplifier_lowpass", "sensor_lowpass"} in [set(tie) for tie in found["ties"]]
     assert found["gap"]["after"] <= 0.27 < found["gap"]["before"]
     assert linear.read_bytes() == before
     assert after.exists()

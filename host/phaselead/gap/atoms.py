@@ -29,7 +29,7 @@ GAIN_STD, PLAY_STD, OPEN_STD = 0.05, 0.02, 0.3
 its plays are fitted anew with every effect."""
 
 
-DELAY_STD, OWN_STD = 0.05, 0.02
+DELAY_STD, OWN_STD = 0.05, 0.005
 """The same of its delay, in rows, and of the parameters of its own effects."""
 
 

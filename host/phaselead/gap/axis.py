@@ -89,7 +89,7 @@ def search_axis(
     if "offset" in shifts and "offset" in allowed - taken:
         excluded.append(Bound("offset", abs(shifts["offset"].amount) + shifts["offset"].half, "um", label))
     on_progress(0.97)
-    tied = next((n for n in growth.named if len(n.tied) > 1), None)
+    tied = max((n for n in growth.named if len(n.tied) > 1), key=_comparable, default=None)
     return AxisResult(
         axis,
         adopted(final.axis, [*file_entries, *noise_like]),
@@ -122,6 +122,11 @@ def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], di
         elif effect.kind != "disturbance" or (effect.place == Place.ENVIRONMENT and effect.name == "thermal_drift"):
             allowed.append(effect)
     return allowed, refused
+
+
+def _comparable(one: Named) -> bool:
+    """Whether two of its tie were refitted, so that an experiment can be predicted for both."""
+    return sum(r.effect.name in one.tied for r in one.rivals) > 1
 
 
 def _named(

@@ -33,6 +33,8 @@ NEAR_SHARE, FAR_SHARE, OPERATOR_SHARE = 0.05, 0.002, 0.02
 """Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
 that is right by and large leaves is explained best by those it is confused with, and is no evidence for them; a whole
 operator in place of the equation leaves less."""
+PLENTY_ON_ONE_LOOP = 50.0
+"""Points from which an effect is told from others although all records go round one loop."""
 RISK = 0.0125
 """Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
 
@@ -180,7 +182,7 @@ def _accept(
     growth: Growth, found: Contest, held: HeldOut, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool
 ) -> None:
     best = found.best
-    tied = tuple(r.effect.name for r in found.tied())
+    tied = (*(r.effect.name for r in found.tied()), *_uncompared(growth, found, effects))
     view = growth.bench.axis.time
     assert view is not None
     equation = best.effect.name != "hysteresis" or bool(view.play_r_V)
@@ -197,6 +199,18 @@ def _accept(
     growth.bench = bench(axis, runs, effects, frozen, open_plays=True)
     others = list(best.fitted.entries[:-1])
     growth.fitted = refit(growth.bench.slim, growth.bench.correction, others)
+
+
+def _uncompared(growth: Growth, found: Contest, effects: Sequence[Effect]) -> list[str]:
+    """Where all records go round one loop and little is gained: what the best is confused with and what fell out before
+    it was refitted. One loop does not rule it out."""
+    best = found.best.effect
+    if not found.one_loop or found.best.score > PLENTY_ON_ONE_LOOP:
+        return []
+    compared = {r.effect.name for r in found.rivals}
+    shown = {shapes[0].effect.name for shapes in growth.last_scan}
+    near = [e for e in effects if e.name in best.confused_with or best.name in e.confused_with]
+    return [e.name for e in near if e.name in shown - compared]
 
 
 def _prune(growth: Growth) -> None:
