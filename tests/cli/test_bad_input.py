@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from phaselead.cli.board import check_before_upload
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.link.capture import DeviceFault, capture
 
@@ -358,3 +359,22 @@ def test_a_voltage_that_stands_at_its_limit_is_legitimate(run, tmp_path):
     rows[:, 2] = 20 * rows[:, 1] + 2 * np.sin(2 * np.pi * 5.0 * t_s)
     path = write(tmp_path / "limited.csv", rows)
     assert run("fit", path, "--base", "linear", "-o", tmp_path / "out.toml").status == 0
+
+
+@pytest.mark.parametrize(
+    ("port", "words"),
+    [
+        ("sim://xyz250", ("is no board", "--port")),
+        ("qemu://nucleo_f446re", ("is no board", "--check-only")),
+        ("/dev/no-such-board", ("no such port", "plugged in")),
+    ],
+)
+def test_flash_builds_nothing_where_there_is_no_board(run, port, words):
+    assert_one_line(run("flash", "--port", port), 2, *words)
+
+
+def test_flash_says_what_it_uploads_with(tmp_path, monkeypatch):
+    (tmp_path / ".pio-core").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(BadInput, match="apt install openocd"):
+        check_before_upload(tmp_path, "/dev/null")

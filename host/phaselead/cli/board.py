@@ -20,6 +20,8 @@ from phaselead.link.selftest import selftest as test_axis
 
 ROOT = Path(__file__).resolve().parents[3]
 ENVIRONMENTS = ("nucleo_f446re", "generic_f405")
+PREPARED = ".pio-core"
+"""What `make toolchain` leaves."""
 FAILED = 1
 
 
@@ -39,9 +41,19 @@ def pio() -> str:
     return found
 
 
+def check_before_upload(root: Path, port: str) -> None:
+    """Before anything is built. Raises BadInput when there is no board at this port, or nothing to upload with."""
+    if port.startswith(("sim://", "qemu://")):
+        raise BadInput(f"{port} is no board; give --port its serial line (see `phaselead ports`), or --check-only")
+    if port.startswith("/") and not Path(port).exists():
+        raise BadInput(f"{port}: there is no such port; is the board plugged in? `phaselead ports` lists what is")
+    if (root / PREPARED).is_dir() and shutil.which("openocd") is None:
+        raise BadInput("openocd is missing, which uploads where there is no registry; sudo apt install openocd")
+
+
 def build_and_upload(root: Path, environment: str) -> str:
     """Runs PlatformIO; gives the build id of what it put on the board. Raises PhaseleadError when it fails."""
-    prepared = root / ".pio-core"
+    prepared = root / PREPARED
     variables = os.environ | ({"PLATFORMIO_CORE_DIR": str(prepared)} if prepared.is_dir() else {})
     command = [pio(), "run", "-d", str(root), "-e", environment, "-t", "upload"]
     done = subprocess.run(command, env=variables, stdout=sys.stderr, check=False)
@@ -74,6 +86,7 @@ def flash(environment: str, port: str, check_only: bool, json_to: str | None) ->
     if check_only:
         build_id: str = runpy.run_path(str(root / "firmware" / "build_id.py"))["build_id"](root)
     else:
+        check_before_upload(root, port)
         build_id = build_and_upload(root, environment)
     with Device.open(port) as device:
         check_board(device, environment, build_id)
