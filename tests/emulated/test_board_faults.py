@@ -95,6 +95,20 @@ def test_a_spike_on_the_interlock_is_no_fault(running):
     assert running.state == wire.State.RUNNING
 
 
+def test_an_open_interlock_is_not_cleared_away(running):
+    """Once a fault could be cleared, and a path started, with the contact still open."""
+    running.device.inject(Injection.INTERLOCK, 1)
+    running.run(1000)
+    running.ok(wire.ParkRequest(), wire.ClearFaultRequest())
+    running.run(5)
+    assert running.ask(wire.ArmRequest(0)) == wire.Status.FAULT_LATCHED
+    assert running.ok(wire.StatusRequest()).fault == wire.Fault.INTERLOCK
+    running.device.inject(Injection.INTERLOCK, 0)
+    running.ok(wire.ClearFaultRequest())
+    running.run(5)
+    assert running.state == wire.State.PARKED
+
+
 def test_noise_on_the_line_costs_frames_and_nothing_else(running):
     running.device.inject(Injection.NOISE, 10)
     running.device.write(running.frame(wire.StatusRequest()))
