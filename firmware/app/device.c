@@ -307,7 +307,8 @@ static EACH_AXIS void settle_one(struct device *device, unsigned axis, uint32_t 
     struct axis_state *state = &device->control.axis[axis];
     if ((moving >> axis & 1u) == 0)
         return;
-    axis_settle(&device->model_of[axis], state, &device->traces[axis]);
+    if (axis_settle(&device->model_of[axis], state, &device->traces[axis]))
+        device_stir(device, axis);
     if (state->rail_ticks >= RAIL_TICKS && device->control.state == WIRE_STATE_RUNNING)
         watch_rail(device, axis);
     if (device->traces[axis].path_done) {

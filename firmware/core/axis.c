@@ -220,8 +220,11 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, uint1
     return rests;
 }
 
-void axis_settle(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace)
+bool axis_settle(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace)
 {
-    if (model->compensation != NULL && !trace->inverted)
-        compensation_follow(model->compensation, &state->compensation, state->u_q24);
+    const struct compensation *compensation = model->compensation;
+    if (compensation == NULL || trace->inverted)
+        return false;
+    compensation_follow(compensation, &state->compensation, state->u_q24);
+    return compensation->creep.fours != 0;
 }

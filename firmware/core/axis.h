@@ -115,8 +115,9 @@ int32_t axis_error_q16(const struct axis_config *config, struct axis_state *stat
 AXIS_CALLED bool axis_step(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                            int32_t error_q16, struct axis_trace *trace);
 
-/* Behind the output: the memory of an inverse that did not make it goes along. */
-void axis_settle(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace);
+/* Behind the output: the memory of an inverse that did not make it goes along. True when it goes on with an output that
+ * stands still: creep. */
+bool axis_settle(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace);
 
 /* Feedback is at work in this mode. */
 bool axis_mode_closes(uint32_t mode);
