@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
 from phaselead.effects.filters import mode_coefficients, relaxed, relaxed_late, resonant, smoothly_relaxed
-from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed, smoothly_delayed
+from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed
 
 rows = st.integers(1, 40).flatmap(
     lambda n: arrays(np.float64, n, elements=st.floats(-10, 10).map(lambda v: round(v, 6)))
@@ -81,32 +81,6 @@ def test_scaled_plays_equal_plain_python(v, seed):
 def test_scaled_plays_refuse_other_shapes():
     with pytest.raises(ValueError, match="shapes differ"):
         scaled_plays(np.zeros(4), np.ones(3), [1.0], [1.0], [0.0])
-
-
-@laws
-@given(rows, st.integers(0, 50))
-def test_whole_delays_shift(x, n):
-    assert np.array_equal(smoothly_delayed(x, n), np.concatenate([np.full(n, x[0]), x])[: len(x)])
-
-
-@laws
-@given(st.lists(st.floats(0, 3), min_size=2, max_size=30), st.floats(0, 5))
-def test_what_only_rises_overshoots_nowhere(steps, delay):
-    x = np.cumsum(steps)
-    y = smoothly_delayed(x, delay)
-    assert (np.diff(y) >= -1e-9).all()
-    assert y.max() <= x.max() + 1e-9
-
-
-def test_cubics_are_exact_where_curvature_is_smooth():
-    k = np.arange(40.0)
-    x = (k - 90) ** 3 / 1e4
-    assert smoothly_delayed(x, 2.3)[5:] == pytest.approx(((k - 92.3) ** 3 / 1e4)[5:], abs=1e-9)
-
-
-def test_delays_of_the_future_are_refused():
-    with pytest.raises(ValueError, match="future"):
-        smoothly_delayed(np.zeros(3), -0.5)
 
 
 @pytest.mark.parametrize("zeta", [0.03, 1.0, 4.0])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.effects.native import smoothly_delayed
+from phaselead.stage.operator import delayed
 
 
 def apply(signal: Signal, params: Params) -> Samples:
-    return smoothly_delayed(signal.value, number(params, "delay_s") / signal.step_s)
+    """By itself. Beside another delay the chain takes both in one: what runs straight between rows is bent by each."""
+    return delayed(signal.value, number(params, "delay_s") / signal.step_s, float(signal.value[0]))
 
 
 EFFECT = Effect(

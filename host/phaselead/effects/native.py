@@ -17,7 +17,7 @@ Samples = NDArray[np.float64]
 _DOUBLES = ctypes.c_void_p
 
 
-FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays", "smooth_delay")
+FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays")
 
 
 @cache
@@ -29,7 +29,6 @@ def _kernel() -> ctypes.CDLL:
     kernel.stage_second_order_left.argtypes = [size, *[ctypes.c_void_p] * 4, double, size, *[ctypes.c_void_p] * 2]
     kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
     kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 2, double, *[_DOUBLES] * 2]
-    kernel.stage_smooth_delay.argtypes = [size, _DOUBLES, double, _DOUBLES]
     for name in FUNCTIONS:
         getattr(kernel, f"stage_{name}").restype = None
     return kernel
@@ -117,14 +116,4 @@ def scaled_plays(
     if not r.shape == w.shape == p.shape or scale.shape != v.shape:
         raise ValueError(f"shapes differ: r {r.shape}, w {w.shape}, start {p.shape}; v {v.shape}, scale {scale.shape}")
     _kernel().stage_scaled_plays(len(v), _at(v), _at(scale), len(r), _at(r), _at(w), held, _at(p), _at(y))
-    return y
-
-
-def smoothly_delayed(x: ArrayLike, rows: float) -> Samples:
-    """``x`` late by ``rows`` >= 0, a real number, on cubics that overshoot nowhere; x[0] before the first row."""
-    x = _doubles(x)
-    y = np.empty_like(x)
-    if not rows >= 0:
-        raise ValueError(f"a delay of {rows} rows would need the future")
-    _kernel().stage_smooth_delay(len(x), _at(x), rows, _at(y))
     return y

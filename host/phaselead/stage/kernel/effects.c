@@ -100,32 +100,3 @@ void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m
         y[k] = sum;
     }
 }
-
-static double row(const double *x, size_t n, size_t k, size_t back, size_t ahead)
-{
-    if (k + ahead < back) {
-        return x[0];
-    }
-    size_t at = k + ahead - back;
-    return x[at < n ? at : n - 1];
-}
-
-void stage_smooth_delay(size_t n, const double *x, double delay, double *y)
-{
-    size_t whole = delay < (double)n ? (size_t)delay : n;
-    double part = delay < (double)n ? delay - (double)whole : 0.0;
-    for (size_t k = 0; k < n; k++) {
-        double near = row(x, n, k, whole, 0), far = row(x, n, k, whole + 1, 0);
-        double near_bend = row(x, n, k, whole, 1) - 2 * near + far;
-        double far_bend = near - 2 * far + row(x, n, k, whole + 2, 0);
-        y[k] = near + part * (far - near);
-        if (near_bend * far_bend > 0) {
-            if (near_bend / far_bend > 2) {
-                near_bend = 2 * far_bend;
-            } else if (far_bend / near_bend > 2) {
-                far_bend = 2 * near_bend;
-            }
-            y[k] -= part * (1 - part) / 6 * ((2 - part) * near_bend + (1 + part) * far_bend);
-        }
-    }
-}

@@ -26,14 +26,9 @@ PHASELEAD_EXPORT void stage_second_order_left(size_t n, const double *x, const d
 PHASELEAD_EXPORT void stage_slew(size_t n, const double *x, double rise, double *y);
 
 /* y[k] = sum w_j play_j[v] with thresholds scale[k] r_j that change from row to row; the plays start at p. Where a
-   threshold shrinks, what is held back beyond it is let go at once but for the
-   share `held`, which is let go only as the voltage moves, by as much. */
+ * threshold shrinks, what is held back beyond it is let go at once but for the share `held`, which is let go only as
+ * the voltage moves, by as much. */
 PHASELEAD_EXPORT void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m, const double *r,
                                          const double *w, double held, double *p, double *y);
-
-/* y[k] = x at (k - delay) rows, on a cubic through the four rows around it (Everett's formula), so that the gain stays
- * flat. Where the curvature on both sides differs in sign or more than twofold it is limited: steps and corners do not
- * overshoot, which plays would never forget. */
-PHASELEAD_EXPORT void stage_smooth_delay(size_t n, const double *x, double delay, double *y);
 
 #endif
