@@ -8,7 +8,7 @@ from phaselead.effects import catalogue
 from phaselead.errors import BadInput
 from phaselead.gap.campaign import score
 from phaselead.gap.campaign.summary import accuracy_coverage, by_size, confusion, numbers, summary
-from phaselead.gap.campaign.table import BEGIN, END, markdown, write_table
+from phaselead.gap.campaign.table import BEGIN, END, markdown, reached, write_table
 
 
 def outcome(kind="single", hidden=("delay",), named=(), ties=(), size=1.0, **more):
@@ -141,6 +141,12 @@ def test_accuracy_by_size_and_by_coverage():
     assert by_size(outcomes)["delay"] == {"0.2": 0.0, "1": 1.0}
     curve = accuracy_coverage(outcomes)
     assert [(p["coverage"], p["accuracy"]) for p in curve] == [(0.5, 1.0), (1.0, 0.5)]
+
+
+def test_nearly_all_is_not_all():
+    row = {"what": "", "target": "", "unit": "%", "of": 1000}
+    shown = [reached({**row, "reached": value}) for value in (100.0, 99.66, 98.6, 2.46, 0.0)]
+    assert shown == ["100 % (of 1000)", "99.7 % (of 1000)", "99 % (of 1000)", "2.5 % (of 1000)", "0 % (of 1000)"]
 
 
 def test_the_table_goes_between_the_marks_and_nowhere_else(tmp_path):

@@ -18,7 +18,8 @@ def reached(row: dict[str, Any]) -> str:
         return "not tried"
     if row["unit"] == "":
         return f"{value} of {row['of']}"
-    digits = f"{value:.0f}" if value >= 10 or value == 0 else f"{value:.2g}"
+    nearly_all = 99.5 <= value < 100
+    digits = f"{value:.0f}" if (value >= 10 and not nearly_all) or value == 0 else f"{value:.{3 if nearly_all else 2}g}"
     return f"{digits} {row['unit']} (of {row['of']})"
 
 
