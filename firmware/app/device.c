@@ -252,17 +252,29 @@ void device_fault(struct device *device, enum wire_fault fault, unsigned axis, u
 
 void device_raise(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail)
 {
-    device->raised_axis = axis;
-    device->raised_detail = detail;
+    uint32_t none = WIRE_FAULT_NONE;
+    device->raised_as[fault].axis = axis;
+    device->raised_as[fault].detail = detail;
+    atomic_compare_exchange_strong_explicit(&device->raised_first, &none, fault, memory_order_relaxed,
+                                            memory_order_relaxed);
     atomic_fetch_or_explicit(&device->raised, 1u << fault, memory_order_release);
 }
 
-static void take_raised(struct device *device)
+static void take_fault(struct device *device, uint32_t raised, unsigned fault)
+{
+    if ((raised >> fault & 1u) != 0)
+        device_fault(device, (enum wire_fault)fault, device->raised_as[fault].axis, device->raised_as[fault].detail);
+}
+
+/* The first to be raised is the one that is latched. */
+static __attribute__((noinline)) void take_raised(struct device *device)
 {
     uint32_t raised = atomic_exchange_explicit(&device->raised, 0, memory_order_acquire);
+    uint32_t first = atomic_exchange_explicit(&device->raised_first, WIRE_FAULT_NONE, memory_order_relaxed);
+    take_fault(device, raised, first);
     for (unsigned fault = 1; fault < WIRE_FAULT_COUNT; fault++)
-        if (raised >> fault & 1u)
-            device_fault(device, (enum wire_fault)fault, device->raised_axis, device->raised_detail);
+        if (fault != first)
+            take_fault(device, raised, fault);
 }
 
 static void watch_host(struct device *device)

@@ -76,10 +76,9 @@ struct line {
 struct device {
     struct control control;
     struct device_port port;
-    uint64_t session;        /* 0: none yet */
-    _Atomic uint32_t raised; /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
-    uint32_t raised_axis;
-    uint32_t raised_detail;
+    uint64_t session;              /* 0: none yet */
+    _Atomic uint32_t raised;       /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
+    _Atomic uint32_t raised_first; /* of them; enum wire_fault */
     uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns, latched_late; /* kept by the port */
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
@@ -97,6 +96,9 @@ struct device {
     struct events events;
     struct recorder recorder;
     struct line line;
+    struct {
+        uint32_t axis, detail;
+    } raised_as[WIRE_FAULT_COUNT]; /* what goes with each fault of `raised` */
 };
 
 _Static_assert(sizeof(struct control) == 48 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state)),

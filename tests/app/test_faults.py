@@ -143,6 +143,17 @@ def test_the_first_fault_stays_when_others_follow(moving):
     assert (status.fault, status.fault_axis) == (wire.Fault.TRACKING_ERROR, 2)  # ... but not the cause
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_two_faults_of_one_tick_the_first_is_kept_with_its_axis(moving, first):
+    """The second once gave its axis and detail to both, and a lower number won: a crash with a dead DAC was lost."""
+    faults = [(wire.Fault.INTERLOCK, 1), (wire.Fault.CONVERTER_SILENT, 2)]
+    for fault, axis in (faults[first], faults[1 - first]):
+        moving.firmware.inject(fault, axis)
+    moving.run(1)
+    status = moving.status()
+    assert (status.fault, status.fault_axis) == faults[first]
+
+
 def test_a_fault_freezes_the_recorder_after_its_post_trigger(moving):
     start = moving.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))
     moving.run(100)
