@@ -72,6 +72,9 @@ static inline int64_t biquad_joined_q40(struct biquad_value value)
     return (int64_t)value.high_q12 * (1 << BIQUAD_HALF_BITS) + value.low_q40;
 }
 
+_Static_assert(sizeof(struct biquad_config) == 20 && sizeof(struct biquad_state) == 32,
+               "the board's own instructions know where each number lies");
+
 struct biquad_sum { /* high x 2^28 + low: five products and the half that rounds, exactly */
     int64_t high, low;
 };

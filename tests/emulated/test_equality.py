@@ -1,6 +1,8 @@
 """The ELF on the emulated boards and the same source in this process: the same bits, for 100,000 ticks."""
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
 from zlib import crc32
 
 import numpy as np
@@ -14,6 +16,7 @@ from phaselead.sim.emulated import BOARDS
 
 ALL_CHANNELS = 31
 TICKS = 100_000
+BUDGET = Path(__file__).parents[2] / "benchmarks" / "budget.py"
 RECORD_SIZE = 16 + wire.Model.SIZE
 
 
@@ -72,12 +75,13 @@ def script(talker):
     return before_flash
 
 
-def repeat(board, stage):
-    """The same commands, each before the tick at which the board obeyed it, on a device in this process."""
+def repeat(board, stage, erasing_from):
+    """The same commands, each before the tick at which the board obeyed it, on a device in this process. From tick
+    ``erasing_from`` on, ticks that go by on a board while flash is erased are left out."""
     device = VirtualDevice(stage)
     talker = Talker(device)
     for frame, tick in zip(board.frames, board.ticks, strict=True):
-        talker.run(min(tick, board.ticks[-2]) - device.tick)  # on a board ticks go by while flash is erased
+        talker.run(min(tick, erasing_from) - device.tick)
         device.write(frame)
     talker.run(200)
     return talker
@@ -90,7 +94,7 @@ def test_board_and_process_say_the_same_bits(board, stage, start):
     last = script(talker)
     assert last > TICKS
     adc, dac = emulated.codes()
-    twin = repeat(talker, stage)
+    twin = repeat(talker, stage, talker.ticks[-2])
 
     one, other = (np.concatenate([np.frombuffer(batch.data, np.uint8) for batch in t.samples]) for t in (talker, twin))
     assert len(one) == len(other) >= TICKS * 36
@@ -111,3 +115,24 @@ def test_board_and_process_say_the_same_bits(board, stage, start):
     own, _ = twin.device.flash()
     assert image[:RECORD_SIZE] == own[:RECORD_SIZE] != b"\xff" * RECORD_SIZE
     assert set(image[RECORD_SIZE:]) == {0xFF}
+
+
+def test_every_place_of_a_model_says_the_same_bits(stage, start):
+    talker = Talker(start("nucleo_f446re"), pause=60)
+    full = runpy.run_path(str(BUDGET))["full"]()  # 32 plays, 24 dead zones, 8 creep terms, 7 sections an axis
+    talker.ok(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(full))
+    talker.ok(wire.StreamStartRequest(ALL_CHANNELS, 7, 1))
+    for axis, f_Hz in enumerate((3, 17, 60)):
+        path = wire.SetPathRequest(axis, wire.PathKind.SINE, 40 * UM, 5 * UM, step(f_Hz), 0)
+        talker.ok(with_gains(axis, wire.Mode.INVERSE_PID), path)
+    talker.ok(wire.ArmRequest(0), wire.StartRequest(7))
+    talker.run(10_000)
+    talker.ok(wire.ParkRequest())
+    talker.run(1000)
+    talker.ok(wire.StreamStopRequest())
+    talker.run(100)
+    twin = repeat(talker, stage, talker.ticks[-1])
+    one, other = (b"".join(batch.data for batch in t.samples) for t in (talker, twin))
+    assert one == other
+    dac = np.frombuffer(one, np.dtype([("r", "<i4"), ("adc", "<u2"), ("dac", "<u2"), ("ff_fb", "<i4")]))["dac"]
+    assert [len(np.unique(dac[axis::3])) > 500 for axis in range(3)] == [True] * 3
