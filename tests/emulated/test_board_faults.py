@@ -24,6 +24,8 @@ WATCHDOG_AND_BOOT_TICKS = 100
 IWDG_RELOAD, RELOAD_AT_RESET = 0x4000_3008, struct.pack("<I", 0xFFF)
 BRANCH_TO_ITSELF = struct.pack("<H", 0xE7FE)
 UNDEFINED = struct.pack("<H", 0xDEFF)
+BREAKPOINT = struct.pack("<H", 0xBE00)  # a HardFault where no debugger listens
+NOWHERE = struct.pack("<HHH", 0x2005, 0x0740, 0x6800)  # reads from 0xA0000000, where nothing answers
 RECURSE = struct.pack("<HHH", 0xB5FF, 0xF7FF, 0xFFFD)  # push {r0-r7, lr}; bl to the push
 
 
@@ -147,6 +149,9 @@ def back_at_zero(codes, within):
     ("place", "code", "loss", "within"),
     [
         ("serial_poll", UNDEFINED, wire.CoreLoss.USAGE_FAULT, 2),
+        ("serial_poll", BREAKPOINT, wire.CoreLoss.HARD_FAULT, 2),
+        ("tick_interrupt", BREAKPOINT, wire.CoreLoss.HARD_FAULT, 2),
+        ("serial_poll", NOWHERE, wire.CoreLoss.BUS_FAULT, 2),
         ("serial_poll", RECURSE, wire.CoreLoss.STACK_OVERFLOW, 2),
         ("tick_interrupt", UNDEFINED, wire.CoreLoss.USAGE_FAULT, 2),
         ("tick_interrupt", BRANCH_TO_ITSELF, wire.CoreLoss.WATCHDOG, WATCHDOG_AND_BOOT_TICKS),
