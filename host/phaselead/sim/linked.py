@@ -141,6 +141,7 @@ def _asymmetric_hysteresis(to: Building, terms: Terms) -> None:
 
 def _rate_dependence(to: Building, terms: Terms) -> None:
     to.axis.operator.widening = terms.one("widening", low=0.0)
+    to.axis.operator.held = terms.one("held", low=0.0)
     to.axis.operator.onset_V_per_s = terms.one("onset_per_s", above=0.0) * to.range_V
 
 

@@ -42,6 +42,7 @@ class Operator(ctypes.Structure):
         ("widening", ctypes.c_double),
         ("onset_V_per_s", ctypes.c_double),
         ("tick_s", ctypes.c_double),
+        ("held", ctypes.c_double),
         ("plays", ctypes.c_uint32),
         ("deadzones", ctypes.c_uint32),
     )

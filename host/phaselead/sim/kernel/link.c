@@ -46,11 +46,15 @@ static double asymmetry_um(struct operator_state *o, double u_V)
 static double operator_um(struct operator_state *o, double u_V)
 {
     const struct operator_parameters *p = o->with;
-    double x = p->gain_um_per_V * u_V, scale = widened(o, u_V);
+    double x = p->gain_um_per_V * u_V, scale = widened(o, u_V), moved = fabs(u_V - o->last_V);
     for (uint32_t i = 0; i < p->plays; i++) {
-        o->play[i] = clamp(o->play[i], u_V - scale * p->play_r_V[i], u_V + scale * p->play_r_V[i]);
+        double reach = scale * p->play_r_V[i], kept = fabs(o->last_V - o->play[i]) - moved;
+        if (kept > reach && p->widening != 0)
+            reach += p->held * (kept - reach);
+        o->play[i] = clamp(o->play[i], u_V - reach, u_V + reach);
         x += p->play_w_um_per_V[i] * o->play[i];
     }
+    o->last_V = u_V;
     for (uint32_t i = 0; i < p->deadzones; i++)
         x += u_V > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (u_V - p->deadzone_d_V[i]) : 0;
     return x + asymmetry_um(o, u_V);
@@ -64,6 +68,7 @@ static void operator_rest(struct operator_state *o, double rest_V)
         o->square_play[i] = square_of(p, rest_V);
     for (int i = 0; i < LINK_SUBSTEPS; i++)
         o->recent_V[i] = rest_V;
+    o->last_V = rest_V;
     o->rest_um = operator_um(o, rest_V);
 }
 

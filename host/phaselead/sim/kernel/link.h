@@ -35,6 +35,7 @@ struct operator_parameters { /* a stage file's time view, with what can bend its
     double low_V, high_V;                   /* the voltages that shares below refer to */
     double bend_um, skew_um, skew_reach;    /* asymmetry: common curvature, one-sided width */
     double widening, onset_V_per_s, tick_s; /* growth of the thresholds per decade of rate over the last tick */
+    double held;                            /* share of what shrinking thresholds let go only as the voltage moves */
     uint32_t plays, deadzones;
 };
 
@@ -42,6 +43,7 @@ struct operator_state {
     const struct operator_parameters *with;
     double play[LINK_PLAYS], square_play[LINK_RING_PLAYS];
     double recent_V[LINK_SUBSTEPS];
+    double last_V;
     unsigned now;
     double rest_um;
 };
