@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from phaselead.compiled import kernel_of
 
 Samples = NDArray[np.float64]
-_DOUBLES = ctypes.c_void_p
-
-
+_DATA = ctypes.c_void_p
 FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays")
 
 
@@ -24,11 +22,11 @@ FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays"
 def _kernel() -> ctypes.CDLL:
     kernel = kernel_of("phaselead.stage._kernel", *(f"stage_{name}" for name in FUNCTIONS))
     size, double = ctypes.c_size_t, ctypes.c_double
-    kernel.stage_lags.argtypes = [size, _DOUBLES, size, _DOUBLES, _DOUBLES, _DOUBLES]
-    kernel.stage_second_order.argtypes = [size, *[_DOUBLES] * 4]
-    kernel.stage_second_order_left.argtypes = [size, *[ctypes.c_void_p] * 4, double, size, *[ctypes.c_void_p] * 2]
-    kernel.stage_slew.argtypes = [size, _DOUBLES, double, _DOUBLES]
-    kernel.stage_scaled_plays.argtypes = [size, _DOUBLES, _DOUBLES, size, *[_DOUBLES] * 2, double, *[_DOUBLES] * 2]
+    kernel.stage_lags.argtypes = [size, _DATA, size, _DATA, _DATA, _DATA]
+    kernel.stage_second_order.argtypes = [size, *[_DATA] * 4]
+    kernel.stage_second_order_left.argtypes = [size, *[_DATA] * 4, double, size, *[_DATA] * 2]
+    kernel.stage_slew.argtypes = [size, _DATA, double, _DATA]
+    kernel.stage_scaled_plays.argtypes = [size, _DATA, _DATA, size, *[_DATA] * 2, double, *[_DATA] * 2]
     for name in FUNCTIONS:
         getattr(kernel, f"stage_{name}").restype = None
     return kernel
