@@ -81,6 +81,12 @@ class Signal:
     pushes: Mapping[str, Signal] = field(default_factory=dict)
     """At the mechanics of a stage whose axes share modes: of every axis, this one too, what pushes them."""
 
+    def carrying(self, value: Samples, drive_V: Samples | None) -> Signal:
+        """The same record with another signal in it. As ``dataclasses.replace``, for the many runs of a search."""
+        other = object.__new__(Signal)
+        other.__dict__.update(self.__dict__, value=value, drive_V=drive_V)
+        return other
+
     @property
     def step_s(self) -> float:
         """Time between rows."""

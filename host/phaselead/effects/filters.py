@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from phaselead.effects import native
 from phaselead.effects.effect import Samples
 from phaselead.effects.native import lags, second_order
 
@@ -43,9 +44,9 @@ def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samp
 
 
 def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
-    """(n,): what modes make of a motion that they would follow at rest."""
-    changes = (c * (resonant(still_um, f_Hz, zeta, step_s) - still_um) for c, f_Hz, zeta in modes if c != 0)
-    return sum(changes, start=np.array(still_um))
+    """(n,) or columns (n, k): what modes make of a motion that they would follow at rest."""
+    carried = [(c, mode_coefficients(f_Hz * step_s, zeta)) for c, f_Hz, zeta in modes if c != 0]
+    return native.behind_modes(still_um, [c for c, _ in carried], [system for _, system in carried])
 
 
 def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:

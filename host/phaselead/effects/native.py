@@ -1,5 +1,5 @@
 """What runs row by row, in C (host/phaselead/stage/kernel/effects.c). Every function takes and gives (n,) arrays whose
-first row is how things stood before."""
+first row is how things stood before; ``behind_modes`` takes several columns of them, too."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phaselead.compiled import kernel_of
 
 Samples = NDArray[np.float64]
 _DATA = ctypes.c_void_p
-FUNCTIONS = ("lags", "second_order", "second_order_left", "slew", "scaled_plays")
+FUNCTIONS = ("lags", "second_order", "second_order_left", "behind_modes", "slew", "scaled_plays")
 
 
 @cache
@@ -25,6 +25,7 @@ def _kernel() -> ctypes.CDLL:
     kernel.stage_lags.argtypes = [size, _DATA, size, _DATA, _DATA, _DATA]
     kernel.stage_second_order.argtypes = [size, *[_DATA] * 4]
     kernel.stage_second_order_left.argtypes = [size, *[_DATA] * 4, double, size, *[_DATA] * 2]
+    kernel.stage_behind_modes.argtypes = [size, size, _DATA, size, *[_DATA] * 3]
     kernel.stage_slew.argtypes = [size, _DATA, double, _DATA]
     kernel.stage_scaled_plays.argtypes = [size, _DATA, _DATA, size, *[_DATA] * 2, double, *[_DATA] * 2]
     for name in FUNCTIONS:
@@ -72,6 +73,16 @@ def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
         raise ValueError(f"a second-order system has three coefficients each, not {b.shape} and {a.shape}")
     y = np.empty_like(x)
     _kernel().stage_second_order(len(x), _at(x), _at(b), _at(a), _at(y))
+    return y
+
+
+def behind_modes(x: ArrayLike, share: Sequence[float], systems: Sequence[tuple[Samples, Samples]]) -> Samples:
+    """``x`` (n,) or columns (n, k), of which ``systems`` (b, a) as in ``second_order`` carry a ``share`` each."""
+    x = _doubles(x)
+    modes = np.array([(c, *b, *a) for c, (b, a) in zip(share, systems, strict=True)]).reshape(-1, 7)
+    k = x.size // max(len(x), 1)
+    states, y = np.empty(4 * len(modes) * k), np.empty_like(x)
+    _kernel().stage_behind_modes(len(x), k, _at(x), len(modes), _at(modes), _at(states), _at(y))
     return y
 
 

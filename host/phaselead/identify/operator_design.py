@@ -100,8 +100,7 @@ class FitRun:
             return
         whole = np.empty((len(self.run.u_V), out.shape[1]))
         self._columns.fill(whole, late_rows, slopes, start)
-        for i in range(out.shape[1] - 2):
-            out[: len(self.rows), i] = behind_modes(whole[:, i], self.modes, self.run.step_s)[self.rows]
+        out[: len(self.rows), :-2] = behind_modes(whole[:, :-2], self.modes, self.run.step_s)[self.rows]
         out[: len(self.rows), -2:] = whole[self.rows, -2:]
 
     @cached_property

@@ -1,6 +1,7 @@
 #include "effects.h"
 
 #include <math.h>
+#include <stdbool.h>
 
 void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lags, double *s, double *y)
 {
@@ -19,22 +20,92 @@ void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lag
     }
 }
 
-struct second_order { /* the transposed second direct form */
+struct second_order { /* the first direct form: only one product and one sum wait for the answer before */
     const double *b, *a;
-    double first, second;
+    double in[2], out[2];
 };
 
 static inline double answer(struct second_order *system, double in)
 {
-    double out = system->first + system->b[0] * in;
-    system->first = system->second + system->b[1] * in - system->a[1] * out;
-    system->second = system->b[2] * in - system->a[2] * out;
+    const double *b = system->b, *a = system->a;
+    double given = b[0] * in + b[1] * system->in[0] + b[2] * system->in[1];
+    double out = given - a[2] * system->out[1] - a[1] * system->out[0];
+    system->in[1] = system->in[0];
+    system->in[0] = in;
+    system->out[1] = system->out[0];
+    system->out[0] = out;
     return out;
+}
+
+enum { SIDE_BY_SIDE = 4, ROWS_AT_ONCE = 64 };
+
+/* Adds what one mode changes to `columns` neighbouring columns of (n, k), which were `rest` before. `s` (4, columns)
+ * holds the last two inputs and answers. */
+static inline void add_mode(size_t n, size_t k, size_t columns, const double *restrict x, const double *restrict rest,
+                            const struct stage_share *mode, double *restrict s, double *restrict y)
+{
+    double before[SIDE_BY_SIDE], earlier[SIDE_BY_SIDE], last[SIDE_BY_SIDE], older[SIDE_BY_SIDE];
+    const double share = mode->share, b0 = mode->b[0], b1 = mode->b[1], b2 = mode->b[2], a1 = mode->a[1],
+                 a2 = mode->a[2];
+    for (size_t j = 0; j < columns; j++) {
+        before[j] = s[j];
+        earlier[j] = s[columns + j];
+        last[j] = s[2 * columns + j];
+        older[j] = s[3 * columns + j];
+    }
+    for (size_t row = 0; row < n; row++) {
+        for (size_t j = 0; j < columns; j++) {
+            double in = x[row * k + j] - rest[j];
+            double out = b0 * in + b1 * before[j] + b2 * earlier[j] - a2 * older[j] - a1 * last[j];
+            earlier[j] = before[j];
+            before[j] = in;
+            older[j] = last[j];
+            last[j] = out;
+            y[row * k + j] += share * (out - in);
+        }
+    }
+    for (size_t j = 0; j < columns; j++) {
+        s[j] = before[j];
+        s[columns + j] = earlier[j];
+        s[2 * columns + j] = last[j];
+        s[3 * columns + j] = older[j];
+    }
+}
+
+/* A few rows of all columns, which stay in the cache from mode to mode. */
+static void add_modes(size_t n, size_t k, const double *x, const double *rest, size_t m,
+                      const struct stage_share *modes, double *states, double *y)
+{
+    for (size_t mode = 0; mode < m; mode++) {
+        double *s = states + 4 * mode * k;
+        size_t j = 0;
+        for (; j + SIDE_BY_SIDE <= k; j += SIDE_BY_SIDE) {
+            add_mode(n, k, SIDE_BY_SIDE, x + j, rest + j, modes + mode, s + 4 * j, y + j);
+        }
+        for (; j < k; j++) {
+            add_mode(n, k, 1, x + j, rest + j, modes + mode, s + 4 * j, y + j);
+        }
+    }
+}
+
+void stage_behind_modes(size_t n, size_t k, const double *x, size_t m, const struct stage_share *modes, double *states,
+                        double *y)
+{
+    for (size_t i = 0; i < 4 * m * k; i++) {
+        states[i] = 0.0;
+    }
+    for (size_t i = 0; i < n * k; i++) {
+        y[i] = x[i];
+    }
+    for (size_t row = 0; row < n; row += ROWS_AT_ONCE) {
+        size_t rows = n - row < ROWS_AT_ONCE ? n - row : ROWS_AT_ONCE;
+        add_modes(rows, k, x + row * k, x, m, modes, states, y + row * k);
+    }
 }
 
 void stage_second_order(size_t n, const double *x, const double *b, const double *a, double *y)
 {
-    struct second_order system = {b, a, 0.0, 0.0};
+    struct second_order system = {b, a, {0.0, 0.0}, {0.0, 0.0}};
     for (size_t k = 0; k < n; k++) {
         y[k] = answer(&system, x[k] - x[0]) + x[0];
     }
@@ -43,7 +114,7 @@ void stage_second_order(size_t n, const double *x, const double *b, const double
 void stage_second_order_left(size_t n, const double *x, const double *measured, const double *b, const double *a,
                              double step, size_t n_rows, const size_t *rows, double *means)
 {
-    struct second_order system = {b, a, 0.0, 0.0};
+    struct second_order system = {b, a, {0.0, 0.0}, {0.0, 0.0}};
     double e_sum = 0.0, d_sum = 0.0, ee = 0.0, ed = 0.0, dd = 0.0;
     double before = 0.0;
     double at = n ? answer(&system, 0.0) : 0.0;
@@ -80,9 +151,22 @@ void stage_slew(size_t n, const double *x, double rise, double *y)
     }
 }
 
+static bool constant(size_t n, const double *x)
+{
+    size_t same = 1;
+    while (same < n && x[same] == x[0]) {
+        same++;
+    }
+    return same >= n;
+}
+
 void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m, const double *r, const double *w,
                         double held, double *p, double *y)
 {
+    if (constant(n, scale)) { /* nothing is ever held back beyond a threshold */
+        stage_weighed_plays(n, v, n ? scale[0] : 1.0, m, r, w, p, y);
+        return;
+    }
     for (size_t k = 0; k < n; k++) {
         double sum = 0.0;
         double before = v[k > 0 ? k - 1 : 0];

@@ -50,6 +50,15 @@ struct stage_basis { /* segments from low to high, and where 0 V stands in each;
 PHASELEAD_EXPORT void stage_columns(const struct stage_record *record, double delay, const struct stage_basis *basis,
                                     double *p, double *out);
 
+/* y[k] = sum w_j play_j[v] with thresholds scale r_j; the plays start and end at p.
+ *
+ * Plays whose thresholds ascend and of which none has lost touch with its neighbour move in turn: on the way from one
+ * turning point of v to the next the smaller ones come first, and those that move add up to a straight line in v. So a
+ * row costs what moves in it anew, not m steps. Plays that start out of touch are stepped one by one until they meet.
+ */
+PHASELEAD_EXPORT void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, const double *r,
+                                          const double *w, double *p, double *y);
+
 struct stage_operator {
     double gain;
     size_t n_plays;
