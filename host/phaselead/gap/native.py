@@ -25,10 +25,23 @@ class _Whitener(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.gap._kernel")
+    kernel = kernel_of("phaselead.gap._kernel", "gap_differences_factor")
     kernel.gap_whiten.argtypes = [ctypes.POINTER(_Whitener), _SIZE, _SIZE, _DATA, _DATA, _DATA]
-    kernel.gap_whiten.restype = None
+    kernel.gap_differences_factor.argtypes = [_SIZE, _DATA, _DATA, ctypes.c_double, _DATA, _DATA]
+    kernel.gap_whiten.restype = kernel.gap_differences_factor.restype = None
     return kernel
+
+
+def differences_factor(phi: Samples, grown: Samples, first: float) -> Samples:
+    """Lower Cholesky factor, banded (2, n), of the covariance of n_k - phi_k n_{k-1} + w_k for unit white n and w of
+    the variance ``grown`` (n,); the first row's is 1 + ``first``."""
+    phi, grown = (np.ascontiguousarray(a, dtype=np.float64) for a in (phi, grown))
+    factor = np.empty((2, len(phi)))
+    diag, below = factor
+    _kernel().gap_differences_factor(
+        len(phi), phi.ctypes.data, grown.ctypes.data, first, diag.ctypes.data, below.ctypes.data
+    )
+    return factor
 
 
 def whitened(

@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky_banded, solve
+from scipy.linalg import LinAlgError, solve
 from scipy.optimize import minimize
 from scipy.signal import detrend
 
-from phaselead.gap.native import whitened
+from phaselead.gap.native import differences_factor, whitened
 from phaselead.record.recording import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
@@ -91,7 +91,7 @@ class Whitener:
         # The autoregression for the sensor's noise comes first and changes the scale of slow signals by its sum.
         slow = float(np.sum(noise.sensor)) / noise.sigma_um
         first = START_STD**2 if noise.misfit_um > 0 else 0.0
-        self.factor = _differences_factor(self._phi, grown * slow**2, first)
+        self.factor = differences_factor(self._phi, grown * slow**2, first)
         self._moving = grown * slow**2 > MOVING
         jumped = np.flatnonzero(grown > (JUMP * noise.sigma_um) ** 2)
         rare = len(jumped) < RARE * len(u_V)
@@ -113,15 +113,6 @@ class Whitener:
     def _whitened(self, values: Samples, rest: Samples) -> Samples:
         n = self._noise
         return whitened(values, n.sensor / n.sigma_um, self._phi, self.factor, rest, self._moving)
-
-
-def _differences_factor(phi: Samples, grown: Samples, first: float) -> Samples:
-    """Lower Cholesky factor, banded (2, n), of the covariance of n_k - phi_k n_{k-1} + w_k for unit white n."""
-    banded = np.zeros((2, len(phi)))
-    banded[0] = 1 + phi**2 + grown
-    banded[0, 0] = 1 + first
-    banded[1, :-1] = -phi[1:]
-    return np.asarray(cholesky_banded(banded, lower=True))
 
 
 def autoregression(series: Sequence[Samples], order: int = ORDER) -> tuple[Samples, float]:

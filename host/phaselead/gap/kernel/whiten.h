@@ -27,4 +27,9 @@ struct gap_whitener {
 PHASELEAD_EXPORT void gap_whiten(const struct gap_whitener *w, size_t n, size_t k, const double *values, double *steps,
                                  double *white);
 
+/* Lower Cholesky factor, diag (n) and below (n) as above, of the covariance of n_k - phi_k n_{k-1} + w_k, where n is
+ * white of unit variance, w_k has the variance grown[k], and the first row 1 + first. */
+PHASELEAD_EXPORT void gap_differences_factor(size_t n, const double *phi, const double *grown, double first,
+                                             double *diag, double *below);
+
 #endif
