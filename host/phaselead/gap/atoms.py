@@ -6,7 +6,7 @@ Also the columns of the base model itself: what refitting it could absorb.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -137,7 +137,7 @@ def _bent(moved: Samples, low: float, high: float, std: float) -> list[Samples]:
     """What plays (n, m) miss of a memory whose density varies over the range (Preisach): their squares and cubes."""
     half = (high - low) / 2
     z = (moved - (low + high) / 2) / half
-    return [std * half * column for column in np.concatenate([z**2, z**3], axis=1).T]
+    return [std * half * column for column in np.concatenate([z**2, z**2 * z], axis=1).T]
 
 
 def _own_tangents(track: Track, extra: Extra) -> Samples:
@@ -179,7 +179,7 @@ def through_effects(track: Track, columns: Samples, extra: Extra) -> Samples:
 
     def seen(value: Samples) -> Samples:
         for e, params in behind:
-            value = e.apply(replace(signal, value=value), params)
+            value = e.apply(signal.carrying(value, signal.drive_V), params)
         return value
 
     if not behind:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,7 +65,7 @@ class Chain:
             raise BadInput("the axis has no time view to simulate; fit it to recordings first")
         self._view: TimeView = axis.time
         self._remember = remember
-        self._known: dict[tuple[_Link, ...], Samples] = {}
+        self._known: dict[_Path, _Passed] = {}
         t, u = np.asarray(t_s, dtype=np.float64), np.asarray(u_V, dtype=np.float64)
         step = float(t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
         # One row in front: how things stood before the record.
@@ -71,33 +73,35 @@ class Chain:
         plays = rest_plays(self._view) if start is None else np.asarray(start, dtype=np.float64)
         self._continues = start is not None
         self._input = Signal(np.concatenate([[t[0] - step], t]), u, u, axis, plays_V=plays)
-        self._adopted = [(effect(e.name), e.params) for e in axis.effects]
+        adopted = [(effect(e.name), e.params) for e in axis.effects]
+        self._adopted: list[Entry] = [(e, e.complete(params)) for e, params in adopted]
+        self._adopted_links = {id(entry): _of_effect(entry) for entry in self._adopted}
         if others_um:
             self._see(others_um)
 
     def run(self, extra: Extra = (), *, rng: np.random.Generator | None = None) -> Samples:
         """Position (n,) in um with the adopted effects and ``extra``."""
         entries = self._entries(extra)
-        return self._through(_links(self._view, entries), entries, rng)[0][1:].copy()
+        return self._through(self._links(entries), entries, rng).value[1:].copy()
 
     def seeing(self, others_um: Mapping[str, Samples]) -> Chain:
         """The same record, and all that is known of it, beside the displacements (n,) of other axes."""
         chain = copy(self)
-        chain._known = {path: value for path, value in self._known.items() if path[-1].place < Place.COUPLING}
+        chain._known = {path: value for path, value in self._known.items() if path[1].place < Place.COUPLING}
         chain._see(others_um)
         return chain
 
     def push(self, extra: Extra = ()) -> Signal:
         """What the actuator would do without the mechanics, slack included; one row more than the record, in front."""
         entries = self._entries(extra)
-        links = [link for link in _links(self._view, entries) if (link.place, link.order) < MODES_FROM]
+        links = [link for link in self._links(entries) if (link.step.place, link.step.order) < MODES_FROM]
         value, drive = self._through(links, entries, None)
         return replace(self._input, value=value, drive_V=drive, active=tuple(entries), pushes={})
 
     def beside(self, pushes: Mapping[str, Signal]) -> Chain:
         """The same record, and all that is known of it, with what pushes the mechanics on every axis."""
         chain = copy(self)
-        chain._known = {path: value for path, value in self._known.items() if path[-1].place < Place.MECHANICS}
+        chain._known = {path: value for path, value in self._known.items() if path[1].place < Place.MECHANICS}
         chain._input = replace(self._input, pushes=pushes)
         return chain
 
@@ -111,37 +115,39 @@ class Chain:
         Its arrays have one row more than the record, in front: how things stood before.
         """
         entries = self._entries(extra)
-        links = [link for link in _links(self._view, entries) if link.place <= place]
+        links = [link for link in self._links(entries) if link.step.place <= place]
         value, drive = self._through(links, entries, None)
         return replace(self._input, value=value, drive_V=drive, active=tuple(entries))
 
     def _entries(self, extra: Extra) -> list[Entry]:
         """All effects with complete parameters, in physical order."""
-        entries: Sequence[Entry] = [(e, e.complete(p)) for e, p in (*self._adopted, *extra)]
+        entries: Sequence[Entry] = [*self._adopted, *((e, e.complete(p)) for e, p in extra)]
         for e, params in tuple(entries):
             if e.rewrite is not None:
                 entries = e.rewrite(entries, params)
-        position = {name: i for i, name in enumerate(catalogue())}
-        return sorted(entries, key=lambda entry: (entry[0].place, entry[0].order, position.get(entry[0].name, -1)))
+        return sorted(entries, key=_position)
 
-    def _through(
-        self, links: Sequence[_Link], entries: Sequence[Entry], rng: np.random.Generator | None
-    ) -> tuple[Samples, Samples | None]:
-        """The signal after ``links``, and the voltage at the operator if they reach it."""
-        signal = replace(self._input, rng=rng, active=tuple(entries))
-        path: tuple[_Link, ...] = ()
+    def _links(self, entries: Sequence[Entry]) -> list[_Link]:
+        return _links(self._view, entries, self._adopted_links)
+
+    def _through(self, links: Sequence[_Link], entries: Sequence[Entry], rng: np.random.Generator | None) -> _Passed:
+        """The signal after ``links``; what is drawn is not kept."""
+        known = self._known if rng is None else {}
+        paths: list[_Path] = []
         for link in links:
-            path = (*path, link)
-            value = self._known.pop(path, None) if rng is None else None
-            if value is None:
-                value = link.apply(signal)
-            if rng is None and self._remember:
-                self._known[path] = value  # the most recent is the last
-            drive = signal.value if link.name == OPERATOR else signal.drive_V
-            signal = replace(signal, value=value, drive_V=drive)
-        while len(self._known) > self._remember:
-            del self._known[next(iter(self._known))]
-        return signal.value, signal.drive_V
+            paths.append((paths[-1] if paths else None, link.step))
+        passed = _Passed(self._input.value, None)
+        done = next((i for i in range(len(paths), 0, -1) if paths[i - 1] in known), 0)
+        for path in paths[:done]:
+            if path in known:
+                passed = known[path] = known.pop(path)  # the most recent is the last
+        signal = replace(self._input, rng=rng, active=tuple(entries)) if done < len(links) else self._input
+        for link, path in zip(links[done:], paths[done:], strict=True):
+            value = link.apply(signal.carrying(*passed))
+            passed = known[path] = _Passed(value, passed.value if link.step.name == OPERATOR else passed.drive_V)
+        while len(known) > self._remember:
+            del known[next(iter(known))]
+        return passed
 
 
 OPERATOR = "operator"
@@ -149,20 +155,36 @@ MODES_FROM = (Place.MECHANICS, 1)
 """Place and order from which on effects belong to the moving structure; what comes before is the actuator's own."""
 
 
-@dataclass(frozen=True)
-class _Link:
-    """One step of the chain; equal links and equal input give equal output."""
+class _Passed(NamedTuple):
+    """The signal after a step, and the voltage at the operator once it has passed that."""
+
+    value: Samples
+    drive_V: Samples | None
+
+
+class _Step(NamedTuple):
+    """What a link does; equal steps and equal input give equal output."""
 
     name: str
     params: tuple[tuple[str, object], ...]
     place: Place
     order: int
-    apply: Callable[[Signal], Samples] = field(compare=False)
 
 
-def _links(view: TimeView, entries: Sequence[Entry]) -> list[_Link]:
+_Path = tuple["_Path | None", _Step]
+"""The steps up to one and that."""
+
+
+class _Link(NamedTuple):
+    """One step of the chain and how it is done."""
+
+    step: _Step
+    apply: Callable[[Signal], Samples]
+
+
+def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) -> list[_Link]:
     """Every step in order; the time view's delay and operator stand where the design has them. Delays add up: what runs
-    straight between rows would be bent twice by one after the other."""
+    straight between rows would be bent twice by one after the other. ``made``: links there are, by their entry's id."""
     delay_s = view.delay_s + sum(number(params, "delay_s") for e, params in entries if e.name == "delay")
 
     def late(signal: Signal) -> Samples:
@@ -171,29 +193,41 @@ def _links(view: TimeView, entries: Sequence[Entry]) -> list[_Link]:
     def operator(signal: Signal) -> Samples:
         return respond(view, signal.value, signal.start_plays_V)[0]
 
-    def of_effect(entry: Entry) -> _Link:
-        e, params = entry
-        values = {name: v if isinstance(v, (int, float)) else tuple(v) for name, v in params.items()}
-        return _Link(e.name, tuple(sorted(values.items())), e.place, e.order, lambda signal: e.apply(signal, params))
-
     own = [
-        _Link("late", (("delay_s", delay_s),), Place.TIMING, 0, late),
-        _Link(OPERATOR, (), Place.HYSTERESIS, 0, operator),
+        _Link(_Step("late", (("delay_s", delay_s),), Place.TIMING, 0), late),
+        _Link(_Step(OPERATOR, (), Place.HYSTERESIS, 0), operator),
     ]
-    links = [*own, *(of_effect(entry) for entry in entries if entry[0].name != "delay")]
-    amplifier = next((link for link in links if link.place == Place.AMPLIFIER), None)
-    if amplifier is not None and amplifier.name == "amplifier_lowpass":
-        links[links.index(amplifier)] = _late_lag(amplifier, delay_s)
+    links = [*own, *(made.get(id(entry)) or _of_effect(entry) for entry in entries if entry[0].name != "delay")]
+    amplifier = next((link for link in links if link.step.place == Place.AMPLIFIER), None)
+    if amplifier is not None and amplifier.step.name == "amplifier_lowpass":
+        links[links.index(amplifier)] = _late_lag(amplifier.step, delay_s)
         links = links[1:]
-    return sorted(links, key=lambda link: link.place)  # stable: the view's own come first in their place
+    return sorted(links, key=lambda link: link.step.place)  # stable: the view's own come first in their place
 
 
-def _late_lag(link: _Link, delay_s: float) -> _Link:
+def _of_effect(entry: Entry) -> _Link:
+    e, params = entry
+    values = {name: v if isinstance(v, (int, float)) else tuple(v) for name, v in params.items()}
+    step = _Step(e.name, tuple(sorted(values.items())), e.place, e.order)
+    return _Link(step, lambda signal: e.apply(signal, params))
+
+
+def _late_lag(step: _Step, delay_s: float) -> _Link:
     """The delay and the amplifier's lag behind it in one: between rows the lag's way is curved."""
-    params = dict(link.params)
-    tau_s = number(params, "tau_s")  # type: ignore[arg-type]
+    tau_s = number(dict(step.params), "tau_s")  # type: ignore[arg-type]
 
     def apply(signal: Signal) -> Samples:
         return relaxed_late(signal.value, tau_s, signal.step_s, delay_s)
 
-    return replace(link, params=(*link.params, ("delay_s", delay_s)), apply=apply)
+    return _Link(step._replace(params=(*step.params, ("delay_s", delay_s))), apply)
+
+
+def _position(entry: Entry) -> tuple[int, int, int]:
+    """Where an effect stands in the physical chain."""
+    e, _ = entry
+    return e.place, e.order, _catalogued().get(e.name, -1)
+
+
+@cache
+def _catalogued() -> dict[str, int]:
+    return {name: i for i, name in enumerate(catalogue())}

@@ -13,7 +13,7 @@ voltage before.
 from __future__ import annotations
 
 import ctypes
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,6 +102,7 @@ def respond(view: TimeView, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Sa
     return x + view.offset_um, end
 
 
+@lru_cache(maxsize=64)
 def rest_position_um(view: TimeView) -> float:
     """What the sensor reads at rest at 0 V."""
     return float(respond(view, [0.0], rest_plays(view))[0][0])
