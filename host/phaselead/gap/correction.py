@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from phaselead.gap.evidence import Evidence, fair_weights
-from phaselead.gap.panel import Index, Layout, Panel, condition
+from phaselead.gap.panel import Index, Layout, Panel, condition, nuisance_factor
 from phaselead.record.recording import Samples
 
 FOLDS = 4
@@ -39,13 +39,18 @@ class Correction:
 
     def applied(self, moment: Samples, target: int) -> Samples:
         """Moments (..., k, k) with the mean amounts taken out of column ``target``, before conditioning."""
-        shift = np.eye(moment.shape[-1])
-        shift[self.index, target] = -self.mean
-        return np.asarray(shift.T @ moment @ shift)
+        shifted = np.array(moment)
+        shifted[..., target] -= moment[..., self.index] @ self.mean
+        shifted[..., target, :] -= self.mean @ shifted[..., self.index, :]
+        return shifted
 
     def conditioned(self, moment: Samples, target: int) -> Samples:
         """Moment (k, k) with the correction taken out and its uncertainty as a nuisance."""
         return condition(self.applied(moment, target), self.index, self.precision)
+
+    def factor(self, moment: Samples) -> tuple[Samples, bool]:
+        """Of its columns in a moment (k, k), as ``scipy.linalg.cho_solve`` takes it."""
+        return nuisance_factor(moment, self.index, self.precision)
 
 
 def prior(layout: Layout, frozen: bool) -> Correction:

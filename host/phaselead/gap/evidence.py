@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cholesky, solve_triangular
 
 from phaselead.gap.noise import Noise, Whitener, block_edges, fit_noise
 from phaselead.gap.residual import Track
@@ -45,31 +45,40 @@ class Evidence:
 
     def project(self, index: int, columns: Samples) -> Samples:
         """Columns (n, k) of one track: whitened, weighted, its own nuisances taken out."""
-        root, local, factor = self._locals[index]
-        white = root * self.whiteners[index](columns)
-        return np.asarray(white - local @ cho_solve(factor, local.T @ white))
+        white, local = self.whitened(index, columns), self.nuisances[index]
+        white -= local @ (local.T @ white)
+        return white
+
+    def whitened(self, index: int, columns: Samples) -> Samples:
+        """Columns (n, k) of one track: whitened and weighted, a copy."""
+        white = self.whiteners[index](columns)
+        white *= self._roots[index]
+        return white
 
     @cached_property
-    def _locals(self) -> list[tuple[Samples, Samples, tuple[Samples, bool]]]:
-        """Per track: roots of the row weights (n, 1), its own nuisances as they are projected out, and the factor of
-        their normal matrix, shrunk."""
+    def nuisances(self) -> list[Samples]:
+        """Per track (n, m): its own nuisances, whitened, weighted and orthogonal to each other, as far as columns can
+        hold of them what their prior leaves free: what is taken out of a column is ``nuisances @ nuisances.T @ it``."""
         found = []
         for i, track in enumerate(self.tracks):
-            root = np.sqrt(self.row_weights(i))[:, None]
-            local = root * self.whiteners[i](track.local)
+            local = self.whitened(i, track.local)
             normal = local.T @ local
             normal[0, 0] *= 1 + OFFSET_RIDGE
             normal += np.diag([OFFSET_RIDGE, *np.ones(len(normal) - 1)])
-            found.append((root, local, cho_factor(normal)))
+            root = cholesky(normal, lower=True)
+            found.append(np.ascontiguousarray(solve_triangular(root, local.T, lower=True).T))
         return found
+
+    @cached_property
+    def _roots(self) -> list[Samples]:
+        """Per track the roots of the row weights (n, 1)."""
+        return [np.sqrt(self.row_weights(i))[:, None] for i in range(len(self.tracks))]
 
     def moments(self, projected: Sequence[Samples]) -> Samples:
         """Moments (blocks, k, k) of projected columns, track after track."""
         found = []
         for columns, edges in zip(projected, self.edges, strict=True):
-            for start, stop in pairwise(edges):
-                part = columns[start:stop]
-                found.append(part.T @ part)
+            found += [columns[start:stop].T @ columns[start:stop] for start, stop in pairwise(edges)]
         return np.stack(found)
 
     def row_weights(self, index: int) -> Samples:

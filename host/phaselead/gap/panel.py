@@ -108,16 +108,25 @@ class Panel:
         """The same summed over all blocks, (k + q, k + q)."""
         q, k = fresh[0].shape[1], self.size
         total = np.zeros((k + q, k + q))
-        total[:k, :k] = self._fixed_total
+        total[:k, :k] = self.fixed_total
         for i, columns in enumerate(fresh):
-            new = self.evidence.project(i, columns)
-            total[:k, k:] += np.asarray(self.projected[i], dtype=np.float64).T @ new
-            total[k:, k:] += new.T @ new
+            # An offset is the nuisance that large it would cost digits below.
+            white = self.evidence.whitened(i, columns - columns.mean(axis=0))
+            own = self.evidence.nuisances[i].T @ white
+            total[:k, k:] += np.asarray(self.projected[i], dtype=np.float64).T @ white - self._shared[i][0] @ own
+            total[k:, k:] += white.T @ white - own.T @ (2 * own - self._shared[i][1] @ own)
         total[k:, :k] = total[:k, k:].T
         return total
 
     @cached_property
-    def _fixed_total(self) -> Samples:
+    def _shared(self) -> list[tuple[Samples, Samples]]:
+        """Per track the products of the fixed columns (k, m) and of its own nuisances (m, m) with these."""
+        pairs = zip(self.projected, self.evidence.nuisances, strict=True)
+        return [(np.asarray(p, dtype=np.float64).T @ own, own.T @ own) for p, own in pairs]
+
+    @cached_property
+    def fixed_total(self) -> Samples:
+        """Their moments (k, k) summed over all blocks."""
         return np.asarray(self.fixed.sum(axis=0))
 
     def reweighted(self, weights: Sequence[Samples]) -> Panel:
@@ -150,12 +159,17 @@ def condition(moment: Samples, nuisances: Index, precision: Samples | None = Non
     """Moment (k, k) after columns ``nuisances`` were fitted to everything, with a prior of that precision."""
     if not len(nuisances):
         return moment
-    inner = moment[np.ix_(nuisances, nuisances)].copy()
+    gains = cho_solve(nuisance_factor(moment, nuisances, precision), moment[nuisances])
+    return np.asarray(moment - moment[:, nuisances] @ gains)
+
+
+def nuisance_factor(moment: Samples, nuisances: Index, precision: Samples | None = None) -> tuple[Samples, bool]:
+    """As ``scipy.linalg.cho_solve`` takes it, of columns of a moment (k, k), with a prior of that precision."""
+    inner = moment[np.ix_(nuisances, nuisances)]
     if precision is not None:
         inner += precision
     inner += 1e-10 * (np.trace(inner) / len(inner) + 1e-300) * np.eye(len(inner))
-    gains = cho_solve(cho_factor(inner), moment[nuisances])
-    return np.asarray(moment - moment[:, nuisances] @ gains)
+    return cho_factor(inner)
 
 
 def ridge(moment: Samples, columns: Index, target: int, precision: Samples) -> Samples:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_solve
 
 from phaselead.effects import Effect, Parameter
 from phaselead.gap.correction import Correction
@@ -48,23 +49,24 @@ def refit(panel: Panel, correction: Correction, start: Sequence[Entry], steps: i
     """
     highest_Hz = HIGHEST / panel.evidence.tracks[0].run.step_s
     start = [(_sampled(effect, highest_Hz), params) for effect, params in start]
-    best = _evaluate(panel, correction, start)
+    rest = _Rest(panel, correction)
+    best, left = _evaluate(rest, start)
     damping = 1e-3
     for _ in range(steps):
         gained = 0.0
-        normal, right = _normal(best, correction)
+        normal, right = left[:-1, :-1], left[:-1, -1]
         for _ in range(5):
             step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
             tried = _moved(best, step)
-            left = squares(panel, correction, tried)
-            if left < best.squares:
-                gained = best.squares - left
+            tried_squares = rest.squares(tried)
+            if tried_squares < best.squares:
+                gained = best.squares - tried_squares
                 damping = max(damping / 5, 1e-8)
                 break
             damping = max(damping, 1e-4) * 8
         if gained <= 0:
             break
-        best = _evaluate(panel, correction, tried)
+        best, left = _evaluate(rest, tried)
         if gained < ENOUGH:
             break
     return best
@@ -77,18 +79,36 @@ def _sampled(effect: Effect, highest_Hz: float) -> Effect:
     return replace(effect, parameters=tuple(limited))
 
 
-def _normal(fitted: Fitted, correction: Correction) -> tuple[Samples, Samples]:
-    k = len(correction.index)
-    total = correction.conditioned(fitted.total, len(fitted.total) - 1)
-    return total[k:-1, k:-1], total[k:-1, -1]
+class _Rest:
+    """What is left of fresh columns once the common columns took up theirs, whose own moments stay the same."""
+
+    def __init__(self, panel: Panel, correction: Correction) -> None:
+        self.tracks = panel.evidence.tracks
+        self._panel, self._correction = panel, correction
+        self._factor = correction.factor(panel.fixed_total)
+
+    def of(self, total: Samples) -> Samples:
+        """Moments (q, q) of the fresh columns, the residual last, from the sum (k + q, k + q) of all."""
+        k = self._panel.size
+        shifted = self._correction.applied(total, len(total) - 1)
+        taken = shifted[self._correction.index, k:]
+        return np.asarray(shifted[k:, k:] - taken.T @ cho_solve(self._factor, taken, check_finite=False))
+
+    def squares(self, entries: Sequence[Entry]) -> float:
+        """Whitened squares that the effects leave."""
+        return float(self.of(self.total([track.error(entries)[:, None] for track in self.tracks]))[-1, -1])
+
+    def total(self, fresh: Sequence[Samples]) -> Samples:
+        """Sum (k + q, k + q) of the moments with fresh columns (n, q) per track."""
+        return self._panel.total_with_columns(fresh)
 
 
-def _evaluate(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> Fitted:
+def _evaluate(rest: _Rest, entries: Sequence[Entry]) -> tuple[Fitted, Samples]:
+    """The effects as they are, and the moments of [tangents, residual] that the common columns leave."""
     free = tuple((i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters)
-    total = panel.total_with_columns([fresh_columns(track, entries, free) for track in panel.evidence.tracks])
-    target = len(total) - 1
-    left = float(correction.conditioned(total, target)[target, target])
-    return Fitted(tuple(entries), left, total, free)
+    total = rest.total([fresh_columns(track, entries, free) for track in rest.tracks])
+    left = rest.of(total)
+    return Fitted(tuple(entries), float(left[-1, -1]), total, free), left
 
 
 def fresh_columns(track: Track, entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> Samples:
@@ -100,8 +120,7 @@ def fresh_columns(track: Track, entries: Sequence[Entry], free: Sequence[tuple[i
 
 def squares(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> float:
     """Whitened squares that the effects leave, everything else projected out."""
-    total = panel.total_with_columns([track.error(entries)[:, None] for track in panel.evidence.tracks])
-    return float(correction.conditioned(total, panel.size)[-1, -1])
+    return _Rest(panel, correction).squares(entries)
 
 
 def _differences(entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> list[tuple[int, Parameter, float]]:
