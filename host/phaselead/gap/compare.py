@@ -107,7 +107,7 @@ def _weights(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> 
     left = panel.unweighted(np.einsum("i,bij,j->b", amounts, moments, amounts))
     found = []
     for i, error in enumerate(errors):
-        white = panel.projected[i] @ amounts[:-1] + panel.evidence.project(i, error)[:, 0]
+        white = panel.projected[i] @ amounts[panel.live] + panel.evidence.project(i, error)[:, 0]
         repeated = repetition(white, panel.evidence.tracks[i].period_rows)
         found.append(fair_weights(left[i], np.diff(panel.evidence.edges[i]).astype(np.float64), repeated))
     return found

@@ -71,11 +71,15 @@ def raw(track: Track, atoms: Sequence[Atom], freedom: Freedom, extra: Extra = ()
 
 @dataclass(frozen=True)
 class Panel:
-    """Projected fixed columns per track and their moments (blocks, k, k)."""
+    """Projected fixed columns per track and their moments (blocks, k, k).
+
+    Columns that are 0 in every track are left out of ``projected``, whose columns are those at ``live``.
+    """
 
     evidence: Evidence
     layout: Layout
     projected: tuple[NDArray[np.floating], ...]
+    live: Index
     fixed: Samples
 
     @property
@@ -84,8 +88,10 @@ class Panel:
 
     def restricted(self, index: Index) -> Panel:
         """The same with some of the fixed columns only; its layout no longer holds."""
-        projected = tuple(np.ascontiguousarray(p[:, index], dtype=np.float64) for p in self.projected)
-        return replace(self, projected=projected, fixed=self.fixed[:, index[:, None], index])
+        live = np.flatnonzero(np.isin(index, self.live))
+        kept = np.searchsorted(self.live, index[live])
+        projected = tuple(np.ascontiguousarray(p[:, kept], dtype=np.float64) for p in self.projected)
+        return replace(self, projected=projected, live=live, fixed=self.fixed[:, index[:, None], index])
 
     def with_columns(self, fresh: Sequence[Samples]) -> Samples:
         """Moments (blocks, k + q, k + q) with further raw columns (n, q) per track appended."""
@@ -98,8 +104,8 @@ class Panel:
             edges = self.evidence.edges[i]
             for start, stop in pairwise(edges):
                 part = new[start:stop]
-                cross = np.asarray(self.projected[i][start:stop], dtype=np.float64).T @ part
-                moments[block, :k, k:], moments[block, k:, :k] = cross, cross.T
+                cross = part.T @ np.asarray(self.projected[i][start:stop], dtype=np.float64)
+                moments[block, k:, self.live] = moments[block, self.live, k:] = cross.T
                 moments[block, k:, k:] = part.T @ part
                 block += 1
         return moments
@@ -107,22 +113,23 @@ class Panel:
     def total_with_columns(self, fresh: Sequence[Samples]) -> Samples:
         """The same summed over all blocks, (k + q, k + q)."""
         q, k = fresh[0].shape[1], self.size
+        cross = np.zeros((q, len(self.live)))
         total = np.zeros((k + q, k + q))
         total[:k, :k] = self.fixed_total
         for i, columns in enumerate(fresh):
             # An offset is the nuisance that large it would cost digits below.
             white = self.evidence.whitened(i, columns - columns.mean(axis=0))
             own = self.evidence.nuisances[i].T @ white
-            total[:k, k:] += np.asarray(self.projected[i], dtype=np.float64).T @ white - self._shared[i][0] @ own
+            cross += white.T @ np.asarray(self.projected[i], dtype=np.float64) - own.T @ self._shared[i][0]
             total[k:, k:] += white.T @ white - own.T @ (2 * own - self._shared[i][1] @ own)
-        total[k:, :k] = total[:k, k:].T
+        total[k:, self.live], total[self.live, k:] = cross, cross.T
         return total
 
     @cached_property
     def _shared(self) -> list[tuple[Samples, Samples]]:
-        """Per track the products of the fixed columns (k, m) and of its own nuisances (m, m) with these."""
+        """Per track the products of its own nuisances with the live columns (m, l) and each other (m, m)."""
         pairs = zip(self.projected, self.evidence.nuisances, strict=True)
-        return [(np.asarray(p, dtype=np.float64).T @ own, own.T @ own) for p, own in pairs]
+        return [(own.T @ np.asarray(p, dtype=np.float64), own.T @ own) for p, own in pairs]
 
     @cached_property
     def fixed_total(self) -> Samples:
@@ -150,9 +157,13 @@ class Panel:
 
 def panel(evidence: Evidence, layout: Layout, raws: Sequence[Raw]) -> Panel:
     """Whiten and multiply out the fixed columns of the tracks of ``evidence``."""
-    projected = [evidence.project(i, r.columns.astype(np.float64)) for i, r in enumerate(raws)]
-    fixed = evidence.moments(projected)
-    return Panel(evidence, layout, tuple(p.astype(np.float32) for p in projected), fixed)
+    size = raws[0].columns.shape[1]
+    live = np.flatnonzero(np.any([r.columns.any(axis=0) for r in raws], axis=0))
+    projected = [evidence.project(i, r.columns[:, live].astype(np.float64)) for i, r in enumerate(raws)]
+    moments = evidence.moments(projected)
+    fixed = np.zeros((len(moments), size, size))
+    fixed[:, live[:, None], live] = moments
+    return Panel(evidence, layout, tuple(p.astype(np.float32) for p in projected), live, fixed)
 
 
 def condition(moment: Samples, nuisances: Index, precision: Samples | None = None) -> Samples:
