@@ -45,8 +45,14 @@ def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samp
 
 def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
     """(n,) or columns (n, k): what modes make of a motion that they would follow at rest."""
-    carried = [(c, mode_coefficients(f_Hz * step_s, zeta)) for c, f_Hz, zeta in modes if c != 0]
-    return native.behind_modes(still_um, [c for c, _ in carried], [system for _, system in carried])
+    return native.behind_modes(still_um, _carried(tuple(modes), step_s))
+
+
+@lru_cache(maxsize=256)
+def _carried(modes: tuple[Mode, ...], step_s: float) -> Samples:
+    """(m, 7): share, b and a of every mode that carries anything."""
+    rows = [(c, *(v for part in mode_coefficients(f_Hz * step_s, zeta) for v in part)) for c, f_Hz, zeta in modes if c]
+    return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
 
 def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:

@@ -76,10 +76,9 @@ def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
     return y
 
 
-def behind_modes(x: ArrayLike, share: Sequence[float], systems: Sequence[tuple[Samples, Samples]]) -> Samples:
-    """``x`` (n,) or columns (n, k), of which ``systems`` (b, a) as in ``second_order`` carry a ``share`` each."""
+def behind_modes(x: ArrayLike, modes: Samples) -> Samples:
+    """``x`` (n,) or columns (n, k), of which ``modes`` (m, 7) carry a share each: share, b and a (``second_order``)."""
     x = _doubles(x)
-    modes = np.array([(c, *b, *a) for c, (b, a) in zip(share, systems, strict=True)]).reshape(-1, 7)
     k = x.size // max(len(x), 1)
     states, y = np.empty(4 * len(modes) * k), np.empty_like(x)
     _kernel().stage_behind_modes(len(x), k, _at(x), len(modes), _at(modes), _at(states), _at(y))

@@ -66,7 +66,7 @@ class Evidence:
             normal[0, 0] *= 1 + OFFSET_RIDGE
             normal += np.diag([OFFSET_RIDGE, *np.ones(len(normal) - 1)])
             root = cholesky(normal, lower=True)
-            found.append(np.ascontiguousarray(solve_triangular(root, local.T, lower=True).T))
+            found.append(local @ solve_triangular(root, np.eye(len(root)), lower=True).T)
         return found
 
     @cached_property

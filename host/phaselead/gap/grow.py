@@ -13,7 +13,7 @@ from phaselead.gap.base import with_operator
 from phaselead.gap.bench import Bench, bench, beside, slim_beside
 from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out, known_before
 from phaselead.gap.records import Run
-from phaselead.gap.refit import Fitted, refit
+from phaselead.gap.refit import Fitted, refit, with_total
 from phaselead.gap.result import Candidate
 from phaselead.gap.search import Scanned, penalty, scan, try_effects, without_peak
 from phaselead.stage.file import AxisModel
@@ -187,7 +187,8 @@ def _accept(
     assert view is not None
     equation = best.effect.name != "hysteresis" or bool(view.play_r_V)
     near_share = NEAR_SHARE if equation else OPERATOR_SHARE
-    growth.named.append(Named(best.effect, best.score, held, found.rivals, tied, near_share))
+    rivals = tuple(replace(r, fitted=with_total(found.bench.slim, r.fitted)) for r in found.rivals)
+    growth.named.append(Named(best.effect, best.score, held, rivals, tied, near_share))
     growth.inflation = found.inflation
     if equation:
         growth.bench = beside(found.bench, best.fitted.entries)

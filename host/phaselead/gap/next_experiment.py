@@ -102,6 +102,7 @@ def _known(growth: Growth, rival: Rival) -> Samples:
     """From the moments of its refit and what is known of the base; weights only, no directions of the residual."""
     total = rival.fitted.total
     correction, k = growth.bench.correction, len(growth.bench.layout.common())
+    assert total is not None
     size = len(total) - 1
     if size != k + rival.fitted.n_tangents:  # the base was given an operator since
         return np.eye(growth.bench.layout.n_base + rival.fitted.n_tangents)

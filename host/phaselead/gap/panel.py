@@ -180,7 +180,8 @@ def nuisance_factor(moment: Samples, nuisances: Index, precision: Samples | None
     if precision is not None:
         inner += precision
     inner += 1e-10 * (np.trace(inner) / len(inner) + 1e-300) * np.eye(len(inner))
-    return cho_factor(inner)
+    factor: tuple[Samples, bool] = cho_factor(inner)
+    return factor
 
 
 def ridge(moment: Samples, columns: Index, target: int, precision: Samples) -> Samples:

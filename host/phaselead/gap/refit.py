@@ -30,12 +30,17 @@ ENOUGH = 0.05
 
 @dataclass(frozen=True)
 class Fitted:
-    """Effects at their best, and the sum (k, k) of the moments of [common columns, tangents, residual] there."""
+    """Effects at their best."""
 
     entries: tuple[Entry, ...]
     squares: float
-    total: Samples
-    free: tuple[tuple[int, Parameter], ...]
+    total: Samples | None = None
+    """Sum (k, k) of the moments of [common columns, tangents, residual] there, where it was asked for."""
+
+    @property
+    def free(self) -> tuple[tuple[int, Parameter], ...]:
+        """Every parameter, and the entry that it belongs to."""
+        return tuple((i, p) for i, (effect, _) in enumerate(self.entries) for p in effect.parameters)
 
     @property
     def n_tangents(self) -> int:
@@ -50,10 +55,11 @@ def refit(panel: Panel, correction: Correction, start: Sequence[Entry], steps: i
     highest_Hz = HIGHEST / panel.evidence.tracks[0].run.step_s
     start = [(_sampled(effect, highest_Hz), params) for effect, params in start]
     rest = _Rest(panel, correction)
-    best, left = _evaluate(rest, start)
+    best = Fitted(tuple(start), rest.squares(start))
     damping = 1e-3
-    for _ in range(steps):
+    for _ in range(steps if best.free else 0):
         gained = 0.0
+        left = rest.of(_total(panel, best))
         normal, right = left[:-1, :-1], left[:-1, -1]
         for _ in range(5):
             step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
@@ -61,15 +67,18 @@ def refit(panel: Panel, correction: Correction, start: Sequence[Entry], steps: i
             tried_squares = rest.squares(tried)
             if tried_squares < best.squares:
                 gained = best.squares - tried_squares
+                best = Fitted(tuple(tried), tried_squares)
                 damping = max(damping / 5, 1e-8)
                 break
             damping = max(damping, 1e-4) * 8
-        if gained <= 0:
-            break
-        best, left = _evaluate(rest, tried)
         if gained < ENOUGH:
             break
     return best
+
+
+def with_total(panel: Panel, fitted: Fitted) -> Fitted:
+    """With the sum of its moments."""
+    return replace(fitted, total=_total(panel, fitted))
 
 
 def _sampled(effect: Effect, highest_Hz: float) -> Effect:
@@ -83,7 +92,6 @@ class _Rest:
     """What is left of fresh columns once the common columns took up theirs, whose own moments stay the same."""
 
     def __init__(self, panel: Panel, correction: Correction) -> None:
-        self.tracks = panel.evidence.tracks
         self._panel, self._correction = panel, correction
         self._factor = correction.factor(panel.fixed_total)
 
@@ -96,19 +104,12 @@ class _Rest:
 
     def squares(self, entries: Sequence[Entry]) -> float:
         """Whitened squares that the effects leave."""
-        return float(self.of(self.total([track.error(entries)[:, None] for track in self.tracks]))[-1, -1])
-
-    def total(self, fresh: Sequence[Samples]) -> Samples:
-        """Sum (k + q, k + q) of the moments with fresh columns (n, q) per track."""
-        return self._panel.total_with_columns(fresh)
+        residuals = [track.error(entries)[:, None] for track in self._panel.evidence.tracks]
+        return float(self.of(self._panel.total_with_columns(residuals))[-1, -1])
 
 
-def _evaluate(rest: _Rest, entries: Sequence[Entry]) -> tuple[Fitted, Samples]:
-    """The effects as they are, and the moments of [tangents, residual] that the common columns leave."""
-    free = tuple((i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters)
-    total = rest.total([fresh_columns(track, entries, free) for track in rest.tracks])
-    left = rest.of(total)
-    return Fitted(tuple(entries), float(left[-1, -1]), total, free), left
+def _total(panel: Panel, fitted: Fitted) -> Samples:
+    return panel.total_with_columns([fresh_columns(t, fitted.entries, fitted.free) for t in panel.evidence.tracks])
 
 
 def fresh_columns(track: Track, entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> Samples:

@@ -38,6 +38,19 @@ static void sense(const struct gap_whitener *w, size_t from, size_t to, size_t k
     filter(w->n_sensor, w->sensor, k, (to - from) * k, values + from * k, sensed + from * k);
 }
 
+/* As along_path, for one column, whose last step need not be fetched again. */
+static void along_path_of_one(const struct gap_whitener *w, size_t from, size_t to, const double *sensed, double *steps)
+{
+    double solved = from ? steps[from - 1] : 0.0;
+    for (size_t row = from; row < to; row++) {
+        double scale = 1.0 / w->diag[row];
+        double moved = row ? sensed[row] - w->phi[row] * sensed[row - 1] : sensed[row];
+        double below = row ? w->below[row - 1] * scale : 0.0;
+        solved = moved * scale - below * solved;
+        steps[row] = solved;
+    }
+}
+
 static void along_path(const struct gap_whitener *w, size_t from, size_t to, size_t k, const double *sensed,
                        double *steps)
 {
@@ -82,7 +95,11 @@ void gap_whiten(const struct gap_whitener *w, size_t n, size_t k, const double *
     for (size_t row = 0; row < n; row += rows) {
         size_t end = n - row < rows ? n : row + rows;
         sense(w, row, end, k, values, white);
-        along_path(w, row, end, k, white, steps);
+        if (k == 1) {
+            along_path_of_one(w, row, end, white, steps);
+        } else {
+            along_path(w, row, end, k, white, steps);
+        }
         settle(w, late, row, k, steps, white);
         late = row;
     }
