@@ -87,6 +87,12 @@ class Signal:
         other.__dict__.update(self.__dict__, value=value, drive_V=drive_V)
         return other
 
+    def among(self, active: Sequence[Entry], rng: np.random.Generator | None) -> Signal:
+        """The same signal in a run with these effects."""
+        other = self.carrying(self.value, self.drive_V)
+        other.__dict__.update(active=active, rng=rng)
+        return other
+
     @property
     def step_s(self) -> float:
         """Time between rows."""

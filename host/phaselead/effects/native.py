@@ -80,7 +80,7 @@ def behind_modes(x: ArrayLike, modes: Samples) -> Samples:
     """``x`` (n,) or columns (n, k), of which ``modes`` (m, 7) carry a share each: share, b and a (``second_order``)."""
     x = _doubles(x)
     k = x.size // max(len(x), 1)
-    states, y = np.empty(4 * len(modes) * k), np.empty_like(x)
+    states, y = np.empty(2 * len(modes) * k), np.empty_like(x)
     _kernel().stage_behind_modes(len(x), k, _at(x), len(modes), _at(modes), _at(states), _at(y))
     return y
 

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.effects import Effect, Parameter, Place
+from phaselead.effects import Effect, Parameter, Params, Place, Signal
 from phaselead.gap.residual import Track
 from phaselead.identify.operator_design import nested_basis
 from phaselead.record.recording import Samples
@@ -176,16 +176,19 @@ def through_effects(track: Track, columns: Samples, extra: Extra) -> Samples:
     """What changes (n + 1, k) of the operator's output become behind creep, mechanics and sensor."""
     signal = track.chain.signal_at(Place.HYSTERESIS, extra)
     behind = [(e, params) for e, params in signal.active if e.place > Place.HYSTERESIS]
-
-    def seen(value: Samples) -> Samples:
-        for e, params in behind:
-            value = e.apply(signal.carrying(value, signal.drive_V), params)
-        return value
-
     if not behind:
         return columns
-    plain = seen(signal.value)
-    return np.stack([seen(signal.value + column) - plain for column in columns.T], axis=1)
+    values = np.column_stack([signal.value, signal.value[:, None] + columns])
+    for e, params in behind:
+        values = _all_through(e, params, signal, values)
+    return np.asarray(values[:, 1:] - values[:, :1])
+
+
+def _all_through(e: Effect, params: Params, signal: Signal, values: Samples) -> Samples:
+    """One effect applied to each column of ``values`` (n, k) in place of the signal's; modes take all at once."""
+    if e.name == "resonance" and "velocity" not in params:
+        return e.apply(signal.carrying(values, signal.drive_V), params)
+    return np.stack([e.apply(signal.carrying(value, signal.drive_V), params) for value in values.T.copy()], axis=1)
 
 
 def rich_columns(track: Track) -> Samples:

@@ -141,7 +141,7 @@ class Chain:
         for path in paths[:done]:
             if path in known:
                 passed = known[path] = known.pop(path)  # the most recent is the last
-        signal = replace(self._input, rng=rng, active=tuple(entries)) if done < len(links) else self._input
+        signal = self._input.among(tuple(entries), rng) if done < len(links) else self._input
         for link, path in zip(links[done:], paths[done:], strict=True):
             value = link.apply(signal.carrying(*passed))
             passed = known[path] = _Passed(value, passed.value if link.step.name == OPERATOR else passed.drive_V)

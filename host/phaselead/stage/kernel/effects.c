@@ -37,69 +37,48 @@ static inline double answer(struct second_order *system, double in)
     return out;
 }
 
-enum { SIDE_BY_SIDE = 4, ROWS_AT_ONCE = 64 };
-
-/* Adds what one mode changes to `columns` neighbouring columns of (n, k), which were `rest` before. `s` (4, columns)
- * holds the last two inputs and answers. */
-static inline void add_mode(size_t n, size_t k, size_t columns, const double *restrict x, const double *restrict rest,
-                            const struct stage_share *mode, double *restrict s, double *restrict y)
+static void add_mode(size_t n, const double *x, const struct stage_share *mode, double *restrict y)
 {
-    double before[SIDE_BY_SIDE], earlier[SIDE_BY_SIDE], last[SIDE_BY_SIDE], older[SIDE_BY_SIDE];
-    const double share = mode->share, b0 = mode->b[0], b1 = mode->b[1], b2 = mode->b[2], a1 = mode->a[1],
-                 a2 = mode->a[2];
-    for (size_t j = 0; j < columns; j++) {
-        before[j] = s[j];
-        earlier[j] = s[columns + j];
-        last[j] = s[2 * columns + j];
-        older[j] = s[3 * columns + j];
-    }
+    struct second_order system = {mode->b, mode->a, {0.0, 0.0}, {0.0, 0.0}};
     for (size_t row = 0; row < n; row++) {
-        for (size_t j = 0; j < columns; j++) {
-            double in = x[row * k + j] - rest[j];
-            double out = b0 * in + b1 * before[j] + b2 * earlier[j] - a2 * older[j] - a1 * last[j];
-            earlier[j] = before[j];
-            before[j] = in;
-            older[j] = last[j];
-            last[j] = out;
-            y[row * k + j] += share * (out - in);
-        }
-    }
-    for (size_t j = 0; j < columns; j++) {
-        s[j] = before[j];
-        s[columns + j] = earlier[j];
-        s[2 * columns + j] = last[j];
-        s[3 * columns + j] = older[j];
+        double in = x[row] - x[0];
+        y[row] += mode->share * (answer(&system, in) - in);
     }
 }
 
-/* A few rows of all columns, which stay in the cache from mode to mode. */
-static void add_modes(size_t n, size_t k, const double *x, const double *rest, size_t m,
-                      const struct stage_share *modes, double *states, double *y)
+/* One row of many columns, whose states are `first` and `second` (k) of the transposed second direct form: there the
+ * columns fill vector instructions, and that form has the fewest states to fetch. */
+static void add_mode_to_row(size_t k, const double *restrict x, const double *restrict rest,
+                            const struct stage_share *mode, double *restrict first, double *restrict second,
+                            double *restrict y)
 {
-    for (size_t mode = 0; mode < m; mode++) {
-        double *s = states + 4 * mode * k;
-        size_t j = 0;
-        for (; j + SIDE_BY_SIDE <= k; j += SIDE_BY_SIDE) {
-            add_mode(n, k, SIDE_BY_SIDE, x + j, rest + j, modes + mode, s + 4 * j, y + j);
-        }
-        for (; j < k; j++) {
-            add_mode(n, k, 1, x + j, rest + j, modes + mode, s + 4 * j, y + j);
-        }
+    const double b0 = mode->b[0], b1 = mode->b[1], b2 = mode->b[2], a1 = mode->a[1], a2 = mode->a[2];
+    for (size_t j = 0; j < k; j++) {
+        double in = x[j] - rest[j];
+        double out = first[j] + b0 * in;
+        first[j] = second[j] + b1 * in - a1 * out;
+        second[j] = b2 * in - a2 * out;
+        y[j] += mode->share * (out - in);
     }
 }
 
 void stage_behind_modes(size_t n, size_t k, const double *x, size_t m, const struct stage_share *modes, double *states,
                         double *y)
 {
-    for (size_t i = 0; i < 4 * m * k; i++) {
+    for (size_t i = 0; i < 2 * m * k; i++) {
         states[i] = 0.0;
     }
     for (size_t i = 0; i < n * k; i++) {
         y[i] = x[i];
     }
-    for (size_t row = 0; row < n; row += ROWS_AT_ONCE) {
-        size_t rows = n - row < ROWS_AT_ONCE ? n - row : ROWS_AT_ONCE;
-        add_modes(rows, k, x + row * k, x, m, modes, states, y + row * k);
+    for (size_t mode = 0; k == 1 && mode < m; mode++) {
+        add_mode(n, x, modes + mode, y);
+    }
+    for (size_t row = 0; k > 1 && row < n; row++) {
+        for (size_t mode = 0; mode < m; mode++) {
+            double *first = states + 2 * mode * k;
+            add_mode_to_row(k, x + row * k, x, modes + mode, first, first + k, y + row * k);
+        }
     }
 }
 

@@ -21,7 +21,7 @@ struct stage_share { /* of a motion, carried by a second-order system of gain 1;
 };
 
 /* y (n, k) = x + sum share (system of x - x): k columns of x, row after row, each at rest in the first. `states` is
- * room for 4 m k. */
+ * room for 2 m k. */
 PHASELEAD_EXPORT void stage_behind_modes(size_t n, size_t k, const double *x, size_t m, const struct stage_share *modes,
                                          double *states, double *y);
 
