@@ -15,8 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve
 from scipy.optimize import minimize
 from scipy.signal import detrend
@@ -93,10 +95,7 @@ class Whitener:
         first = START_STD**2 if noise.misfit_um > 0 else 0.0
         self.factor = differences_factor(self._phi, grown * slow**2, first)
         self._moving = grown * slow**2 > MOVING
-        jumped = np.flatnonzero(grown > (JUMP * noise.sigma_um) ** 2)
-        rare = len(jumped) < RARE * len(u_V)
-        lost = (jumped[:, None] + np.arange(len(noise.sensor))).ravel() if rare else jumped[:0]
-        self._lost = lost[lost < len(u_V)]
+        self._grown = grown
 
     def __call__(self, values: Samples) -> Samples:
         """Whitened (n, ...) along the first axis; the first rows, which lack a past, become 0."""
@@ -105,6 +104,14 @@ class Whitener:
         white[: len(n.sensor) + len(n.rest) - 1] = 0.0
         white[self._lost] = 0.0
         return white
+
+    @cached_property
+    def _lost(self) -> NDArray[np.intp]:
+        """Rows that rare jumps spoil."""
+        n, rows = self._noise, len(self._grown)
+        jumped = np.flatnonzero(self._grown > (JUMP * n.sigma_um) ** 2)
+        lost = (jumped[:, None] + np.arange(len(n.sensor))).ravel() if len(jumped) < RARE * rows else jumped[:0]
+        return np.asarray(lost[lost < rows])
 
     def innovations(self, values: Samples) -> Samples:
         """Before the last autoregression."""
@@ -209,8 +216,8 @@ def _likeliest(
         for e, u in parts:
             whitener = tried.whitener(u, step_s)
             white = whitener.innovations(e)[len(tried.sensor) :]
-            logs = np.log(whitener.factor[0, len(tried.sensor) :]) + np.log(tried.sigma_um)
-            total += float(np.sum(0.5 * white**2 + logs))
+            logs = np.log(whitener.factor[0, len(tried.sensor) :])
+            total += float(0.5 * white @ white + logs.sum() + len(white) * np.log(tried.sigma_um))
         return total + 1e-3 * float(np.sum(x**2))
 
     start = np.zeros(4 if own_sigma else 3)
