@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from phaselead.effects.filters import mode_coefficients, relaxed, relaxed_late, resonant, smoothly_relaxed
+from phaselead.effects.filters import (
+    behind_modes,
+    mode_coefficients,
+    relaxed,
+    relaxed_late,
+    resonant,
+    smoothly_relaxed,
+)
 from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed
 
 rows = st.integers(1, 40).flatmap(
@@ -96,6 +103,15 @@ def test_modes_are_exact_for_straight_input(zeta):
         slope, (0, 0.3), [0.0, 0.0], t_eval=np.arange(31) * step, max_step=step / 10, rtol=1e-9, atol=1e-10
     )
     assert resonant(x, f, zeta, step) == pytest.approx(exact.y[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 5])
+def test_modes_share_the_motion_of_every_column(columns):
+    x, modes, step = np.random.default_rng(0).normal(size=(50, columns)), [(0.7, 17.0, 0.03), (0.3, 30.0, 0.1)], 0.01
+    for column, found in zip(x.T, behind_modes(x, modes, step).T, strict=True):
+        changes = [c * (resonant(column, f, zeta, step) - column) for c, f, zeta in modes]
+        assert np.allclose(found, column + sum(changes), rtol=0, atol=1e-12)
+        assert np.allclose(behind_modes(column, modes, step), found, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("rows", [slice(None), slice(3, 40, 3), slice(59, None), slice(0, 2)])

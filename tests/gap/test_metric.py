@@ -12,6 +12,7 @@ from phaselead.gap.disturb import Left, jitter, vibration
 from phaselead.gap.evidence import evidence
 from phaselead.gap.native import whitened
 from phaselead.gap.noise import Noise, as_idle, fit_noise
+from phaselead.gap.panel import Layout, Raw, panel
 from phaselead.gap.records import Run
 from phaselead.gap.residual import track
 from phaselead.stage.file import AxisModel, TimeView
@@ -106,6 +107,25 @@ def ringing(rng: np.random.Generator, n: int, f_Hz: float, zeta: float) -> np.nd
 
 def left(error_um: np.ndarray) -> Left:
     return Left(run_of(np.zeros(len(error_um)), error_um), error_um)
+
+
+def test_a_column_that_is_nowhere_changes_no_other():
+    rng = np.random.default_rng(5)
+    u = wave(600)
+    view = TimeView(
+        gain_um_per_V=1.0, play_r_V=(1.0, 2.0), play_w_um_per_V=(0.3, 0.2), u_range_V=(0.0, 8.0), rate_Hz=1000.0
+    )
+    of = track(AxisModel(time=view), run_of(u, 5 + u + 0.1 * rng.normal(size=600)))
+    metric = evidence([of], Noise(np.ones(1), 0.1, 0.2, 2.0, 1e-3, np.ones(1)))
+    columns, fresh = rng.normal(size=(600, 4)).astype(np.float32), 30 + rng.normal(size=(600, 2))
+    columns[:, 1] = 0.0
+    made = panel(metric, Layout((), 4), [Raw(of, of.answer(), columns)])
+    total = made.with_columns([fresh]).sum(axis=0)
+    every = metric.project(0, np.concatenate([columns, fresh], axis=1).astype(np.float64))
+    assert np.allclose(total, every.T @ every, rtol=1e-6, atol=1e-4)
+    assert np.allclose(made.total_with_columns([fresh]), total, rtol=1e-6, atol=1e-4)
+    kept = made.restricted(np.array([2, 1, 0]))
+    assert np.allclose(kept.total_with_columns([fresh])[:3, 3:], total[[2, 1, 0], 4:], rtol=1e-6, atol=1e-4)
 
 
 def test_a_mode_that_always_rings_is_no_new_vibration():

@@ -135,6 +135,19 @@ def test_a_record_can_be_continued(v, view, cut):
 
 
 @laws
+@given(voltages, views(), st.data())
+def test_plays_that_move_in_turn_add_up(v, view, data):
+    """From any start, in touch with each other or not."""
+    start = np.array([data.draw(volts) for _ in view.play_r_V])
+    each, end = plays(v, view.play_r_V, start)
+    found, same_end = respond(view, v, start)
+    beyond = np.maximum(v[:, None] - np.array(view.deadzone_d_V), 0.0) @ np.array(view.deadzone_s_um_per_V)
+    added = view.offset_um + view.gain_um_per_V * v + each @ np.array(view.play_w_um_per_V) + beyond
+    assert np.allclose(found, added, rtol=0, atol=1e-9)
+    assert np.allclose(same_end, end, rtol=0, atol=1e-12)
+
+
+@laws
 @given(voltages, st.floats(0, 80), volts)
 def test_delay_is_linear_interpolation(u, samples, before):
     rows = np.arange(-100, len(u))
