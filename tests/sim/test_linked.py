@@ -175,7 +175,7 @@ def test_a_coarse_converter_says_its_steps_only():
         ([Effect(name="slew_limit", params={"traverse_s": -1.0})], "at least 0"),
         ([Effect(name="gain_change", params={"gain": [0.1, 0.2]})], "has 2 terms; the simulator takes one"),
         ([Effect(name="hysteresis", params={"wide": 0.1})], "unknown parameter wide"),
-        ([Effect(name="hysteresis", params={"width": 0.1})] * 7, "more plays"),
+        ([Effect(name="hysteresis", params={"width": 0.1})] * 20, "more plays"),
         ([Effect(name="delay", params={"delay_s": 20.0})], "up to 10 s"),
     ],
 )

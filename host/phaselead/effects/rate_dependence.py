@@ -15,7 +15,8 @@ def apply(signal: Signal, params: Params) -> Samples:
     r, w, start = _plays(signal)
     if not len(r):
         return signal.value
-    v = signal.driven_V
+    v, spread = signal.driven_V, number(params, "spread")
+    r, w, start = spread * r, w / spread, v[0] + spread * (start - v[0])
     steady = np.ones_like(v)
     widened = scaled_plays(v, scale(signal, params), r, w, start, number(params, "held"))
     return signal.value + widened - scaled_plays(v, steady, r, w, start)
@@ -60,11 +61,14 @@ EFFECT = Effect(
         Parameter(
             "onset_per_s", "1/s", 1.0, 0.02, 100.0, role="shape", log=True, doc="ranges per second where it sets in"
         ),
+        Parameter(
+            "spread", "1", 0.5, 0.15, 1.0, role="shape", log=True, doc="thresholds of what widens, of the loop's own"
+        ),
         Parameter("held", "1", 1.0, 0.0, 1.0, role="shape", doc="share let go only as the voltage moves on"),
     ),
     shows="loop width against the logarithm of frequency is a straight line, while the way stays the same",
     reveals="the same full loop from 0.1 to 50 Hz, well below the first mode",
-    confused_with=("hysteresis", "creep", "amplifier_lowpass", "delay", "softening"),
+    confused_with=("hysteresis", "backlash", "creep", "amplifier_lowpass", "delay", "softening"),
     compensation="Not from its parameters: the inverse operator is made for one rate. The phase-lead tables, measured "
     "at several frequencies, hold it for periodic paths.",
     compensated=False,

@@ -50,6 +50,8 @@ class Building:
     sensor_links: list[Link] = field(default_factory=list)
     plays: list[tuple[float, float, float]] = field(default_factory=list)
     """Threshold V, weight um/V, start V."""
+    spread: float = 0.0
+    """Thresholds of the part of the loop that widens with the rate, of the loop's own; 0 where none does."""
     load: float = 0.0
     """Mass added to what moves."""
 
@@ -143,6 +145,7 @@ def _rate_dependence(to: Building, terms: Terms) -> None:
     to.axis.operator.widening = terms.one("widening", low=0.0)
     to.axis.operator.held = terms.one("held", low=0.0)
     to.axis.operator.onset_V_per_s = terms.one("onset_per_s", above=0.0) * to.range_V
+    to.spread = terms.one("spread", above=0.0)
 
 
 def _softening(to: Building, terms: Terms) -> None:
@@ -343,19 +346,29 @@ def _put_in_effects(to: Building) -> None:
             )
 
 
+def _widening(to: Building) -> list[tuple[float, float, float, float]]:
+    """Plays as they widen with the rate less the same at rest: threshold V, weight um/V, start V, whether it widens."""
+    if not to.spread:
+        return []
+    spread = [(to.spread * r_V, w / to.spread, to.spread * start_V) for r_V, w, start_V in to.plays]
+    return [(r_V, sign * w, start_V, widens) for sign, widens in ((1, 1.0), (-1, 0.0)) for r_V, w, start_V in spread]
+
+
 def _finish(to: Building) -> None:
     axis, view = to.axis, to.model.time
     assert view is not None
-    if len(to.plays) > PLAYS or len(view.deadzone_d_V) > DEADZONES:
+    plays = [(*play, 0.0) for play in to.plays] + _widening(to)
+    if len(plays) > PLAYS or len(view.deadzone_d_V) > DEADZONES:
         raise BadInput(f"{to.where}: more plays or dead zones than the simulator takes ({PLAYS}, {DEADZONES})")
     if len(to.links) > LINKS or len(to.sensor_links) > SENSOR_LINKS:
         raise BadInput(f"{to.where}: more effects than the simulator takes ({LINKS}, {SENSOR_LINKS} of the sensor)")
     if not axis.delay_s <= LONGEST_DELAY_S:
         raise BadInput(f"{to.where}: a delay of {axis.delay_s:g} s; the simulator takes up to {LONGEST_DELAY_S:g} s")
     operator = axis.operator
-    operator.plays, operator.deadzones = len(to.plays), len(view.deadzone_d_V)
-    for i, (r_V, w, start_V) in enumerate(to.plays):
+    operator.plays, operator.deadzones = len(plays), len(view.deadzone_d_V)
+    for i, (r_V, w, start_V, widens) in enumerate(plays):
         operator.play_r_V[i], operator.play_w_um_per_V[i], operator.play_start_V[i] = r_V, w, start_V
+        operator.play_widens[i] = widens
     for i, (d_V, s) in enumerate(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)):
         operator.deadzone_d_V[i], operator.deadzone_s_um_per_V[i] = d_V, s
     axis.links, axis.sensor_links = len(to.links), len(to.sensor_links)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-POLES, PLAYS, DEADZONES, LINKS, SENSOR_LINKS, HUM_LINES = 48, 64, 32, 16, 4, 3
+POLES, PLAYS, DEADZONES, LINKS, SENSOR_LINKS, HUM_LINES = 48, 192, 32, 16, 4, 3
 """Bounds of the kernel, as in link.h, linked.h and surroundings.h."""
 POLES_SUM, SLEW, CLIP, OPERATOR, SOFTENING, BACKLASH = range(1, 7)
 """enum link_kind."""
@@ -32,6 +32,7 @@ class Operator(ctypes.Structure):
         ("play_r_V", ctypes.c_double * PLAYS),
         ("play_w_um_per_V", ctypes.c_double * PLAYS),
         ("play_start_V", ctypes.c_double * PLAYS),
+        ("play_widens", ctypes.c_double * PLAYS),
         ("deadzone_d_V", ctypes.c_double * DEADZONES),
         ("deadzone_s_um_per_V", ctypes.c_double * DEADZONES),
         ("low_V", ctypes.c_double),

@@ -48,8 +48,9 @@ static double operator_um(struct operator_state *o, double u_V)
     const struct operator_parameters *p = o->with;
     double x = p->gain_um_per_V * u_V, scale = widened(o, u_V), moved = fabs(u_V - o->last_V);
     for (uint32_t i = 0; i < p->plays; i++) {
-        double reach = scale * p->play_r_V[i], kept = fabs(o->last_V - o->play[i]) - moved;
-        if (kept > reach && p->widening != 0)
+        double widens = p->play_widens[i];
+        double reach = (1 + widens * (scale - 1)) * p->play_r_V[i], kept = fabs(o->last_V - o->play[i]) - moved;
+        if (kept > reach && widens != 0)
             reach += p->held * (kept - reach);
         o->play[i] = clamp(o->play[i], u_V - reach, u_V + reach);
         x += p->play_w_um_per_V[i] * o->play[i];

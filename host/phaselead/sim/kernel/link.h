@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #define LINK_POLES 48
-#define LINK_PLAYS 64
+#define LINK_PLAYS 192
 #define LINK_DEADZONES 32
 #define LINK_RING_PLAYS 8
 #define LINK_SUBSTEPS 8
@@ -31,6 +31,7 @@ struct link_parameters {
 struct operator_parameters { /* a stage file's time view, with what can bend its loops */
     double gain_um_per_V;
     double play_r_V[LINK_PLAYS], play_w_um_per_V[LINK_PLAYS], play_start_V[LINK_PLAYS];
+    double play_widens[LINK_PLAYS]; /* 1: with the rate of the voltage, as below; 0: never */
     double deadzone_d_V[LINK_DEADZONES], deadzone_s_um_per_V[LINK_DEADZONES];
     double low_V, high_V;                   /* the voltages that shares below refer to */
     double bend_um, skew_um, skew_reach;    /* asymmetry: common curvature, one-sided width */
