@@ -48,9 +48,9 @@ EFFECT = Effect(
     "over all codes, less its value at 0 V",
     source="Kester 2005, The Data Conversion Handbook (integral nonlinearity of segmented converters)",
     parameters=(
-        Parameter("bow_LSB", "LSB", 2.0, -200.0, 200.0, doc="bow over all codes"),
-        Parameter("s_LSB", "LSB", 1.0, -200.0, 200.0, doc="S shape over all codes"),
-        Parameter("segment_LSB", "LSB", 1.0, -200.0, 200.0, doc="repeats in every segment"),
+        Parameter("bow_LSB", "LSB", 2.0, -16.0, 16.0, doc="bow over all codes"),
+        Parameter("s_LSB", "LSB", 1.0, -16.0, 16.0, doc="S shape over all codes"),
+        Parameter("segment_LSB", "LSB", 1.0, -16.0, 16.0, doc="repeats in every segment"),
         Parameter("segments", "1", 16.0, 2.0, 64.0, role="shape", log=True, doc="waves over all codes"),
     ),
     shows="an error fixed to the code: the same at every visit of a voltage, whatever the speed and history",

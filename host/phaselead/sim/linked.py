@@ -222,7 +222,7 @@ def _offset(to: Building, terms: Terms) -> None:
 
 
 def _sensor_nonlinearity(to: Building, terms: Terms) -> None:
-    for name in ("quadratic", "cubic", "quartic"):
+    for name in ("quadratic", "cubic", "linear"):
         setattr(to.axis.surroundings, name, terms.one(name))
 
 
