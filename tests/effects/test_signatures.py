@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchtop import LINEAR, MODE, PIEZO, RATE_HZ, axis, harmonics, response, rich, run, signal, sine, times
+from hypothesis import given
+from hypothesis import strategies as st
 
 from phaselead.effects import effect
 from phaselead.effects.effect import Place
@@ -374,3 +376,26 @@ def test_dac_error_is_the_same_at_every_visit():
     full = signal(model, np.linspace(-10.24, 10.24, 4001), "dac_nonlinearity")
     bow = e.apply(full, e.complete({"bow_LSB": 3.0})) - full.value
     assert np.ptp(bow[1:]) == pytest.approx(3.0 * lsb, rel=1e-6)
+
+
+@given(bottom=st.floats(0.11, 0.4), rest=st.floats(-1.0, 1.0))
+def test_memory_starts_where_a_rail_has_held_the_voltage(bottom, rest):
+    """Plays know differences of the voltage alone: what never falls below a rail moves as if the rail were 0 V."""
+    alone = {"rest_fraction": rest, "deadzone_d_V": (), "deadzone_s_um_per_V": (), "delay_s": 0.0}
+    model, low_V = axis(PIEZO.model_copy(update=alone)), -1.0 + 10.0 * bottom
+    u = np.concatenate([np.zeros(5), rich(600)])
+    railed, free = run(model, u, "saturation", bottom=bottom, top=0.0), run(model, np.maximum(u, low_V) - low_V)
+    assert np.allclose(railed - railed[0], free - free[0], atol=1e-9)
+
+
+@given(spread=st.floats(0.2, 0.6))
+def test_how_far_the_widening_is_spread_changes_where_a_loop_opens_and_not_by_how_much(spread):
+    up = np.linspace(0.0, 8.0, 401)
+    u = np.concatenate([up, up[::-1], up, up[::-1]])  # one rate throughout
+    model = axis(PIEZO.model_copy(update={"delay_s": 0.0}))
+    sizes = {"widening": 0.3, "onset_per_s": 1.0}
+    at_once, later = (run(model, u, "rate_dependence", spread=s, **sizes) - run(model, u) for s in (spread, 1.0))
+    before_turns = [401 + 399, 1203 - 2, 1203 + 399]
+    assert np.allclose(at_once[before_turns], later[before_turns], rtol=1e-3)
+    soon = 802 + round(0.6 * 401 * spread * 2 * 2.5 / 8.0)  # the widest play has turned, the unspread one has not
+    assert abs(at_once[soon] - at_once[801]) > abs(later[soon] - later[801]) + 0.01 * (1 - spread)

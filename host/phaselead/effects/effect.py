@@ -105,10 +105,12 @@ class Signal:
 
     @property
     def start_plays_V(self) -> Samples:
-        """Positions of the time view's plays in the first row."""
+        """Positions of the time view's plays in the first row: about the voltage that the hysteresis stood at, which a
+        rail keeps off the recorded one."""
+        aside_V = float(self.driven_V[0] - self.u_V[0])
         if self.plays_V is not None:
-            return self.plays_V
-        return rest_plays(self.axis.time) if self.axis.time is not None else np.zeros(0)
+            return self.plays_V + aside_V
+        return rest_plays(self.axis.time) + aside_V if self.axis.time is not None else np.zeros(0)
 
     @cached_property
     def rest_um(self) -> float:

@@ -115,14 +115,15 @@ def base_columns(track: Track, freedom: Freedom, extra: Extra = ()) -> Samples:
     it. A base without plays has no plays to refit, one without dead zones no dead zones."""
     view = track.axis.time
     assert view is not None
-    v = track.chain.signal_at(Place.AMPLIFIER, extra).value
+    signal = track.chain.signal_at(Place.AMPLIFIER, extra)
+    v = signal.value
     slope = mean_slope(track.axis)
     low, high = view.u_range_V
     columns = [GAIN_STD * slope * v]
     if view.play_r_V:
         r = nested_basis(high - low, low, high, BASE_PLAYS, 1).play_r_V
         start = view.rest_fraction * r if track.plays_V is None else np.interp(r, view.play_r_V, track.plays_V)
-        moved, _ = plays(v, r, np.clip(start, v[0] - r, v[0] + r))
+        moved, _ = plays(v, r, np.clip(start + v[0] - signal.u_V[0], v[0] - r, v[0] + r))
         columns += list(((OPEN_STD if freedom.open_plays else PLAY_STD) * slope * moved).T)
         if freedom.learned:
             columns += _bent(moved, low, high, PLAY_STD * slope)

@@ -64,7 +64,8 @@ static double operator_um(struct operator_state *o, double u_V)
 static void operator_rest(struct operator_state *o, double rest_V)
 {
     const struct operator_parameters *p = o->with;
-    memcpy(o->play, p->play_start_V, sizeof o->play);
+    for (uint32_t i = 0; i < p->plays; i++)
+        o->play[i] = rest_V + p->play_start_V[i]; /* a rail keeps the voltage at the material off 0 */
     for (int i = 0; i < LINK_RING_PLAYS; i++)
         o->square_play[i] = square_of(p, rest_V);
     for (int i = 0; i < LINK_SUBSTEPS; i++)
