@@ -50,6 +50,12 @@ def test_a_large_effect_is_named_and_its_gap_closed(case, left):
     assert score.power_left(outcome) < left
 
 
+def test_both_of_a_pair_are_named_though_a_third_could_stand_in_for_them():
+    outcome = tried("tuning/pair/load_change+sensor_lowpass/1/fast/0")
+    assert sorted(outcome["named"]) == ["load_change", "sensor_lowpass"]
+    assert score.power_left(outcome) < 0.02
+
+
 def test_hum_is_named_though_no_voltage_predicts_it():
     assert tried("tuning/single/mains_hum/1/slow/1")["named"] == ["mains_hum"]
 

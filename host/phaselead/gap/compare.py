@@ -234,17 +234,18 @@ def held_out(bench: Bench, before: Sequence[Entry], after: Sequence[Entry], leas
     return HeldOut(found.slope, found.slope * whole, whole, found.power, _worse(bench, before, after))
 
 
-def known_before(bench: Bench, before: Sequence[Entry], after: Sequence[Entry]) -> bool:
+def known_before(bench: Bench, new: Entry) -> bool:
     """Whether the reference records, which are without it, seem to show the new effect too: then it is the base's
-    fault. Only what the base could absorb is projected out, since the correction has learned from these very records;
-    of an effect that the base absorbs nearly whole, they can show nothing.
+    fault. They are without whatever was named before it, too. Only what the base could absorb is projected out, since
+    the correction has learned from these very records; of an effect that the base absorbs nearly whole, they can show
+    nothing.
     """
     panel = bench.reference
     if panel is None:
         return False
     index = panel.layout.base
     base = Correction(index, np.zeros(len(index)), np.eye(len(index)))
-    found = _regression(panel, base, before, after)
+    found = _regression(panel, base, (), (new,))
     if found.power < ABSORBED * found.whole:
         return False
     return found.slope > KNOWN_SHARE and found.slope * float(np.sqrt(found.power / found.inflation)) > KNOWN_Z

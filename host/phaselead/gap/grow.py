@@ -27,9 +27,10 @@ UNTESTED = 10.0
 """Times the usual margin, for an effect that the held-out records lack the drive to show: a mode without a jump."""
 LACKING = 0.05
 """Of what an effect gains on training records: held-out records whose drive would show less of it lack that drive."""
-HARM = 0.01
-"""An effect may raise the held-out mean square by this share and no more: a disturbance that is not there does."""
-NEAR_SHARE, FAR_SHARE, OPERATOR_SHARE = 0.05, 0.002, 0.02
+HARM, PLAIN_Z = 0.01, 10.0
+"""An effect may raise the held-out mean square by this share and no more: a disturbance that is not there does. From
+this z on it is there."""
+NEAR_SHARE, FAR_SHARE, OPERATOR_SHARE = 0.05, 0.0015, 0.02
 """Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
 that is right by and large leaves is explained best by those it is confused with, and is no evidence for them; a whole
 operator in place of the equation leaves less."""
@@ -168,7 +169,7 @@ def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = (
     needed = cost(named, found.best.effect)
     if without_peak(found.bench, found.best.fitted.entries[-1]):
         return False
-    if held.worse > HARM or known_before(found.bench, found.before.entries, found.best.fitted.entries):
+    if _harms(found, held) or known_before(found.bench, found.best.fitted.entries[-1]):
         return False
     if not held.testable:
         lacking = held.drive < LACKING * found.best.score
@@ -176,6 +177,13 @@ def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = (
     p = float(norm.sf(held.z))
     sure = held.z >= HELD_OUT_Z and p * family <= RISK
     return found.best.score >= needed and sure and SLOPE[0] <= held.slope <= SLOPE[1]
+
+
+def _harms(found: Contest, held: HeldOut) -> bool:
+    """Whether it makes the held-out gap larger, and is not plainly there all the same: of two effects that work against
+    each other the first does. Only beside reference records, which tell in the end whether the names explain it."""
+    plainly = found.bench.reference is not None and held.z > PLAIN_Z
+    return held.worse > HARM and not plainly
 
 
 def _accept(
@@ -248,9 +256,9 @@ def _note(growth: Growth, found: Contest, held: HeldOut, step: int, pays: bool) 
 def _why_not(found: Contest, held: HeldOut, named: Sequence[Named]) -> str:
     if found.best.score < (needed := cost(named, found.best.effect)):
         return f"gains {found.best.score:.1f}, less than the {needed:.3g} a name costs"
-    if held.worse > HARM:
+    if _harms(found, held):
         return f"gains {found.best.score:.0f}, but makes the held-out gap larger"
-    if known_before(found.bench, found.before.entries, found.best.fitted.entries):
+    if known_before(found.bench, found.best.fitted.entries[-1]):
         return f"gains {found.best.score:.0f}, but the reference records show it too"
     if not held.testable:
         return f"gains {found.best.score:.0f}, but the held-out records cannot show it"
