@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from phaselead.gap.disturb import Left, jitter, vibration
+from phaselead.gap.disturb import Left, jitter, louder_at_rest, vibration
 from phaselead.gap.evidence import evidence
 from phaselead.gap.native import whitened
 from phaselead.gap.noise import Noise, as_idle, fit_noise
@@ -153,6 +153,18 @@ def test_a_line_at_the_mains_is_no_vibration():
     hum = 0.1 * np.sin(2 * np.pi * 50.02 * t)  # so strong that it is seen beside the lines that are left out
     parts = [[left(0.002 * rng.normal(size=4000) + share * hum)] for share in (1.0, 1.0, 0.0)]
     assert vibration(*parts) is None
+
+
+@pytest.mark.parametrize("f_Hz", [50.0, 120.0])
+def test_what_is_new_at_rest_is_noticed_whatever_it_is(f_Hz):
+    rng = np.random.default_rng(3)
+    line = 0.02 * np.sin(2 * np.pi * f_Hz * STEP_s * np.arange(4000))
+    noises = [0.01 * rng.normal(size=4000) for _ in range(3)]
+    new = [[left(noise + share * line)] for noise, share in zip(noises, (1.0, 1.0, 0.0), strict=True)]
+    old = [[left(noise + line)] for noise in noises]
+    assert louder_at_rest(*new)
+    assert not louder_at_rest(*old)
+    assert not louder_at_rest(new[0], new[1], [])  # nobody knows what was there before
 
 
 def jittery(rng: np.random.Generator, f_Hz: float, rms_s: float, role: str) -> Left:

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from phaselead.effects import Effect, Place
 from phaselead.gap.adopt import adopted
 from phaselead.gap.bounds import bounds
-from phaselead.gap.disturb import Found, Left, disturbances
+from phaselead.gap.disturb import Found, Left, disturbances, louder_at_rest
 from phaselead.gap.final import Final, finish
-from phaselead.gap.grow import Growth, Named, grow, unnamed
+from phaselead.gap.grow import Growth, Named, unnamed
 from phaselead.gap.intervals import intervals
 from phaselead.gap.locate import Part, locate
 from phaselead.gap.next_experiment import propose
 from phaselead.gap.records import Run
 from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Spectrum, Trace, Value
+from phaselead.gap.second_opinion import explained
 from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
 from phaselead.gap.surplus import leaves_too_much, unexplained
@@ -62,20 +63,20 @@ def search_axis(
 ) -> AxisResult:
     """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data."""
     candidates, refused = responses(effects, frozen)
-    growth = grow(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
-    final = finish(growth, runs)
+    growth, final = explained(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
+    noise_like_names = {e.name for e in effects}
     if leaves_too_much(growth, final):
         growth = unnamed(growth)
         final = finish(growth, runs)
+        noise_like_names -= {"sampling_jitter"}  # it would be seen in what moves fast and is not explained
     named, ties, file_entries = _named(growth, final, label, seed)
-    disturbed, untested = disturbances(
-        final.lefts("train"), final.lefts("holdout"), final.lefts("reference"), {e.name for e in effects}
-    )
+    lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")
+    disturbed, untested = disturbances(*lefts, noise_like_names)
     noise_like = [_disturbance(found, final, label) for found in disturbed]
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
     claimed = {e.name for e in named} | {n for tie in ties for n in tie}
-    explained = final.gap.after < EXPLAINED * final.gap.floor and not claimed & SLOW
-    shifted = best_explained(shifts) if explained else ()
+    little_left = final.gap.after < EXPLAINED * final.gap.floor and not claimed & SLOW
+    shifted = best_explained(shifts) if little_left else ()
     allowed = {e.name for e in effects} - claimed
     moved = [_other_zero(name, shifts[name], label) for name in shifted if set(shifted) <= allowed]
     if len(moved) > 1:
@@ -95,7 +96,9 @@ def search_axis(
         adopted(final.axis, [*file_entries, *noise_like]),
         [*named, *noise_like],
         ties,
-        unexplained(growth, final) or (bool(shifted) and not moved and not allowed >= set(shifted)),
+        unexplained(growth, final)
+        or (bool(shifted) and not moved and not allowed >= set(shifted))
+        or (not disturbed and louder_at_rest(*lefts)),
         excluded,
         {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
         locate(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,25 +191,54 @@ def _hum_params(train: Sequence[Left], f_Hz: float) -> dict[str, Value]:
 
 def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
     """A peak of the idle spectrum that stands out of the reference's, or out of its own surroundings."""
-    parts = train, holdout, reference
+    spectra = _spectra(train, holdout, reference)
+    live = np.array([not _is_mains(float(v)) for v in spectra.f_Hz])
+    live[:SLOW_LINES] = False
+    band = _standing_out((train, holdout, reference), spectra, live)
+    if band is None:
+        return None
+    low, high = band
+    new = np.maximum(spectra.seen - spectra.before, 0.0)
+    if new[low:high] @ live[low:high] < BESIDE_MAINS * new[low:high].sum():
+        return None
+    return _vibration_found(spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
+
+
+def louder_at_rest(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> bool:
+    """Whether any band of the idle records, the mains' too, stands out of the reference's, whatever its cause."""
+    now, again, was = ([left for left in part if left.run.idle] for part in (train, holdout, reference))
+    if not (now and again and was):
+        return False
+    idle = now, again, was
+    spectra = _spectra(*idle)
+    live = np.ones(len(spectra.f_Hz), dtype=bool)
+    live[:SLOW_LINES] = False
+    return _standing_out(idle, spectra, live) is not None
+
+
+class _Spectra(NamedTuple):
+    """Densities (k,) of the training records, and of what was there before; how many periodograms are in the first."""
+
+    f_Hz: Samples
+    seen: Samples
+    before: Samples
+    averages: float
+
+
+def _spectra(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> _Spectra:
     shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
-    if reference:
-        _, before, _ = _density(reference, length)
-    else:
-        before = median_filter(seen, size=41, mode="nearest") / 0.97
-    live = np.array([not _is_mains(float(v)) for v in f])
-    live[:SLOW_LINES] = False
+    before = _density(reference, length)[1] if reference else median_filter(seen, size=41, mode="nearest") / 0.97
+    return _Spectra(f, seen, before, averages)
+
+
+def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[int, int] | None:
+    """First and last line (excluded) of the band, among the ``live`` lines, that is new beyond chance."""
+    f, seen, before, _ = spectra
     bands, looked = _new_bands(seen * live, before * live)
     found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= SURE_BAND]
-    if not found:
-        return None
-    low, high = min(found)[1]
-    new = np.maximum(seen - before, 0.0)
-    if new[low:high] @ live[low:high] < BESIDE_MAINS * new[low:high].sum():
-        return None
-    return _vibration_found(f, seen - before, low, high, averages)
+    return min(found)[1] if found else None
 
 
 def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -> float:

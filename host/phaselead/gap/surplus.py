@@ -16,9 +16,10 @@ from phaselead.record.recording import Samples
 P, SHARE, CHI2 = 1e-3, 0.02, 1.3
 PLAINLY = 2.0
 """Times what the model leaves of the reference records: a stop met now and then fills too few blocks for ranks."""
-NEAREST_um, NEAREST = 0.1, 0.3
-"""Shares of the power that is new since the reference, in um and in the metric: names that leave more of both, and
-plainly more than the model leaves of the reference records, are the catalogue's nearest and not what it is."""
+NEAREST_um, NEAREST, HALF = 0.07, 0.2, 0.5
+"""Shares of the power that is new since the reference, in um and in the metric: names that leave more of both, or half
+of it in um, and plainly more than the model leaves of the reference records, are the catalogue's nearest and not what
+it is."""
 
 
 def unexplained(growth: Growth, final: Final) -> bool:
@@ -50,8 +51,9 @@ def leaves_too_much(growth: Growth, final: Final) -> bool:
     bench, gap = growth.bench, final.gap
     if bench.reference is None or not growth.named or gap.after < PLAINLY * gap.floor:
         return False
-    if gap.after**2 - gap.floor**2 <= NEAREST_um * (gap.before**2 - gap.floor**2):
-        return False
+    left = (gap.after**2 - gap.floor**2) / max(gap.before**2 - gap.floor**2, 1e-30)
+    if not NEAREST_um < left < HALF:
+        return left >= HALF
     known = float(_mean_squares(bench.reference, bench.correction, ()).mean())
     before = float(_mean_squares(bench.slim, bench.correction, ()).mean())
     after = float(_mean_squares(bench.slim, bench.correction, growth.fitted.entries).mean())
