@@ -24,7 +24,7 @@ MARGIN = 10.0
 TIE = 37.0
 """Squared whitened distance below which two effects, each at its best, cannot be told apart: errors of 1 in 1000."""
 HELD_OUT_Z = 3.3
-KNOWN_SHARE, KNOWN_Z = 0.4, 3.0
+KNOWN_SHARE, KNOWN_Z = 0.8, 3.0
 """Share of an effect, and how surely, that makes reference records show it too."""
 ABSORBED = 0.05
 """Share of an effect's squares that must be left once the base absorbed what it can, for that question to be asked."""

@@ -13,7 +13,7 @@ from phaselead.gap.base import with_operator
 from phaselead.gap.bench import Bench, bench, beside, slim_beside
 from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out, known_before
 from phaselead.gap.records import Run
-from phaselead.gap.refit import Fitted, refit, with_total
+from phaselead.gap.refit import Entry, Fitted, refit, with_total
 from phaselead.gap.result import Candidate
 from phaselead.gap.search import Scanned, penalty, scan, try_effects, without_peak
 from phaselead.stage.file import AxisModel
@@ -36,6 +36,10 @@ that is right by and large leaves is explained best by those it is confused with
 operator in place of the equation leaves less."""
 PLENTY_ON_ONE_LOOP = 50.0
 """Points from which an effect is told from others although all records go round one loop."""
+BESIDE = 10.0
+"""More points than the usual margin beside reference records, which are believed to say all that the base misses."""
+TRIFLE = 0.005
+"""Of its typical size, below which an effect is no more than what the base's own numbers are off by."""
 RISK = 0.0125
 """Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
 
@@ -159,6 +163,10 @@ def cost(named: Sequence[Named], effect: Effect) -> float:
     return MARGIN + sum(owed)
 
 
+def _needed(found: Contest, named: Sequence[Named]) -> float:
+    return cost(named, found.best.effect) + (BESIDE if found.bench.reference is not None else 0.0)
+
+
 def _alike(named: Named, effect: Effect) -> bool:
     rivals = {r.effect.name: r.effect for r in named.rivals}
     group = [named.effect, *(rivals[name] for name in named.tied if name in rivals)]
@@ -166,8 +174,8 @@ def _alike(named: Named, effect: Effect) -> bool:
 
 
 def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = ()) -> bool:
-    needed = cost(named, found.best.effect)
-    if without_peak(found.bench, found.best.fitted.entries[-1]):
+    needed = _needed(found, named)
+    if without_peak(found.bench, found.best.fitted.entries[-1]) or _trifling(found.best.fitted.entries[-1]):
         return False
     if _harms(found, held) or known_before(found.bench, found.best.fitted.entries[-1]):
         return False
@@ -179,10 +187,18 @@ def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = (
     return found.best.score >= needed and sure and SLOPE[0] <= held.slope <= SLOPE[1]
 
 
+def _trifling(entry: Entry) -> bool:
+    """Whether every one of its sizes is next to nothing."""
+    effect, params = entry
+    return all(abs(params[p.name]) < TRIFLE * p.typical for p in effect.sizes)
+
+
 def _harms(found: Contest, held: HeldOut) -> bool:
     """Whether it makes the held-out gap larger, and is not plainly there all the same: of two effects that work against
-    each other the first does. Only beside reference records, which tell in the end whether the names explain it."""
-    plainly = found.bench.reference is not None and held.z > PLAIN_Z
+    each other the first does. Only beside reference records, which tell in the end whether the names explain it, and
+    not for a drift, which follows whatever moves slowly."""
+    responds = found.best.effect.kind != "disturbance"
+    plainly = responds and found.bench.reference is not None and held.z > PLAIN_Z
     return held.worse > HARM and not plainly
 
 
@@ -254,8 +270,10 @@ def _note(growth: Growth, found: Contest, held: HeldOut, step: int, pays: bool) 
 
 
 def _why_not(found: Contest, held: HeldOut, named: Sequence[Named]) -> str:
-    if found.best.score < (needed := cost(named, found.best.effect)):
+    if found.best.score < (needed := _needed(found, named)):
         return f"gains {found.best.score:.1f}, less than the {needed:.3g} a name costs"
+    if _trifling(found.best.fitted.entries[-1]):
+        return f"gains {found.best.score:.0f}, but is far smaller than what is known to occur"
     if _harms(found, held):
         return f"gains {found.best.score:.0f}, but makes the held-out gap larger"
     if known_before(found.bench, found.best.fitted.entries[-1]):
