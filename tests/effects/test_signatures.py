@@ -276,7 +276,7 @@ def test_a_sensor_curve_is_right_at_both_ends_and_peaks_at_its_size():
     x = run(PLAIN, np.linspace(0, 10, 2001), "sensor_nonlinearity", quadratic=0.01) - np.linspace(0, 100, 2001)
     assert x[[0, -1]] == pytest.approx([0, 0], abs=1e-9)
     assert x.max() == pytest.approx(1.0)
-    for name in ("cubic", "linear"):
+    for name in ("cubic", "quartic", "linear"):
         y = run(PLAIN, np.linspace(0, 10, 2001), "sensor_nonlinearity", **{name: 0.01}) - np.linspace(0, 100, 2001)
         assert np.abs(y).max() == pytest.approx(1.0, rel=1e-3)
 

@@ -32,7 +32,9 @@ def test_a_straight_line_lacks_hysteresis(tmp_path):
     found = json.loads(figures.read_text())
     assert "named" in found["verdicts"]
     assert [e["name"] for e in found["effects"]] == ["hysteresis"]
-    assert {"delay", "amplifier_lowpass", "sensor_lowpass"} in [set(tie) for tie in found["ties"]]
+    ties = [set(tie) for tie in found["ties"]]  # one loop cannot tell more
+    assert any({"asymmetric_hysteresis", "sensor_nonlinearity"} <= tie for tie in ties)
+    assert any({"creep", "rate_dependence"} <= tie for tie in ties)
     assert found["gap"]["after"] <= 0.27 < found["gap"]["before"]
     assert linear.read_bytes() == before
     assert after.exists()

@@ -39,7 +39,7 @@ def sizes(name):
         "dac_nonlinearity": {"bow_LSB": 100.0, "s_LSB": 80.0, "segment_LSB": 50.0},
         "thermal_drift": {"ramp_um_per_s": 0.2, "rise_um": 3.0, "tau_s": 6.0},
         "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
-        "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "linear": 0.01},
+        "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01, "linear": 0.01},
         "load_change": {"mass": 0.5},
         "sensor_lowpass": {"tau_s": 1e-3},
         "amplifier_lowpass": {"tau_s": 1e-3},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import Literal
@@ -52,6 +52,9 @@ class Parameter:
     doc: str = ""
     extreme: bool = False
     """Of a shape: whether no stage comes near its bounds."""
+    learned: bool = False
+    """Whether it is asked for beside reference records alone: a base that moves with the effect takes it over. Without
+    it a size is 0, and a shape typical."""
 
 
 @dataclass(frozen=True)
@@ -200,6 +203,10 @@ class Effect:
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not."""
 
+    def unlearned(self) -> Effect:
+        """The effect without the parameters that only reference records tell."""
+        return replace(self, parameters=tuple(p for p in self.parameters if not p.learned))
+
     @property
     def sizes(self) -> tuple[Parameter, ...]:
         """The parameters that make it vanish when all are 0."""
@@ -262,5 +269,6 @@ def columns(*of_rows: Samples) -> Samples:
 
 
 def with_columns(signal: Signal, added: Samples, params: Params, *sizes: str) -> Samples:
-    """The signal and ``added`` (n, len(sizes)) times the parameters ``sizes``."""
-    return np.asarray(signal.value + added @ np.array([number(params, name) for name in sizes]))
+    """The signal and ``added`` (n, len(sizes)) times the parameters ``sizes``, 0 where they are not given."""
+    amounts = [number(params, name) if name in params else 0.0 for name in sizes]
+    return np.asarray(signal.value + added @ np.array(amounts))

@@ -15,7 +15,7 @@ def apply(signal: Signal, params: Params) -> Samples:
     r, w, start = _plays(signal)
     if not len(r):
         return signal.value
-    v, spread = signal.driven_V, number(params, "spread")
+    v, spread = signal.driven_V, number(params, "spread") if "spread" in params else 1.0
     r, w, start = spread * r, w / spread, v[0] + spread * (start - v[0])
     steady = np.ones_like(v)
     widened = scaled_plays(v, scale(signal, params), r, w, start, number(params, "held"))
@@ -62,7 +62,15 @@ EFFECT = Effect(
             "onset_per_s", "1/s", 1.0, 0.02, 100.0, role="shape", log=True, doc="ranges per second where it sets in"
         ),
         Parameter(
-            "spread", "1", 0.5, 0.15, 1.0, role="shape", log=True, doc="thresholds of what widens, of the loop's own"
+            "spread",
+            "1",
+            1.0,
+            0.15,
+            1.0,
+            role="shape",
+            log=True,
+            learned=True,
+            doc="thresholds of what widens, of the loop's own",
         ),
         Parameter("held", "1", 1.0, 0.0, 1.0, role="shape", doc="share let go only as the voltage moves on"),
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.effects.effect import Effect, Parameter, Params, Picture, Place, Samples, Signal, columns, with_columns
 from phaselead.effects.reach import ends_um
 
-SIZES = ("quadratic", "cubic", "linear")
+SIZES = ("quadratic", "cubic", "quartic", "linear")
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -16,7 +16,7 @@ def basis(signal: Signal, params: Params) -> Samples:
     low, high = ends_um(signal.axis)
     s = (2 * signal.value - (low + high)) / ((high - low) or 1.0)
     bow = signal.range_um * (1 - s**2)
-    return columns(bow, 1.5 * 3**0.5 * s * bow, signal.range_um * (1 + s) / 2)
+    return columns(bow, 1.5 * 3**0.5 * s * bow, 4 * s**2 * bow, signal.range_um * (1 + s) / 2)
 
 
 EFFECT = Effect(
@@ -24,13 +24,16 @@ EFFECT = Effect(
     title="Sensor nonlinearity",
     place=Place.SENSOR,
     order=3,
-    equation="y = x + X (1 - s^2) (quadratic + 2.6 cubic s) + X linear (1 + s)/2,  s = -1..1 over the range; bow and "
-    "S peak at 1 and are 0 at both ends (terminal linearity)",
+    equation="y = x + X (1 - s^2) (quadratic + 2.6 cubic s + 4 quartic s^2) + X linear (1 + s)/2,  s = -1..1 over the "
+    "range; the first three peak at 1 and are 0 at both ends (terminal linearity)",
     source="Fleming 2013, A review of nanometer resolution position sensors (calibration and nonlinearity)",
     parameters=(
         Parameter("quadratic", "of range", 0.002, -0.1, 0.1, doc="bow"),
         Parameter("cubic", "of range", 0.001, -0.1, 0.1, doc="S shape"),
-        Parameter("linear", "of range", 0.001, -0.01, 0.01, doc="slope: the scale was set at other ends than these"),
+        Parameter("quartic", "of range", 0.001, -0.1, 0.1, doc="W shape"),
+        Parameter(
+            "linear", "of range", 0.001, -0.01, 0.01, learned=True, doc="slope: its maker set the scale elsewhere"
+        ),
     ),
     shows="an error that depends on the position, not on the voltage: the same on both branches of the loop",
     reveals="a bias ladder of small loops; a second sensor settles it",

@@ -63,6 +63,8 @@ def search_axis(
 ) -> AxisResult:
     """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data."""
     candidates, refused = responses(effects, frozen)
+    if not any(run.role == "reference" for run in runs):
+        candidates = [effect.unlearned() for effect in candidates]
     growth, final = explained(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
     noise_like_names = {e.name for e in effects}
     if leaves_too_much(growth, final):

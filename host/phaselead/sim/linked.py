@@ -222,7 +222,7 @@ def _offset(to: Building, terms: Terms) -> None:
 
 
 def _sensor_nonlinearity(to: Building, terms: Terms) -> None:
-    for name in ("quadratic", "cubic", "linear"):
+    for name in ("quadratic", "cubic", "quartic", "linear"):
         setattr(to.axis.surroundings, name, terms.one(name))
 
 

@@ -58,6 +58,7 @@ class Surroundings(ctypes.Structure):
         ("high_um", ctypes.c_double),
         ("quadratic", ctypes.c_double),
         ("cubic", ctypes.c_double),
+        ("quartic", ctypes.c_double),
         ("linear", ctypes.c_double),
         ("jitter_s", ctypes.c_double),
         ("lsb_um", ctypes.c_double),

@@ -16,6 +16,7 @@ ALSO_RIVALS = (
     ("sensor_lowpass", "amplifier_lowpass"),
     ("delay", "amplifier_lowpass"),
     ("sensor_nonlinearity", "asymmetric_hysteresis"),
+    ("sensor_nonlinearity", "gain_change"),
     ("backlash", "hysteresis"),
     ("rate_dependence", "creep"),
     ("rate_dependence", "amplifier_lowpass"),

@@ -63,7 +63,7 @@ static double curve_um(const struct surroundings_parameters *p, double x_um)
 {
     double span = p->high_um - p->low_um, s = (2 * x_um - p->low_um - p->high_um) / span;
     double cubic = 1.5 * sqrt(3.0) * p->cubic;
-    return span * ((1 - s * s) * (p->quadratic + cubic * s) + p->linear * (1 + s) / 2);
+    return span * ((1 - s * s) * (p->quadratic + cubic * s + 4 * p->quartic * s * s) + p->linear * (1 + s) / 2);
 }
 
 double surroundings_sensed_um(struct surroundings *s, double rest_um, double displacement_um, double t_s,
@@ -73,7 +73,7 @@ double surroundings_sensed_um(struct surroundings *s, double rest_um, double dis
     double x = rest_um + displacement_um * (1 + p->gain);
     double speed = (x - (t_s > 0 ? s->before_um : x)) / s->step_s;
     s->before_um = x;
-    if (p->quadratic != 0 || p->cubic != 0 || p->linear != 0)
+    if (p->quadratic != 0 || p->cubic != 0 || p->quartic != 0 || p->linear != 0)
         x += curve_um(p, x);
     if (p->jitter_s > 0)
         x += p->jitter_s * noise_gaussian(noise, table) * speed;
