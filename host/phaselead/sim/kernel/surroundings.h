@@ -9,7 +9,7 @@
 struct surroundings_parameters {
     double gain;                               /* relative change of the scale, about rest */
     double low_um, high_um;                    /* where the sensor's curve is 0 */
-    double quadratic, cubic, quartic, linear;         /* of high - low */
+    double quadratic, cubic, quartic, linear;  /* of high - low */
     double jitter_s, lsb_um;                   /* rms; step of the converter, 0: none */
     double ramp_um_per_s, rise_um, rise_tau_s; /* drift */
     double hum_Hz, hum_sin_um[HUM_LINES], hum_cos_um[HUM_LINES];
