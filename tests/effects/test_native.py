@@ -74,6 +74,8 @@ def test_scaled_plays_equal_plain_python(v, seed):
     rng = np.random.default_rng(seed)
     share = float(rng.choice([0.0, 0.4, 1.0]))
     scale, r, w, p = rng.uniform(0, 2, len(v)), rng.uniform(0, 5, 3), rng.uniform(0, 2, 3), rng.uniform(-5, 5, 3)
+    if rng.random() < 0.5:  # plays in order under one scale move in turn
+        scale, r = np.full(len(v), rng.choice([0.5, 1.0, 2.0])), np.sort(r)
     expected, at = [], list(p)
     for k, (volt, s) in enumerate(zip(v, scale, strict=True)):
         # Held back as far as before, less what the voltage moved, unless the threshold lets it lag further.

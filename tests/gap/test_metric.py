@@ -6,11 +6,12 @@ import hashlib
 
 import numpy as np
 import pytest
+from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 
 from phaselead.gap.disturb import Left, jitter, louder_at_rest, vibration
 from phaselead.gap.evidence import evidence
-from phaselead.gap.native import whitened
+from phaselead.gap.native import differences_factor, whitened
 from phaselead.gap.noise import Noise, as_idle, fit_noise
 from phaselead.gap.panel import Layout, Raw, panel
 from phaselead.gap.records import Run
@@ -40,12 +41,14 @@ def misfit(rng: np.random.Generator, u_V: np.ndarray, std_um: float, length_V: f
     return m
 
 
-def test_the_kernel_says_what_its_equations_say():
+@pytest.mark.parametrize(("n", "columns", "taps"), [(60, 3, 2), (5000, 1, 16), (2500, 3, 5), (40, 2500, 4)])
+def test_the_kernel_says_what_its_equations_say(n, columns, taps):
+    """Also across the borders of the blocks in which it goes through rows and columns."""
     rng = np.random.default_rng(0)
-    n, sensor, rest = 60, np.array([2.0, -0.5, 0.25]), np.array([1.0, 0.3])
+    sensor, rest = np.array([2.0, -0.5, 0.25]), np.array([1.0, *rng.uniform(-0.3, 0.3, taps - 1)])
     phi, moving = rng.uniform(0.5, 1, n), rng.random(n) > 0.4
     factor = np.stack([rng.uniform(1, 2, n), rng.uniform(-0.5, 0.5, n)])
-    x = rng.normal(size=(n, 3))
+    x = rng.normal(size=(n, columns))
     sensed = lfilter(sensor, [1.0], x, axis=0)
     sensed[:2] = 0.0
     expected = np.zeros_like(x)
@@ -54,6 +57,18 @@ def test_the_kernel_says_what_its_equations_say():
         expected[k] = (sensed[k] - before) / factor[0, k]
     filtered = np.where(moving[:, None], lfilter(rest, [1.0], expected, axis=0), expected)
     np.testing.assert_allclose(whitened(x, sensor, phi, factor, rest, moving), filtered, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 50])
+def test_the_factor_is_that_of_the_covariance(n):
+    rng = np.random.default_rng(n)
+    phi, grown = rng.uniform(0, 1, n), rng.uniform(0, 3, n)
+    banded = np.stack([1 + phi**2 + grown, np.append(-phi[1:], 0.0)])
+    banded[0, 0] = 1 + 0.7
+    np.testing.assert_allclose(differences_factor(phi, grown, 0.7)[0], cholesky_banded(banded, lower=True)[0])
+    np.testing.assert_allclose(
+        differences_factor(phi, grown, 0.7)[1, :-1], cholesky_banded(banded, lower=True)[1, :-1], atol=1e-15
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))

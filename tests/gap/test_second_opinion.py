@@ -6,25 +6,19 @@ from types import SimpleNamespace as Made
 
 import pytest
 
+from phaselead.effects import effect
+from phaselead.gap import grow as search
 from phaselead.gap import second_opinion, surplus
+from phaselead.gap.grow import Growth
 
 EFFECTS = [Made(name=name) for name in ("resonance", "load_change", "sensor_lowpass")]
 
 
 def growth(*names, reference=True):
-    """A search that named these."""
-    return made_replaceable(
-        named=[Made(effect=Made(name=n)) for n in names],
-        candidates=[Made(name="resonance")],
-        messages=[],
-        bench=Made(reference=Made() if reference else None),
-    )
-
-
-def made_replaceable(**fields):
-    from phaselead.gap.grow import Growth
-
-    return Growth(fields["bench"], None, None, fields["named"], fields["candidates"], messages=fields["messages"])
+    """A search that named these, if any."""
+    candidates = [Made(name="resonance", remark="too little"), *(Made(name=n, remark="named") for n in names)]
+    named = [Made(effect=Made(name=n)) for n in names]
+    return Growth(Made(reference=Made() if reference else None), None, None, named, candidates)
 
 
 def final(after, floor=0.05, before=2.0):
@@ -42,6 +36,7 @@ def explained(monkeypatch, first, second, left):
     monkeypatch.setattr(second_opinion, "grow", grow)
     monkeypatch.setattr(second_opinion, "finish", lambda found, runs: final(left[found is second]))
     found, _ = second_opinion.explained(None, [], EFFECTS, False, lambda share: None)
+    assert (found.stood_in == "resonance") == (found.candidates is second.candidates)
     return [n.effect.name for n in found.named], asked
 
 
@@ -50,6 +45,12 @@ def test_two_effects_replace_the_one_that_stood_in_for_them(monkeypatch):
     named, asked = explained(monkeypatch, first, second, (0.4, 0.06))
     assert named == ["load_change", "sensor_lowpass"]
     assert asked[1] == ["load_change", "sensor_lowpass"]
+
+
+def test_where_nothing_was_named_what_came_nearest_is_left_out(monkeypatch):
+    named, asked = explained(monkeypatch, growth(), growth("load_change", "sensor_lowpass"), (1.9, 0.06))
+    assert named == ["load_change", "sensor_lowpass"]
+    assert "resonance" not in asked[1]
 
 
 @pytest.mark.parametrize(
@@ -86,3 +87,31 @@ def test_names_that_leave_too_much_are_withdrawn(monkeypatch, after, metric, too
     )
     search = Made(bench=bench, named=["one"], fitted=Made(entries=("one",)))
     assert surplus.leaves_too_much(search, final(after)) is too_much
+
+
+@pytest.mark.parametrize(("mass", "trifle"), [(-2.6e-5, True), (4e-4, True), (6e-4, False), (-0.1, False)])
+def test_what_is_far_smaller_than_anything_known_is_no_name(mass, trifle):
+    assert search._trifling((effect("load_change"), {"mass": mass})) is trifle
+
+
+@pytest.mark.parametrize(
+    ("name", "reference", "z", "worse", "harms"),
+    [
+        ("gain_change", True, 40.0, 0.2, False),  # plainly there: another effect works against it
+        ("gain_change", True, 5.0, 0.2, True),
+        ("gain_change", False, 40.0, 0.2, True),  # nothing tells in the end whether the names explain it
+        ("thermal_drift", True, 40.0, 0.2, True),
+        ("gain_change", True, 5.0, 0.005, False),
+    ],
+)
+def test_a_larger_held_out_gap_counts_against_a_name(name, reference, z, worse, harms):
+    found = Made(best=Made(effect=effect(name)), bench=Made(reference=Made() if reference else None))
+    assert search._harms(found, Made(z=z, worse=worse)) is harms
+
+
+def test_a_moving_base_takes_over_what_only_references_tell():
+    whole = effect("sensor_nonlinearity")
+    alone = whole.beside_moving_base()
+    assert {p.name for p in whole.parameters} - {p.name for p in alone.parameters} == {"linear"}
+    assert alone.complete({"quadratic": 0.1}) == whole.complete({"quadratic": 0.1})
+    assert effect("rate_dependence").beside_moving_base().complete({})["spread"] == 1.0

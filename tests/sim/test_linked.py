@@ -41,6 +41,7 @@ def sizes(name):
         "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
         "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01, "linear": 0.01},
         "load_change": {"mass": 0.5},
+        "rate_dependence": {"widening": 0.3, "spread": 0.4},
         "sensor_lowpass": {"tau_s": 1e-3},
         "amplifier_lowpass": {"tau_s": 1e-3},
         "delay": {"delay_s": 2.345e-3},

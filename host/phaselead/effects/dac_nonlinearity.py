@@ -18,6 +18,8 @@ from phaselead.effects.effect import (
 )
 
 SIZES = ("bow_LSB", "s_LSB", "segment_LSB")
+MOST_LSB = 16.0
+"""What 16-bit converters are sold with at the most."""
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -48,9 +50,9 @@ EFFECT = Effect(
     "over all codes, less its value at 0 V",
     source="Kester 2005, The Data Conversion Handbook (integral nonlinearity of segmented converters)",
     parameters=(
-        Parameter("bow_LSB", "LSB", 2.0, -16.0, 16.0, doc="bow over all codes"),
-        Parameter("s_LSB", "LSB", 1.0, -16.0, 16.0, doc="S shape over all codes"),
-        Parameter("segment_LSB", "LSB", 1.0, -16.0, 16.0, doc="repeats in every segment"),
+        Parameter("bow_LSB", "LSB", 2.0, -MOST_LSB, MOST_LSB, doc="bow over all codes"),
+        Parameter("s_LSB", "LSB", 1.0, -MOST_LSB, MOST_LSB, doc="S shape over all codes"),
+        Parameter("segment_LSB", "LSB", 1.0, -MOST_LSB, MOST_LSB, doc="repeats in every segment"),
         Parameter("segments", "1", 16.0, 2.0, 64.0, role="shape", log=True, doc="waves over all codes"),
     ),
     shows="an error fixed to the code: the same at every visit of a voltage, whatever the speed and history",

@@ -52,9 +52,9 @@ class Parameter:
     doc: str = ""
     extreme: bool = False
     """Of a shape: whether no stage comes near its bounds."""
-    learned: bool = False
-    """Whether it is asked for beside reference records alone: a base that moves with the effect takes it over. Without
-    it a size is 0, and a shape typical."""
+    beside_reference: bool = False
+    """Whether it is asked for beside reference records or a frozen base alone: a base that moves with the effect takes
+    it over."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +78,16 @@ class Signal:
     drive_V: Samples | None = None
     """From HYSTERESIS on: the voltage that drove the hysteresis, after converter, delay and amplifier."""
     plays_V: Samples | None = None
-    """Where the plays of the time view stood in the first row; None at rest."""
+    """Where the plays of the time view stood in the first row, were the recorded voltage at the material; None at
+    rest."""
     active: Sequence[Entry] = ()
     """All effects of this run."""
     pushes: Mapping[str, Signal] = field(default_factory=dict)
     """At the mechanics of a stage whose axes share modes: of every axis, this one too, what pushes them."""
 
     def carrying(self, value: Samples, drive_V: Samples | None) -> Signal:
-        """The same record with another signal in it. As ``dataclasses.replace``, for the many runs of a search."""
+        """The same record with another signal in it: ``dataclasses.replace`` for the many runs of a search. What is
+        cached of a signal depends on its axis alone, and is carried along."""
         other = object.__new__(Signal)
         other.__dict__.update(self.__dict__, value=value, drive_V=drive_V)
         return other
@@ -203,9 +205,14 @@ class Effect:
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not."""
 
-    def unlearned(self) -> Effect:
-        """The effect without the parameters that only reference records tell."""
-        return replace(self, parameters=tuple(p for p in self.parameters if not p.learned))
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that are not asked for, and their values."""
+
+    def beside_moving_base(self) -> Effect:
+        """The effect without the parameters that a base which moves with it takes over: they stay as when left out."""
+        asked = tuple(p for p in self.parameters if not p.beside_reference)
+        fixed = {p.name: _left_out(p) for p in self.parameters if p.beside_reference}
+        return replace(self, parameters=asked, fixed=fixed)
 
     @property
     def sizes(self) -> tuple[Parameter, ...]:
@@ -241,11 +248,14 @@ class Effect:
         given = self.normalise(params)
         if set(given) & set(self.accepts):
             return given
-        default = {p.name: 0.0 if p.role == "size" else p.typical for p in self.parameters}
-        return {**default, **given}
+        return {**self.fixed, **{p.name: _left_out(p) for p in self.parameters}, **given}
 
     def _known(self) -> str:
         return ", ".join([p.name for p in self.parameters] + [f"({name})" for name in self.accepts])
+
+
+def _left_out(p: Parameter) -> float:
+    return 0.0 if p.role == "size" else p.typical
 
 
 def number(params: Params, name: str) -> float:
@@ -269,6 +279,5 @@ def columns(*of_rows: Samples) -> Samples:
 
 
 def with_columns(signal: Signal, added: Samples, params: Params, *sizes: str) -> Samples:
-    """The signal and ``added`` (n, len(sizes)) times the parameters ``sizes``, 0 where they are not given."""
-    amounts = [number(params, name) if name in params else 0.0 for name in sizes]
-    return np.asarray(signal.value + added @ np.array(amounts))
+    """The signal and ``added`` (n, len(sizes)) times the parameters ``sizes``."""
+    return np.asarray(signal.value + added @ np.array([number(params, name) for name in sizes]))

@@ -78,7 +78,9 @@ def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
 
 def behind_modes(x: ArrayLike, modes: Samples) -> Samples:
     """``x`` (n,) or columns (n, k), of which ``modes`` (m, 7) carry a share each: share, b and a (``second_order``)."""
-    x = _doubles(x)
+    x, modes = _doubles(x), _doubles(modes)
+    if modes.ndim != 2 or modes.shape[1] != 7:
+        raise ValueError(f"modes are (m, 7), got {modes.shape}")
     k = x.size // max(len(x), 1)
     states, y = np.empty(2 * len(modes) * k), np.empty_like(x)
     _kernel().stage_behind_modes(len(x), k, _at(x), len(modes), _at(modes), _at(states), _at(y))

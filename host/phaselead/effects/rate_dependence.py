@@ -15,7 +15,7 @@ def apply(signal: Signal, params: Params) -> Samples:
     r, w, start = _plays(signal)
     if not len(r):
         return signal.value
-    v, spread = signal.driven_V, number(params, "spread") if "spread" in params else 1.0
+    v, spread = signal.driven_V, number(params, "spread")
     r, w, start = spread * r, w / spread, v[0] + spread * (start - v[0])
     steady = np.ones_like(v)
     widened = scaled_plays(v, scale(signal, params), r, w, start, number(params, "held"))
@@ -52,7 +52,8 @@ EFFECT = Effect(
     title="Rate dependence",
     place=Place.HYSTERESIS,
     order=2,
-    equation="r_i(t) = r_i (1 + widening log10(1 + abs(dv/dt) / (U onset_per_s))); of what is held back beyond "
+    equation="y = x + sum_i (w_i / spread) (play_ri(t)[v] - play_ri[v]),  r_i = spread times the loop's own,  "
+    "r_i(t) = r_i (1 + widening log10(1 + abs(dv/dt) / (U onset_per_s))); of what is held back beyond "
     "a threshold that shrinks the share `held` is let go only as the voltage moves on, the rest at once",
     source="Ang, Khosla and Riviere 2007 (rate-dependent Prandtl-Ishlinskii); Al Janaideh, Rakheja and Su 2009 "
     "(thresholds alpha ln(beta + lambda abs(dv/dt)))",
@@ -69,8 +70,8 @@ EFFECT = Effect(
             1.0,
             role="shape",
             log=True,
-            learned=True,
-            doc="thresholds of what widens, of the loop's own",
+            beside_reference=True,
+            doc="thresholds of what widens, as a share of the loop's own",
         ),
         Parameter("held", "1", 1.0, 0.0, 1.0, role="shape", doc="share let go only as the voltage moves on"),
     ),

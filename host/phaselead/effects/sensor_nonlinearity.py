@@ -32,7 +32,13 @@ EFFECT = Effect(
         Parameter("cubic", "of range", 0.001, -0.1, 0.1, doc="S shape"),
         Parameter("quartic", "of range", 0.001, -0.1, 0.1, doc="W shape"),
         Parameter(
-            "linear", "of range", 0.001, -0.01, 0.01, learned=True, doc="slope: its maker set the scale elsewhere"
+            "linear",
+            "of range",
+            0.001,
+            -0.01,
+            0.01,
+            beside_reference=True,
+            doc="slope: its maker set the scale elsewhere",
         ),
     ),
     shows="an error that depends on the position, not on the voltage: the same on both branches of the loop",

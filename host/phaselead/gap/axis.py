@@ -24,6 +24,7 @@ from phaselead.stage.file import AxisModel
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
+STOOD_IN = "explains most alone and less than the names together; the search that found these went without it"
 SLOW = {"creep", "charge_leakage", "thermal_drift"}
 """What moves the offset of a record by itself."""
 EXPLAINED = 2.0
@@ -63,17 +64,17 @@ def search_axis(
 ) -> AxisResult:
     """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data."""
     candidates, refused = responses(effects, frozen)
-    if not any(run.role == "reference" for run in runs):
-        candidates = [effect.unlearned() for effect in candidates]
+    if not frozen and not any(run.role == "reference" for run in runs):
+        candidates = [effect.beside_moving_base() for effect in candidates]
     growth, final = explained(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
-    noise_like_names = {e.name for e in effects}
+    testable = {e.name for e in effects}
     if leaves_too_much(growth, final):
         growth = unnamed(growth)
         final = finish(growth, runs)
-        noise_like_names -= {"sampling_jitter"}  # it would be seen in what moves fast and is not explained
+        testable -= {"sampling_jitter"}  # it would be seen in what moves fast and is not explained
     named, ties, file_entries = _named(growth, final, label, seed)
     lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")
-    disturbed, untested = disturbances(*lefts, noise_like_names)
+    disturbed, untested = disturbances(*lefts, testable)
     noise_like = [_disturbance(found, final, label) for found in disturbed]
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
     claimed = {e.name for e in named} | {n for tie in ties for n in tie}
@@ -89,6 +90,8 @@ def search_axis(
         refused.pop("offset", None)
     taken = {e.name for e in [*named, *noise_like]} | {n for tie in ties for n in tie}
     excluded, hidden = bounds(growth, candidates, taken, label)
+    if growth.stood_in is not None and growth.stood_in not in taken:
+        hidden[growth.stood_in] = STOOD_IN
     if "offset" in shifts and "offset" in allowed - taken:
         excluded.append(Bound("offset", abs(shifts["offset"].amount) + shifts["offset"].half, "um", label))
     on_progress(0.97)

@@ -40,6 +40,8 @@ BESIDE = 10.0
 """More points than the usual margin beside reference records, which are believed to say all that the base misses."""
 TRIFLE = 0.005
 """Of its typical size, below which an effect is no more than what the base's own numbers are off by."""
+NAMED = "named"
+"""Remark of a candidate that was."""
 RISK = 0.0125
 """Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
 
@@ -73,6 +75,8 @@ class Growth:
     last_scan: list[list[Scanned]] = field(default_factory=list)
     inflation: float = 1.0
     messages: list[str] = field(default_factory=list)
+    stood_in: str | None = None
+    """An effect that was kept out of the search, because it explained most alone."""
     operator: dict[str, float] | None = None
     """Parameters under which `hysteresis` was found, when the base was given an operator for it."""
 
@@ -110,7 +114,7 @@ def unnamed(growth: Growth) -> Growth:
         fitted=refit(bare.slim, bare.correction, []),
         named=[],
         candidates=[
-            replace(c, remark="nearest, but leaves too much") if c.remark == "named" else c for c in growth.candidates
+            replace(c, remark="nearest, but leaves too much") if c.remark == NAMED else c for c in growth.candidates
         ],
         messages=[*growth.messages, said],
     )
@@ -259,7 +263,7 @@ def _note(growth: Growth, found: Contest, held: HeldOut, step: int, pays: bool) 
     for rival in found.rivals:
         best = rival is found.best
         if best:
-            remark = "named" if pays else _why_not(found, held, growth.named)
+            remark = NAMED if pays else _why_not(found, held, growth.named)
         elif found.is_tied(rival):
             remark = f"these records cannot tell it from {found.best.effect.name}"
         else:

@@ -117,7 +117,7 @@ class Panel:
         total = np.zeros((k + q, k + q))
         total[:k, :k] = self.fixed_total
         for i, columns in enumerate(fresh):
-            # An offset is the nuisance that large it would cost digits below.
+            # An offset so large that it would cost digits below is a nuisance anyway.
             white = self.evidence.whitened(i, columns - columns.mean(axis=0))
             own = self.evidence.nuisances[i].T @ white
             cross += white.T @ np.asarray(self.projected[i], dtype=np.float64) - own.T @ self._shared[i][0]

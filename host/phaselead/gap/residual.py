@@ -11,13 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from phaselead.effects import Place
 from phaselead.gap.noise import period_of
 from phaselead.gap.records import Run
 from phaselead.identify.checks import AxisRun, Sine
 from phaselead.record.recording import Samples
 from phaselead.stage.chain import Chain, Extra
 from phaselead.stage.file import AxisModel
-from phaselead.stage.operator import delayed, respond, rest_plays
+from phaselead.stage.operator import respond, rest_plays
 
 MEMORY_ROWS = 20_000
 OTHER_MEMORY = 0.8
@@ -76,19 +77,26 @@ def _chain(axis: AxisModel, run: Run, start: Samples | None) -> Chain:
     return Chain(axis, run.t_s, run.u_V, others_um=others, start=start)
 
 
+def _at_plays(axis: AxisModel, run: Run, start: Samples | None) -> tuple[Samples, float]:
+    """Voltage (n,) at the plays, and how far beside the recorded one it stood before the record: on a rail, say."""
+    signal = _chain(axis, run, start).signal_at(Place.AMPLIFIER)
+    return signal.value[1:], float(signal.value[0] - signal.u_V[0])
+
+
 def _best_start(axis: AxisModel, run: Run) -> Samples | None:
     view = axis.time
     assert view is not None
     r, rest, u = np.asarray(view.play_r_V), rest_plays(view), run.u_V
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
     left = (run.x_um - _chain(axis, run, None).run())[rows]
-    at_rest = respond(view, delayed(u, view.delay_s / run.step_s, 0.0), rest)[0][rows]
-    v = delayed(u, view.delay_s / run.step_s, float(u[0]))
+    v, aside_V = _at_plays(axis, run, None)
+    at_rest = respond(view, v, rest + aside_V)[0][rows]
+    v, aside_V = _at_plays(axis, run, rest)
     best, best_left = None, OTHER_MEMORY * float(np.var(left))
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
     for came_from in np.linspace(low, high, 15):
         start = np.clip(np.clip(rest, came_from - r, came_from + r), u[0] - r, u[0] + r)
-        change = respond(view, v, start)[0][rows] - at_rest
+        change = respond(view, v, start + aside_V)[0][rows] - at_rest
         variance = float(np.var(left - change))
         if variance < best_left:
             best, best_left = start, variance
@@ -103,8 +111,8 @@ def local_columns(axis: AxisModel, run: Run, plays_V: Samples | None) -> Samples
     columns = [np.ones(n)]
     if view.play_r_V:
         r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
-        start = rest_plays(view) if plays_V is None else plays_V
-        v = delayed(run.u_V, view.delay_s / run.step_s, 0.0 if plays_V is None else float(run.u_V[0]))
+        v, aside_V = _at_plays(axis, run, plays_V)
+        start = aside_V + (rest_plays(view) if plays_V is None else plays_V)
         for j, moved_at in enumerate(_first_moves(v, r, start)):
             still = min(moved_at, run.stop) - run.start
             if 0 < still < n and w[j] > 0:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from phaselead.effects import Effect
 from phaselead.gap.final import Final, finish
-from phaselead.gap.grow import Growth, Progress, grow
+from phaselead.gap.grow import NAMED, Growth, Progress, grow
 from phaselead.gap.records import Run
 from phaselead.gap.surplus import PLAINLY
 from phaselead.stage.file import AxisModel
@@ -37,13 +37,13 @@ def explained(
         return growth, final
     names = " and ".join(n.effect.name for n in again.named)
     said = f"{stand_in} alone explains most, but {names} without it leave less of the held-out records"
-    return replace(again, candidates=[*growth.candidates, *again.candidates], messages=[*again.messages, said]), second
+    return replace(again, stood_in=stand_in, messages=[*again.messages, said]), second
 
 
 def _began_with(growth: Growth) -> str | None:
-    if growth.named:
-        return growth.named[0].effect.name
-    return growth.candidates[0].name if growth.candidates else None
+    """The first that was named, though it may have been dropped since, or that came nearest to it."""
+    names = [c.name for c in growth.candidates if c.remark == NAMED] or [c.name for c in growth.candidates]
+    return names[0] if names else None
 
 
 def _surplus(final: Final) -> float:

@@ -145,7 +145,8 @@ def _rate_dependence(to: Building, terms: Terms) -> None:
     to.axis.operator.widening = terms.one("widening", low=0.0)
     to.axis.operator.held = terms.one("held", low=0.0)
     to.axis.operator.onset_V_per_s = terms.one("onset_per_s", above=0.0) * to.range_V
-    to.spread = terms.one("spread", above=0.0)
+    if to.axis.operator.widening:
+        to.spread = terms.one("spread", above=0.0)
 
 
 def _softening(to: Building, terms: Terms) -> None:

@@ -172,7 +172,7 @@ class _Step(NamedTuple):
 
 
 _Path = tuple["_Path | None", _Step]
-"""The steps up to one and that."""
+"""A step, behind the path of all steps before it."""
 
 
 class _Link(NamedTuple):
@@ -191,7 +191,7 @@ def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) 
         return delayed(signal.value, delay_s / signal.step_s, float(signal.value[0]))
 
     def operator(signal: Signal) -> Samples:
-        return respond(view, signal.value, replace(signal, drive_V=signal.value).start_plays_V)[0]
+        return respond(view, signal.value, signal.carrying(signal.value, signal.value).start_plays_V)[0]
 
     own = [
         _Link(_Step("late", (("delay_s", delay_s),), Place.TIMING, 0), late),

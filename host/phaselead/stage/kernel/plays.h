@@ -54,7 +54,8 @@ PHASELEAD_EXPORT void stage_columns(const struct stage_record *record, double de
  *
  * Plays whose thresholds ascend and of which none has lost touch with its neighbour move in turn: on the way from one
  * turning point of v to the next the smaller ones come first, and those that move add up to a straight line in v. So a
- * row costs what moves in it anew, not m steps. Plays that start out of touch are stepped one by one until they meet.
+ * row costs what moves in it anew, not m steps. Plays that start out of touch, or whose thresholds do not ascend, are
+ * stepped one by one. v must be finite.
  */
 PHASELEAD_EXPORT void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, const double *r,
                                           const double *w, double *p, double *y);
