@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
+from phaselead.identify import in_turn
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.in_turn import fit_in_turn
 from phaselead.identify.operator_design import period_s
@@ -58,6 +61,32 @@ def test_operator_and_mode_part(runs):
     assert f_Hz == pytest.approx(F_HZ, rel=0.002)
     assert zeta == pytest.approx(ZETA, rel=0.05)
     assert operator.view.residual_um_rms < 0.25 * fit_operator(runs).view.residual_um_rms
+
+
+def test_an_operator_that_ringing_led_astray_is_found_from_a_line(runs, monkeypatch):
+    """As on stages of zeta 0.013 whose jumps outweigh all else: behind that operator no mode pays."""
+    found_by = in_turn.fit_modes
+    asked = []
+
+    def blind_at_first(view, runs, known=None):
+        asked.append(view)
+        return None if len(asked) == 1 else found_by(view, runs, known)
+
+    monkeypatch.setattr(in_turn, "fit_modes", blind_at_first)
+    operator, mode = fit_in_turn(runs)
+    assert mode is not None
+    (_, f_Hz, zeta), *_ = mode.modes
+    assert f_Hz == pytest.approx(F_HZ, rel=0.002)
+    assert zeta == pytest.approx(ZETA, rel=0.05)
+    assert operator.view.residual_um_rms < 0.25 * fit_operator(runs).view.residual_um_rms
+
+
+def test_a_stage_that_does_not_ring_keeps_its_operator(runs):
+    calm = [replace(r, x_um=plays(r.u_V) + 0.01 * np.random.default_rng(i).standard_normal(len(r.u_V)))
+            for i, r in enumerate(runs)]  # fmt: skip
+    operator, mode = fit_in_turn(calm)
+    assert mode is None
+    assert operator.view == fit_operator(calm).view
 
 
 def test_a_voltage_that_only_jumps_has_no_period(runs):
