@@ -28,7 +28,7 @@ STOOD_IN = "explains most alone and less than the names together; the search tha
 SLOW = {"creep", "charge_leakage", "thermal_drift"}
 """What moves the offset of a record by itself."""
 EXPLAINED = 2.0
-"""Times the floor: while more is left, what is missing may shift the records as well."""
+"""Times the floor: while more is left, what is missing may shift the records and be rough as well."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,7 @@ def search_axis(
     if leaves_too_much(growth, final):
         growth = unnamed(growth)
         final = finish(growth, runs)
+    if growth.bench.reference is not None and final.gap.after > EXPLAINED * final.gap.floor:
         testable -= {"sampling_jitter"}  # it would be seen in what moves fast and is not explained
     named, ties, file_entries = _named(growth, final, label, seed)
     lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")

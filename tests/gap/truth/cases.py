@@ -22,9 +22,9 @@ Samples = NDArray[np.float64]
 EFFECTS: dict[str, type[Effect]] = {
     e.name: e for m in (electrical, ferroelectric, mechanical, sensor, surroundings) for e in m.EFFECTS
 }
-SETS = {"tuning": "tuning-2026", "sealed": "sealed-2026-11-d"}
-"""Name of each set of seeds. The sealed ones are for the published figure alone; those of "sealed-2026-11",
-"...-b" and "...-c" were spent on earlier versions."""
+SETS = {"tuning": "tuning-2026", "sealed": "sealed-2026-11-e"}
+"""Name of each set of seeds. The sealed ones are for the published figure alone; the letters
+before this one were spent on earlier versions."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
 COUNTS = {
     "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
