@@ -85,8 +85,10 @@ def test_names_that_leave_too_much_are_withdrawn(monkeypatch, after, metric, too
     monkeypatch.setattr(
         surplus, "_mean_squares", lambda panel, correction, entries: Made(mean=lambda: squares[panel, len(entries)])
     )
-    search = Made(bench=bench, named=["one"], fitted=Made(entries=("one",)))
+    search = Made(bench=bench, named=[Made(effect=Made(name="delay"))], fitted=Made(entries=("one",)))
     assert surplus.leaves_too_much(search, final(after)) is too_much
+    slow = Made(bench=bench, named=[Made(effect=Made(name="creep"))], fitted=Made(entries=("one",)))
+    assert surplus.leaves_too_much(slow, final(after)) is (too_much and left > 1.5)  # it began before the records
 
 
 @pytest.mark.parametrize(("mass", "trifle"), [(-2.6e-5, True), (4e-4, True), (6e-4, False), (-0.1, False)])

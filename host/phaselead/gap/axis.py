@@ -19,14 +19,12 @@ from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextE
 from phaselead.gap.second_opinion import explained
 from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
-from phaselead.gap.surplus import leaves_too_much, unexplained
+from phaselead.gap.surplus import SLOW, leaves_too_much, unexplained
 from phaselead.stage.file import AxisModel
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
 STOOD_IN = "explains most alone and less than the names together; the search that found these went without it"
-SLOW = {"creep", "charge_leakage", "thermal_drift"}
-"""What moves the offset of a record by itself."""
 EXPLAINED = 2.0
 """Times the floor: while more is left, what is missing may shift the records and be rough as well."""
 
