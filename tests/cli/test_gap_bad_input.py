@@ -119,6 +119,10 @@ def test_judging_on_a_copy_in_other_words(run, folder):
     refused(run, folder, "also a training record", holdout=folder / "train.h5")
 
 
+def test_a_training_record_is_no_reference(run, folder):
+    refused(run, folder, "train.csv: the training record is also a reference record", reference=folder / "train.csv")
+
+
 def test_windows_that_only_touch_are_apart():
     values = rows(0)
     parts = [

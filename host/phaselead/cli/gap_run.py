@@ -13,7 +13,7 @@ from phaselead.cli.common import json_text, progress, read_recordings, record_fi
 from phaselead.errors import BadInput
 from phaselead.gap.result import GapResult, brief
 from phaselead.gap.run import run_gap
-from phaselead.gap.told import headline
+from phaselead.gap.told import excludes, headline, percent, unit_of
 from phaselead.gap.verify_on import Verification, reachable
 from phaselead.gap.verify_on import verify_on as verify
 from phaselead.record.atomic import RUN_SUFFIXES, check_output, is_special, write_texts
@@ -54,10 +54,11 @@ def compare(
     if report:
         from phaselead.report.gap import gap_page
 
-        texts[report] = gap_page(result, stage, Path(model_path).name, verification)
-    written = list(texts)
+        named = Path(json_to).name if json_to and json_to != "-" else "gap.json"
+        texts[report] = gap_page(result, stage, Path(model_path).name, verification, named)
     if json_to and json_to != "-":
         texts[json_to] = json_text(figures)
+    written = list(texts)
     write_texts(texts)
     tell(figures, json_to, lambda console: show(console, result, written, verification))
 
@@ -77,7 +78,7 @@ def show(console: Console, result: GapResult, written: list[str], verification: 
     console.print(f"verdict: {', '.join(result.verdicts)}")
     for effect in result.effects:
         on = f" ({effect.axis})" if effect.axis else ""
-        console.print(f"{effect.name}{on}: {100 * effect.share:.0f} % of the unexplained power; {effect.why}")
+        console.print(f"{effect.name}{on}: {percent(effect.share)} of the unexplained power; {effect.why}")
         table = Table("parameter", "value", "95 % interval", "unit")
         for row in brief(effect.params):
             table.add_row(*row)
@@ -90,8 +91,10 @@ def show(console: Console, result: GapResult, written: list[str], verification: 
     console.print(
         f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; floor {gap.floor:.4g} ({gap.floor_from})"
     )
-    if result.excluded:
-        console.print("not there: " + ", ".join(f"{b.name} < {b.upper_95:.2g} {b.unit}" for b in result.excluded))
+    for said, seen in (("not there", True), ("may be there, but not larger", False)):
+        below = [f"{b.name} < {b.upper_95:.2g} {unit_of(b.unit)}" for b in result.excluded if excludes(b) == seen]
+        if below:
+            console.print(f"{said}: {', '.join(text.strip() for text in below)}")
     if result.untestable:
         console.print("not testable with these records: " + ", ".join(result.untestable))
     if result.next_experiment is not None:
@@ -137,4 +140,6 @@ def run_next(gap_json: str, port: str, axis: str, output: str, model_path: str |
     stage = load_stage(model_path) if model_path else None
     with progress("recording", 1.0) as advance:
         rows = perform(proposed, port, proposed.get("axis") or axis, output, stage, advance)
-    Console(highlight=False).print(f"wrote {output}, {rows} samples; add it to --train and run gap again")
+    Console(highlight=False).print(
+        f"wrote {output}, {rows} samples; add it to --train (to --reference if the stage was as before), run gap again"
+    )

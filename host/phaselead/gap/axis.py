@@ -173,7 +173,7 @@ def _around(value: float, share: float) -> tuple[float, float]:
 
 def _why(one: Named) -> str:
     rivals = [r for r in one.rivals if r.effect.name not in one.tied]
-    found = f"beats no effect by {one.score:.0f} points"
+    found = f"beats the model without it by {one.score:.0f} points"
     if one.held.testable:
         found += f"; held-out records show {100 * one.held.slope:.0f} % of it (z = {one.held.z:.1f})"
     else:

@@ -17,6 +17,7 @@ UNLIKE = 1.5
 by up to a third on trials."""
 NEAR = 0.5
 """Share of the score of a named effect from which a rival came near it."""
+MANY = 1000.0
 HOPELESS = 20.0
 """An effect whose bound lies this many typical sizes up is not tested by these records."""
 
@@ -36,13 +37,16 @@ def bounds(
         upper = max(*(_upper(s) for s in shapes[effect.name]), _in_place_of_a_named(growth, effect))
         size = effect.sizes[0]
         if upper > HOPELESS * size.typical or upper >= max(abs(size.low), size.high):
-            untestable[effect.name] = (
-                f"{upper / size.typical:.0f} times its typical size could hide here; what would show it: "
-                + effect.reveals
-            )
+            untestable[effect.name] = f"{_hidden(upper / size.typical)}; what would show it: {effect.reveals}"
             continue
         found.append(Bound(effect.name, upper, size.unit, axis))
     return found, untestable
+
+
+def _hidden(times: float) -> str:
+    if not times < MANY:
+        return "any size could hide here"
+    return f"{times:.0f} times its typical size could hide here"
 
 
 def _in_place_of_a_named(growth: Growth, effect: Effect) -> float:

@@ -77,6 +77,7 @@ def axis_runs(
         raise BadInput("the gap needs training and held-out records; give --train and --holdout")
     refuse_overlap(train, holdout, "training")
     refuse_overlap(reference, holdout, "reference")
+    refuse_overlap(reference, train, "reference", "training")
     parts: list[tuple[Role, Sequence[Recording]]] = [("train", train), ("holdout", holdout), ("reference", reference)]
     for _, records in parts:
         for record in records:
@@ -101,15 +102,20 @@ def axis_runs(
     return runs
 
 
-def refuse_overlap(first: Sequence[Recording], holdout: Sequence[Recording], what: str) -> None:
-    """Refuse held-out rows that were also used before: windows of one file that share time, or a copy of it."""
+INSTEAD = {
+    "held-out": "hold out other rows, e.g. another window of the file",
+    "training": "a reference is from before what is missing now; give records of that time, or none",
+}
+
+
+def refuse_overlap(first: Sequence[Recording], later: Sequence[Recording], what: str, now: str = "held-out") -> None:
+    """Refuse rows that are given in two roles: windows of one file that share time, or a copy of it."""
     for record in first:
-        for held in holdout:
-            one_file = bool(record.sha256) and record.sha256 == held.sha256
-            if (one_file and _share_time(record, held)) or (not one_file and _copy_of(record, held)):
+        for other in later:
+            one_file = bool(record.sha256) and record.sha256 == other.sha256
+            if (one_file and _share_time(record, other)) or (not one_file and _copy_of(record, other)):
                 raise BadInput(
-                    f"{held.source}: the held-out record is also a {what} record ({record.source}); "
-                    "hold out other rows, e.g. another window of the file"
+                    f"{other.source}: the {now} record is also a {what} record ({record.source}); {INSTEAD[now]}"
                 )
 
 

@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from phaselead.effects import catalogue
 from phaselead.gap.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP, steps_of
 from phaselead.gap.records import Run
-from phaselead.gap.result import Cell
+from phaselead.gap.result import Bound, Cell
 from phaselead.record.recording import Samples
 
 SHORTEST_HOLD_s = 0.05
@@ -53,6 +54,28 @@ def told(by: str, cell: str, share: float) -> str:
         AXIS: f"is on axis {cell}",
     }[by]
     return f"{100 * share:.0f} % of the unexplained power {words}"
+
+
+def unit_of(unit: str) -> str:
+    """A unit as it is printed: nothing for a bare number."""
+    return "" if unit == "1" else unit
+
+
+def percent(share: float) -> str:
+    """A share of the power; what is named is never nothing."""
+    return "less than 1 %" if 0 < share < 0.005 else f"{100 * share:.0f} %"
+
+
+def typical_of(bound: Bound) -> float | None:
+    """The typical size of what a bound is on, in its unit."""
+    entry = catalogue().get(bound.name)
+    return next((p.typical for p in entry.sizes if p.unit == bound.unit), None) if entry else None
+
+
+def excludes(bound: Bound) -> bool:
+    """Whether what is typical would have been seen; otherwise it may be there all the same."""
+    typical = typical_of(bound)
+    return typical is None or bound.upper_95 <= typical
 
 
 def headline(cells: Sequence[Cell]) -> str | None:

@@ -11,7 +11,7 @@ from scipy.signal import welch
 
 from phaselead.effects import catalogue
 from phaselead.gap.result import Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, lines
-from phaselead.gap.told import LEVEL
+from phaselead.gap.told import LEVEL, excludes, percent, typical_of, unit_of
 from phaselead.gap.told import headline as told_first
 from phaselead.gap.verify_on import Tracked, Verification
 from phaselead.record.recording import Samples
@@ -23,8 +23,14 @@ MOST_TRACES = 4
 SEGMENT = 8192
 
 
-def gap_page(result: GapResult, stage: Stage, model_name: str, verification: Verification | None = None) -> str:
-    """The page as HTML; with what tracking on a device came to."""
+def gap_page(
+    result: GapResult,
+    stage: Stage,
+    model_name: str,
+    verification: Verification | None = None,
+    json_name: str = "gap.json",
+) -> str:
+    """The page as HTML; with what tracking on a device came to. ``json_name``: where the next experiment stands."""
     return render(
         "gap.html",
         model_name=model_name,
@@ -34,14 +40,16 @@ def gap_page(result: GapResult, stage: Stage, model_name: str, verification: Ver
         cells_figure=cells_figure(result.where) if result.where else None,
         effects=[effect_part(effect) for effect in result.effects],
         ties=[tie_part(tie) for tie in result.ties],
-        candidates=candidate_rows(result.candidates),
+        candidates=candidate_rows(result.candidates, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
         spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
         gap=result.gap,
         remains=remains(result),
         messages=result.messages,
         left_figure=left_figure(result.traces) if result.traces else None,
-        excluded=[bound_row(bound) for bound in result.excluded],
+        excluded=[bound_row(bound) for bound in result.excluded if excludes(bound)],
+        possible=[bound_row(bound) for bound in result.excluded if not excludes(bound)],
+        json_name=json_name,
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
         experiment=result.next_experiment,
         tracking=tracking_part(verification) if verification else None,
@@ -100,7 +108,8 @@ def remains(result: GapResult) -> str:
     if before <= 0:
         return "The gap was at its floor from the start."
     left = 100 * max(after, 0.0) / before
-    return f"Of the power above the floor, {left:.1f} % is left on records that nothing was fitted to."
+    beside = " The floor is over other records, of which the model misses more." if after < 0 else ""
+    return f"Of the power above the floor, {left:.1f} % is left on records that nothing was fitted to.{beside}"
 
 
 def effect_part(effect: NamedEffect) -> dict[str, Any]:
@@ -111,7 +120,7 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
         for name, value, low, high, unit in lines(effect.params)
     ]
     return {
-        "title": _title(effect).capitalize(), "share": 100 * effect.share, "why": effect.why, "rows": rows,
+        "title": _title(effect).capitalize(), "share": percent(effect.share), "why": effect.why, "rows": rows,
         "equation": entry.equation if entry else "", "shows": entry.shows if entry else "",
         "compensation": entry.compensation if entry else "", "source": entry.source if entry else "",
     }  # fmt: skip
@@ -124,11 +133,13 @@ def tie_part(tie: tuple[str, ...]) -> dict[str, str]:
     return {"names": _listed([_plain(n) for n in tie], "or"), "adopted": _plain(tie[0]), "reveals": reveals}
 
 
-def candidate_rows(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
-    """Every refitted candidate, step by step."""
+def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:
+    """Every refitted candidate, step by step; what leads a tie is not named."""
+    leading = {tie[0] for tie in ties}
     return [
         {
-            "step": c.step, "name": _plain(c.name), "score": c.score, "remark": c.remark,
+            "step": c.step, "name": _plain(c.name), "score": c.score,
+            "remark": "leads a tie" if c.remark == "named" and c.name in leading else c.remark,
             "z": f"{c.held_out_z:.1f}" if np.isfinite(c.held_out_z) else "",
         }
         for c in candidates
@@ -239,11 +250,9 @@ def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples
 
 def bound_row(bound: Bound) -> dict[str, Any]:
     """One upper bound beside the typical size of what it is a bound on."""
-    entry = catalogue().get(bound.name)
-    typical = next((p.typical for p in entry.sizes if p.unit == bound.unit), None) if entry else None
     return {
-        "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical,
-        "unit": "" if bound.unit == "1" else bound.unit,
+        "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical_of(bound),
+        "unit": unit_of(bound.unit),
     }  # fmt: skip
 
 
