@@ -16,6 +16,7 @@ from phaselead.gap.noise import Noise, as_idle, fit_noise
 from phaselead.gap.panel import Layout, Raw, panel
 from phaselead.gap.records import Run
 from phaselead.gap.residual import track
+from phaselead.gap.search import _inverse
 from phaselead.stage.file import AxisModel, TimeView
 
 STEP_s = 1e-3
@@ -57,6 +58,14 @@ def test_the_kernel_says_what_its_equations_say(n, columns, taps):
         expected[k] = (sensed[k] - before) / factor[0, k]
     filtered = np.where(moving[:, None], lfilter(rest, [1.0], expected, axis=0), expected)
     np.testing.assert_allclose(whitened(x, sensor, phi, factor, rest, moving), filtered, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1e-15, -1e-15])
+def test_columns_that_are_one_share_what_they_explain(rounding):
+    normal = np.array([[4.0, 4.0], [4.0, 4.0 + rounding]])
+    amounts = _inverse(normal) @ np.array([2.0, 2.0])
+    assert amounts.sum() == pytest.approx(0.5, rel=1e-3)
+    assert np.abs(amounts).max() < 10 or rounding > 0
 
 
 @pytest.mark.parametrize("n", [1, 2, 50])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, pinvh
 
 from phaselead.effects import Effect
 from phaselead.gap.atoms import Atom
@@ -93,9 +93,18 @@ class _View:
         live = columns[seen]
         normal = self.total[np.ix_(live, live)] + 1e-9 * np.diag(power[seen])
         amounts, std = np.zeros(len(columns)), np.full(len(columns), np.inf)
-        amounts[seen] = cho_solve(cho_factor(normal), self.total[live, self.target])
-        std[seen] = np.sqrt(np.diag(np.linalg.inv(normal)))
+        inverse = _inverse(normal)
+        amounts[seen] = inverse @ self.total[live, self.target]
+        std[seen] = np.sqrt(np.maximum(np.diag(inverse), 1 / np.diag(normal)))
         return amounts, std, float(self.total[columns, self.target] @ amounts), float(self.inflation[live].max())
+
+
+def _inverse(normal: Samples) -> Samples:
+    """Of a normal matrix (k, k); a pseudo-inverse where columns are one behind what the nuisances took."""
+    try:
+        return np.asarray(cho_solve(cho_factor(normal), np.eye(len(normal))))
+    except LinAlgError:
+        return np.asarray(pinvh(normal, rtol=1e-9))
 
 
 def _scan_moments(bench: Bench, fitted: Fitted) -> _View:

@@ -47,7 +47,7 @@ def least_error(
     for _ in range(MOST_STEPS):
         move = _gauss_newton(fits, basis, at, solved, bound, own_offsets)
         for share in STEP_SHARES:
-            tried = at[0] + share * move[0], at[1] + share * move[1]
+            tried = max(at[0] + share * move[0], 0.0), at[1] + share * move[1]
             better = solved_at(fits, basis, *tried, own_offsets)
             if better.error < (1 - GAINED) * solved.error:
                 break
