@@ -11,8 +11,10 @@ from scipy.signal import cont2discrete, lfilter
 from phaselead.identify import in_turn
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.in_turn import fit_in_turn
+from phaselead.identify.mode_fit import FittedModes
 from phaselead.identify.operator_design import period_s
 from phaselead.identify.operator_fit import fit_operator
+from phaselead.identify.operator_result import OperatorFit
 
 RATE_HZ, F_HZ, ZETA = 5000.0, 260.0, 0.02
 
@@ -54,13 +56,17 @@ def runs() -> list[AxisRun]:
     return [run(u, name, i) for i, (name, u) in enumerate(waves.items())]
 
 
-def test_operator_and_mode_part(runs):
-    operator, mode = fit_in_turn(runs)
+def assert_parted(operator: OperatorFit, mode: FittedModes | None, runs: list[AxisRun]) -> None:
     assert mode is not None
     (_, f_Hz, zeta), *_ = mode.modes
     assert f_Hz == pytest.approx(F_HZ, rel=0.002)
     assert zeta == pytest.approx(ZETA, rel=0.05)
     assert operator.view.residual_um_rms < 0.25 * fit_operator(runs).view.residual_um_rms
+
+
+def test_operator_and_mode_part(runs):
+    operator, mode = fit_in_turn(runs)
+    assert_parted(operator, mode, runs)
 
 
 def test_an_operator_that_ringing_led_astray_is_found_from_a_line(runs, monkeypatch):
@@ -74,11 +80,7 @@ def test_an_operator_that_ringing_led_astray_is_found_from_a_line(runs, monkeypa
 
     monkeypatch.setattr(in_turn, "fit_modes", blind_at_first)
     operator, mode = fit_in_turn(runs)
-    assert mode is not None
-    (_, f_Hz, zeta), *_ = mode.modes
-    assert f_Hz == pytest.approx(F_HZ, rel=0.002)
-    assert zeta == pytest.approx(ZETA, rel=0.05)
-    assert operator.view.residual_um_rms < 0.25 * fit_operator(runs).view.residual_um_rms
+    assert_parted(operator, mode, runs)
 
 
 def test_a_stage_that_does_not_ring_keeps_its_operator(runs):

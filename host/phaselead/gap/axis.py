@@ -19,14 +19,12 @@ from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextE
 from phaselead.gap.second_opinion import explained
 from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
-from phaselead.gap.surplus import SLOW, leaves_too_much, unexplained
+from phaselead.gap.surplus import PLAINLY, SLOW, leaves_too_much, unexplained
 from phaselead.stage.file import AxisModel
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
 STOOD_IN = "explains most alone and less than the names together; the search that found these went without it"
-EXPLAINED = 2.0
-"""Times the floor: while more is left, what is missing may shift the records and be rough as well."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,8 @@ def search_axis(
     if leaves_too_much(growth, final):
         growth = unnamed(growth)
         final = finish(growth, runs)
-    if growth.bench.reference is not None and final.gap.after > EXPLAINED * final.gap.floor:
+    little_left = final.gap.after < PLAINLY * final.gap.floor
+    if growth.bench.reference is not None and not little_left:
         testable -= {"sampling_jitter"}  # it would be seen in what moves fast and is not explained
     named, ties, file_entries = _named(growth, final, label, seed)
     lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")
@@ -77,8 +76,8 @@ def search_axis(
     noise_like = [_disturbance(found, final, label) for found in disturbed]
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
     claimed = {e.name for e in named} | {n for tie in ties for n in tie}
-    little_left = final.gap.after < EXPLAINED * final.gap.floor and not claimed & SLOW
-    shifted = best_explained(shifts) if little_left else ()
+    # While more is left, or what is slow was named, that may shift the records as well.
+    shifted = best_explained(shifts) if little_left and not claimed & SLOW else ()
     allowed = {e.name for e in effects} - claimed
     moved = [_other_zero(name, shifts[name], label) for name in shifted if set(shifted) <= allowed]
     if len(moved) > 1:

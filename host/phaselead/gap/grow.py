@@ -14,7 +14,7 @@ from phaselead.gap.bench import Bench, bench, beside, slim_beside
 from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out, known_before
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Entry, Fitted, refit, with_total
-from phaselead.gap.result import Candidate
+from phaselead.gap.result import NAMED, Candidate
 from phaselead.gap.search import Scanned, penalty, scan, try_effects, without_peak
 from phaselead.stage.file import AxisModel
 
@@ -41,8 +41,6 @@ BESIDE = 30.0
 trials, of 14 names for less than 60 points in all 12 were wrong."""
 TRIFLE = 0.005
 """Of its typical size, below which an effect is no more than what the base's own numbers are off by."""
-NAMED = "named"
-"""Remark of a candidate that was."""
 RISK = 0.0125
 """Family-wise risk of a held-out test (Holm over the rest of the catalogue)."""
 

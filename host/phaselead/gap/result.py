@@ -79,6 +79,10 @@ class NextExperiment:
     needs_sensor: str | None = None
 
 
+NAMED = "named"
+"""Remark of a candidate that was."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """How one effect (or none) did in one step of the search."""

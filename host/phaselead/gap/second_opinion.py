@@ -12,8 +12,9 @@ from dataclasses import replace
 
 from phaselead.effects import Effect
 from phaselead.gap.final import Final, finish
-from phaselead.gap.grow import NAMED, Growth, Progress, grow
+from phaselead.gap.grow import Growth, Progress, grow
 from phaselead.gap.records import Run
+from phaselead.gap.result import NAMED
 from phaselead.gap.surplus import PLAINLY
 from phaselead.stage.file import AxisModel
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from phaselead.effects import catalogue
-from phaselead.gap.result import Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, lines
+from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, lines
 from phaselead.gap.told import LEVEL, excludes, percent, typical_of, unit_of
 from phaselead.gap.told import headline as told_first
 from phaselead.gap.verify_on import Tracked, Verification
@@ -139,7 +139,7 @@ def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ..
     return [
         {
             "step": c.step, "name": _plain(c.name), "score": c.score,
-            "remark": "leads a tie" if c.remark == "named" and c.name in leading else c.remark,
+            "remark": "leads a tie" if c.remark == NAMED and c.name in leading else c.remark,
             "z": f"{c.held_out_z:.1f}" if np.isfinite(c.held_out_z) else "",
         }
         for c in candidates
