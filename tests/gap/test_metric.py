@@ -9,14 +9,17 @@ import pytest
 from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 
-from phaselead.gap.disturb import Left, jitter, louder_at_rest, vibration
+from phaselead.gap.disturb import disturbances
 from phaselead.gap.evidence import evidence
+from phaselead.gap.jitter import jitter
+from phaselead.gap.left import Left
 from phaselead.gap.native import differences_factor, whitened
 from phaselead.gap.noise import Noise, as_idle, fit_noise
 from phaselead.gap.panel import Layout, Raw, panel
 from phaselead.gap.records import Run
 from phaselead.gap.residual import track
 from phaselead.gap.search import _inverse
+from phaselead.gap.vibration import louder_at_rest, vibration
 from phaselead.stage.file import AxisModel, TimeView
 
 STEP_s = 1e-3
@@ -217,6 +220,44 @@ def test_fast_noise_on_one_record_alone_is_no_clock():
     slow = [[jittery(rng, 5.0, 2e-4, role), jittery(rng, 11.0, 0.0, role)] for role in ("train", "holdout")]
     assert jitter(*slow, still) is None
     assert jitter(*odd, still) is None
+
+
+def fast(rng: np.random.Generator, rms_s: float, role: str, missed_um: float = 0.0) -> Left:
+    """A sine of a fifth of the sampling rate whose amplitude swells, read by that clock, and a harmonic missed."""
+    t = np.arange(6000) * STEP_s
+    swell, w = 1 + np.sin(2 * np.pi * 0.7 * t), 2 * np.pi * 0.2 / STEP_s
+    ideal, speed = 2 * swell * np.sin(w * t), 2 * swell * w * np.cos(w * t)
+    error = 0.01 * rng.normal(size=len(t)) + rms_s * rng.normal(size=len(t)) * speed
+    error += missed_um * swell * np.sin(w * t + 1)
+    return Left(run_of(ideal / 10, ideal + error, role), error)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_size_of_a_jitter_is_right_however_fast_the_motion(seed):
+    rng = np.random.default_rng(seed)
+    parts = [[fast(rng, rms, role)] for rms, role in ((1e-5, "train"), (1e-5, "holdout"), (0.0, "reference"))]
+    found = jitter(*parts)
+    assert found is not None
+    assert found.params["rms_s"][0] == pytest.approx(1e-5, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_model_misses_of_fast_motion_is_no_clock(seed):
+    rng = np.random.default_rng(seed)
+    parts = [[fast(rng, 0.0, role, missed_um=0.05)] for role in ("train", "holdout")]
+    assert jitter(*parts, [fast(rng, 0.0, "reference")]) is None
+
+
+def test_noise_that_is_new_and_of_no_effect_allowed_is_said():
+    rng = np.random.default_rng(6)
+    parts = [[fast(rng, rms, role)] for rms, role in ((1e-5, "train"), (1e-5, "holdout"), (0.0, "reference"))]
+    named, _, left_out = disturbances(*parts, {"sampling_jitter"})
+    assert [f.name for f in named] == ["sampling_jitter"]
+    assert not left_out
+    named, untestable, left_out = disturbances(*parts, {"vibration"})
+    assert not named
+    assert list(untestable) == ["vibration"]
+    assert "times the speed" in left_out[0]
 
 
 @pytest.mark.parametrize("seed", range(4))

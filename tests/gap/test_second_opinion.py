@@ -7,8 +7,9 @@ from types import SimpleNamespace as Made
 import pytest
 
 from phaselead.effects import effect
+from phaselead.gap import compare, second_opinion, surplus
 from phaselead.gap import grow as search
-from phaselead.gap import second_opinion, surplus
+from phaselead.gap.compare import Rival
 from phaselead.gap.grow import Growth
 
 EFFECTS = [Made(name=name) for name in ("resonance", "load_change", "sensor_lowpass")]
@@ -117,3 +118,31 @@ def test_a_moving_base_takes_over_what_only_references_tell():
     assert {p.name for p in whole.parameters} - {p.name for p in alone.parameters} == {"linear"}
     assert alone.complete({"quadratic": 0.1}) == whole.complete({"quadratic": 0.1})
     assert effect("rate_dependence").beside_moving_base().complete({})["spread"] == 1.0
+
+
+def rivals(*scored):
+    """Of a contest, best first."""
+    return [Rival(effect(name), None, score, 0.0) for name, score in scored]
+
+
+@pytest.mark.parametrize(
+    ("scored", "first"),
+    [
+        ((("resonance", 14000.0), ("load_change", 13800.0)), "load_change"),
+        ((("resonance", 14000.0), ("load_change", 12000.0)), "resonance"),  # plainly less
+        ((("resonance", 1400.0), ("load_change", 1390.0)), "resonance"),  # little is gained: a tie, if anything
+        ((("resonance", 14000.0), ("gain_change", 13900.0)), "resonance"),  # nobody confuses these
+        ((("load_change", 14000.0), ("resonance", 13900.0)), "load_change"),
+    ],
+)
+def test_where_a_simpler_effect_says_nearly_all_of_it_the_richer_one_follows_the_rest(scored, first):
+    found = compare._simple_first(rivals(*scored))
+    assert found[0].effect.name == first
+    assert (len(found) < len(scored)) == (first != scored[0][0])  # the richer one is no rival any more
+
+
+def test_what_explains_nearly_as_much_alone_must_gain_as_much_as_what_is_confused_with_it():
+    alone = rivals(("hysteresis", 40000.0), ("gain_change", 30000.0), ("saturation", 1000.0))
+    named = [search.Named(alone[0].effect, alone[0].score, None, tuple(alone), ("hysteresis",))]
+    near = search.cost(named, effect("backlash"))
+    assert search.cost(named, effect("gain_change")) == near > 10 * search.cost(named, effect("saturation"))

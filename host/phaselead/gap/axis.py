@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from phaselead.effects import Effect, Place
 from phaselead.gap.adopt import adopted
 from phaselead.gap.bounds import bounds
-from phaselead.gap.disturb import Found, Left, disturbances, louder_at_rest
+from phaselead.gap.disturb import disturbances
 from phaselead.gap.final import Final, finish
 from phaselead.gap.grow import Growth, Named, unnamed
 from phaselead.gap.intervals import intervals
+from phaselead.gap.left import Found, Left
 from phaselead.gap.locate import Part, locate
 from phaselead.gap.next_experiment import propose
 from phaselead.gap.records import Run
@@ -20,6 +21,7 @@ from phaselead.gap.second_opinion import explained
 from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
 from phaselead.gap.surplus import PLAINLY, SLOW, leaves_too_much, unexplained
+from phaselead.gap.vibration import louder_at_rest
 from phaselead.stage.file import AxisModel
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
@@ -63,16 +65,13 @@ def search_axis(
     if not frozen and not any(run.role == "reference" for run in runs):
         candidates = [effect.beside_moving_base() for effect in candidates]
     growth, final = explained(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
-    testable = {e.name for e in effects}
     if leaves_too_much(growth, final):
         growth = unnamed(growth)
         final = finish(growth, runs)
     little_left = final.gap.after < PLAINLY * final.gap.floor
-    if growth.bench.reference is not None and not little_left:
-        testable -= {"sampling_jitter"}  # it would be seen in what moves fast and is not explained
     named, ties, file_entries = _named(growth, final, label, seed)
     lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")
-    disturbed, untested = disturbances(*lefts, testable)
+    disturbed, untested, left_out = disturbances(*lefts, {e.name for e in effects})
     noise_like = [_disturbance(found, final, label) for found in disturbed]
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
     claimed = {e.name for e in named} | {n for tie in ties for n in tie}
@@ -101,6 +100,7 @@ def search_axis(
         ties,
         unexplained(growth, final)
         or (bool(shifted) and not moved and not allowed >= set(shifted))
+        or bool(left_out)
         or (not disturbed and louder_at_rest(*lefts)),
         excluded,
         {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
@@ -113,7 +113,7 @@ def search_axis(
         growth.candidates,
         final.traces(),
         spectra(disturbed, final, axis),
-        growth.messages,
+        [*growth.messages, *left_out],
     )
 
 

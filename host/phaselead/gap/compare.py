@@ -36,6 +36,9 @@ RICHER, RICHER_BESIDE = 0.001, 0.005
 much is gained a richer one follows what a simpler one leaves of it; beside a base that was fitted to reference records
 the more, since what that base misses is followed as well."""
 
+PLENTY, AS_GOOD = 3000.0, 0.97
+"""Points of a richer effect, and the share of them from which a simpler one is believed instead."""
+
 
 @dataclass(frozen=True)
 class Rival:
@@ -144,7 +147,21 @@ def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
         rivals.append(Rival(effect, result, score, distance))
     rivals.sort(key=lambda rival: -rival.score)
     rivals = [r for r in rivals if not without_peak(bench, r.fitted.entries[-1])] or rivals
+    if bench.reference is not None:
+        rivals = _simple_first(rivals)
     return Contest(bench, before, tuple(rivals), inflation, one_loop(bench.tracks()))
+
+
+def _simple_first(rivals: list[Rival]) -> list[Rival]:
+    """A simpler effect before the best one that it is confused with, where much is gained and nearly as much by it: a
+    heavier stage is not quite the base's mode moved, and a mode of its own follows the rest."""
+    best = rivals[0]
+    for rival in rivals[1:]:
+        simpler = len(rival.effect.parameters) < len(best.effect.parameters)
+        near = best.effect.name in rival.effect.confused_with or rival.effect.name in best.effect.confused_with
+        if simpler and near and best.score > PLENTY and rival.score > AS_GOOD * best.score:
+            return [rival, *(r for r in rivals if r is not rival and r is not best)]
+    return rivals
 
 
 def one_loop(tracks: Sequence[Track]) -> bool:

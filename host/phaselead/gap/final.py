@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.base import with_operator
-from phaselead.gap.disturb import Left
 from phaselead.gap.grow import Growth
+from phaselead.gap.left import Left
 from phaselead.gap.records import Role, Run
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import Track, track

@@ -34,6 +34,8 @@ NEAR_SHARE, FAR_SHARE, OPERATOR_SHARE = 0.05, 0.0015, 0.02
 """Of what was gained before, what a further effect must gain. No equation of the catalogue is the stage's own: what one
 that is right by and large leaves is explained best by those it is confused with, and is no evidence for them; a whole
 operator in place of the equation leaves less."""
+CLOSE = 0.5
+"""Of the score of what was named: an effect that explains this much by itself is alike, whatever the catalogue says."""
 PLENTY_ON_ONE_LOOP = 50.0
 """Points from which an effect is told from others although all records go round one loop."""
 BESIDE = 30.0
@@ -171,8 +173,10 @@ def _needed(found: Contest, named: Sequence[Named]) -> float:
 
 
 def _alike(named: Named, effect: Effect) -> bool:
-    rivals = {r.effect.name: r.effect for r in named.rivals}
-    group = [named.effect, *(rivals[name] for name in named.tied if name in rivals)]
+    rivals = {r.effect.name: r for r in named.rivals}
+    if effect.name in rivals and rivals[effect.name].score > CLOSE * named.score:
+        return True
+    group = [named.effect, *(rivals[name].effect for name in named.tied if name in rivals)]
     return any(effect.name in one.confused_with or one.name in effect.confused_with for one in group)
 
 

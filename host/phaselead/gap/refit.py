@@ -124,6 +124,16 @@ def squares(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> f
     return _Rest(panel, correction).squares(entries)
 
 
+def left_of(panel: Panel, correction: Correction, fresh: Sequence[Samples]) -> Samples:
+    """Moments (q, q) of fresh columns (n, q) per track, everything else projected out."""
+    return _Rest(panel, correction).of(panel.total_with_columns(fresh))
+
+
+def bounded(effect: Effect, params: Mapping[str, float]) -> dict[str, float]:
+    """Parameters moved inside their bounds."""
+    return {p.name: float(np.clip(params[p.name], p.low, p.high)) for p in effect.parameters}
+
+
 def _differences(entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> list[tuple[int, Parameter, float]]:
     """A finite difference in internal units for each free parameter, towards the inside of its bounds."""
     found = []

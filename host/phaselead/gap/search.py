@@ -12,8 +12,9 @@ from phaselead.effects import Effect
 from phaselead.gap.atoms import Atom
 from phaselead.gap.bench import Bench
 from phaselead.gap.correction import Correction, flexible_left
+from phaselead.gap.mode_start import is_mode, mode_starts
 from phaselead.gap.panel import Index, Panel
-from phaselead.gap.refit import Entry, Fitted, fresh_columns, refit, squares
+from phaselead.gap.refit import Entry, Fitted, bounded, fresh_columns, refit, squares
 from phaselead.record.recording import Samples
 
 TOP = 3
@@ -29,6 +30,8 @@ MARGIN_GAIN, SCATTERED, SCATTERED_BESIDE = 10.0, 0.1, 0.4
 beside reference records, which say what the base leaves."""
 PEAKLESS = 0.25
 """Damping above which what looks like a mode is none: those of flexures lie below 0.1."""
+PLAIN_MODE = 0.05
+"""Of the whitened squares: a mode that may take this much is worth a fine grid of starts."""
 MOST_TRIED = 7
 ROUGH_STEPS = 2
 
@@ -215,8 +218,11 @@ def penalty(bench: Bench, effect: Effect) -> float:
 
 def _tried(bench: Bench, fitted: Fitted, shapes: list[Scanned], steps: int) -> Tried:
     best: Fitted | None = None
-    for start in _different(shapes):
-        result = refit(bench.slim, bench.correction, _start(bench, fitted, start), steps)
+    starts = [_start(bench, fitted, start) for start in _different(shapes)]
+    if is_mode(shapes[0].effect) and max(s.gain for s in shapes) > PLAIN_MODE * fitted.squares:
+        starts += mode_starts(bench.slim, bench.correction, fitted, shapes[0].effect)
+    for start in starts:
+        result = refit(bench.slim, bench.correction, start, steps)
         if best is None or result.squares < best.squares:
             best = result
     assert best is not None
@@ -246,8 +252,3 @@ def _different(shapes: list[Scanned]) -> list[Scanned]:
 
 def _apart(a: Scanned, b: Scanned) -> bool:
     return any(abs(np.log(max(a.atom.shapes[n], 1e-12) / max(b.atom.shapes[n], 1e-12))) > 1 for n in a.atom.shapes)
-
-
-def bounded(effect: Effect, params: dict[str, float]) -> dict[str, float]:
-    """Parameters moved inside their bounds."""
-    return {p.name: float(np.clip(params[p.name], p.low, p.high)) for p in effect.parameters}

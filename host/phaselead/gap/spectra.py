@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from phaselead.gap.disturb import Found, Left
 from phaselead.gap.final import Final
+from phaselead.gap.left import Found, Left
 from phaselead.gap.result import Spectrum
 from phaselead.record.recording import Samples
 

@@ -1,0 +1,41 @@
+"""Quantisation: all positions lie on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phaselead.gap.left import MORE, Found, Left
+from phaselead.gap.result import Value
+from phaselead.record.recording import Samples
+
+
+def quantisation(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+    """All positions lie on a grid, coarser than the reference's and coarse beside the noise."""
+    steps = [grid_step(left.run.x_um) for left in train]
+    again = [grid_step(left.run.x_um) for left in holdout]
+    if any(s is None for s in [*steps, *again]):
+        return None
+    lsb = float(np.median([s for s in steps if s is not None]))
+    known = [grid_step(left.run.x_um) for left in reference]
+    before = max((s for s in known if s is not None), default=0.0)
+    if not reference or lsb < MORE * before:
+        return None
+    params: dict[str, Value] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
+    return Found("quantisation", params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
+
+
+def grid_step(x_um: Samples) -> float | None:
+    """The step of the grid on which all values (n,) lie, or None when there is none above rounding."""
+    gaps = np.diff(np.unique(x_um))
+    gaps = gaps[gaps > 1e-9 * max(float(np.abs(x_um).max()), 1.0)]
+    if len(gaps) < 3:
+        return None
+    step = float(gaps.min())
+    if step < 1e-6 * max(float(np.ptp(x_um)), 1e-9):
+        return None
+    multiples = gaps / step
+    step = float(np.median(gaps / np.maximum(np.round(multiples), 1.0)))
+    off = np.abs(gaps / step - np.round(gaps / step))
+    return step if float(off.max()) < 0.05 else None

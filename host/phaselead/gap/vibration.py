@@ -1,0 +1,140 @@
+"""Vibration: a peak of the idle spectrum that was not there before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.signal import periodogram, welch
+from scipy.stats import f as f_distribution
+
+from phaselead.gap.hum import is_mains
+from phaselead.gap.left import MORE, Found, Left, Parts
+from phaselead.gap.result import Value
+from phaselead.record.recording import Samples
+
+SEGMENT = 1024
+SURE_BAND = 1e-4
+"""Over all bands looked at: training and held-out records at rest together against the reference's."""
+SURE_HERE, AROUND = 0.01, 8
+"""The same in the band found alone; lines to either side of it that say what is usual."""
+WIDTHS = (1, 3, 7, 15)
+"""Lines of a spectrum over which something new may spread."""
+BESIDE_MAINS = 0.2
+"""Of what is new in a band: with less of it away from the mains and its multiples it is hum, not vibration."""
+SLOW_LINES = 4
+"""Of a spectrum: what moves as slowly as the records are long is drift or creep, not vibration."""
+
+
+def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+    """A peak of the idle spectrum that stands out of the reference's, or out of its own surroundings."""
+    spectra = _spectra(train, holdout, reference)
+    live = np.array([not is_mains(float(v)) for v in spectra.f_Hz])
+    live[:SLOW_LINES] = False
+    band = _standing_out((train, holdout, reference), spectra, live)
+    if band is None:
+        return None
+    low, high = band
+    new = np.maximum(spectra.seen - spectra.before, 0.0)
+    if new[low:high] @ live[low:high] < BESIDE_MAINS * new[low:high].sum():
+        return None
+    return _vibration_found(spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
+
+
+def louder_at_rest(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> bool:
+    """Whether any band of the idle records, the mains' too, stands out of the reference's, whatever its cause."""
+    now, again, was = ([left for left in part if left.run.idle] for part in (train, holdout, reference))
+    if not (now and again and was):
+        return False
+    idle = now, again, was
+    spectra = _spectra(*idle)
+    live = np.ones(len(spectra.f_Hz), dtype=bool)
+    live[:SLOW_LINES] = False
+    return _standing_out(idle, spectra, live) is not None
+
+
+class _Spectra(NamedTuple):
+    """Densities (k,) of the training records, and of what was there before; how many periodograms are in the first."""
+
+    f_Hz: Samples
+    seen: Samples
+    before: Samples
+    averages: float
+
+
+def _spectra(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> _Spectra:
+    shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
+    length = min(SEGMENT, shortest // 4)
+    f, seen, averages = _density(train, length)
+    before = _density(reference, length)[1] if reference else median_filter(seen, size=41, mode="nearest") / 0.97
+    return _Spectra(f, seen, before, averages)
+
+
+def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[int, int] | None:
+    """First and last line (excluded) of the band, among the ``live`` lines, that is new beyond chance."""
+    f, seen, before, _ = spectra
+    bands, looked = _new_bands(seen * live, before * live)
+    found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= SURE_BAND]
+    return min(found)[1] if found else None
+
+
+def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -> float:
+    """Probability that a band of training and held-out records stands out of the reference's as much by chance; 1
+    where it does not stand out in both."""
+    (train, holdout, reference), (low, high) = parts, band
+    edges_Hz = float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2)
+    new, again, both, old = (_band_power(part, *edges_Hz) for part in (train, holdout, [*train, *holdout], reference))
+    around = _band_power(reference, edges_Hz[0] - AROUND * f[1], edges_Hz[1] + AROUND * f[1])
+    if not reference:
+        old = around = float(before[low:high].mean()), np.inf
+    # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
+    p, p_here = (float(f_distribution.sf(both[0] / part[0], both[1], min(part[1], 1e6))) for part in (around, old))
+    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= MORE * max(old[0], around[0]) else 1.0
+
+
+def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
+    """First and last line (excluded) of the band of each width that stands out most; how many were looked at."""
+    bands, looked = [], 0
+    for width in WIDTHS:
+        box = np.ones(width)
+        new, old = np.convolve(seen, box, "valid"), np.convolve(before, box, "valid")
+        ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
+        bands.append((int(np.argmax(ratio)), int(np.argmax(ratio)) + width))
+        looked += len(ratio)
+    return bands, looked
+
+
+def _band_power(part: Sequence[Left], low_Hz: float, high_Hz: float) -> tuple[float, float]:
+    """Mean density in a band, and its degrees of freedom: twice the number of lines at full resolution that carry it.
+    A mode of the stage that surroundings keep ringing fills few lines however long the list of segments."""
+    density, freedom = [], 0.0
+    for left in part:
+        f, p = periodogram(left.error_um, left.rate_Hz, window="hann", detrend="linear")
+        inside = p[(f >= low_Hz) & (f < high_Hz)]
+        density.append(float(inside.mean()))
+        freedom += 2 * float(inside.sum() ** 2 / max(float((inside**2).sum()), 1e-300))
+    return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
+
+
+def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages: float) -> Found:
+    step, excess = float(f[1] - f[0]), np.maximum(excess, 0.0)
+    top = low + int(np.argmax(excess[low:high]))
+    width = (high - low) * step
+    rms = float(np.sqrt(excess[max(low - 2, 1) : high + 2].sum() * step))
+    error = 2 / np.sqrt(averages)
+    params: dict[str, Value] = {
+        "rms_um": (rms, "um", (rms * max(1 - error, 0.0), rms * (1 + error))),
+        "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
+        "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),
+    }
+    return Found("vibration", params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in idle records")
+
+
+def _density(part: Sequence[Left], length: int) -> tuple[Samples, Samples, float]:
+    """Frequencies, mean one-sided density and how many independent periodograms are in it."""
+    spectra = [welch(left.error_um, left.rate_Hz, nperseg=length, detrend="linear") for left in part]
+    averages = sum(1.6 * len(left.error_um) / length for left in part)
+    return spectra[0][0], np.mean([s for _, s in spectra], axis=0), float(averages)

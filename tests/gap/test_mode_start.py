@@ -1,0 +1,65 @@
+"""Where a mode's refit starts: near one that was integrated on a finer grid, sharp or not, beside the base's own."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from phaselead.effects import effect
+from phaselead.gap.correction import Correction
+from phaselead.gap.evidence import evidence
+from phaselead.gap.mode_start import APART, is_mode, mode_starts
+from phaselead.gap.noise import Noise
+from phaselead.gap.panel import Layout, Raw, panel
+from phaselead.gap.records import Run
+from phaselead.gap.refit import Fitted
+from phaselead.gap.residual import track
+from phaselead.stage.file import AxisModel, Effect, TimeView
+
+RATE_Hz, FINE = 5000.0, 8
+
+
+def mode(x: np.ndarray, f_Hz: float, zeta: float) -> np.ndarray:
+    """Through a mode of static gain 1, between rows held."""
+    w = 2 * np.pi * f_Hz
+    system = [[0, 1], [-w * w, -2 * zeta * w]], [[0], [w * w]], [[1, 0]], [[0]]
+    ad, bd, *_ = cont2discrete([np.array(m, dtype=float) for m in system], 1 / (FINE * RATE_Hz))
+    b = [0, bd[0, 0], ad[0, 1] * bd[1, 0] - ad[1, 1] * bd[0, 0]]
+    held = np.repeat(x, FINE)
+    return lfilter(b, [1, -np.trace(ad), np.linalg.det(ad)], held)[FINE - 1 :: FINE]
+
+
+def started(f_Hz: float, zeta: float, share: float) -> list[dict[str, float]]:
+    """Starts for steps of a stage with a mode at 250 Hz, and another that carries a share of its motion."""
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.uniform(0, 8, 6), 700)
+    u[:200] = 0.0
+    base = mode(3 * u, 250.0, 0.03)
+    x = base + share * (mode(base, f_Hz, zeta) - base) + 0.01 * rng.normal(size=len(u))
+    own = Effect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
+    axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
+    digest = hashlib.sha256(x.tobytes()).hexdigest()
+    run = Run("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
+    of = track(axis, run)
+    metric = evidence([of], Noise(np.ones(1), 0.01, 0.02, 2.0, 1e-3, np.ones(1)))
+    made = panel(metric, Layout((), 1), [Raw(of, of.answer(), rng.normal(size=(len(u), 1)).astype(np.float32))])
+    nothing = Correction(np.zeros(1, dtype=np.intp), np.zeros(1), np.eye(1))
+    starts = mode_starts(made, nothing, Fitted((), 0.0), effect("resonance"))
+    return [dict(entries[-1][1]) for entries in starts]
+
+
+@pytest.mark.parametrize(("f_Hz", "zeta"), [(407.0, 0.01), (331.0, 0.006), (520.0, 0.04), (185.0, 0.02)])
+def test_one_of_the_starts_is_in_the_valley_of_the_mode(f_Hz, zeta):
+    first, second = started(f_Hz, zeta, 0.5)
+    nearest = min(first, second, key=lambda start: abs(start["f_Hz"] - f_Hz))
+    assert nearest["f_Hz"] == pytest.approx(f_Hz, rel=0.04)
+    assert 0.1 < nearest["c"] < 0.9
+    assert not 1 / APART < second["f_Hz"] / first["f_Hz"] < APART
+
+
+def test_of_all_effects_the_resonance_alone_is_told_by_a_sharp_frequency():
+    assert is_mode(effect("resonance"))
+    assert not any(is_mode(effect(name)) for name in ("load_change", "vibration", "delay", "hysteresis", "mains_hum"))
