@@ -23,13 +23,12 @@ RATE_Hz, FINE = 5000.0, 8
 
 
 def mode(x: np.ndarray, f_Hz: float, zeta: float) -> np.ndarray:
-    """Through a mode of static gain 1, between rows held."""
+    """Through a mode of static gain 1, on the fine grid."""
     w = 2 * np.pi * f_Hz
     system = [[0, 1], [-w * w, -2 * zeta * w]], [[0], [w * w]], [[1, 0]], [[0]]
     ad, bd, *_ = cont2discrete([np.array(m, dtype=float) for m in system], 1 / (FINE * RATE_Hz))
     b = [0, bd[0, 0], ad[0, 1] * bd[1, 0] - ad[1, 1] * bd[0, 0]]
-    held = np.repeat(x, FINE)
-    return lfilter(b, [1, -np.trace(ad), np.linalg.det(ad)], held)[FINE - 1 :: FINE]
+    return lfilter(b, [1, -np.trace(ad), np.linalg.det(ad)], x)
 
 
 def started(f_Hz: float, zeta: float, share: float) -> list[dict[str, float]]:
@@ -37,8 +36,8 @@ def started(f_Hz: float, zeta: float, share: float) -> list[dict[str, float]]:
     rng = np.random.default_rng(1)
     u = np.repeat(rng.uniform(0, 8, 6), 700)
     u[:200] = 0.0
-    base = mode(3 * u, 250.0, 0.03)
-    x = base + share * (mode(base, f_Hz, zeta) - base) + 0.01 * rng.normal(size=len(u))
+    base = mode(3 * np.repeat(u, FINE), 250.0, 0.03)
+    x = (base + share * (mode(base, f_Hz, zeta) - base))[FINE - 1 :: FINE] + 0.01 * rng.normal(size=len(u))
     own = Effect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
     axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
     digest = hashlib.sha256(x.tobytes()).hexdigest()
