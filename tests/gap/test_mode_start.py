@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from types import SimpleNamespace as Made
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from phaselead.gap.panel import Layout, Raw, panel
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import track
+from phaselead.gap.search import beside_own_mode
 from phaselead.stage.file import AxisModel, Effect, TimeView
 
 RATE_Hz, FINE = 5000.0, 8
@@ -62,3 +64,20 @@ def test_one_of_the_starts_is_in_the_valley_of_the_mode(f_Hz, zeta):
 def test_of_all_effects_the_resonance_alone_is_told_by_a_sharp_frequency():
     assert is_mode(effect("resonance"))
     assert not any(is_mode(effect(name)) for name in ("load_change", "vibration", "delay", "hysteresis", "mains_hum"))
+
+
+@pytest.mark.parametrize(
+    ("f_Hz", "c", "reference", "moved"),
+    [
+        (262.0, 0.1, True, True),
+        (430.0, -0.1, True, True),
+        (262.0, 0.6, True, False),  # it carries most of the motion
+        (330.0, 0.1, True, False),
+        (262.0, 0.1, False, False),  # the base was not fitted to anything
+    ],
+)
+def test_a_small_mode_where_the_base_has_one_is_that_one_moved(f_Hz, c, reference, moved):
+    own = Effect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (250.0, 420.0), "zeta": (0.03, 0.03)})
+    bench = Made(reference=Made() if reference else None, axis=Made(effects=(own,)))
+    assert beside_own_mode(bench, (effect("resonance"), {"c": c, "f_Hz": f_Hz, "zeta": 0.02})) is moved
+    assert not beside_own_mode(bench, (effect("load_change"), {"mass": 0.1}))

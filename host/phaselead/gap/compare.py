@@ -16,7 +16,7 @@ from phaselead.gap.noise import repetition
 from phaselead.gap.panel import Panel, condition
 from phaselead.gap.refit import Entry, Fitted, fresh_columns, refit
 from phaselead.gap.residual import Track
-from phaselead.gap.search import Tried, block_inflation, penalty, projection, without_peak
+from phaselead.gap.search import Tried, block_inflation, no_mode_of_its_own, penalty, projection
 from phaselead.record.recording import Samples
 
 MARGIN = 10.0
@@ -146,7 +146,7 @@ def contest(bench: Bench, fitted: Fitted, tried: Sequence[Tried]) -> Contest:
         distance = 0.0 if effect is best[0] else _distance(bench, before, best[1], result) / inflation
         rivals.append(Rival(effect, result, score, distance))
     rivals.sort(key=lambda rival: -rival.score)
-    rivals = [r for r in rivals if not without_peak(bench, r.fitted.entries[-1])] or rivals
+    rivals = [r for r in rivals if not no_mode_of_its_own(bench, r.fitted.entries[-1])] or rivals
     if bench.reference is not None:
         rivals = _simple_first(rivals)
     return Contest(bench, before, tuple(rivals), inflation, one_loop(bench.tracks()))

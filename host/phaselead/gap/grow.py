@@ -15,7 +15,7 @@ from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, c
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Entry, Fitted, refit, with_total
 from phaselead.gap.result import NAMED, Candidate
-from phaselead.gap.search import Scanned, penalty, scan, try_effects, without_peak
+from phaselead.gap.search import Scanned, no_mode_of_its_own, penalty, scan, try_effects
 from phaselead.stage.file import AxisModel
 
 MOST_EFFECTS = 5
@@ -182,7 +182,7 @@ def _alike(named: Named, effect: Effect) -> bool:
 
 def _pays(found: Contest, held: HeldOut, family: int, named: Sequence[Named] = ()) -> bool:
     needed = _needed(found, named)
-    if without_peak(found.bench, found.best.fitted.entries[-1]) or _trifling(found.best.fitted.entries[-1]):
+    if no_mode_of_its_own(found.bench, found.best.fitted.entries[-1]) or _trifling(found.best.fitted.entries[-1]):
         return False
     if _harms(found, held) or known_before(found.bench, found.best.fitted.entries[-1]):
         return False

@@ -30,6 +30,8 @@ MARGIN_GAIN, SCATTERED, SCATTERED_BESIDE = 10.0, 0.1, 0.4
 beside reference records, which say what the base leaves."""
 PEAKLESS = 0.25
 """Damping above which what looks like a mode is none: those of flexures lie below 0.1."""
+OWN_RATIO, OWN_SHARE = 1.15, 0.3
+"""In frequency, and of the motion: a mode that is nearer to one of the base's and carries less is that one, moved."""
 PLAIN_MODE = 0.05
 """Of the whitened squares: a mode that may take this much is worth a fine grid of starts."""
 MOST_TRIED = 7
@@ -171,7 +173,7 @@ def try_effects(bench: Bench, fitted: Fitted, scanned: Sequence[list[Scanned]]) 
         replace(t, fitted=refit(bench.slim, bench.correction, t.fitted.entries)) if i < TOP else t
         for i, t in enumerate(rough)
     ]
-    finished = [t for t in finished if not at_a_bound(bench, t) and not without_peak(bench, t.fitted.entries[-1])]
+    finished = [t for t in finished if not at_a_bound(bench, t) and not no_mode_of_its_own(bench, t.fitted.entries[-1])]
     return sorted(finished, key=lambda t: t.fitted.squares + penalty(bench, t.effect))
 
 
@@ -193,6 +195,24 @@ def without_peak(bench: Bench, entry: Entry) -> bool:
         return False
     zeta = entry[1].get("zeta")
     return zeta is not None and zeta > PEAKLESS
+
+
+def no_mode_of_its_own(bench: Bench, entry: Entry) -> bool:
+    """Whether it is a mode without a peak, or one that stands where the base has one: then that one has moved."""
+    return without_peak(bench, entry) or beside_own_mode(bench, entry)
+
+
+def beside_own_mode(bench: Bench, entry: Entry) -> bool:
+    """Whether a mode lies so close to one of the base's that both are one. Asked beside reference records, to which the
+    base was fitted."""
+    effect, params = entry
+    if bench.reference is None or not is_mode(effect):
+        return False
+    own_Hz = [
+        f for e in bench.axis.effects if e.name == effect.name for f in np.atleast_1d(np.asarray(e.params["f_Hz"]))
+    ]
+    small = abs(params[effect.sizes[0].name]) < OWN_SHARE
+    return small and any(abs(np.log(params["f_Hz"] / f)) < np.log(OWN_RATIO) for f in own_Hz)
 
 
 def _promising(bench: Bench, scanned: Sequence[list[Scanned]]) -> list[list[Scanned]]:
