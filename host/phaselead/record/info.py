@@ -12,7 +12,7 @@ from phaselead.record.recording import Recording
 def recording_facts(recording: Recording) -> dict[str, Any]:
     """Length, rate, axes and ranges of a recording, and what its file says of where it came from."""
     facts: dict[str, Any] = {
-        "source": recording.source,
+        **({"source": recording.source} if recording.source else {}),
         "samples": len(recording.t_s),
         "rate_Hz": round(_rate_Hz(recording), 6) if len(recording.t_s) > 1 else None,
         "from_s": float(recording.t_s[0]),
