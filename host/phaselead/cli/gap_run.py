@@ -11,6 +11,7 @@ from rich.table import Table
 
 from phaselead.cli.common import json_text, progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
+from phaselead.gap.native import keep_freed_memory
 from phaselead.gap.result import GapResult, brief
 from phaselead.gap.run import run_gap
 from phaselead.gap.told import excludes, headline, percent, unit_of
@@ -37,6 +38,7 @@ def compare(
     if model_path is None:
         raise BadInput("gap needs a model; give --model STAGE.toml")
     check_outputs(output, report, json_to, [model_path, *record_files([*train, *holdout, *reference])])
+    keep_freed_memory()
     stage = load_stage(model_path)
     parts = [read_recordings(part, column_map, rate) for part in (train, holdout, reference)]
     if verify_on:

@@ -10,6 +10,7 @@ import numpy as np
 
 from phaselead.errors import PhaseleadError
 from phaselead.gap.campaign.truth import Case, load_truth
+from phaselead.gap.native import keep_freed_memory
 from phaselead.gap.perform import excitation_of
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap
@@ -28,6 +29,7 @@ def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
 
     What goes wrong is an outcome like any other: under "error", with the rest left empty.
     """
+    keep_freed_memory()
     case = load_truth(folder).case(name)
     outcome: Outcome = {
         "case": case.name,
