@@ -12,7 +12,7 @@ from phaselead.gap.disturb import disturbances
 from phaselead.gap.final import Final, finish
 from phaselead.gap.grow import Growth, Named, unnamed
 from phaselead.gap.intervals import intervals
-from phaselead.gap.left import Found, Left
+from phaselead.gap.left import Found
 from phaselead.gap.locate import Part, locate
 from phaselead.gap.next_experiment import propose
 from phaselead.gap.records import Run
@@ -195,4 +195,4 @@ def _disturbance(found: Found, final: Final, label: str | None) -> NamedEffect:
     return NamedEffect(found.name, label, found.params, share, found.why)
 
 
-__all__ = ["AxisResult", "Left", "search_axis"]
+__all__ = ["AxisResult", "search_axis"]

@@ -7,7 +7,6 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.stats import norm
 
 from phaselead.gap.left import AGAIN, MORE, SURE, Found, Left
@@ -58,7 +57,7 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
         return None
     half = min(1.96 / z, 1.0)
     params: dict[str, Value] = {"rms_s": (rms, "s", (rms * np.sqrt(1 - half), rms * np.sqrt(1 + half)))}
-    speed = float(np.mean([np.mean(_speed(left) ** 2) for left in train]))
+    speed = float(np.mean([np.mean(left.speed_um_per_s**2) for left in train]))
     return Found("sampling_jitter", params, rms**2 * speed, f"fast noise of {1e6 * rms:.3g} us times the speed")
 
 
@@ -74,18 +73,12 @@ def _fastest(left: Left) -> float:
     return float(np.quantile(blocks[1], 0.9)) if blocks is not None else 0.0
 
 
-def _speed(left: Left) -> Samples:
-    """(n,) um/s of the model, which is free of noise, between its rows as smooth as it is."""
-    t_s = np.arange(len(left.error_um)) * left.run.step_s
-    return np.asarray(CubicSpline(t_s, left.run.x_um[left.run.rows] - left.error_um)(t_s, 1))
-
-
 def _rough_and_speed(left: Left, order: int) -> tuple[Samples, Samples] | None:
     """Fast variance of the residual, um^2, and mean squared speed, (um/s)^2, of blocks (b,); None of a short record."""
     if not left.run.driven or len(left.error_um) < SHORTEST:
         return None
     rough = np.diff(left.error_um, order) ** 2 / comb(2 * order, order)
-    v2 = np.convolve(_speed(left) ** 2, np.ones(order + 1) / (order + 1), "valid")
+    v2 = np.convolve(left.speed_um_per_s**2, np.ones(order + 1) / (order + 1), "valid")
     known = ~_after_jump(left.run)[order:]
     count = int(known.sum()) // BLOCK_ROWS
     if count < 2:

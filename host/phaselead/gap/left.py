@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import Run
 from phaselead.gap.result import Value
@@ -25,6 +29,12 @@ class Left:
     @property
     def rate_Hz(self) -> float:
         return 1 / self.run.step_s
+
+    @cached_property
+    def speed_um_per_s(self) -> Samples:
+        """(n,) of the model, which is free of noise, between its rows as smooth as it is."""
+        t_s = np.arange(len(self.error_um)) * self.run.step_s
+        return np.asarray(CubicSpline(t_s, self.run.x_um[self.run.rows] - self.error_um)(t_s, 1))
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ import numpy as np
 from phaselead.effects import Effect
 from phaselead.gap.correction import Correction
 from phaselead.gap.panel import Panel
-from phaselead.gap.refit import Entry, Fitted, bounded, left_of
+from phaselead.gap.refit import HIGHEST, Entry, Fitted, bounded, left_of
 
 RATIO, ZETAS = 1.05, (0.01, 0.04)
 STARTS, APART = 2, 1.2
 """How many, and their least ratio of frequencies."""
-SPAN = 0.005, 0.45
-"""Of the sampling rate: from a mode that is no more than a slow bend to what sampling can show."""
+LOWEST = 0.005
+"""Of the sampling rate: below it a mode is no more than a slow bend."""
 
 
 def is_mode(effect: Effect) -> bool:
@@ -31,7 +31,7 @@ def mode_starts(panel: Panel, correction: Correction, fitted: Fitted, effect: Ef
     """The fitted effects and a mode at each of the frequencies that leave least, with the share that fits there."""
     f, size = next(p for p in effect.shapes if p.name == "f_Hz"), effect.sizes[0]
     step_s = panel.evidence.tracks[0].run.step_s
-    low, high = max(f.low, SPAN[0] / step_s), min(f.high, SPAN[1] / step_s)
+    low, high = max(f.low, LOWEST / step_s), min(f.high, HIGHEST / step_s)
     if low >= high:
         return []
     grid_Hz = np.geomspace(low, high, max(2, round(np.log(high / low) / np.log(RATIO))))
