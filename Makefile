@@ -43,7 +43,7 @@ lint: $(STAMP)
 
 generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py
-	@$(BIN)/python -m phaselead.effects.page
+	@$(BIN)/python -m phaselead.report.catalogue_page
 
 setup: $(STAMP)
 

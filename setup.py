@@ -51,9 +51,9 @@ setup(
             extra_compile_args=[*FLAGS, "-O3"],
         ),
         Extension(
-            "phaselead.stage._kernel",
-            sources=sorted(glob("host/phaselead/stage/kernel/*.c")),
-            include_dirs=["host/phaselead/stage/kernel"],
+            "phaselead.model._kernel",
+            sources=sorted(glob("host/phaselead/model/kernel/*.c")),
+            include_dirs=["host/phaselead/model/kernel"],
             extra_compile_args=[*FLAGS, "-O3"],
             libraries=["m"],
         ),

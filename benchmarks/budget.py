@@ -17,14 +17,10 @@ from zlib import crc32
 
 import numpy as np
 
-from phaselead.control.gains import PAPER_GAINS
-from phaselead.link import wire
-from phaselead.link.framing import FrameReader, encode_frame
-from phaselead.sim.emulated import EmulatedDevice, find_firmware
-from phaselead.sim.plant import built_in, plant_parameters
-from phaselead.sim.stack_use import worst_stack
-from phaselead.stage.device_model import device_model
-from phaselead.stage.table import TableView
+from phaselead.control import PAPER_GAINS
+from phaselead.device import FrameReader, device_model, encode_frame, wire
+from phaselead.model import TableView
+from phaselead.sim import EmulatedDevice, built_in, find_firmware, plant_parameters, worst_stack
 
 ROOT = Path(__file__).parents[1]
 BOARD = "nucleo_f446re"

@@ -13,8 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from phaselead.control.gains import PAPER_GAINS
-from phaselead.link.device import Device
+from phaselead.control import PAPER_GAINS
+from phaselead.device import Device
 
 SECONDS = 60.0
 RUNS = 5

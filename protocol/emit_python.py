@@ -1,4 +1,4 @@
-"""Emits host/phaselead/link/wire.py."""
+"""Emits host/phaselead/device/wire.py."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def generated(schema_path: Path) -> dict[str, str]:
     return {
         "firmware/app/wire.h": emit_c.header(schema),
         "firmware/app/wire.c": emit_c.source(schema),
-        "host/phaselead/link/wire.py": emit_python.module(schema),
+        "host/phaselead/device/wire.py": emit_python.module(schema),
         "docs/wire.md": emit_document.document(schema),
         "protocol/golden.json": golden(schema),
     }

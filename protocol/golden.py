@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from layout import SCALARS, Field, Schema
-from phaselead.link.framing import encode_frame
+from phaselead.device import encode_frame
 
 SESSION = 0x0123456789ABCDEF
 TAILS = {"zero": b"", "ramp": bytes(range(256)), "low": b"\0" * 5, "high": b"\xff" * 300}

@@ -9,7 +9,7 @@ from phaselead.errors import PhaseleadError
 
 
 def kernel_of(module: str, *functions: str) -> ctypes.CDLL:
-    """The shared library of a room, e.g. "phaselead.stage._kernel". Raises PhaseleadError where it is not built, or was
+    """The shared library of a room, e.g. "phaselead.model._kernel". Raises PhaseleadError where it is not built, or was
     built before it had these ``functions``."""
     room, spec = module.split(".")[1], find_spec(module)
     if spec is None or spec.origin is None:

@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from zlib import crc32
 
 import numpy as np
 
-from phaselead.control.gains import PAPER_GAINS
-from phaselead.control.track import Run, track
+from phaselead.control import PAPER_GAINS, Run, track
+from phaselead.device import Device, device_model, read_capture, write_run
+from phaselead.drawing import save_png
 from phaselead.errors import PhaseleadError
-from phaselead.identify.experiment import identify_device, run_experiment
-from phaselead.identify.plan import HELD_OUT, Experiment
-from phaselead.identify.predict import predict
-from phaselead.identify.verify import Verification, verify
-from phaselead.link.device import Device
-from phaselead.record.recording import Recording
-from phaselead.record.run import read_capture, write_run
-from phaselead.report import figures
-from phaselead.report.demo import DemoResults, tracked, write_demo_report
-from phaselead.report.style import save_png
-from phaselead.sim.replay import replay
-from phaselead.stage.device_model import device_model
-from phaselead.stage.file import Stage, save_stage
-from phaselead.stage.waveform import parse_wave
+from phaselead.identify import HELD_OUT, Experiment, Verification, identify_device, run_experiment, verify
+from phaselead.model import Stage, predict, save_stage
+from phaselead.record import Recording
+from phaselead.report import DemoResults, HeldOut, figures, tracked, write_demo_report
+from phaselead.sim import replay
+from phaselead.waveforms import parse_wave
 
 PORT = "sim://xyz250"
 WAVE = "sine:60um@5Hz"
@@ -36,16 +28,6 @@ LOOP_SWING_V = 8.0
 PERIODS = 5
 
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """A verification input from rest, and how both views did on it."""
-
-    experiment: Experiment
-    recording: Recording
-    models_um: dict[str, np.ndarray[Any, np.dtype[np.float64]]]
-    verifications: dict[str, Verification]
 
 
 def run_demo(out: str | Path, say: Say, on_progress: Callable[[float], None] | None = None) -> Path:

@@ -8,8 +8,8 @@ from zlib import crc32
 
 import numpy as np
 
-from phaselead.link import wire
-from phaselead.link.framing import FrameReader, encode_frame
+from phaselead.device import wire
+from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.sim.device import Firmware
 
 MID_CODE = 20_000

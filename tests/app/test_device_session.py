@@ -5,7 +5,7 @@ from device_bench import SESSION, UM, Bench, V, model, step_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 OTHER = 0x0BAD_CAFE_0000_0001
 COMMANDS = [
@@ -190,7 +190,7 @@ def test_unknown_commands_and_wrong_lengths_are_refused(bench):
 
 
 def wire_frame(body):
-    from phaselead.link.framing import encode_frame
+    from phaselead.device.framing import encode_frame
 
     return encode_frame(body)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from device_bench import RAMP_CODES, SLEW_CODES, ZERO_V_CODE, Bench, V
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 RAMPING = [
     wire.Fault.TICK_OVERRUN,

@@ -5,7 +5,7 @@ from zlib import crc32
 import pytest
 from device_bench import Bench, model
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 SLOT = 4096
 SAVE_BYTES = SLOT + wire.Model.SIZE + 16

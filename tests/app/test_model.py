@@ -8,7 +8,7 @@ from device_bench import AXIS_MODEL, MODEL_CHUNK, PASS, RAMP_CODES, UM, Bench, V
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 FIELDS = [field.name for field in fields(wire.AxisModel)]
 """In the order of the schema; the device counts them from 1."""

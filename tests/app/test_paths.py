@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from device_bench import UM, Bench, V, model, step_of
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 HALF_TURN = 2**63
 ONE = 1 << 30

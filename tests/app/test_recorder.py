@@ -6,7 +6,7 @@ from device_bench import Bench, V
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.link import wire
+from phaselead.device import wire
 from phaselead.sim.device import VirtualDevice, load_library
 from phaselead.sim.plant import built_in, plant_parameters
 

@@ -3,15 +3,16 @@
 import numpy as np
 from device_bench import UM, Bench, V
 
-from phaselead.link import wire
-from phaselead.stage.device_model import device_model
-from phaselead.stage.file import AxisModel, Effect, Stage, TimeView
+from phaselead.device import wire
+from phaselead.device.encode_model import device_model
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.stage_file import Stage
 
 
 def crept(rest_ticks, volts):
     """DAC codes of an inverse move after a second at so many volts and a rest; the model has a creep of 0.1 s."""
     time = TimeView(gain_um_per_V=15.0, u_range_V=(-2.0, 10.0), rate_Hz=5000.0)
-    creep = Effect(name="creep", params={"k": [0.1], "tau_s": [0.1]})
+    creep = AdoptedEffect(name="creep", params={"k": [0.1], "tau_s": [0.1]})
     bench = Bench()
     bench.ok(wire.SetTimeoutRequest(0))
     bench.upload(device_model(Stage(name="s", axes={"x": AxisModel(time=time, effects=(creep,))})))

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from phaselead.link import wire
+from phaselead.device import wire
 from phaselead.sim.device import load_library
 
 STATES = ["parked", "armed", "running", "stopping", "fault"]

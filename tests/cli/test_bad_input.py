@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from phaselead.cli.board import check_before_upload
+from phaselead.device.capture import DeviceFault, capture
 from phaselead.errors import BadInput, DeviceRefused
-from phaselead.link.capture import DeviceFault, capture
 
 RATE_HZ = 1000.0
 
@@ -292,7 +292,7 @@ def test_a_refused_run_leaves_no_journal(run, tmp_path, monkeypatch):
     def refused(*_arguments, **_named):
         raise DeviceRefused("the device refused to arm; park it first")
 
-    monkeypatch.setattr("phaselead.link.capture.read_model", refused)
+    monkeypatch.setattr("phaselead.device.capture.read_model", refused)
     drive = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "0.2", "-o", tmp_path / "run.h5")
     assert_one_line(run(*drive), 4, "park it first")
     assert not os.listdir(tmp_path)
@@ -320,7 +320,7 @@ def test_an_interrupt_says_what_is_kept(run, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     output, patch = tmp_path / "run.h5", monkeypatch
-    patch.setattr("phaselead.link.capture.wait_parked", interrupted)
+    patch.setattr("phaselead.device.capture.wait_parked", interrupted)
     drive = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "0.2", "-o", output)
     assert_one_line(run(*drive), 130, "phaselead: interrupted; the output is parked; ", f"log recover {output}.journal")
 
@@ -329,7 +329,7 @@ def test_a_fault_run_is_written_and_leaves_no_journal(run, tmp_path, monkeypatch
     def fault(*arguments, **named):
         raise DeviceFault("the device latched a fault", capture(*arguments, **named))
 
-    monkeypatch.setattr("phaselead.link.device.capture", fault)
+    monkeypatch.setattr("phaselead.device.device.capture", fault)
     drive = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "0.2", "-o", tmp_path / "run.h5")
     assert_one_line(run(*drive), 4, "fault")
     assert os.listdir(tmp_path) == ["run.h5"]

@@ -11,9 +11,10 @@ import pytest
 
 from phaselead.errors import BadInput
 from phaselead.gap.records import refuse_overlap
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.stage_file import Stage, save_stage
 from phaselead.record.atomic import write_texts
 from phaselead.record.recording import AxisRecord, Recording
-from phaselead.stage.file import AxisModel, Stage, TimeView, save_stage
 
 RATE_HZ = 1000.0
 

@@ -9,14 +9,16 @@ import h5py
 import numpy as np
 import pytest
 
-from phaselead.control.track import LARGEST_STEP, Standing, assumed_limits, from_standing, standings, track
+from phaselead.control.tracking import assumed_limits, from_standing, track
+from phaselead.device.device import Device
+from phaselead.device.encode_model import device_model
+from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.errors import BadInput
 from phaselead.identify.experiment import identify_device
 from phaselead.identify.plan import Experiment
-from phaselead.link.device import Device
-from phaselead.stage.device_model import device_model
-from phaselead.stage.file import AxisModel, Gains, Limits, Sensor, Stage, save_stage
-from phaselead.stage.waveform import parse_wave
+from phaselead.model.axis import AxisModel, Gains, Limits, Sensor
+from phaselead.model.stage_file import Stage, save_stage
+from phaselead.waveforms.waveform import parse_wave
 
 
 @pytest.mark.parametrize(("wave", "mode"), [("sine:1V+6V@5Hz", "open"), ("sine:60um+20um@5Hz", "pid")])

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from phaselead.stage.file import load_stage
+from phaselead.model.stage_file import load_stage
 
 HELD_OUT = [("sine:5V@5Hz", 5 / 5), ("sine:3V@15Hz", 5 / 15)]
 UNUSED_SINES = [*HELD_OUT, ("sine:7V@3Hz", 5 / 3), ("sine:9V@9Hz", 5 / 9), ("sine:1.5V@11Hz", 5 / 11)]

@@ -2,21 +2,22 @@
 
 import pytest
 
-from phaselead.control.compensation import BETWEEN_AXES, COMPENSATED, IN_CHAIN, IN_TIME_VIEW, compensation, coupling
-from phaselead.control.track import check_paths, track
-from phaselead.effects import catalogue
+from phaselead.control.tracking import check_paths, track
+from phaselead.device.device import Device
+from phaselead.device.encode_model import inverse_refusal
 from phaselead.errors import BadInput
-from phaselead.link.device import Device
-from phaselead.stage.device_model import inverse_refusal
-from phaselead.stage.file import AxisModel, Effect, Gains, Limits, Stage, TimeView, save_stage
-from phaselead.stage.waveform import parse_waves
+from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Limits, TimeView
+from phaselead.model.effects import catalogue
+from phaselead.model.inverse import BETWEEN_AXES, COMPENSATED, IN_CHAIN, IN_TIME_VIEW, compensation, coupling
+from phaselead.model.stage_file import Stage, save_stage
+from phaselead.waveforms.waveform import parse_waves
 
 STAIRCASE_s = 0.00012
 """What a held, latched output is late of the straight line between ticks that models are fitted on."""
 SENSOR = ("sensor_lowpass", {"tau_s": 8e-5})
 GENTLE = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0)
 
-# Effect, path, and by what factor the rms error falls at least: less than half of what was measured.
+# AdoptedEffect, path, and by what factor the rms error falls at least: less than half of what was measured.
 CASES = [
     ("delay", {"delay_s": 1e-3}, "sine:60um@20Hz", 20),
     ("amplifier_lowpass", {"tau_s": 5e-4}, "sine:60um@20Hz", 25),
@@ -41,7 +42,8 @@ def view(delay_s=0.0, **changes):
 
 def axis(*effects, delay_s=0.0, **changes):
     return AxisModel(
-        time=view(delay_s, **changes), effects=tuple(Effect(name=name, params=params) for name, params in effects)
+        time=view(delay_s, **changes),
+        effects=tuple(AdoptedEffect(name=name, params=params) for name, params in effects),
     )
 
 

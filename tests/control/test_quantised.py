@@ -6,16 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.control.quantised import held_response, shape_response
+from phaselead.device import wire
 from phaselead.errors import BadInput
-from phaselead.link import wire
-from phaselead.stage.file import AxisModel, Effect, Stage, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.stage_file import Stage
 
 F_Hz = np.array([1.0, 5.0, 20.0, 80.0, 150.0, 400.0, 1500.0])
 
 
 def stage(*effects):
     view = TimeView(gain_um_per_V=15.0, u_range_V=(-2.0, 10.0), rate_Hz=5000.0)
-    adopted = tuple(Effect(name=name, params=params) for name, params in effects)
+    adopted = tuple(AdoptedEffect(name=name, params=params) for name, params in effects)
     return Stage(name="s", axes={"y": AxisModel(time=view, effects=adopted)})
 
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import freqz
 
-from phaselead.control.sections import PASS, TICK_S, Section, undo_lowpass, undo_modes
 from phaselead.errors import BadInput
+from phaselead.model.sections import PASS, TICK_S, Section, undo_lowpass, undo_modes
 
 
 def lowpass(tau_s, f_Hz):

@@ -15,7 +15,7 @@ import click
 import pytest
 
 from phaselead.cli import main
-from phaselead.link import wire
+from phaselead.device import wire
 from phaselead.sim.device import load_library
 
 ROOT = Path(__file__).parents[2]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.effects import effect
-from phaselead.stage.chain import Chain, simulate
-from phaselead.stage.file import AxisModel, Effect, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.chain import Chain, simulate
+from phaselead.model.effects import effect
 
 RATE_HZ = 2000.0
 LINEAR = TimeView(gain_um_per_V=10.0, u_range_V=(0.0, 10.0), rate_Hz=RATE_HZ)
@@ -23,10 +23,10 @@ PIEZO = TimeView(
     u_range_V=(-1.0, 9.0),
     rate_Hz=RATE_HZ,
 )
-MODE = Effect(name="resonance", params={"f_Hz": 150.0, "zeta": 0.05, "c": 1.0})
+MODE = AdoptedEffect(name="resonance", params={"f_Hz": 150.0, "zeta": 0.05, "c": 1.0})
 
 
-def axis(view: TimeView = LINEAR, *effects: Effect) -> AxisModel:
+def axis(view: TimeView = LINEAR, *effects: AdoptedEffect) -> AxisModel:
     return AxisModel(time=view, effects=effects)
 
 

@@ -8,17 +8,18 @@ from benchtop import LINEAR, MODE, PIEZO, RATE_HZ, axis, rich, run, times
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.effects import catalogue, effect
-from phaselead.effects.effect import Place
-from phaselead.effects.reach import ends_um, range_um
 from phaselead.errors import BadInput
-from phaselead.identify.predict import predict
+from phaselead.model.axis import AdoptedEffect, AxisModel
+from phaselead.model.chain import Chain, simulate
+from phaselead.model.effects import catalogue, effect
+from phaselead.model.effects.interface import Place
+from phaselead.model.effects.reach import ends_um, range_um
+from phaselead.model.operator import plays, predict_time_view, rest_plays
+from phaselead.model.prediction import predict
+from phaselead.model.stage_file import Stage
 from phaselead.record.recording import AxisRecord, Recording
 from phaselead.sim.device import Plant
 from phaselead.sim.plant import LATCH_S, built_in, plant_parameters
-from phaselead.stage.chain import Chain, simulate
-from phaselead.stage.file import AxisModel, Effect, Stage
-from phaselead.stage.operator import plays, predict_time_view, rest_plays
 
 NAMES = [name for name in catalogue() if name != "load_change"]
 several = st.lists(st.sampled_from(NAMES), min_size=2, max_size=4, unique=True)
@@ -73,7 +74,7 @@ def test_the_order_of_mention_does_not_matter(names, random):
 @settings(max_examples=15, deadline=None)
 @given(several)
 def test_adopted_is_as_good_as_extra(names):
-    adopted = axis(PIEZO, *(Effect(name=name, params=effect(name).typical) for name in names))
+    adopted = axis(PIEZO, *(AdoptedEffect(name=name, params=effect(name).typical) for name in names))
     u, t = rich(600), times(0.3)
     assert np.array_equal(simulate(adopted, t, u), simulate(axis(PIEZO), t, u, extra=chosen(names)))
 
@@ -99,7 +100,7 @@ def test_other_sizes_are_not_taken_for_known_ones():
 def test_it_remembers(monkeypatch):
     chain = Chain(axis(PIEZO), times(1.5), rich())
     chain.run()
-    monkeypatch.setattr("phaselead.stage.chain.respond", None)
+    monkeypatch.setattr("phaselead.model.chain.respond", None)
     chain.run([(effect("creep"), {"gamma": 0.01})])
     with pytest.raises(TypeError):
         chain.run([(effect("delay"), {"delay_s": 0.01})])
@@ -110,7 +111,9 @@ def test_a_continuation_starts_where_things_stood():
     u = rich()
     u[1400:1600] = 3.0
     v = np.concatenate([[0.0], u])
-    model = axis(PIEZO.model_copy(update={"delay_s": 0.0}), Effect(name="sensor_lowpass", params={"tau_s": 0.001}))
+    model = axis(
+        PIEZO.model_copy(update={"delay_s": 0.0}), AdoptedEffect(name="sensor_lowpass", params={"tau_s": 0.001})
+    )
     _, end = plays(v[:1501], PIEZO.play_r_V, rest_plays(PIEZO))
     whole = simulate(model, times(1.5), u)
     assert np.allclose(simulate(model, times(0.75), u[1500:], start=end), whole[1500:], atol=1e-9)
@@ -158,14 +161,17 @@ def test_an_axis_without_a_time_view_is_refused():
 )
 def test_parameters_that_make_no_sense_are_refused_in_one_line(name, params, words):
     with pytest.raises(BadInput, match=words):
-        simulate(axis(LINEAR, Effect(name=name, params=params)), times(0.1), rich(200))
+        simulate(axis(LINEAR, AdoptedEffect(name=name, params=params)), times(0.1), rich(200))
 
 
 def test_predictions_honour_effects_and_coupling():
     stage = Stage(
         name="s",
         cross_coupling=((1, 0.03, 0), (0.05, 1, 0), (0, 0, 1)),
-        axes={"x": axis(PIEZO, MODE, Effect(name="sensor_lowpass", params={"corner_Hz": 100.0})), "y": axis(LINEAR)},
+        axes={
+            "x": axis(PIEZO, MODE, AdoptedEffect(name="sensor_lowpass", params={"corner_Hz": 100.0})),
+            "y": axis(LINEAR),
+        },
     )
     t, u = times(1.5), rich()
     recording = Recording(t, {"x": AxisRecord(u, None), "y": AxisRecord(0 * u, None)})

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from benchtop import LINEAR, MODE, PIEZO, axis, rich, run
 
-from phaselead.stage.file import Effect, TimeView
-from phaselead.stage.folded import folded
+from phaselead.model.axis import AdoptedEffect, TimeView
+from phaselead.model.folded import folded
 
-HYSTERESIS = Effect(name="hysteresis", params={"width": 0.12, "reach": 0.4, "slope": 1.0, "rest_fraction": 0.4})
-BEND = Effect(name="asymmetric_hysteresis", params={"bend": 0.03})
+HYSTERESIS = AdoptedEffect(name="hysteresis", params={"width": 0.12, "reach": 0.4, "slope": 1.0, "rest_fraction": 0.4})
+BEND = AdoptedEffect(name="asymmetric_hysteresis", params={"bend": 0.03})
 
 
 @pytest.mark.parametrize("view", [LINEAR, PIEZO], ids=["linear", "piezo"])
@@ -19,11 +19,11 @@ BEND = Effect(name="asymmetric_hysteresis", params={"bend": 0.03})
     [
         (HYSTERESIS, 1e-9),
         (BEND, 0.004 * 0.03 * 100),
-        (Effect(name="delay", params={"delay_s": 0.001}), 1e-9),  # whole rows
-        (Effect(name="gain_change", params={"gain": 0.05}), 1e-9),
-        (Effect(name="offset", params={"offset_um": 3.0}), 1e-9),
+        (AdoptedEffect(name="delay", params={"delay_s": 0.001}), 1e-9),  # whole rows
+        (AdoptedEffect(name="gain_change", params={"gain": 0.05}), 1e-9),
+        (AdoptedEffect(name="offset", params={"offset_um": 3.0}), 1e-9),
     ],
-    ids=lambda value: value.name if isinstance(value, Effect) else "",
+    ids=lambda value: value.name if isinstance(value, AdoptedEffect) else "",
 )
 def test_folded_answers_as_before(view, adopted, within_um):
     model = axis(view.model_copy(update={"delay_s": 0.0}), MODE, adopted)
@@ -35,7 +35,7 @@ def test_folded_answers_as_before(view, adopted, within_um):
 
 
 def test_all_of_them_fold_together():
-    model = axis(LINEAR, HYSTERESIS, BEND, Effect(name="gain_change", params={"gain": 0.05}))
+    model = axis(LINEAR, HYSTERESIS, BEND, AdoptedEffect(name="gain_change", params={"gain": 0.05}))
     one = folded(model)
     assert one.effects == ()
     u = np.clip(rich(), 0, 8.9)
@@ -43,6 +43,6 @@ def test_all_of_them_fold_together():
 
 
 def test_what_it_cannot_express_stays():
-    skewed = Effect(name="asymmetric_hysteresis", params={"bend": 0.03, "skew": 0.01})
-    creep = Effect(name="creep", params={"gamma": 0.01})
+    skewed = AdoptedEffect(name="asymmetric_hysteresis", params={"bend": 0.03, "skew": 0.01})
+    creep = AdoptedEffect(name="creep", params={"gamma": 0.01})
     assert folded(axis(PIEZO, skewed, creep)) == axis(PIEZO, skewed, creep)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from phaselead.effects.filters import (
+from phaselead.model.effects.filters import (
     behind_modes,
     mode_coefficients,
     relaxed,
@@ -19,7 +19,7 @@ from phaselead.effects.filters import (
     resonant,
     smoothly_relaxed,
 )
-from phaselead.effects.native import lags, scaled_plays, second_order_left, slewed
+from phaselead.model.effects.native import lags, scaled_plays, second_order_left, slewed
 
 rows = st.integers(1, 40).flatmap(
     lambda n: arrays(np.float64, n, elements=st.floats(-10, 10).map(lambda v: round(v, 6)))

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from phaselead.effects import catalogue, page
+from phaselead.model.effects import catalogue
+from phaselead.report import catalogue_page as page
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -19,7 +20,7 @@ def files() -> dict[str, str]:
 
 def test_the_page_in_the_docs_is_not_stale(files, monkeypatch):
     monkeypatch.setattr(page, "page", lambda: files)
-    assert page.stale(DOCS) == [], "run: python -m phaselead.effects.page"
+    assert page.stale(DOCS) == [], "run: python -m phaselead.report.catalogue_page"
 
 
 def test_it_is_the_same_every_time(files):

@@ -8,10 +8,10 @@ from benchtop import LINEAR, MODE, PIEZO, RATE_HZ, axis, harmonics, response, ri
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.effects import effect
-from phaselead.effects.effect import Place
-from phaselead.stage.chain import Chain, simulate
-from phaselead.stage.file import Effect
+from phaselead.model.axis import AdoptedEffect
+from phaselead.model.chain import Chain, simulate
+from phaselead.model.effects import effect
+from phaselead.model.effects.interface import Place
 
 PLAIN = axis(LINEAR)
 RANGE_UM, SPAN_V = 100.0, 10.0
@@ -103,7 +103,7 @@ def test_several_modes_add():
 
 
 def test_load_moves_the_modes_and_not_the_static_gain():
-    moved = Effect(name="resonance", params={"f_Hz": 150.0 / 1.2, "zeta": 0.05 / 1.2, "c": 1.0})
+    moved = AdoptedEffect(name="resonance", params={"f_Hz": 150.0 / 1.2, "zeta": 0.05 / 1.2, "c": 1.0})
     x = run(axis(LINEAR, MODE), rich(), "load_change", mass=0.44)
     assert np.allclose(x, run(axis(LINEAR, moved), rich()), atol=1e-9)
     settled = run(axis(LINEAR, MODE), np.full(4000, 5.0), "load_change", mass=0.44)
@@ -192,7 +192,7 @@ def test_what_a_jump_held_back_stays_until_the_voltage_moves_on():
 
 def test_rate_needs_a_loop_and_takes_an_adopted_one():
     assert effect("rate_dependence").untestable(signal(PLAIN, rich(), "rate_dependence"))
-    hysteretic = axis(LINEAR, Effect(name="hysteresis", params={"width": 0.15, "reach": 0.5}))
+    hysteretic = axis(LINEAR, AdoptedEffect(name="hysteresis", params={"width": 0.15, "reach": 0.5}))
     assert effect("rate_dependence").untestable(signal(hysteretic, rich(), "rate_dependence")) is None
     assert np.std(run(hysteretic, rich(), "rate_dependence", widening=0.3) - run(hysteretic, rich())) > 0.1
 

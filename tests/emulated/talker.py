@@ -2,11 +2,11 @@
 
 from zlib import crc32
 
-from phaselead.link import wire
-from phaselead.link.framing import FrameReader, encode_frame
+from phaselead.device import wire
+from phaselead.device.encode_model import device_model
+from phaselead.device.framing import FrameReader, encode_frame
+from phaselead.model.table import TableView
 from phaselead.sim.plant import built_in
-from phaselead.stage.device_model import device_model
-from phaselead.stage.table import TableView
 
 SESSION = 0x0123_4567_89AB_CDEF
 ANSWER_TICKS = 2000

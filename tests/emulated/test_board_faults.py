@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from talker import Talker, V, stage_model, upload
 
-from phaselead.link import wire
+from phaselead.device import wire
 from phaselead.sim.emulated import Injection, find_firmware
 
 ZERO_V = 32768

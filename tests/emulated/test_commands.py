@@ -8,12 +8,12 @@ from click.testing import CliRunner
 
 from phaselead import interrupt
 from phaselead.cli import main
+from phaselead.device.selftest import loop_result
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.link.selftest import loop_result
+from phaselead.model.stage_file import save_stage
 from phaselead.sim import emulated
 from phaselead.sim.plant import built_in
 from phaselead.sim.protocol_qemu import parse_url
-from phaselead.stage.file import save_stage
 
 URL = "qemu://nucleo_f446re"
 

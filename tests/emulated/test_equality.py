@@ -10,7 +10,7 @@ import pytest
 from talker import UM, Talker, V, stage_model, upload
 
 from phaselead.control.gains import PAPER_GAINS
-from phaselead.link import wire
+from phaselead.device import wire
 from phaselead.sim.device import VirtualDevice
 from phaselead.sim.emulated import BOARDS
 

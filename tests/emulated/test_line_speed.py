@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from talker import Talker, V
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 ROOT = Path(__file__).parents[2]
 PIO, CORE = ROOT / ".venv" / "bin" / "pio", ROOT / ".pio-core"

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from phaselead.gap.atoms import Freedom, base_columns
-from phaselead.gap.campaign.trial import try_case
 from phaselead.gap.compare import MARGIN
 from phaselead.gap.records import Run
 from phaselead.gap.residual import track
-from phaselead.stage.file import AxisModel, Effect, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.validation.trial import try_case
 
 TRUTH = str(Path(__file__).parent / "truth")
 STEP_s = 5e-4
@@ -31,7 +31,7 @@ def a_track():
         gain_um_per_V=5.0, delay_s=2e-4, play_r_V=(0.5, 1.5), play_w_um_per_V=(2.0, 1.0),
         rest_fraction=-1.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s, residual_um_rms=0.1,
     )  # fmt: skip
-    mode = Effect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (150.0, 420.0), "zeta": (0.02, 0.05)})
+    mode = AdoptedEffect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (150.0, 420.0), "zeta": (0.02, 0.05)})
     run = Run("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", "", {}, {})
     return track(AxisModel(time=view, effects=(mode,)), run)
 

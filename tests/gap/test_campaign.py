@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from phaselead.gap.campaign import score
-from phaselead.gap.campaign.trial import try_case
-from phaselead.gap.campaign.truth import load_truth
+from phaselead.validation import score
+from phaselead.validation.trial import try_case
+from phaselead.validation.truth import load_truth
 
 FOLDER = str(Path(__file__).parent / "truth")
 UNIT_ROWS = 1200

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 from phaselead.cli import main
 from phaselead.errors import BadInput
-from phaselead.gap.campaign.journal import Journal
-from phaselead.gap.campaign.pool import run_cases
-from phaselead.gap.campaign.truth import fingerprint, load_truth
+from phaselead.validation.journal import Journal
+from phaselead.validation.pool import run_cases
+from phaselead.validation.truth import fingerprint, load_truth
 
 GENERATOR = """
 from dataclasses import dataclass

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from phaselead.effects import catalogue
 from phaselead.errors import BadInput
-from phaselead.gap.campaign import score
-from phaselead.gap.campaign.summary import accuracy_coverage, by_size, confusion, numbers, summary
-from phaselead.gap.campaign.table import BEGIN, END, markdown, reached, write_table
+from phaselead.model.effects import catalogue
+from phaselead.validation import score
+from phaselead.validation.summary import accuracy_coverage, by_size, confusion, numbers, summary
+from phaselead.validation.table import BEGIN, END, markdown, reached, write_table
 
 
 def outcome(kind="single", hidden=("delay",), named=(), ties=(), size=1.0, **more):

@@ -12,8 +12,9 @@ from rich.console import Console
 
 from phaselead.cli.gap_run import show
 from phaselead.gap.result import Bound, Candidate, Cell, Gap, GapResult, NamedEffect, NextExperiment, Trace
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.stage_file import Stage
 from phaselead.report.gap import gap_page, remains, standing_out
-from phaselead.stage.file import AxisModel, Stage, TimeView
 
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
 

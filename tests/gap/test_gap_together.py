@@ -17,9 +17,10 @@ from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.gap.multi_axis import has_common_modes
 from phaselead.gap.run import run_gap
-from phaselead.identify.fit import fit
-from phaselead.identify.predict import predict
-from phaselead.stage.file import Effect, Stage, parse_stage, save_stage, stage_text
+from phaselead.identify.fitting import fit
+from phaselead.model.axis import AdoptedEffect
+from phaselead.model.prediction import predict
+from phaselead.model.stage_file import Stage, parse_stage, save_stage, stage_text
 
 
 def searched(softening: float, levels: tuple[float, ...], start: Stage | None = None):
@@ -93,7 +94,7 @@ def test_lists_that_do_not_belong_together_are_refused(one_level):
     stage, record = one_level[3].stage, one_level[2][0]
     axis = stage.axes["x"]
     short = [
-        Effect(name=e.name, params={k: v[:-1] if k == "velocity" else v for k, v in e.params.items()})
+        AdoptedEffect(name=e.name, params={k: v[:-1] if k == "velocity" else v for k, v in e.params.items()})
         for e in axis.effects
     ]
     broken = stage.model_copy(update={"axes": {**stage.axes, "x": axis.model_copy(update={"effects": tuple(short)})}})

@@ -20,7 +20,7 @@ from phaselead.gap.records import Run
 from phaselead.gap.residual import track
 from phaselead.gap.search import _inverse
 from phaselead.gap.vibration import louder_at_rest, vibration
-from phaselead.stage.file import AxisModel, TimeView
+from phaselead.model.axis import AxisModel, TimeView
 
 STEP_s = 1e-3
 

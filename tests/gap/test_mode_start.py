@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from phaselead.effects import effect
 from phaselead.gap.correction import Correction
 from phaselead.gap.evidence import evidence
 from phaselead.gap.mode_start import APART, is_mode, mode_starts
@@ -19,7 +18,8 @@ from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import track
 from phaselead.gap.search import beside_own_mode
-from phaselead.stage.file import AxisModel, Effect, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.effects import effect
 
 RATE_Hz, FINE = 5000.0, 8
 
@@ -40,7 +40,7 @@ def started(f_Hz: float, zeta: float, share: float) -> list[dict[str, float]]:
     u[:200] = 0.0
     base = mode(3 * np.repeat(u, FINE), 250.0, 0.03)
     x = (base + share * (mode(base, f_Hz, zeta) - base))[FINE - 1 :: FINE] + 0.01 * rng.normal(size=len(u))
-    own = Effect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
+    own = AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
     axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
     digest = hashlib.sha256(x.tobytes()).hexdigest()
     run = Run("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
@@ -77,7 +77,7 @@ def test_of_all_effects_the_resonance_alone_is_told_by_a_sharp_frequency():
     ],
 )
 def test_a_small_mode_where_the_base_has_one_is_that_one_moved(f_Hz, c, reference, moved):
-    own = Effect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (250.0, 420.0), "zeta": (0.03, 0.03)})
+    own = AdoptedEffect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (250.0, 420.0), "zeta": (0.03, 0.03)})
     bench = Made(reference=Made() if reference else None, axis=Made(effects=(own,)))
     assert beside_own_mode(bench, (effect("resonance"), {"c": c, "f_Hz": f_Hz, "zeta": 0.02})) is moved
     assert not beside_own_mode(bench, (effect("load_change"), {"mass": 0.1}))

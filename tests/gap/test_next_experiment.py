@@ -8,18 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from phaselead.effects import Place, catalogue, effect
 from phaselead.gap.excitation import SHAPES, Excitation, excitations, span_V
 from phaselead.gap.next_experiment import coarser, sensor_for
 from phaselead.gap.noise import Noise
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap
-from phaselead.identify.fit import fit
+from phaselead.identify.fitting import fit
+from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
+from phaselead.model.effects import Place, catalogue, effect
+from phaselead.model.stage_file import Stage
 from phaselead.record.recording import AxisRecord, Recording
 from phaselead.sim.device import Plant
 from phaselead.sim.plant import built_in, plant_parameters
-from phaselead.stage.file import AxisModel, Effect, Limits, Stage, TimeView
-from phaselead.stage.waveform import POINTS, steepest
+from phaselead.waveforms.waveform import POINTS, steepest
 
 RATE_HZ = 5000
 RIVALS = {"delay", "sensor_lowpass", "amplifier_lowpass", "gain_change"}
@@ -27,7 +28,7 @@ WITHOUT = tuple(name for name in catalogue() if name not in RIVALS)
 """A small catalogue: what is tested here is the way from a tie to its end, not the search."""
 
 
-def stage_with(*effects: Effect) -> Stage:
+def stage_with(*effects: AdoptedEffect) -> Stage:
     """The x axis of the built-in stage: its hysteresis, sensor noise and converters, and these effects."""
     x = built_in("xyz250").axes["x"].model_copy(update={"effects": effects})
     return Stage(name="truth", axes={"x": x})
@@ -54,7 +55,7 @@ def reference() -> tuple[Stage, tuple[Recording, ...]]:
     return fit(records)[0], records
 
 
-def after(truth: Effect, *more: Recording) -> GapResult:
+def after(truth: AdoptedEffect, *more: Recording) -> GapResult:
     """What the workflow says of one sine at one level, and of ``more``."""
     model, references = reference()
     train = [record(stage_with(truth), sine(8, 5), 200), *more]
@@ -63,7 +64,7 @@ def after(truth: Effect, *more: Recording) -> GapResult:
 
 def test_the_proposed_experiment_breaks_the_tie_for_the_truth():
     name = "amplifier_lowpass"
-    truth = Effect(name=name, params={"tau_s": 4e-4})
+    truth = AdoptedEffect(name=name, params={"tau_s": 4e-4})
     first = after(truth)
     assert any(name in tie for tie in first.ties)
     proposed = first.next_experiment

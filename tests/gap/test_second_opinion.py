@@ -6,11 +6,11 @@ from types import SimpleNamespace as Made
 
 import pytest
 
-from phaselead.effects import effect
 from phaselead.gap import compare, second_opinion, surplus
 from phaselead.gap import grow as search
 from phaselead.gap.compare import Rival
 from phaselead.gap.grow import Growth
+from phaselead.model.effects import effect
 
 EFFECTS = [Made(name=name) for name in ("resonance", "load_change", "sensor_lowpass")]
 

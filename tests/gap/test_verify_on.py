@@ -10,7 +10,8 @@ from phaselead.cli import gap_run, main
 from phaselead.errors import BadInput
 from phaselead.gap.result import Gap, GapResult
 from phaselead.gap.verify_on import reachable, verify_on
-from phaselead.stage.file import AxisModel, Effect, Gains, Stage, TimeView, save_stage
+from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
+from phaselead.model.stage_file import Stage, save_stage
 
 STAIRCASE_s = 0.00012
 """What a held, latched output is late of the straight line between ticks."""
@@ -22,7 +23,7 @@ COUPLING = ("cross_coupling", {"from_y": 0.05})
 
 def axis(*effects, delay_s=STAIRCASE_s, gain=18.0, gains=None):
     view = TimeView(gain_um_per_V=gain, u_range_V=(-2.0, 10.0), rate_Hz=5000.0, delay_s=delay_s)
-    adopted = tuple(Effect(name=name, params=params) for name, params in (SENSOR, *effects))
+    adopted = tuple(AdoptedEffect(name=name, params=params) for name, params in (SENSOR, *effects))
     return AxisModel(time=view, effects=adopted, gains=gains)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.operator_design import FitRun, design, gram, nested_basis
-from phaselead.stage.operator import delayed, plays
+from phaselead.model.operator import delayed, plays
 
 STEP_S = 1e-3
 BASIS = nested_basis(8.0, -1.0, 6.0, 5, 4)

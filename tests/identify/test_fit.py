@@ -10,12 +10,12 @@ import pytest
 from bench_stage import BenchStage, Grid, record, rising_sine, sine_record
 
 from phaselead.errors import BadInput
-from phaselead.identify.fit import FitReport, fit
+from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.plan import HELD_OUT, grid_table, plan_grid, plan_seconds
-from phaselead.identify.predict import predict
-from phaselead.identify.verify import verification_dict, verify
+from phaselead.identify.verification import verification_dict, verify
+from phaselead.model.prediction import predict
+from phaselead.model.stage_file import Stage, load_stage, save_stage
 from phaselead.record.recording import AxisRecord, Recording
-from phaselead.stage.file import Stage, load_stage, save_stage
 
 QUICK = BenchStage(creep=(), mode_Hz=0.0, delay_ticks=0)
 GRID = Grid(levels=(0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0), f_Hz=(1.0, 5.0, 20.0), rate_Hz=1000.0)

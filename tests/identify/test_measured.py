@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phaselead.identify.fit import fit
-from phaselead.identify.predict import predict
-from phaselead.identify.verify import verify
+from phaselead.identify.fitting import fit
+from phaselead.identify.verification import verify
+from phaselead.model.prediction import predict
 from phaselead.record.read import read_recording
 from phaselead.record.recording import Recording
 

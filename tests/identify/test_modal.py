@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shared_structure import F_HZ, PERIOD, RATE_HZ, ZETA, Structure
 
-from phaselead.effects import mode_bank
-from phaselead.effects.filters import resonant
 from phaselead.errors import BadInput
 from phaselead.identify.modal_fit import LEAST_ZETA, Shaping, fit_modes, stable, stable_shift
 from phaselead.identify.modal_model import Drive
 from phaselead.identify.modal_poles import common_poles
-from phaselead.identify.modal_response import Experiment, frequency_response
+from phaselead.identify.modal_response import JointExperiment, frequency_response
+from phaselead.model.effects import mode_bank
+from phaselead.model.effects.filters import resonant
 from phaselead.record.recording import Recording
 
 STEP = 1 / RATE_HZ
@@ -22,9 +22,9 @@ frequencies = st.floats(0.5, 900.0)
 dampings = st.floats(0.003, 0.9)
 
 
-def experiment(record: Recording) -> Experiment:
+def experiment(record: Recording) -> JointExperiment:
     u, x = (np.stack([getattr(a, part) for a in record.axes.values()], axis=1) for part in ("u_V", "x_um"))
-    return Experiment(u, x, record.scored, STEP)
+    return JointExperiment(u, x, record.scored, STEP)
 
 
 def drive(record: Recording) -> Drive:

@@ -10,7 +10,7 @@ from scipy.signal import lsim, lti
 
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.mode_fit import fit_modes
-from phaselead.stage.file import TimeView
+from phaselead.model.axis import TimeView
 
 RATE_HZ = 5000.0
 VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 10.0), rate_Hz=RATE_HZ, delay_s=0.0002)

@@ -13,9 +13,9 @@ from phaselead.identify.checks import AxisRun, axis_run
 from phaselead.identify.operator_fit import fit_linear, fit_operator
 from phaselead.identify.operator_result import effective_rows
 from phaselead.identify.operator_solve import solve
+from phaselead.model.axis import TimeView
+from phaselead.model.operator import predict_time_view
 from phaselead.record.recording import Recording
-from phaselead.stage.file import TimeView
-from phaselead.stage.operator import predict_time_view
 
 SYMMETRIC = BenchStage(d=(), s=(), creep=(), mode_Hz=0.0, delay_ticks=0, noise_um=0.005)
 ASYMMETRIC = BenchStage(creep=(), mode_Hz=0.0, delay_ticks=0, noise_um=0.005)

@@ -7,7 +7,7 @@ import pytest
 
 from phaselead.errors import BadInput
 from phaselead.identify.table_fit import beside_table_1, comparison_text, distinct, regress, regressors, table_fit
-from phaselead.stage.table import XU_LI_2010, TablePoint
+from phaselead.model.table import XU_LI_2010, TablePoint
 
 LEVELS, FREQUENCIES = (0.5, 1, 2, 4, 6, 8, 10), (1, 2, 5, 10, 15, 20)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phaselead.device import wire
+from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.errors import BadInput
-from phaselead.link import wire
-from phaselead.link.framing import FrameReader, encode_frame
 from phaselead.sim.device import Firmware
 from phaselead.sim.emulated import BOARDS, find_firmware
 

@@ -5,13 +5,14 @@ import ctypes
 import numpy as np
 import pytest
 
-from phaselead.effects import catalogue
 from phaselead.errors import BadInput
+from phaselead.model.axis import AdoptedEffect, AxisModel, Sensor, TimeView
+from phaselead.model.chain import simulate
+from phaselead.model.effects import catalogue
+from phaselead.model.stage_file import Stage
 from phaselead.sim.device import Plant
 from phaselead.sim.linked import EFFECTS, linked_parameters
 from phaselead.sim.plant import LATCH_S, TICK_S, built_in, plant_parameters
-from phaselead.stage.chain import simulate
-from phaselead.stage.file import AxisModel, Effect, Sensor, Stage, TimeView
 
 ROWS = 20_000
 VIEW = TimeView(
@@ -26,8 +27,8 @@ VIEW = TimeView(
 )
 STAIRS_S = LATCH_S + TICK_S / 2
 """How late a held voltage acts, beside one that runs straight from row to row."""
-SMOOTH = Effect(name="sensor_lowpass", params={"tau_s": 4e-4})
-MODE = Effect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.05})
+SMOOTH = AdoptedEffect(name="sensor_lowpass", params={"tau_s": 4e-4})
+MODE = AdoptedEffect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.05})
 NOISES = ("vibration", "sampling_jitter", "quantisation")
 
 
@@ -91,7 +92,7 @@ def test_an_effect_shows_as_its_equation_says(name):
     """Written twice: C here, the catalogue's own there. The base is subtracted from both."""
     t, u = drive()
     base = (MODE, SMOOTH) if name == "load_change" else (SMOOTH,)
-    effect = Effect(name=name, params=sizes(name))
+    effect = AdoptedEffect(name=name, params=sizes(name))
     shown = [measure(stage_of(*base, *more), u, linked=True)[0][:, 0] for more in ((effect,), ())]
     late = VIEW.model_copy(update={"delay_s": STAIRS_S})
     told = [simulate(AxisModel(time=late, effects=(*base, *more)), t, u) for more in ((effect,), ())]
@@ -104,7 +105,7 @@ def test_an_effect_shows_as_its_equation_says(name):
 @pytest.mark.parametrize("name", ["creep", "resonance", "sensor_lowpass", "delay", "amplifier_lowpass", "hysteresis"])
 def test_what_stands_twice_acts_twice(name):
     t, u = drive()
-    effects = (SMOOTH, *[Effect(name=name, params=sizes(name))] * 2)
+    effects = (SMOOTH, *[AdoptedEffect(name=name, params=sizes(name))] * 2)
     shown = measure(stage_of(*effects), u)[0][:, 0]
     told = simulate(AxisModel(time=VIEW.model_copy(update={"delay_s": STAIRS_S}), effects=effects), t, u)
     assert np.std(shown - told) < 0.06  # of 110 um
@@ -117,7 +118,9 @@ def test_a_delay_of_many_ticks_is_a_shift():
 
 
 def test_rest_is_rest_even_beyond_a_rail():
-    effects = [Effect(name=name, params=sizes(name)) for name in ("saturation", "charge_leakage", "creep", "softening")]
+    effects = [
+        AdoptedEffect(name=name, params=sizes(name)) for name in ("saturation", "charge_leakage", "creep", "softening")
+    ]
     still = measure(stage_of(*effects, MODE), np.zeros(2000))[1]
     assert np.ptp(still[:, 0]) == 0
 
@@ -125,7 +128,7 @@ def test_rest_is_rest_even_beyond_a_rail():
 def test_other_axes_move_this_one():
     model = AxisModel(time=VIEW, sensor=Sensor(noise_um_rms=0))
     coupled = model.model_copy(
-        update={"effects": (Effect(name="cross_coupling", params={"from_x": 0.03, "lag_s": 0.002}),)}
+        update={"effects": (AdoptedEffect(name="cross_coupling", params={"from_x": 0.03, "lag_s": 0.002}),)}
     )
     _, u = drive()
     x = measure(Stage(name="t", axes={"x": model, "y": coupled}), u)[1]
@@ -139,7 +142,7 @@ def test_other_axes_move_this_one():
 
 
 def test_vibration_has_its_size_and_its_peak():
-    shaking = Effect(name="vibration", params={"rms_um": 0.5, "f_Hz": 120.0, "bandwidth_Hz": 10.0})
+    shaking = AdoptedEffect(name="vibration", params={"rms_um": 0.5, "f_Hz": 120.0, "bandwidth_Hz": 10.0})
     x = np.concatenate([measure(stage_of(shaking), np.zeros(ROWS), seed=s)[0][:, 0] for s in range(5)])
     assert x.std() == pytest.approx(0.5, rel=0.1)
     power = np.mean(abs(np.fft.rfft((x - x.mean()).reshape(20, -1) * np.hanning(5000))) ** 2, axis=0)
@@ -150,7 +153,7 @@ def test_vibration_has_its_size_and_its_peak():
 
 def test_jitter_grows_with_the_speed():
     _, u = drive()
-    jitter = Effect(name="sampling_jitter", params={"rms_s": 2e-4})
+    jitter = AdoptedEffect(name="sampling_jitter", params={"rms_s": 2e-4})
     calm, shaky = (measure(stage_of(*effects), u, linked=True)[0][:, 0] for effects in ((), (jitter,)))
     speed = np.gradient(calm, TICK_S)
     fast = abs(speed) > np.quantile(abs(speed), 0.9)
@@ -160,7 +163,7 @@ def test_jitter_grows_with_the_speed():
 
 
 def test_a_coarse_converter_says_its_steps_only():
-    coarse = Effect(name="quantisation", params={"lsb_um": 0.5})
+    coarse = AdoptedEffect(name="quantisation", params={"lsb_um": 0.5})
     x = measure(stage_of(coarse, noise=0.01), drive()[1])[0][:, 0]
     off = x - 0.5 * np.round(x / 0.5)
     assert abs(off).max() <= 280 / 65536
@@ -170,14 +173,14 @@ def test_a_coarse_converter_says_its_steps_only():
 @pytest.mark.parametrize(
     ("effects", "words"),
     [
-        ([Effect(name="mains_hum")] * 2, "stands there 2 times"),
-        ([Effect(name="load_change", params={"mass": 0.1})], "there is none; add one"),
-        ([Effect(name="saturation", params={"top": 0.6})], "top must be .*below 0.5"),
-        ([Effect(name="slew_limit", params={"traverse_s": -1.0})], "at least 0"),
-        ([Effect(name="gain_change", params={"gain": [0.1, 0.2]})], "has 2 terms; the simulator takes one"),
-        ([Effect(name="hysteresis", params={"wide": 0.1})], "unknown parameter wide"),
-        ([Effect(name="hysteresis", params={"width": 0.1})] * 20, "more plays"),
-        ([Effect(name="delay", params={"delay_s": 20.0})], "up to 10 s"),
+        ([AdoptedEffect(name="mains_hum")] * 2, "stands there 2 times"),
+        ([AdoptedEffect(name="load_change", params={"mass": 0.1})], "there is none; add one"),
+        ([AdoptedEffect(name="saturation", params={"top": 0.6})], "top must be .*below 0.5"),
+        ([AdoptedEffect(name="slew_limit", params={"traverse_s": -1.0})], "at least 0"),
+        ([AdoptedEffect(name="gain_change", params={"gain": [0.1, 0.2]})], "has 2 terms; the simulator takes one"),
+        ([AdoptedEffect(name="hysteresis", params={"wide": 0.1})], "unknown parameter wide"),
+        ([AdoptedEffect(name="hysteresis", params={"width": 0.1})] * 20, "more plays"),
+        ([AdoptedEffect(name="delay", params={"delay_s": 20.0})], "up to 10 s"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_in_one_line(effects, words):

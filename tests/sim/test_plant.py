@@ -8,9 +8,10 @@ from scipy.linalg import expm
 from scipy.special import erfc
 
 from phaselead.errors import BadInput
+from phaselead.model.axis import AdoptedEffect, AxisModel, Sensor, TimeView
+from phaselead.model.stage_file import Stage
 from phaselead.sim.device import Plant
 from phaselead.sim.plant import built_in, plant_parameters
-from phaselead.stage.file import AxisModel, Effect, Sensor, Stage, TimeView
 
 TS = 1 / 5000
 ZERO = 32768
@@ -48,7 +49,7 @@ def stage_of(view, effects=(), noise=0.0, **axis):
 
 
 def creep(k, tau_s):
-    return Effect(name="creep", params={"k": k, "tau_s": tau_s})
+    return AdoptedEffect(name="creep", params={"k": k, "tau_s": tau_s})
 
 
 def sine(swing_V, f_Hz, periods):
@@ -120,8 +121,8 @@ def test_the_kernel_solves_its_equations(delay_s, f_Hz, zeta, corner_Hz, tau_s, 
     view = built.model_copy(update={"delay_s": delay_s})
     effects = [
         creep(k, tau_s),
-        Effect(name="resonance", params={"f_Hz": f_Hz, "zeta": zeta}),
-        Effect(name="sensor_lowpass", params={"corner_Hz": corner_Hz}),
+        AdoptedEffect(name="resonance", params={"f_Hz": f_Hz, "zeta": zeta}),
+        AdoptedEffect(name="sensor_lowpass", params={"corner_Hz": corner_Hz}),
     ]
     found, adc = true_positions(stage_of(view, effects), codes)
     a, b, at_true, at_sensed = chain(k, tau_s, f_Hz, zeta, corner_Hz)
@@ -135,7 +136,10 @@ def test_the_kernel_solves_its_equations(delay_s, f_Hz, zeta, corner_Hz, tau_s, 
 
 def test_poles_that_coincide_are_told_apart():
     view = TimeView(gain_um_per_V=10, u_range_V=(0, 10), rate_Hz=5000)
-    effects = [creep([0.01, 0.02], [0.1, 0.1]), Effect(name="sensor_lowpass", params={"corner_Hz": 1 / (0.2 * np.pi)})]
+    effects = [
+        creep([0.01, 0.02], [0.1, 0.1]),
+        AdoptedEffect(name="sensor_lowpass", params={"corner_Hz": 1 / (0.2 * np.pi)}),
+    ]
     found, adc = true_positions(stage_of(view, effects), dac(np.full(20_000, 5.0)))
     assert found[-1, 0] == pytest.approx(50 * 1.03, abs=0.01)
     assert position_um(adc[-1, 0]) == pytest.approx(50 * 1.03, abs=0.01)
@@ -317,14 +321,17 @@ def test_the_sensor_has_a_kilohertz_at_least(stage):
 @pytest.mark.parametrize(
     ("effect", "words"),
     [
-        (Effect(name="creep", params={"k": 0.1}), "no parameter tau_s"),
+        (AdoptedEffect(name="creep", params={"k": 0.1}), "no parameter tau_s"),
         (creep([0.1, 0.2], [1]), "its partner has 2"),
         (creep([0.1], [0]), "tau_s must be above 0"),
         (creep([0.1] * 9, [1.0] * 9), "takes 8"),
-        (Effect(name="resonance", params={"f_Hz": [100, 200], "zeta": [0.1, 0.1]}), "c has 1 terms, its partner has 2"),
-        (Effect(name="resonance", params={"f_Hz": 100, "zeta": 1.5}), "zeta"),
-        (Effect(name="sensor_lowpass", params={"corner_Hz": 100, "order": 2}), "unknown parameter order"),
-        (Effect(name="delay", params={"delay_s": -1.0}), "delay_s must be at least 0"),
+        (
+            AdoptedEffect(name="resonance", params={"f_Hz": [100, 200], "zeta": [0.1, 0.1]}),
+            "c has 1 terms, its partner has 2",
+        ),
+        (AdoptedEffect(name="resonance", params={"f_Hz": 100, "zeta": 1.5}), "zeta"),
+        (AdoptedEffect(name="sensor_lowpass", params={"corner_Hz": 100, "order": 2}), "unknown parameter order"),
+        (AdoptedEffect(name="delay", params={"delay_s": -1.0}), "delay_s must be at least 0"),
     ],
 )
 def test_what_the_simulator_does_not_know_is_refused(effect, words):

@@ -9,15 +9,15 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from phaselead.device import wire
+from phaselead.device.device import Device
+from phaselead.device.encode_model import device_model
+from phaselead.device.ports import open_port
+from phaselead.device.session import Session
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.link import wire
-from phaselead.link.device import Device
-from phaselead.link.ports import open_port
-from phaselead.link.session import Session
+from phaselead.model.stage_file import save_stage
 from phaselead.sim.plant import built_in
 from phaselead.sim.protocol_sim import open_device, parse_url
-from phaselead.stage.device_model import device_model
-from phaselead.stage.file import save_stage
 
 URL = "sim://xyz250"
 

@@ -8,13 +8,13 @@ import sys
 
 import pytest
 
+from phaselead.device.device import Device
+from phaselead.device.encode_model import device_model
+from phaselead.device.ports import open_port
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.link.device import Device
-from phaselead.link.ports import open_port
 from phaselead.sim.device import Firmware
 from phaselead.sim.plant import built_in
 from phaselead.sim.pty import serve
-from phaselead.stage.device_model import device_model
 
 SERVE = "import sys; from phaselead.sim.pty import serve; serve(sys.argv[1], sys.argv[2])"
 

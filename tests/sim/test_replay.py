@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phaselead.device import wire
+from phaselead.device.capture import DeviceFault
+from phaselead.device.device import Device
+from phaselead.device.encode_model import device_model
+from phaselead.device.stream import AxisStream, Gap
 from phaselead.errors import BadInput
-from phaselead.link import wire
-from phaselead.link.capture import DeviceFault
-from phaselead.link.device import Device
-from phaselead.link.stream import AxisStream, Gap
+from phaselead.model.table import TableView
 from phaselead.sim.device import load_library
 from phaselead.sim.plant import built_in
 from phaselead.sim.replay import replay
-from phaselead.stage.device_model import device_model
-from phaselead.stage.table import TableView
 
 ROOT = Path(__file__).parents[2]
 URL = "sim://xyz250"

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from phaselead.link.capture import DeviceFault
-from phaselead.link.device import Device
+from phaselead.device.capture import DeviceFault
+from phaselead.device.device import Device
+from phaselead.device.encode_model import device_model
+from phaselead.model.table import TableView
 from phaselead.sim.device import Plant
 from phaselead.sim.plant import built_in, plant_parameters
-from phaselead.stage.device_model import device_model
-from phaselead.stage.table import TableView
 
 TS = 1 / 5000
 SWINGS_V = (0.5, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10)

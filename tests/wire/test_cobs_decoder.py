@@ -10,7 +10,7 @@ from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.link import wire
+from phaselead.device import wire
 
 NOTHING, FRAME, ERROR = 0, 1, 2
 

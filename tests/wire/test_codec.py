@@ -13,8 +13,8 @@ from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.link import wire
-from phaselead.link.framing import FrameReader, encode_frame
+from phaselead.device import wire
+from phaselead.device.framing import FrameReader, encode_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = json.loads((ROOT / "protocol" / "golden.json").read_text())["frames"]

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FILES = [
     "firmware/app/wire.h",
     "firmware/app/wire.c",
-    "host/phaselead/link/wire.py",
+    "host/phaselead/device/wire.py",
     "docs/wire.md",
     "protocol/golden.json",
 ]

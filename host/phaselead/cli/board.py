@@ -14,9 +14,9 @@ from rich.console import Console
 
 from phaselead.cli.common import emit, json_option, port_option
 from phaselead.cli.device import emit_pairs, print_pairs
+from phaselead.device import Device
+from phaselead.device import selftest as test_axis
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.link.device import Device
-from phaselead.link.selftest import selftest as test_axis
 
 ROOT = Path(__file__).resolve().parents[3]
 ENVIRONMENTS = ("nucleo_f446re", "generic_f405")

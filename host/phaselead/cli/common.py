@@ -14,10 +14,15 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from phaselead.errors import BadInput
-from phaselead.record.atomic import check_output, write_text
-from phaselead.record.columns import parse_column_map, parse_rate
-from phaselead.record.read import read_recording, split_argument
-from phaselead.record.recording import Recording
+from phaselead.record import (
+    Recording,
+    check_output,
+    parse_column_map,
+    parse_rate,
+    read_recording,
+    split_argument,
+    write_text,
+)
 
 SHORTEST_S = 0.0004
 

@@ -9,10 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from phaselead.cli.common import emit, json_option, port_option
-from phaselead.link.device import Device
-from phaselead.link.ports import list_ports
-from phaselead.stage.device_model import device_model
-from phaselead.stage.file import load_stage
+from phaselead.device import Device, device_model, list_ports
+from phaselead.model import load_stage
 
 
 def print_pairs(console: Console, figures: dict[str, Any]) -> None:

@@ -24,7 +24,7 @@ def _numbers(_context: click.Context, option: click.Parameter, text: str) -> tup
 
 def _words(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
     from phaselead.errors import BadInput
-    from phaselead.gap.campaign.truth import KINDS
+    from phaselead.validation import KINDS
 
     found = tuple(text.split(",")) if text else KINDS
     wrong = [word for word in found if word not in KINDS]
@@ -63,7 +63,7 @@ def campaign(
 
     Finished cases are kept in DIR/cases.jsonl: run the same command again to go on after an interrupt.
     """
-    from phaselead.gap.campaign.run import Plan
+    from phaselead.validation import Plan
 
     plan = Plan(Path(folder), set_name, kinds, sizes, scale, limit)
     _run(plan, Path(output), jobs or os.cpu_count() or 1, scheduler, mix, table)
@@ -74,10 +74,9 @@ def _run(plan: Any, output: Path, jobs: int, scheduler: str | None, mix: bool, t
 
     from phaselead.cli.common import jsonable, progress
     from phaselead.errors import BadInput
-    from phaselead.gap.campaign.run import run_campaign
-    from phaselead.gap.campaign.table import reached, write_table
-    from phaselead.record.atomic import check_output, write_text
-    from phaselead.report.campaign import write_campaign_report
+    from phaselead.record import check_output, write_text
+    from phaselead.report import write_campaign_report
+    from phaselead.validation import reached, run_campaign, write_table
 
     plan.cases()
     check_output(table)

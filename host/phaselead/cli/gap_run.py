@@ -11,14 +11,21 @@ from rich.table import Table
 
 from phaselead.cli.common import json_text, progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
-from phaselead.gap.native import keep_freed_memory
-from phaselead.gap.result import GapResult, brief
-from phaselead.gap.run import run_gap
-from phaselead.gap.told import excludes, headline, percent, unit_of
-from phaselead.gap.verify_on import Verification, reachable
-from phaselead.gap.verify_on import verify_on as verify
-from phaselead.record.atomic import RUN_SUFFIXES, check_output, is_special, write_texts
-from phaselead.stage.file import load_stage, stage_text
+from phaselead.gap import (
+    GapResult,
+    Verification,
+    brief,
+    excludes,
+    headline,
+    keep_freed_memory,
+    percent,
+    reachable,
+    run_gap,
+    unit_of,
+)
+from phaselead.gap import verify_on as verify
+from phaselead.model import load_stage, stage_text
+from phaselead.record import RUN_SUFFIXES, check_output, is_special, write_texts
 
 
 def compare(
@@ -54,7 +61,7 @@ def compare(
     if output:
         texts[output] = stage_text(result.stage)
     if report:
-        from phaselead.report.gap import gap_page
+        from phaselead.report import gap_page
 
         named = Path(json_to).name if json_to and json_to != "-" else "gap.json"
         texts[report] = gap_page(result, stage, Path(model_path).name, verification, named)
@@ -135,7 +142,7 @@ def experiment_sentence(result: GapResult) -> str:
 
 def run_next(gap_json: str, port: str, axis: str, output: str, model_path: str | None) -> None:
     """Record the proposed experiment."""
-    from phaselead.gap.perform import perform, read_proposal
+    from phaselead.gap import perform, read_proposal
 
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[gap_json, *([model_path] if model_path else [])])
     proposed = read_proposal(gap_json)

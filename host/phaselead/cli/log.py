@@ -20,7 +20,7 @@ from phaselead.cli.common import (
     record_files,
 )
 from phaselead.cli.device import emit_pairs
-from phaselead.record.atomic import RUN_SUFFIXES, check_output
+from phaselead.record import RUN_SUFFIXES, check_output
 
 
 @click.group()
@@ -37,10 +37,10 @@ def log() -> None:
 @json_option
 def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
     """Record what the device does, open loop; needs no model."""
-    from phaselead.control.journal import journalled_listen, journalled_track
-    from phaselead.link.device import Device
-    from phaselead.record.info import recording_facts
-    from phaselead.stage.waveform import parse_waves
+    from phaselead.control import journalled_listen, journalled_track
+    from phaselead.device import Device
+    from phaselead.record import recording_facts
+    from phaselead.waveforms import parse_waves
 
     check_output(output, suffixes=RUN_SUFFIXES)
     waveforms = parse_waves(drive, axis) if drive else None
@@ -61,7 +61,7 @@ def record(port: str, drive: str | None, duration: float | None, output: str, ax
 @json_option
 def info(recording_path: str, column_map: str | None, rate: str | None, json_to: str | None) -> None:
     """Say what a recording holds."""
-    from phaselead.record.info import recording_facts
+    from phaselead.record import recording_facts
 
     (recording,) = read_recordings([recording_path], column_map, rate)
     emit_pairs(recording_facts(recording), json_to)
@@ -83,8 +83,8 @@ def export(
     json_to: str | None,
 ) -> None:
     """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet."""
-    from phaselead.record.export import SUFFIXES
-    from phaselead.record.export import export as export_recording
+    from phaselead.record import SUFFIXES
+    from phaselead.record import export as export_recording
 
     check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=force)
     (recording,) = read_recordings([recording_path], column_map, rate)
@@ -98,7 +98,7 @@ def export(
 @json_option
 def recover(journal: str, output: str, json_to: str | None) -> None:
     """Finish a capture whose program was killed: turn its journal into a recording."""
-    from phaselead.control.journal import recover_run
+    from phaselead.control import recover_run
 
     emit_pairs(recover_run(journal, output), json_to)
 
@@ -112,8 +112,8 @@ def replay(run: str, json_to: str | None) -> None:
     Exit status 0: every code is the same. 1: prints the first tick that differs. 2: the recording lacks what a replay
     needs (it is gapped, decimated, or was not taken from a device).
     """
-    from phaselead.record.run import read_capture
-    from phaselead.sim.replay import replay as replay_capture
+    from phaselead.device import read_capture
+    from phaselead.sim import replay as replay_capture
 
     capture = read_capture(run)
     first_difference = replay_capture(capture)

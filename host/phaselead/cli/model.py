@@ -18,14 +18,12 @@ from phaselead.cli.common import (
     read_recordings,
     record_files,
 )
-from phaselead.identify.fit import Base, FitReport
-from phaselead.identify.fit import fit as fit_stage
-from phaselead.identify.predict import predict as predict_position
-from phaselead.identify.verify import Verification, View, verification_dict
-from phaselead.identify.verify import verify as verify_stage
-from phaselead.record.atomic import check_output
-from phaselead.record.export import write_csv
-from phaselead.stage.file import load_stage, save_stage
+from phaselead.identify import Base, FitReport, Verification, View, verification_dict
+from phaselead.identify import fit as fit_stage
+from phaselead.identify import verify as verify_stage
+from phaselead.model import load_stage, save_stage
+from phaselead.model import predict as predict_position
+from phaselead.record import check_output, write_csv
 
 STAGE_SUFFIXES = (".toml",)
 records_argument = click.argument("records", metavar="REC...", nargs=-1, required=True)
@@ -139,9 +137,9 @@ def identify(
     Sines of 0.5-10 V peak-to-peak at 1-20 Hz, open loop, rising level by level; 5 V at 5 Hz and 3 V at 15 Hz are
     recorded but not used for the fit. Limits and calibration are those of --model, else of the model the device holds.
     """
-    from phaselead.control.track import assumed_limits
-    from phaselead.identify.experiment import identify_device, parse_axes
-    from phaselead.link.device import Device
+    from phaselead.control import assumed_limits
+    from phaselead.device import Device
+    from phaselead.identify import identify_device, parse_axes
 
     check_output(output, suffixes=STAGE_SUFFIXES)
     axis_names = parse_axes(axes)

@@ -16,7 +16,7 @@ def sim(url: str, pty: bool, link: str | None) -> None:
 
     STAGE is sim://xyz250, sim://FILE.toml or a stage file. The device lives until Ctrl-C.
     """
-    from phaselead.sim.pty import serve
+    from phaselead.sim import serve
 
     if not pty:
         raise BadInput("say how to serve it: phaselead sim --pty (in-process use needs no server: --port sim://xyz250)")

@@ -9,13 +9,11 @@ from rich.console import Console
 from rich.table import Table
 
 from phaselead.cli.common import axis_option, duration_option, emit, json_option, port_option, progress
-from phaselead.control.gains import parse_gains
-from phaselead.control.journal import journalled_track
-from phaselead.control.track import MODES
-from phaselead.link.device import Device
-from phaselead.record.atomic import RUN_SUFFIXES, check_output
-from phaselead.stage.file import load_stage
-from phaselead.stage.waveform import parse_waves
+from phaselead.control import MODES, journalled_track, parse_gains
+from phaselead.device import Device
+from phaselead.model import load_stage
+from phaselead.record import RUN_SUFFIXES, check_output
+from phaselead.waveforms import parse_waves
 
 
 def print_run(console: Console, figures: dict[str, Any], axis: str, output: str | None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from phaselead.errors import BadInput
-from phaselead.stage.file import Gains, Stage
+from phaselead.model import Gains, Stage
 
 # Xu & Li 2010, section V. Unfiltered derivative: the stability of the loop hangs on it.
 PAPER_GAINS = Gains(kp_V_per_um=0.017, ki_V_per_um_s=8.62, kd_V_s_per_um=2.33e-5, derivative_filter_Hz=None)

@@ -7,23 +7,31 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from phaselead.control.track import MODES, Run, run_recording, track
+from phaselead.control.tracking import MODES, Run, run_recording, track
+from phaselead.device import (
+    TICK_HZ,
+    Capture,
+    Device,
+    DeviceFault,
+    FrameReader,
+    decode_samples,
+    device_model,
+    recording_of,
+    wire,
+    write_run,
+)
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.link import wire
-from phaselead.link.capture import DeviceFault
-from phaselead.link.device import Device
-from phaselead.link.framing import FrameReader
-from phaselead.link.quantities import TICK_HZ
-from phaselead.link.stream import Capture, decode_samples
-from phaselead.record.atomic import RUN_SUFFIXES, check_output
-from phaselead.record.hdf5 import write_hdf5
-from phaselead.record.info import recording_facts
-from phaselead.record.journal import JournalWriter, read_journal
-from phaselead.record.recording import Recording
-from phaselead.record.run import recording_of, write_run
-from phaselead.stage.device_model import device_model
-from phaselead.stage.file import Gains, Stage, parse_stage, stage_text
-from phaselead.stage.waveform import Waveform
+from phaselead.model import Gains, Stage, parse_stage, stage_text
+from phaselead.record import (
+    RUN_SUFFIXES,
+    JournalWriter,
+    Recording,
+    check_output,
+    read_journal,
+    recording_facts,
+    write_hdf5,
+)
+from phaselead.waveforms import Waveform
 
 Progress = Callable[[float], None]
 

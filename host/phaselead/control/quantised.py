@@ -7,13 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from phaselead.control.compensation import compensation
-from phaselead.control.sections import TICK_S
+from phaselead.device import AXES, device_model, inverse_refusal, wire
 from phaselead.errors import BadInput
-from phaselead.link import wire
-from phaselead.sim.device import load_library
-from phaselead.stage.device_model import AXES, device_model, inverse_refusal
-from phaselead.stage.file import Stage
+from phaselead.model import TICK_S, Stage, compensation
+from phaselead.sim import load_library
 
 TICKS = 1 << 16
 """Of the impulse response: 13 s, by when a mode of 30 Hz and a damping of 0.005 has decayed to a millionth."""

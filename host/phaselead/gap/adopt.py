@@ -8,8 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import PurePath
 
 from phaselead.gap.result import NamedEffect
-from phaselead.record.recording import Recording
-from phaselead.stage.file import AxisModel, DataSource, Effect, Provenance, Stage
+from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage
+from phaselead.record import Recording
 
 
 def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
@@ -17,8 +17,8 @@ def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
     return axis.model_copy(update={"effects": (*axis.effects, *map(_entry, found))})
 
 
-def _entry(named: NamedEffect) -> Effect:
-    return Effect(
+def _entry(named: NamedEffect) -> AdoptedEffect:
+    return AdoptedEffect(
         name=named.name,
         params={name: value for name, (value, _, _) in named.params.items()},
         ci95={name: interval for name, (_, _, interval) in named.params.items()},

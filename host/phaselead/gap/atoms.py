@@ -11,13 +11,10 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.effects import Effect, Parameter, Params, Place, Signal
 from phaselead.gap.residual import Track
-from phaselead.identify.operator_design import nested_basis
-from phaselead.record.recording import Samples
-from phaselead.stage.chain import Extra
-from phaselead.stage.file import AxisModel
-from phaselead.stage.operator import plays
+from phaselead.identify import nested_basis
+from phaselead.model import AxisModel, Effect, Extra, Parameter, Params, Place, Signal, plays
+from phaselead.record import Samples
 
 SHAPES = 5
 NARROW_RATIO, NARROW_ZETA = 1.16, 0.08

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from phaselead.effects import Effect, Place
 from phaselead.gap.adopt import adopted
 from phaselead.gap.bounds import bounds
 from phaselead.gap.disturb import disturbances
@@ -22,7 +21,7 @@ from phaselead.gap.session_offset import Shift, best_explained, session_shifts
 from phaselead.gap.spectra import spectra
 from phaselead.gap.surplus import PLAINLY, SLOW, leaves_too_much, unexplained
 from phaselead.gap.vibration import louder_at_rest
-from phaselead.stage.file import AxisModel
+from phaselead.model import AxisModel, Effect, Place
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"

@@ -12,11 +12,9 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.gap.records import Run
-from phaselead.identify.checks import AxisRun
-from phaselead.identify.operator_design import Basis, FitRun, design, fit_run, nested_basis, time_view
-from phaselead.identify.operator_solve import Solved, solved_at
-from phaselead.record.recording import Samples
-from phaselead.stage.file import AxisModel, TimeView
+from phaselead.identify import AxisRun, Basis, FitRun, Solved, design, fit_run, nested_basis, solved_at, time_view
+from phaselead.model import AxisModel, TimeView
+from phaselead.record import Samples
 
 PLAYS = 20
 ROWS = 12_000

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.effects import Effect
 from phaselead.gap.atoms import Freedom, atoms_of, rich_columns
 from phaselead.gap.correction import Correction, flexible_left, from_reference, prior
 from phaselead.gap.evidence import evidence, fair_weights, noise_of
@@ -17,9 +16,8 @@ from phaselead.gap.noise import Noise, as_idle
 from phaselead.gap.panel import Layout, Panel, Raw, panel, raw
 from phaselead.gap.records import Run
 from phaselead.gap.residual import Track, track
-from phaselead.record.recording import Samples
-from phaselead.stage.chain import Extra
-from phaselead.stage.file import AxisModel
+from phaselead.model import AxisModel, Effect, Extra
+from phaselead.record import Samples
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phaselead.effects import Effect
 from phaselead.gap.grow import Growth
 from phaselead.gap.result import Bound
 from phaselead.gap.search import Scanned, scan
+from phaselead.model import Effect
 
 ONE_SIDED = 1.645
 UNLIKE = 1.5

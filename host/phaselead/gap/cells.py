@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.records import Run
-from phaselead.identify.checks import AxisRun, Sine
-from phaselead.record.recording import Samples
+from phaselead.identify import AxisRun, Sine
+from phaselead.record import Samples
 
 Mask = NDArray[np.bool_]
 Complex = NDArray[np.complex128]

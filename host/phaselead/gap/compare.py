@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phaselead.effects import Effect
 from phaselead.gap.bench import Bench
 from phaselead.gap.correction import Correction
 from phaselead.gap.evidence import fair_weights
@@ -17,7 +16,8 @@ from phaselead.gap.panel import Panel, condition
 from phaselead.gap.refit import Entry, Fitted, fresh_columns, refit
 from phaselead.gap.residual import Track
 from phaselead.gap.search import Tried, block_inflation, no_mode_of_its_own, penalty, projection
-from phaselead.record.recording import Samples
+from phaselead.model import Effect
+from phaselead.record import Samples
 
 MARGIN = 10.0
 """Score by which an effect must beat none, and every rival it is not tied with."""

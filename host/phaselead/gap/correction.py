@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from phaselead.gap.evidence import Evidence, fair_weights
 from phaselead.gap.panel import Index, Layout, Panel, condition, nuisance_factor
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 FOLDS = 4
 MISSED_STD = 1.0

@@ -16,7 +16,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from phaselead.gap.noise import Noise, Whitener, block_edges, fit_noise
 from phaselead.gap.residual import Track
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 OFFSET_RIDGE = 1e-9
 LEAST_WEIGHT, MOST_WEIGHT = 1e-4, 3.0

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.record.recording import Samples
-from phaselead.stage.file import AxisModel
-from phaselead.stage.waveform import POINTS, Waveform, refuse_out_of_range, steepest
+from phaselead.model import AxisModel
+from phaselead.record import Samples
+from phaselead.waveforms import POINTS, Waveform, refuse_out_of_range, steepest
 
 LINES = 60
 """Of a multisine."""

@@ -15,8 +15,8 @@ from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import Track, track
 from phaselead.gap.result import Gap, Trace
 from phaselead.gap.session_offset import RecordOffset
-from phaselead.record.recording import Samples
-from phaselead.stage.file import AxisModel
+from phaselead.model import AxisModel
+from phaselead.record import Samples
 
 ROUNDS = 2
 

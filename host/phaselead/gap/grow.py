@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import norm
 
-from phaselead.effects import Effect
 from phaselead.gap.base import with_operator
 from phaselead.gap.bench import Bench, bench, beside, slim_beside
 from phaselead.gap.compare import HELD_OUT_Z, MARGIN, Contest, HeldOut, Rival, contest, held_out, known_before
@@ -16,7 +15,7 @@ from phaselead.gap.records import Run
 from phaselead.gap.refit import Entry, Fitted, refit, with_total
 from phaselead.gap.result import NAMED, Candidate
 from phaselead.gap.search import Scanned, no_mode_of_its_own, penalty, scan, try_effects
-from phaselead.stage.file import AxisModel
+from phaselead.model import AxisModel, Effect
 
 MOST_EFFECTS = 5
 SECOND_CHOICES = 2

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.effects import Parameter
 from phaselead.gap.compare import residual_amounts
 from phaselead.gap.correction import Correction
 from phaselead.gap.panel import Panel
 from phaselead.gap.refit import Fitted, inner, outer
 from phaselead.gap.result import Value
 from phaselead.gap.search import full_moments, projection, with_free
-from phaselead.record.recording import Samples
+from phaselead.model import Parameter
+from phaselead.record import Samples
 
 DRAWS = 400
 

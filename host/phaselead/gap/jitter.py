@@ -12,7 +12,7 @@ from scipy.stats import norm
 from phaselead.gap.left import AGAIN, MORE, SURE, Found, Left
 from phaselead.gap.records import Run
 from phaselead.gap.result import Value
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 LATEST = 0.05
 """Of the sampling step: a clock that is off by more is no clock, and what grows with speed is a fault of the model."""

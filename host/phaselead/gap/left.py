@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import Run
 from phaselead.gap.result import Value
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 SURE, AGAIN = 1e-6, 1e-3
 """Chance of a disturbance in the training records, and in the held-out ones."""

@@ -21,7 +21,7 @@ from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.result import Cell
 from phaselead.gap.told import ALL, LEVEL, holds, told
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 __all__ = ["LEVEL", "Part", "axis_cells", "locate", "simulate_noise"]
 

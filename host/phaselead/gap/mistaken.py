@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from phaselead.gap.correction import MISSED_STD, Correction, folds_of
 from phaselead.gap.panel import Layout, Panel
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 POWERLESS = 1e-6
 

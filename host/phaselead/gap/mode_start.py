@@ -10,10 +10,10 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.effects import Effect
 from phaselead.gap.correction import Correction
 from phaselead.gap.panel import Panel
 from phaselead.gap.refit import HIGHEST, Entry, Fitted, bounded, left_of
+from phaselead.model import Effect
 
 RATIO, ZETAS = 1.05, (0.01, 0.04)
 STARTS, APART = 2, 1.2

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from phaselead.effects import Effect
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
 from phaselead.gap.multi_axis_fit import SharedFit, fit_linear, fit_softening
@@ -19,9 +18,9 @@ from phaselead.gap.multi_axis_records import Stand, level_groups, response_group
 from phaselead.gap.multi_axis_result import Findings, axis_results
 from phaselead.gap.multi_axis_scan import scan
 from phaselead.gap.records import Run
-from phaselead.identify.modal_response import frequency_response
-from phaselead.record.recording import Recording
-from phaselead.stage.file import AxisModel, Stage
+from phaselead.identify import frequency_response
+from phaselead.model import AxisModel, Effect, Stage
+from phaselead.record import Recording
 
 Report = Callable[[float], None]
 

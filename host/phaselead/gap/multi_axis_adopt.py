@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from phaselead.effects import Entry
 from phaselead.gap.multi_axis_fit import SharedFit
 from phaselead.gap.result import NamedEffect, Value, Values
-from phaselead.record.recording import Samples
-from phaselead.stage.file import AxisModel, Effect, TimeView
-from phaselead.stage.operator import rest_position_um
+from phaselead.model import AdoptedEffect, AxisModel, Entry, TimeView, rest_position_um
+from phaselead.record import Samples
 
 SURE = 1.96
 LEAST_GAIN = 1e-3
@@ -105,7 +103,7 @@ def adopted_axis(model: AxisModel, gain: float, found: Sequence[NamedEffect]) ->
     names = {one.name for one in found}
     kept = [e for e in model.effects if e.name not in names]
     new = [
-        Effect(
+        AdoptedEffect(
             name=one.name,
             params={name: value for name, (value, _, _) in one.params.items()},
             ci95={name: interval for name, (_, _, interval) in one.params.items()},

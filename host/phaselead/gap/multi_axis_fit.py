@@ -7,12 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.effects import Entry, effect
 from phaselead.gap.multi_axis_records import Entries, Stand, level_groups, response_groups
-from phaselead.identify.modal_fit import Drives, ModalFit, Shaping, fit_modes
-from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
-from phaselead.identify.modal_poles import STARTS, common_poles
-from phaselead.identify.modal_response import frequency_response
+from phaselead.identify import (
+    STARTS,
+    Complex,
+    Drive,
+    Drives,
+    ModalFit,
+    ModalModel,
+    Samples,
+    Shaping,
+    common_poles,
+    fit_modes,
+    frequency_response,
+)
+from phaselead.model import Entry, effect
 
 Report = Callable[[float], None]
 

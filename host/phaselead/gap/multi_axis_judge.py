@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.multi_axis_records import Stand
-from phaselead.identify.modal_response import common_period
-from phaselead.identify.predict import predict
-from phaselead.record.recording import Recording, Samples
-from phaselead.stage.file import Stage
+from phaselead.identify import common_period
+from phaselead.model import Stage, predict
+from phaselead.record import Recording, Samples
 
 BLOCK_s, FEWEST_BLOCKS = 0.25, 8
 """Of every record."""

@@ -7,15 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.effects import Entry, Signal
-from phaselead.effects.softening import push_level
 from phaselead.gap.records import Role, Run
-from phaselead.identify.checks import STILL_V
-from phaselead.identify.modal_model import Drive
-from phaselead.identify.modal_response import Experiment
-from phaselead.record.recording import Samples
-from phaselead.stage.chain import Chain
-from phaselead.stage.file import AxisModel
+from phaselead.identify import STILL_V, Drive, JointExperiment
+from phaselead.model import AxisModel, Chain, Entry, Signal, push_level
+from phaselead.record import Samples
 
 OF_THE_MECHANICS = ("resonance", "cross_coupling", "softening")
 """Adopted effects that the fit of common modes takes the place of."""
@@ -59,9 +54,9 @@ class Stand:
         return Drive(push_um, level, self.x_um, self.rows, self.step_s)
 
     @property
-    def experiment(self) -> Experiment:
+    def experiment(self) -> JointExperiment:
         """For the frequency response."""
-        return Experiment(self.u_V, self.x_um[1:], slice(self.rows.start - 1, self.rows.stop - 1), self.step_s)
+        return JointExperiment(self.u_V, self.x_um[1:], slice(self.rows.start - 1, self.rows.stop - 1), self.step_s)
 
     @property
     def level_V(self) -> float:

@@ -23,8 +23,8 @@ from phaselead.gap.multi_axis_scan import Scanned
 from phaselead.gap.noise import fit_noise
 from phaselead.gap.records import Run
 from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, Trace, Value, Values
-from phaselead.record.recording import Recording, Samples
-from phaselead.stage.file import AxisModel, Stage
+from phaselead.model import AxisModel, Stage
+from phaselead.record import Recording, Samples
 
 ABOVE = 1.645
 """Of a one-sided 95 % bound."""

@@ -8,12 +8,12 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.effects import Effect, Place
 from phaselead.gap.atoms import Atom, atoms_of
 from phaselead.gap.multi_axis_fit import SharedFit
 from phaselead.gap.multi_axis_records import OF_THE_MECHANICS, Stand
-from phaselead.identify.modal_fit import explained
-from phaselead.record.recording import Samples
+from phaselead.identify import explained
+from phaselead.model import Effect, Place
+from phaselead.record import Samples
 
 MOST_RECORDS = 4
 MOST_SHAPES = 3

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 _SIZE, _DATA = ctypes.c_size_t, ctypes.c_void_p
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.effects import Effect, Place
 from phaselead.gap.atoms import base_columns
 from phaselead.gap.compare import TIE, Rival
 from phaselead.gap.evidence import evidence
@@ -23,7 +22,8 @@ from phaselead.gap.records import Run
 from phaselead.gap.refit import fresh_columns
 from phaselead.gap.residual import Track, track
 from phaselead.gap.result import NextExperiment
-from phaselead.record.recording import Samples
+from phaselead.model import Effect, Place
+from phaselead.record import Samples
 
 ROWS = 10_000
 """Of one prediction; longer excitations are predicted at a coarser step."""

@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from scipy.signal import detrend
 
 from phaselead.gap.native import differences_factor, whitened
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
 """Of the autoregressions. The sensor's is short because rows just after a jump, as many, are lost to it."""

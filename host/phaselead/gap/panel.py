@@ -17,8 +17,8 @@ from scipy.linalg import cho_factor, cho_solve
 from phaselead.gap.atoms import Atom, Freedom, base_columns
 from phaselead.gap.evidence import Evidence
 from phaselead.gap.residual import Track
-from phaselead.record.recording import Samples
-from phaselead.stage.chain import Extra
+from phaselead.model import Extra
+from phaselead.record import Samples
 
 Index = NDArray[np.intp]
 

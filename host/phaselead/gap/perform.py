@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from phaselead.control.journal import journalled_listen, journalled_track
+from phaselead.control import journalled_listen, journalled_track
+from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.gap.excitation import SHAPES, Excitation
-from phaselead.link.device import Device
-from phaselead.stage.file import Stage
+from phaselead.model import Stage
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
 LONGEST_S = 3600.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from phaselead.gap.left import MORE, Found, Left
 from phaselead.gap.result import Value
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 
 def quantisation(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:

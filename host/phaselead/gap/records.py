@@ -11,10 +11,9 @@ from typing import Literal
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify.checks import STILL_V
-from phaselead.record.checks import refuse_clipped, refuse_gapped
-from phaselead.record.recording import AxisRecord, Recording, Samples
-from phaselead.stage.file import Stage
+from phaselead.identify import STILL_V
+from phaselead.model import Stage
+from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped
 
 Role = Literal["train", "holdout", "reference"]
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_solve
 
-from phaselead.effects import Effect, Parameter
 from phaselead.gap.correction import Correction
 from phaselead.gap.panel import Panel
 from phaselead.gap.residual import Track
-from phaselead.record.recording import Samples
+from phaselead.model import Effect, Parameter
+from phaselead.record import Samples
 
 Entry = tuple[Effect, Mapping[str, float]]
 

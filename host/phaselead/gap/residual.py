@@ -11,14 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from phaselead.effects import Place
 from phaselead.gap.noise import period_of
 from phaselead.gap.records import Run
-from phaselead.identify.checks import AxisRun, Sine
-from phaselead.record.recording import Samples
-from phaselead.stage.chain import Chain, Extra
-from phaselead.stage.file import AxisModel
-from phaselead.stage.operator import respond, rest_plays
+from phaselead.identify import AxisRun, Sine
+from phaselead.model import AxisModel, Chain, Extra, Place, respond, rest_plays
+from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
 OTHER_MEMORY = 0.8

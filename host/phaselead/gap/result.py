@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from phaselead.record.recording import Samples
-from phaselead.stage.file import Stage
+from phaselead.model import Stage
+from phaselead.record import Samples
 
 Interval = tuple[float, float]
 Value = tuple[float, str, Interval]

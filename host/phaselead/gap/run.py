@@ -7,15 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from phaselead.effects import Effect, catalogue
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.multi_axis import search_together
 from phaselead.gap.records import Run, axis_runs
 from phaselead.gap.result import Cell, Gap, GapResult
-from phaselead.record.recording import Recording
-from phaselead.stage.file import Stage
+from phaselead.model import Effect, Stage, catalogue
+from phaselead.record import Recording
 
 Progress = Callable[[float], None]
 

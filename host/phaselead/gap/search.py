@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, pinvh
 
-from phaselead.effects import Effect
 from phaselead.gap.atoms import Atom
 from phaselead.gap.bench import Bench
 from phaselead.gap.correction import Correction, flexible_left
 from phaselead.gap.mode_start import is_mode, mode_starts
 from phaselead.gap.panel import Index, Panel
 from phaselead.gap.refit import Entry, Fitted, bounded, fresh_columns, refit, squares
-from phaselead.record.recording import Samples
+from phaselead.model import Effect
+from phaselead.record import Samples
 
 TOP = 3
 """How many effects are refitted to the end; the others only roughly."""

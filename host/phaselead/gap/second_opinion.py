@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from phaselead.effects import Effect
 from phaselead.gap.final import Final, finish
 from phaselead.gap.grow import Growth, Progress, grow
 from phaselead.gap.records import Run
 from phaselead.gap.result import NAMED
 from phaselead.gap.surplus import PLAINLY
-from phaselead.stage.file import AxisModel
+from phaselead.model import AxisModel, Effect
 
 LEFT = 0.5
 """Of the power that the first search left beyond the floor: a second one that leaves less is believed instead."""

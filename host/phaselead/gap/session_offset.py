@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as t_distribution
 
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 SURE, AGAIN = 1e-6, 1e-2
 """Of all records together, and of held-out ones against the reference."""

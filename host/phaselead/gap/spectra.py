@@ -10,7 +10,7 @@ from scipy.signal import welch
 from phaselead.gap.final import Final
 from phaselead.gap.left import Found, Left
 from phaselead.gap.result import Spectrum
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 SEGMENT = 4096
 

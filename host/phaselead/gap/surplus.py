@@ -11,7 +11,7 @@ from phaselead.gap.final import Final
 from phaselead.gap.grow import Growth
 from phaselead.gap.panel import Panel
 from phaselead.gap.refit import Entry
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 P, SHARE, CHI2 = 1e-3, 0.02, 1.3
 PLAINLY = 2.0

@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from phaselead.effects import catalogue
 from phaselead.gap.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP, steps_of
 from phaselead.gap.records import Run
 from phaselead.gap.result import Bound, Cell
-from phaselead.record.recording import Samples
+from phaselead.model import catalogue
+from phaselead.record import Samples
 
 SHORTEST_HOLD_s = 0.05
 FIRST_s = 1e-3

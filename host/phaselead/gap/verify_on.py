@@ -7,17 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.control.compensation import compensation
-from phaselead.control.errors import TrackingError, tracking_error
-from phaselead.control.track import JUDGED_PERIODS, SETTLE_S, track
-from phaselead.effects.effect import Samples
+from phaselead.control import JUDGED_PERIODS, SETTLE_S, TrackingError, track, tracking_error
+from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
-from phaselead.link.device import Device
-from phaselead.link.quantities import TICK_HZ
-from phaselead.stage.device_model import inverse_refusal
-from phaselead.stage.file import AxisModel, Stage
-from phaselead.stage.operator import rest_position_um
-from phaselead.stage.waveform import Waveform
+from phaselead.model import AxisModel, Samples, Stage, compensation, rest_position_um
+from phaselead.waveforms import Waveform
 
 Progress = Callable[[float], None]
 

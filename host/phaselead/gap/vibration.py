@@ -14,7 +14,7 @@ from scipy.stats import f as f_distribution
 from phaselead.gap.hum import is_mains
 from phaselead.gap.left import MORE, Found, Left, Parts
 from phaselead.gap.result import Value
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 SEGMENT = 1024
 SURE_BAND = 1e-4

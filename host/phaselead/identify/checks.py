@@ -13,9 +13,8 @@ from scipy.optimize import minimize_scalar
 
 from phaselead.errors import BadInput
 from phaselead.identify.columns import turning_rows
-from phaselead.record.checks import refuse_clipped, refuse_gapped
-from phaselead.record.recording import Recording, Samples
-from phaselead.stage.operator import plays
+from phaselead.model import plays
+from phaselead.record import Recording, Samples, refuse_clipped, refuse_gapped
 
 STILL_V = 1e-6
 """A voltage that spans less than this does not move (a 16-bit code of 20 V is 0.3 mV)."""

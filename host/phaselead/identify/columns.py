@@ -1,4 +1,4 @@
-"""The columns of the operator fit, in C (host/phaselead/stage/kernel/plays.c): a fit asks for thousands of them."""
+"""The columns of the operator fit, in C (host/phaselead/model/kernel/plays.c): a fit asks for thousands of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 _SIZE, _DOUBLE, _ARRAY = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
 
@@ -42,7 +42,7 @@ class _Basis(ctypes.Structure):
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.stage._kernel", "stage_columns")
+    kernel = kernel_of("phaselead.model._kernel", "stage_columns")
     kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), _ARRAY, _ARRAY]
     kernel.stage_columns.restype = None
     return kernel

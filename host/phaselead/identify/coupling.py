@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.checks import driven_axes
-from phaselead.record.recording import Recording
+from phaselead.record import Recording
 
 Matrix3 = tuple[tuple[float, float, float], ...]
 AXES = ("x", "y", "z")

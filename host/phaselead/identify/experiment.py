@@ -9,21 +9,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from phaselead.control.track import LARGEST_STEP, standings, upload_if_other
+from phaselead.device import (
+    LARGEST_STEP,
+    TICK_HZ,
+    Capture,
+    Channel,
+    Device,
+    Mode,
+    device_model,
+    from_device_model,
+    recording_of,
+    standings,
+    write_run,
+)
 from phaselead.errors import BadInput
-from phaselead.identify.fit import FitReport, fit
+from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.plan import Experiment, plan_grid, plan_seconds
-from phaselead.identify.verify import Verification, verify
-from phaselead.link.device import Device
-from phaselead.link.quantities import TICK_HZ
-from phaselead.link.stream import Capture
-from phaselead.link.wire import Channel, Mode
-from phaselead.record.checks import refuse_gapped
-from phaselead.record.recording import Recording
-from phaselead.record.run import recording_of, write_run
-from phaselead.stage.device_model import device_model, from_device_model
-from phaselead.stage.file import AxisModel, Stage
-from phaselead.stage.waveform import Waveform, refuse_out_of_range
+from phaselead.identify.verification import Verification, verify
+from phaselead.model import AxisModel, Stage
+from phaselead.record import Recording, refuse_gapped
+from phaselead.waveforms import Waveform, refuse_out_of_range
 
 CHANNELS = Channel.ADC | Channel.DAC
 FIT_SHARE = 0.1
@@ -73,7 +78,7 @@ def identify_device(
     folder = _folder(save_to)
     if stage is not None:
         refuse_beyond_limits(chosen, stage)
-        upload_if_other(device, device_model(stage))
+        device.upload_if_other(device_model(stage))
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
     refuse_beyond_limits(chosen, parent)
     refuse_away_from_zero(device)

@@ -15,8 +15,8 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.identify.checks import FEWEST_PERIODS, AxisRun, Sine, sine_of
-from phaselead.record.recording import Samples
-from phaselead.stage.table import TablePoint
+from phaselead.model import TablePoint
+from phaselead.record import Samples
 
 HARMONICS = 7
 """Fitted beside the fundamental, so that a loop's odd harmonics do not leak into it over inexact periods."""

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.operator_design import FitRun
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 OTHER_MEMORY = 0.6
 """A record starts from another memory than rest when that leaves less than this share of its squared

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.effects.mode_bank import states
 from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
+from phaselead.model import states
 
 LEAST_ZETA, MOST_ZETA = 0.002, 0.97
 LARGEST_STEP = 0.1

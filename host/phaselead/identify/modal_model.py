@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.effects.mode_bank import modes_of, shares, states, states_and_slopes
+from phaselead.model import modes_of, shares, states, states_and_slopes
 
 Samples = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -28,7 +28,7 @@ WELCH_LINES = 0.9
 
 
 @dataclass(frozen=True)
-class Experiment:
+class JointExperiment:
     """One record of all axes: voltages (n, inputs), positions (n, outputs), and the rows to use."""
 
     u_V: Samples
@@ -48,13 +48,13 @@ class FrequencyResponse:
     period_rows: int | None
 
 
-def frequency_response(experiments: Sequence[Experiment]) -> FrequencyResponse:
+def frequency_response(experiments: Sequence[JointExperiment]) -> FrequencyResponse:
     """Estimate it. Raises BadInput when the drives do not tell the inputs apart."""
     period = common_period(experiments)
     return _cross_spectra(experiments) if period is None else _lines(experiments, period)
 
 
-def common_period(experiments: Sequence[Experiment]) -> int | None:
+def common_period(experiments: Sequence[JointExperiment]) -> int | None:
     """Rows after which every drive repeats, with a period to settle before the rows to use, or None."""
     found: set[int] = set()
     for e in experiments:
@@ -84,7 +84,7 @@ def _period(u: Samples) -> int | None:
     return period if left < REPEATS**2 * power else None
 
 
-def _lines(experiments: Sequence[Experiment], period: int) -> FrequencyResponse:
+def _lines(experiments: Sequence[JointExperiment], period: int) -> FrequencyResponse:
     """Least squares over the experiments at every line that they excite in all directions."""
     drives, answers = [], []
     for e in experiments:
@@ -116,7 +116,7 @@ def _mean_period(x: Samples, period: int) -> Samples:
     return np.asarray(x[len(x) - whole * period :].reshape(whole, period, -1).mean(axis=0))
 
 
-def _cross_spectra(experiments: Sequence[Experiment]) -> FrequencyResponse:
+def _cross_spectra(experiments: Sequence[JointExperiment]) -> FrequencyResponse:
     rows = min(len(range(*e.rows.indices(len(e.u_V)))) for e in experiments)
     length = max(SHORTEST_SEGMENT, 2 ** int(np.log2(max(rows // SEGMENTS, 2))))
     if rows < 2 * length:

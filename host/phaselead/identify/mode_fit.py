@@ -15,12 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from phaselead.effects.filters import Mode, mode_coefficients, resonant
-from phaselead.effects.native import second_order_left
 from phaselead.identify.checks import AxisRun
-from phaselead.record.recording import Samples
-from phaselead.stage.file import Effect, TimeView
-from phaselead.stage.operator import predict_time_view
+from phaselead.model import (
+    AdoptedEffect,
+    Mode,
+    TimeView,
+    mode_coefficients,
+    predict_time_view,
+    resonant,
+    second_order_left,
+)
+from phaselead.record import Samples
 
 SLOWEST_RATE_HZ = 400.0
 LOWEST_HZ, HIGHEST_OF_RATE, SECOND_OF_RATE = 30.0, 0.9, 0.45
@@ -63,11 +68,11 @@ class FittedModes:
     left: float
     """Share of the operator's squared residual that remains, on rows they were not fitted on."""
 
-    def adopted(self, view: TimeView) -> tuple[TimeView, Effect]:
+    def adopted(self, view: TimeView) -> tuple[TimeView, AdoptedEffect]:
         """The time view with the delay that remains, and the entry for the stage file."""
         c, f_Hz, zeta = zip(*self.modes, strict=True)
         params = {"f_Hz": f_Hz[0], "zeta": zeta[0]} if len(c) == 1 else {"c": c, "f_Hz": f_Hz, "zeta": zeta}
-        effect = Effect(name="resonance", params=params, share=min(max(1 - self.left, 0.0), 1.0))
+        effect = AdoptedEffect(name="resonance", params=params, share=min(max(1 - self.left, 0.0), 1.0))
         return view.model_copy(update={"delay_s": self.delay_s}), effect
 
 

@@ -15,11 +15,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.effects.filters import Mode, behind_modes
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.columns import Columns, Slopes
-from phaselead.record.recording import Samples
-from phaselead.stage.file import TimeView
+from phaselead.model import Mode, TimeView, behind_modes
+from phaselead.record import Samples
 
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""

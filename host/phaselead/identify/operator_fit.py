@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.effects.filters import Mode
 from phaselead.identify.checks import AxisRun
 from phaselead.identify.memory import OTHER_MEMORY, came_from, settled
 from phaselead.identify.operator_design import (
@@ -39,8 +38,8 @@ from phaselead.identify.operator_result import (
 from phaselead.identify.operator_search import least_error
 from phaselead.identify.operator_solve import Solved, solve, solved_at
 from phaselead.identify.table_fit import distinct
-from phaselead.record.recording import Samples
-from phaselead.stage.file import TimeView
+from phaselead.model import Mode, TimeView
+from phaselead.record import Samples
 
 MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
 FINEST = (48, 20)

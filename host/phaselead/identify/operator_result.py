@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.identify.operator_design import Basis, FitRun, delay_step_s, linearised
-from phaselead.record.recording import Samples
-from phaselead.stage.file import TimeView
+from phaselead.model import TimeView
+from phaselead.record import Samples
 
 SHOWN_RECORDS = 6
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from phaselead.identify.operator_design import Basis, FitRun, centred, linearised, moments_of
 from phaselead.identify.operator_solve import RIDGE, Solved, solved_at
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 GUESS_STRIDE = 4
 """Of the rows, for the first guess."""

@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 
 from phaselead.errors import BadInput
 from phaselead.identify.operator_design import Basis, FitRun, centred, gram
-from phaselead.record.recording import Samples
+from phaselead.record import Samples
 
 RIDGE = 1e-8
 """Of the mean diagonal: keeps neighbouring plays that the data cannot tell apart from dividing by zero."""

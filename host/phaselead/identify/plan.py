@@ -11,8 +11,8 @@ from phaselead.errors import BadInput
 from phaselead.identify.checks import axis_run
 from phaselead.identify.lockin import lock_in
 from phaselead.identify.table_fit import table_fit
-from phaselead.record.recording import Recording
-from phaselead.stage.table import TableView
+from phaselead.model import TableView
+from phaselead.record import Recording
 
 LEVELS_V = (0.5, 1.0, 2.0, 3.5, 4.5, 6.0, 8.0, 10.0)
 FREQUENCIES_HZ = (1.0, 2.0, 4.0, 7.0, 10.0, 13.0, 17.0, 20.0)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from phaselead.errors import BadInput
-from phaselead.record.recording import Samples
-from phaselead.stage.table import XU_LI_2010, TablePoint, TableView
+from phaselead.model import XU_LI_2010, TablePoint, TableView
+from phaselead.record import Samples
 
 FEWEST_LEVELS = 3
 FEWEST_FREQUENCIES = 3

@@ -1,19 +1,39 @@
 """Recordings: read, write, check, export."""
 
+from __future__ import annotations
+
+from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
+from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import parse_column_map, parse_rate
-from phaselead.record.export import export, write_csv
+from phaselead.record.export import SUFFIXES, export, write_csv
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
-from phaselead.record.read import read_recording
-from phaselead.record.recording import AxisRecord, Recording
+from phaselead.record.info import recording_facts
+from phaselead.record.journal import JournalWriter, read_journal
+from phaselead.record.read import read_recording, split_argument
+from phaselead.record.recording import AxisRecord, Recording, Samples
 
 __all__ = [
+    "RUN_SUFFIXES",
+    "SUFFIXES",
     "AxisRecord",
+    "JournalWriter",
     "Recording",
+    "Samples",
+    "atomic_path",
+    "check_output",
     "export",
+    "is_special",
     "parse_column_map",
     "parse_rate",
     "read_hdf5",
+    "read_journal",
     "read_recording",
+    "recording_facts",
+    "refuse_clipped",
+    "refuse_gapped",
+    "split_argument",
     "write_csv",
     "write_hdf5",
+    "write_text",
+    "write_texts",
 ]

@@ -1,0 +1,18 @@
+"""Figures and pages."""
+
+from __future__ import annotations
+
+from phaselead.report import figures
+from phaselead.report.campaign import write_campaign_report
+from phaselead.report.demo import DemoResults, HeldOut, tracked, write_demo_report
+from phaselead.report.gap import gap_page
+
+__all__ = [
+    "DemoResults",
+    "HeldOut",
+    "figures",
+    "gap_page",
+    "tracked",
+    "write_campaign_report",
+    "write_demo_report",
+]

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from phaselead.gap.campaign.summary import FAILED, NOTHING, UNKNOWN
-from phaselead.gap.campaign.table import reached
+from phaselead.drawing import BLUE, GREY, ORANGE, figure_style, new_figure
 from phaselead.report.page import write_page
-from phaselead.report.style import BLUE, GREY, ORANGE, figure_style, new_figure
+from phaselead.validation import FAILED, NOTHING, UNKNOWN, reached
 
 
 def write_campaign_report(path: Path, result: dict[str, Any]) -> None:

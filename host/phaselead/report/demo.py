@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from phaselead.control.track import Run
-from phaselead.identify.experiment import Identified
-from phaselead.identify.table_fit import beside_table_1
-from phaselead.record.recording import Recording
+from phaselead.control import Run
+from phaselead.identify import Experiment, Identified, Verification, beside_table_1
+from phaselead.model import Stage
+from phaselead.record import Recording
 from phaselead.report import figures
 from phaselead.report.page import write_page
 from phaselead.report.paper import RATIOS, TRACKING, VERIFICATION
-from phaselead.stage.file import Stage
-
-if TYPE_CHECKING:
-    from phaselead.demo import HeldOut
 
 COMMANDS = (
     "phaselead identify -o stage.toml",
@@ -31,6 +27,16 @@ COMMANDS = (
     "phaselead track sine:60um@5Hz --model stage.toml --mode ff+pid --gains paper -o run.h5",
     "phaselead replay run.h5",
 )
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A verification input from rest, and how both views did on it."""
+
+    experiment: Experiment
+    recording: Recording
+    models_um: dict[str, np.ndarray[Any, np.dtype[np.float64]]]
+    verifications: dict[str, Verification]
 
 
 @dataclass(frozen=True)

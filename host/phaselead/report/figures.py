@@ -10,8 +10,8 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from phaselead.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
-from phaselead.stage.table import TableView
+from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
+from phaselead.model import TableView
 
 Samples = NDArray[np.float64]
 

@@ -9,15 +9,29 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from phaselead.effects import catalogue
-from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, lines
-from phaselead.gap.told import LEVEL, excludes, percent, typical_of, unit_of
-from phaselead.gap.told import headline as told_first
-from phaselead.gap.verify_on import Tracked, Verification
-from phaselead.record.recording import Samples
+from phaselead.drawing import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
+from phaselead.gap import (
+    LEVEL,
+    NAMED,
+    Bound,
+    Candidate,
+    Cell,
+    GapResult,
+    NamedEffect,
+    Spectrum,
+    Trace,
+    Tracked,
+    Verification,
+    excludes,
+    lines,
+    percent,
+    typical_of,
+    unit_of,
+)
+from phaselead.gap import headline as told_first
+from phaselead.model import Stage, catalogue
+from phaselead.record import Samples
 from phaselead.report.page import render
-from phaselead.report.style import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
-from phaselead.stage.file import Stage
 
 MOST_TRACES = 4
 SEGMENT = 8192

@@ -10,8 +10,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from phaselead import __version__
-from phaselead.record.atomic import write_text
-from phaselead.report.style import to_svg
+from phaselead.drawing import to_svg
+from phaselead.record import write_text
 
 _environment = Environment(
     loader=PackageLoader("phaselead.report", "templates"), autoescape=True, undefined=StrictUndefined

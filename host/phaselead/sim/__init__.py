@@ -1,0 +1,21 @@
+"""The same firmware without a board: in this process, on a pseudo-terminal, or the emulated board."""
+
+from __future__ import annotations
+
+from phaselead.sim.device import load_library
+from phaselead.sim.emulated import EmulatedDevice, find_firmware
+from phaselead.sim.plant import built_in, plant_parameters
+from phaselead.sim.pty import serve
+from phaselead.sim.replay import replay
+from phaselead.sim.stack_use import worst_stack
+
+__all__ = [
+    "EmulatedDevice",
+    "built_in",
+    "find_firmware",
+    "load_library",
+    "plant_parameters",
+    "replay",
+    "serve",
+    "worst_stack",
+]

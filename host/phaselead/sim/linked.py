@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from phaselead.effects.reach import ends_um
 from phaselead.errors import BadInput
+from phaselead.model import AxisModel, Stage, ends_um
 from phaselead.sim.structures import (
     BACKLASH,
     CLIP,
@@ -30,7 +30,6 @@ from phaselead.sim.structures import (
     LinkedParameters,
 )
 from phaselead.sim.terms import Terms
-from phaselead.stage.file import AxisModel, Stage
 
 LONGEST_DELAY_S = 10.0
 AXES = "xyz"

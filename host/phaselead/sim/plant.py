@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.model import AxisModel, Stage, load_stage, parse_stage
 from phaselead.sim.linked import creep_terms, linked_parameters, mode_terms
 from phaselead.sim.structures import LinkedParameters
 from phaselead.sim.terms import Terms
-from phaselead.stage.file import AxisModel, Stage, load_stage, parse_stage
 
 TICK_S = 1 / 5000
 LATCH_S = 20e-6

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from serial.serialutil import PortNotOpenError, SerialBase
 
 from phaselead.errors import BadInput
-from phaselead.record.atomic import atomic_path
+from phaselead.record import atomic_path
 from phaselead.sim.device import BAUD, VirtualDevice
 from phaselead.sim.plant import load_any, plant_parameters
 

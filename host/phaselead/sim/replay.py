@@ -10,10 +10,8 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.device import AXES, Capture, FrameReader, axes_of, encode_frame, wire
 from phaselead.errors import BadInput
-from phaselead.link import wire
-from phaselead.link.framing import FrameReader, encode_frame
-from phaselead.link.stream import AXES, Capture, axes_of
 from phaselead.sim.device import Codes, Firmware
 
 SETUP_SESSION = 1

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from phaselead.effects import Params, catalogue
 from phaselead.errors import BadInput
+from phaselead.model import Params, catalogue
 
 
 class Terms:

@@ -1,0 +1,215 @@
+"""Drive axes along paths, record, and judge: what `phaselead track` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from phaselead.control.errors import tracking_error
+from phaselead.device import (
+    LARGEST_STEP,
+    TICK_HZ,
+    Capture,
+    Device,
+    Standing,
+    device_model,
+    inverse_refusal,
+    recording_of,
+    standings,
+)
+from phaselead.errors import BadInput
+from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
+from phaselead.record import Recording, Samples
+from phaselead.waveforms import Waveform, refuse_out_of_range
+
+MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
+USES_TABLES = ("ff", "ff+pid")
+INVERTS = ("inverse", "inverse+pid")
+NEEDS_MODEL = (*USES_TABLES, *INVERTS)
+JUDGED_PERIODS = 4
+DEFAULT_PERIODS = 10
+SETTLE_S = 1.0
+"""What a move is watched for after it has ended, unless a duration is given."""
+REMANENCE_um = 15.0
+"""How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One tracking run: the recording, the capture behind it, and its figures (the JSON of DESIGN 8)."""
+
+    recording: Recording
+    capture: Capture
+    figures: dict[str, Any]
+    true_um: dict[str, Samples] | None = None
+    """Where a virtual stage truly was, shape (n,) per axis; None on a real port."""
+
+
+def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
+    """Ten periods of the slowest path; a move and a second."""
+    return max(DEFAULT_PERIODS / w.f_Hz if w.kind != "goto" else w.duration_s + SETTLE_S for w in waveforms.values())
+
+
+def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None) -> None:
+    """Refuses, before anything moves, what the mode, the limits or the identified rectangle do not allow.
+
+    Raises:
+        BadInput: one line that says which axis, what is wrong and what would do.
+    """
+    for axis, waveform in waveforms.items():
+        if mode == "open" and waveform.unit != "V":
+            raise BadInput(f"{axis}: mode open takes volts, e.g. sine:5V@5Hz; for micrometres use pid, ff or ff+pid")
+        if mode != "open" and waveform.unit == "V":
+            raise BadInput(f"{axis}: volts need --mode open; mode {mode} takes micrometres, e.g. sine:60um@5Hz")
+        if mode in NEEDS_MODEL and stage is None:
+            raise BadInput(f"mode {mode} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
+        check_path(axis, waveform, mode, stage.axis(axis) if stage is not None else AxisModel())
+
+
+def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
+    """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
+    if mode in USES_TABLES and model.table is None:
+        raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, or use mode pid")
+    refuse_out_of_range(waveform, model, table=mode in USES_TABLES)
+    if mode in INVERTS:
+        _refuse_without_inverse(axis, waveform, mode, model)
+
+
+def _refuse_without_inverse(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
+    reason = inverse_refusal(model, axis)
+    if reason is not None:
+        raise BadInput(f"{axis}: mode {mode} needs an inverse of the model: {reason}; or use mode pid")
+    low_um, high_um = compensation(model).reach_um
+    if not low_um <= waveform.lowest <= waveform.highest <= high_um:
+        raise BadInput(
+            f"{axis}: {waveform.lowest:g}..{waveform.highest:g} um is outside what the inverse can reach whatever the "
+            f"stage did before ({low_um:.4g}..{high_um:.4g} um); choose a smaller swing or another offset"
+        )
+
+
+def track(
+    device: Device,
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    *,
+    stage: Stage | None = None,
+    gains: Mapping[str, Gains] | None = None,
+    duration_s: float | None = None,
+    on_progress: Callable[[float], None] | None = None,
+    sink: Callable[[bytes], None] | None = None,
+) -> Run:
+    """Runs the paths of all axes together from the same tick and parks at the end.
+
+    ``gains`` are needed by modes with pid. ``on_progress`` is given the fraction done; ``sink`` every chunk as it came
+    off the line, for a journal.
+
+    Raises:
+        BadInput: a path that the mode, the limits or the model do not allow, or that begins elsewhere than the
+            axis stands; nothing has moved.
+        DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
+    """
+    check_paths(waveforms, mode, stage)
+    if stage is not None:
+        device.upload_if_other(device_model(stage))
+    seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
+    ticks = round(seconds * TICK_HZ)
+    if ticks < 1:
+        raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
+    standing = standings(device)
+    waveforms = {axis: from_standing(axis, waveform, standing[axis]) for axis, waveform in waveforms.items()}
+    for axis, waveform in waveforms.items():
+        set_up_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks)
+    capture = device.capture(
+        ticks,
+        axes="".join(sorted(waveforms)),
+        progress=None if on_progress is None else lambda done: on_progress(done / ticks),
+        sink=sink,
+    )
+    recording = run_recording(capture, mode, stage)
+    return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
+
+
+def run_recording(capture: Capture, mode: str, stage: Stage | None) -> Recording:
+    """The capture of a run in units, with the stage file it was driven by."""
+    closed = frozenset(capture.axes) if mode != "open" else frozenset[str]()
+    meta = {"mode": mode, "stage": stage_text(stage) if stage is not None else ""}
+    return recording_of(capture, closed_loop=closed, meta=meta)
+
+
+def assumed_limits(device: Device) -> str | None:
+    """What to warn of when a device holds no model: the figures it then assumes. None for the built-in stage, whose
+    own they are."""
+    if device.session.name.startswith("sim://xyz250") or device.read_model() is not None:
+        return None
+    sensor, actuator, limits = AxisModel().sensor, AxisModel().actuator, AxisModel().limits
+    return (
+        f"the device holds no model: assuming a sensor of {sensor.x_min_um:g}..{sensor.x_max_um:g} um, converters of "
+        f"{actuator.u_min_V:g}..{actuator.u_max_V:g} V and limits of {limits.u_min_V:g}..{limits.u_max_V:g} V; "
+        "give your stage's with --model"
+    )
+
+
+def set_up_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
+    """Mode, gains, waveform and path of one axis."""
+    device.set_axis(axis, mode, **(gains.model_dump() if gains is not None else {}))
+    if waveform.points is not None:
+        device.upload_wave(axis, waveform.points)
+    kind = {"sine": "sine", "goto": "move"}.get(waveform.kind, "wave")
+    length = round(waveform.duration_s * TICK_HZ) if kind == "move" else ticks
+    device.set_path(axis, kind, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz, ticks=length)
+
+
+def from_standing(axis: str, waveform: Waveform, standing: Standing) -> Waveform:
+    """A move begun where the axis stands; a periodic path as it is, refused when it begins elsewhere.
+
+    A stage at 0 V stands a few micrometres off zero by its memory; a path from zero is then a path from rest. An
+    offset that was asked for is taken as it is: the output goes there at the slew limit first.
+
+    Raises:
+        BadInput: the path would begin with a step; the line says from where to where, and what would do.
+    """
+    here = standing.u_V if waveform.unit == "V" else standing.x_um
+    if waveform.kind == "goto":
+        return waveform.from_start(here)
+    first, step = float(waveform.value(0.0)), LARGEST_STEP[waveform.unit]
+    at_rest = waveform.unit == "um" and abs(standing.u_V) < LARGEST_STEP["V"] and abs(here) <= REMANENCE_um
+    low, high = (min(here, 0.0), max(here, 0.0)) if at_rest else (here, here)
+    asked_for = waveform.kind in ("sine", "triangle") and waveform.offset != 0
+    if asked_for or low - step < first < high + step:
+        return waveform
+    shift = (0.0 if at_rest else here) - first
+    raise BadInput(
+        f"{axis}: the path begins at {first:.4g} {waveform.unit} but the axis stands at {here:.3g} {waveform.unit} and "
+        f"would jump there at the slew limit; shift the path by {shift:+.4g} {waveform.unit} so that it begins there"
+    )
+
+
+def run_figures(recording: Recording, capture: Capture, waveforms: Mapping[str, Waveform], mode: str) -> dict[str, Any]:
+    """Figures of a run: flat for one axis, under "axes" for several."""
+    common = {"mode": mode, "ticks": len(recording.t_s), "dropped": capture.stream.dropped_ticks}
+    per_axis = {axis: axis_figures(recording, axis, waveforms[axis], mode) for axis in waveforms}
+    if len(per_axis) == 1:
+        return common | next(iter(per_axis.values()))
+    return common | {"axes": per_axis}
+
+
+def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str) -> dict[str, Any]:
+    """Error over the last four periods (a move: the whole record), and from rest: over every sample.
+
+    In mode open there is no position reference: the error figures are null and the measured range stands beside them.
+    """
+    record = recording.axes[axis]
+    assert record.x_um is not None
+    if record.r_um is None:
+        names = ("max_um", "rms_um", "range_um", "max_pct", "max_um_mean_removed")
+        nothing: dict[str, Any] = dict.fromkeys(names)
+        return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
+    judged = slice(None)
+    if waveform.kind != "goto":
+        judged = slice(-min(len(record.x_um), round(JUDGED_PERIODS / waveform.f_Hz * TICK_HZ)), None)
+    steady = tracking_error(record.r_um[judged], record.x_um[judged])
+    whole = tracking_error(record.r_um, record.x_um)
+    return steady.as_dict() | {"from_rest": whole.as_dict()}

@@ -1,0 +1,293 @@
+"""The capture loop: streams, keeps the host timeout fed, and gathers all that a replay needs."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from phaselead import interrupt
+from phaselead.device import wire
+from phaselead.device.quantities import TICK_HZ
+from phaselead.device.session import Pending, Refused, Session
+from phaselead.device.stream import ALL_CHANNELS, HEAD, Capture, axes_of, decode_samples, mask_of, tick_dtype
+from phaselead.errors import DeviceRefused, LinkError
+
+FEED_S = 0.2
+"""STATUS this often, or one read later: a quarter of the host timeout the command line drives with."""
+REPLY_S = 0.4
+ATTEMPTS = 4
+SILENCE_S = 3.0
+READ_REAL_S, READ_VIRTUAL_S = 0.05, 0.1
+PARK_S = 30.0
+"""The longest ramp the device's formats allow for is far shorter: 12 V at 0.5 V/s."""
+READ_CHUNK = 1024
+FIRST_TICK = slice(HEAD.fields["first_tick"][1], HEAD.fields["first_tick"][1] + 8)  # type: ignore[index]
+
+Progress = Callable[[int], None]
+Sink = Callable[[bytes], None]
+
+
+class DeviceFault(DeviceRefused):
+    """The device latched a fault during a capture; ``capture`` holds what was recorded."""
+
+    def __init__(self, message: str, capture: Capture) -> None:
+        super().__init__(message)
+        self.capture = capture
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to capture. ``axes`` are letters; ``start`` arms and starts their paths together."""
+
+    ticks: int
+    axes: str = "x"
+    channels: int = ALL_CHANNELS
+    decimation: int = 1
+    start: bool = True
+    park: bool = True
+    model_crc: int = 0
+    wave_axes: str = ""
+    """Axes whose waveform has to be read back for a replay."""
+    start_axes: str = ""
+    """Axes whose paths are started; empty: all that are streamed."""
+
+    @property
+    def axis_mask(self) -> int:
+        return mask_of(self.axes)
+
+
+def read_region(session: Session, region: wire.Region, size: int | None = None) -> bytes:
+    """Reads a snapshot region in pieces."""
+    out = b""
+    while size is None or len(out) < size:
+        reply = session.request(wire.SnapshotReadRequest(region, len(out), READ_CHUNK))
+        if not reply.data or (size is not None and reply.size != size):
+            raise LinkError(f"the device gave {len(out)} of {reply.size} bytes of its state; start the capture again")
+        size, out = reply.size, out + reply.data
+    return out
+
+
+def read_model(session: Session) -> bytes | None:
+    """The active model, or None when the device has none."""
+    out, size = b"", 1
+    while len(out) < size:
+        try:
+            reply = session.request(wire.ModelReadRequest(len(out), READ_CHUNK))
+        except Refused as refusal:
+            if refusal.status == wire.Status.NO_MODEL:
+                return None
+            raise
+        if not reply.data:
+            raise LinkError(f"the device gave {len(out)} of {reply.size} bytes of its model; try again")
+        size, out = reply.size, out + reply.data
+    return out
+
+
+@dataclass
+class _Run:
+    """One capture under way. Its clock counts ticks of the stream, and silence where no ticks come."""
+
+    session: Session
+    plan: Plan
+    clock_s: float = 0.0
+    next_tick: int = 0
+    seen: int = 0
+    """Batches looked at."""
+    status: wire.StatusReply | None = None
+    pending: Pending | None = None
+    asked_s: float = 0.0
+    attempts: int = 0
+    silent_s: float = 0.0
+    events_seen: int = 0
+    tick_size: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.tick_size = tick_dtype(self.plan.channels, self.plan.axis_mask).itemsize
+
+    def bytes_of(self, seconds: float) -> int:
+        """Of the stream, in so much device time."""
+        return max(64, int(self.tick_size * TICK_HZ * seconds / self.plan.decimation))
+
+    def pump(self, size: int) -> None:
+        session, before = self.session, self.next_tick
+        got = session.pump(size)
+        if self.seen < len(session.samples):
+            self.seen = len(session.samples)
+            last = session.samples[-1]
+            ticks = (len(last) - HEAD.itemsize) // self.tick_size * self.plan.decimation
+            self.next_tick = int.from_bytes(last[FIRST_TICK], "little") + ticks
+        if self.next_tick > before:
+            self.clock_s += (self.next_tick - before) / TICK_HZ
+            self.silent_s = 0.0
+        else:
+            waited_s = got * session.byte_s if got else session.port.timeout or 0.0
+            self.clock_s += waited_s
+            self.silent_s += waited_s
+
+    def feed(self) -> None:
+        """Asks for the status when it is due or something has happened, without waiting for the answer."""
+        session, pending = self.session, self.pending
+        if pending is not None and pending.body is not None:
+            self.status, self.pending = session.finish(pending, wire.StatusReply), None
+        news = len(session.events) > self.events_seen
+        if self.pending is None:
+            if news or self.clock_s - self.asked_s >= FEED_S:
+                self.events_seen = len(session.events)
+                self.pending = session.submit(wire.StatusRequest())
+                self.asked_s, self.attempts = self.clock_s, 1
+        elif self.clock_s - self.asked_s >= REPLY_S:
+            if self.attempts >= ATTEMPTS:
+                raise LinkError(f"the device on {session.name} stopped answering; check cable and power")
+            session.resend(self.pending)
+            self.asked_s, self.attempts = self.clock_s, self.attempts + 1
+
+    @property
+    def faulted(self) -> bool:
+        return self.status is not None and self.status.state == wire.State.FAULT
+
+    def run_to(self, end_tick: int, progress: Progress | None, from_tick: int) -> None:
+        """Until the stream has passed ``end_tick``, or a fault."""
+        virtual = self.session.virtual
+        chunk = self.bytes_of(READ_VIRTUAL_S if virtual else READ_REAL_S)
+        while self.next_tick < end_tick and not self.faulted:
+            left = self.bytes_of(max(end_tick - self.next_tick, 1) / TICK_HZ) + HEAD.itemsize
+            self.pump(min(chunk, left))
+            self.feed()
+            if self.silent_s > SILENCE_S:
+                raise LinkError(f"the stream from {self.session.name} stopped; check cable and power, then try again")
+            if progress is not None:
+                progress(min(max(self.next_tick - from_tick, 0), end_tick - from_tick))
+
+    def drain(self, sent: int, first_tick: int) -> None:
+        """Until everything sent before the stream was stopped has come, or nothing comes any more."""
+        while self.silent_s < 2 * (self.session.port.timeout or 0.0):
+            samples = self.session.samples
+            if sum(len(body) - HEAD.itemsize for body in samples) >= sent * self.tick_size:
+                return
+            self.pump(max(64, self.session.in_waiting()))
+
+
+def wait_parked(session: Session, pump_size: int = 0) -> wire.StatusReply:
+    """Polls until the device is parked, or in a fault.
+
+    Raises:
+        LinkError: it is still moving after half a minute of its own time.
+    """
+    status = session.request(wire.StatusRequest())
+    last_tick = status.tick + int(PARK_S * TICK_HZ)
+    while status.state not in (wire.State.PARKED, wire.State.FAULT):
+        if status.tick > last_tick:
+            raise LinkError(f"the device on {session.name} did not park within {PARK_S:g} s; run `phaselead stop`")
+        session.pump(max(64, pump_size))
+        status = session.request(wire.StatusRequest())
+    return status
+
+
+def capture(
+    session: Session,
+    hello: wire.HelloReply,
+    plan: Plan,
+    progress: Progress | None = None,
+    sink: Sink | None = None,
+) -> Capture:
+    """Streams, starts, runs ``plan.ticks`` ticks, parks, stops the stream and takes what is still under way.
+
+    ``progress`` is given the ticks done after every chunk; ``sink`` every chunk as it came off the line. On
+    Ctrl-C and on every error the device is parked before the exception goes on.
+
+    Raises:
+        DeviceFault: the device latched a fault; the exception carries what was recorded until then.
+        DeviceRefused, LinkError: as for every command.
+    """
+    timeout_s = session.port.timeout
+    session.samples, session.events, session.log, session.sink = [], [], [], sink
+    try:
+        if session.virtual:
+            session.port.timeout = READ_VIRTUAL_S
+        return _capture(session, hello, plan, progress)
+    except DeviceFault:
+        raise
+    except BaseException:
+        park_quietly(session)
+        raise
+    finally:
+        with contextlib.suppress(OSError):  # a port that has gone away takes no settings
+            session.port.timeout = timeout_s
+        session.samples, session.log, session.sink = [], None, None
+
+
+def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Progress | None) -> Capture:
+    first = _stream_start(session, plan)
+    session.log = []
+    run = _Run(session, plan, next_tick=first.tick)
+    state = read_region(session, wire.Region.STATE, first.state_size)
+    regions = {axis: wire.Region[f"WAVE_{axis.upper()}"] for axis in plan.wave_axes}
+    waves = {axis: read_region(session, region) for axis, region in regions.items()}
+    model = read_model(session)
+    start_tick = -1
+    if plan.start:
+        session.request(wire.ArmRequest(plan.model_crc))
+        start_tick = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).tick
+    begin = start_tick if plan.start else first.tick
+    run.run_to(begin + plan.ticks, progress, begin)
+    status = session.request(wire.StatusRequest())
+    if plan.park:  # in a fault too: what was held goes home
+        session.request(wire.ParkRequest())
+        status = wait_parked(session, run.bytes_of(0.01))
+    stopped = session.request(wire.StreamStopRequest())
+    run.silent_s = 0.0
+    run.drain(stopped.sent_ticks, first.tick)
+    stream = decode_samples(session.samples, first.tick, stopped.sent_ticks)
+    taken = Capture(
+        hello=hello,
+        session=session.nonce,
+        stream=stream,
+        first_tick=first.tick,
+        start_tick=start_tick,
+        end_tick=begin + plan.ticks,
+        state=state,
+        model=model,
+        waves=waves,
+        command_log=session.log,
+        events=session.events,
+        status=status,
+    )
+    if status.state == wire.State.FAULT:
+        raise DeviceFault(fault_text(status), taken)
+    return taken
+
+
+def _stream_start(session: Session, plan: Plan) -> wire.StreamStartReply:
+    request = wire.StreamStartRequest(plan.channels, plan.axis_mask, plan.decimation)
+    try:
+        return session.request(request)
+    except Refused as refusal:
+        reply = refusal.reply
+        if refusal.status != wire.Status.BAUD_BUDGET or not isinstance(reply, wire.StreamStartReply):
+            raise
+        size = tick_dtype(plan.channels, plan.axis_mask).itemsize
+        detail = (
+            f"{size} bytes a tick make {reply.bytes_per_s} bytes/s with their frames, the line carries "
+            f"{reply.budget_bytes_per_s}; use fewer axes or channels, or a decimation"
+        )
+        raise Refused(refusal.command, refusal.status, reply, detail) from None
+
+
+def fault_text(status: wire.StatusReply) -> str:
+    """One line about a latched fault."""
+    known = status.fault in list(wire.Fault)
+    name = wire.Fault(status.fault).name.lower() if known else f"number {status.fault}"
+    axis = f" on axis {axes_of(1 << status.fault_axis)}" if status.fault_axis < 3 else ""
+    return f"fault {name}{axis} at tick {status.fault_tick}; docs/faults.md says why, `phaselead park` clears it"
+
+
+def park_quietly(session: Session) -> None:
+    """Parks and ends the stream as far as the device still answers; for use while an error is on its way."""
+    interrupt.clear()
+    try:
+        session.request(wire.ParkRequest(), (0.2, 0.4))
+        wait_parked(session)
+        session.request(wire.StreamStopRequest(), (0.2,))
+    except (LinkError, DeviceRefused):
+        pass

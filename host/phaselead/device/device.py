@@ -1,0 +1,386 @@
+"""One device, in the user's units: open, set up, run, capture, park."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import asdict, dataclass, fields
+from enum import IntEnum
+from types import TracebackType
+from typing import Any, Self
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.device import wire
+from phaselead.device.capture import (
+    Plan,
+    Progress,
+    Sink,
+    capture,
+    fault_text,
+    park_quietly,
+    read_model,
+    read_region,
+    wait_parked,
+)
+from phaselead.device.ports import BAUD, open_port
+from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
+from phaselead.device.session import FLASH_WAITS_S, Refused, Session
+from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
+from phaselead.errors import BadInput, DeviceRefused, LinkError
+
+MODEL_CHUNK = 512
+WAVE_CHUNK = 1024
+NO_AXIS = 255
+
+
+@dataclass(frozen=True)
+class DeviceStatus:
+    """STATUS in words. Axis letters stand for masks; tuples are x, y, z."""
+
+    tick: int
+    state: str
+    fault: str
+    fault_axis: str
+    fault_tick: int
+    running_axes: str
+    at_rest: str
+    modes: tuple[str, ...]
+    adc_codes: tuple[int, ...]
+    dac_codes: tuple[int, ...]
+    saturations: tuple[int, ...]
+    overruns: int
+    stream_dropped: int
+    rx_errors: int
+    model_crc: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For printing and for JSON."""
+        return asdict(self)
+
+
+def _name(kind: type[IntEnum], value: int) -> str:
+    return kind(value).name.lower() if value in list(kind) else f"unknown ({value})"
+
+
+def _fault_detail(fault: int, detail: int) -> int | str:
+    """As a number, but for core_lost: what ended the program, and where."""
+    if fault != wire.Fault.CORE_LOST:
+        return detail
+    loss, address = _name(wire.CoreLoss, detail >> 28), detail & 0x0FFFFFFF
+    return f"{loss} at 0x{address:08x}" if address else loss
+
+
+def axis_index(axis: str) -> int:
+    """0, 1, 2 of "x", "y", "z". Raises BadInput for anything else."""
+    if len(axis) != 1 or axis not in AXES:
+        raise BadInput(f"axis {axis!r}: must be x, y or z")
+    return AXES.index(axis)
+
+
+class Device:
+    """A session with one device. As a context manager it parks on the way out, Ctrl-C included, and closes.
+
+    All methods raise DeviceRefused when the device says no and LinkError when it does not answer.
+    """
+
+    def __init__(self, session: Session, *, park_on_exit: bool = True) -> None:
+        """Opens the session on a port that is open; ``Device.open`` is what most callers want."""
+        self.session = session
+        self.park_on_exit = park_on_exit
+        self.hello = session.hello()
+        self._modes: dict[str, wire.Mode] = {}
+        self._waves: set[str] = set()
+        """Axes whose path is a waveform."""
+
+    @classmethod
+    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True) -> Self:
+        """Opens the port exclusively and a session on it."""
+        port = open_port(url, baud=baud)
+        try:
+            return cls(Session(port, url, baud=baud), park_on_exit=park_on_exit)
+        except BaseException:
+            port.close()
+            raise
+
+    @staticmethod
+    def stop_now(url: str, *, baud: int = BAUD) -> wire.StopReply:
+        """Ramps every axis to its safe value, whoever drives the device: STOP needs no session."""
+        port = open_port(url, baud=baud)
+        try:
+            return Session(port, url, baud=baud).request(wire.StopRequest())
+        finally:
+            port.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if self.park_on_exit and kind is not None:
+                park_quietly(self.session)
+            elif self.park_on_exit and self.status().state not in ("parked", "fault"):
+                self.park()
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Closes the port and leaves the device as it is."""
+        with contextlib.suppress(OSError):
+            self.session.port.close()
+
+    # ---------------------------------------------------------------- what it is and does
+
+    def status(self) -> DeviceStatus:
+        """What the device is doing; also feeds its host timeout."""
+        r = self.session.request(wire.StatusRequest())
+        return DeviceStatus(
+            tick=r.tick,
+            state=_name(wire.State, r.state),
+            fault=_name(wire.Fault, r.fault),
+            fault_axis=axes_of(1 << r.fault_axis) if r.fault_axis != NO_AXIS else "",
+            fault_tick=r.fault_tick,
+            running_axes=axes_of(r.running_axes),
+            at_rest=axes_of(r.at_rest),
+            modes=tuple(_name(wire.Mode, mode) for mode in r.modes),
+            adc_codes=r.adc_codes,
+            dac_codes=r.dac_codes,
+            saturations=r.saturations,
+            overruns=r.overruns,
+            stream_dropped=r.stream_dropped,
+            rx_errors=r.rx_errors,
+            model_crc=f"{r.model_crc:08x}",
+        )
+
+    def info(self) -> dict[str, Any]:
+        """What the device is: build, wire, model, timing of its tick, last fault."""
+        hello, r = self.hello, self.session.request(wire.InfoRequest())
+        return {
+            "port": self.session.name,
+            "target": hello.target.rstrip(b"\0").decode("ascii", "replace"),
+            "build_id": hello.build_id.hex(),
+            "wire": f"{hello.schema_fingerprint:08x}",
+            "tick_rate_Hz": hello.tick_rate_Hz,
+            "baud": hello.baud,
+            "axes": hello.axis_count,
+            "reset_cause": _name(wire.ResetCause, hello.reset_cause),
+            "model_loaded": bool(hello.model_flags & 1),
+            "model_is_fallback": bool(hello.model_flags & 2),
+            "model_persisted": bool(hello.model_flags & 4),
+            "model_crc": f"{hello.model_crc:08x}",
+            "cycles_last": r.cycles_last,
+            "cycles_max": r.cycles_max,
+            "cycles_histogram": list(r.histogram),
+            "overruns": r.overruns,
+            "latched_late": r.latched_late,
+            "last_fault": _name(wire.Fault, r.last_fault),
+            "last_fault_detail": _fault_detail(r.last_fault, r.last_fault_detail),
+            "flash_record": r.flash_sequence,
+        }
+
+    # ---------------------------------------------------------------- states
+
+    def arm(self, model_crc: int = 0) -> int:
+        """parked -> armed; a fallback model must be named by ``model_crc``. Returns the tick."""
+        return self.session.request(wire.ArmRequest(model_crc)).tick
+
+    def start(self, axes: str = "x") -> int:
+        """armed -> running: the paths of these axes begin together. Returns the tick before which they do."""
+        for axis in axes:
+            axis_index(axis)
+        return self.session.request(wire.StartRequest(mask_of(axes))).tick
+
+    def park(self, *, clear_fault: bool = True) -> None:
+        """Ramps every axis to its safe value, waits until it is there, then clears a latched fault."""
+        self.session.request(wire.ParkRequest())
+        status = wait_parked(self.session)
+        if status.state != wire.State.FAULT:
+            return
+        if not clear_fault:
+            raise DeviceRefused(fault_text(status))
+        while status.at_rest & 7 != 7:
+            self.session.pump(64)
+            status = self.session.request(wire.StatusRequest())
+        self.session.request(wire.ClearFaultRequest())
+
+    def stop(self) -> int:
+        """Begins the ramp to the safe value at once and does not wait for it."""
+        return self.session.request(wire.StopRequest()).tick
+
+    def set_timeout(self, ticks: int) -> None:
+        """Ticks without a command after which a device that is not parked ramps to park; 0: never."""
+        self.session.request(wire.SetTimeoutRequest(ticks))
+
+    def wait(self, seconds: float) -> DeviceStatus:
+        """Lets the device run for so much of its own time, feeding its host timeout; the last status."""
+        status = self.status()
+        end = status.tick + round(seconds * TICK_HZ)
+        while status.tick < end:
+            self.session.pump(64)
+            status = self.status()
+        return status
+
+    # ---------------------------------------------------------------- what an axis does
+
+    def set_axis(
+        self,
+        axis: str,
+        mode: wire.Mode | str,
+        *,
+        kp_V_per_um: float = 0.0,
+        ki_V_per_um_s: float = 0.0,
+        kd_V_s_per_um: float = 0.0,
+        derivative_filter_Hz: float | None = None,
+    ) -> None:
+        """Mode and gains of one axis; while parked or armed. ``mode`` by value or by name ("ff+pid" too).
+
+        Raises:
+            BadInput: a gain its format cannot hold, with the figure; an unknown mode.
+        """
+        chosen = mode_of(mode)
+        index = axis_index(axis)
+        self.session.request(
+            axis_request(index, chosen, kp_V_per_um, ki_V_per_um_s, kd_V_s_per_um, derivative_filter_Hz)
+        )
+        self._modes[axis] = chosen
+        self._waves.discard(axis)  # the device has dropped the path with the mode
+
+    def set_path(
+        self,
+        axis: str,
+        kind: wire.PathKind | str,
+        *,
+        swing: float = 0.0,
+        offset: float = 0.0,
+        f_Hz: float = 0.0,
+        ticks: int = 0,
+    ) -> wire.SetPathReply:
+        """Reference of one axis; while parked or armed, after ``set_axis``. V in mode open, else um.
+
+        ``swing`` is peak-to-peak, rising from ``offset``; a move goes by ``swing`` from ``offset`` in
+        ``ticks``. ``ticks`` 0 is for ever. Returns the gain and lead the device looked up.
+        """
+        if isinstance(kind, str):
+            if kind.upper() not in wire.PathKind.__members__:
+                raise BadInput(f"path {kind!r}: must be one of {', '.join(k.name.lower() for k in wire.PathKind)}")
+            kind = wire.PathKind[kind.upper()]
+        volts = self._modes.get(axis, wire.Mode.IDLE) == wire.Mode.OPEN
+        reply = self.session.request(path_request(axis_index(axis), kind, swing, offset, f_Hz, ticks, volts))
+        (self._waves.add if kind == wire.PathKind.WAVE else self._waves.discard)(axis)
+        return reply
+
+    def upload_wave(self, axis: str, points: NDArray[np.float64]) -> None:
+        """One period of a waveform, 1024 points of 0 .. 1 of the swing; while parked. It is read back."""
+        index, data = axis_index(axis), wave_points(points)
+        for at in range(0, len(data), WAVE_CHUNK):
+            self.session.request(wire.WaveChunkRequest(index, at // 4, data[at : at + WAVE_CHUNK]))
+        self.session.request(wire.WaveCommitRequest(index, crc32(data)))
+        if read_region(self.session, wire.Region(wire.Region.WAVE_X + index)) != data:
+            raise LinkError(f"the waveform read back from axis {axis} differs from the one sent; try again")
+
+    # ---------------------------------------------------------------- the model
+
+    def upload(self, model: bytes) -> int:
+        """Uploads a model blob as one transaction and reads it back; while parked. Returns its CRC-32.
+
+        Raises:
+            Refused: a field failed the device's checks; the message names it. The old model stays.
+            LinkError: what was read back differs.
+        """
+        request = self.session.request
+        request(wire.ModelBeginRequest(len(model), crc32(model)))
+        for at in range(0, len(model), MODEL_CHUNK):
+            request(wire.ModelChunkRequest(at, model[at : at + MODEL_CHUNK]))
+        try:
+            request(wire.ModelCommitRequest())
+        except Refused as refusal:
+            if refusal.status != wire.Status.MODEL_INVALID or not isinstance(refusal.reply, wire.ModelCommitReply):
+                raise
+            field = model_field(refusal.reply.invalid_field)
+            detail = f"{field} failed its checks; the old model stays"
+            if "dac_" in field:
+                detail = (
+                    f"{field} contradicts the DAC: the present output would jump to another code at once; correct "
+                    "u_min_V and u_max_V of [actuator] (they are the volts at codes 0 and 65536); the old model stays"
+                )
+            raise Refused(refusal.command, refusal.status, refusal.reply, detail) from None
+        self._modes.clear()  # the device has reset its axes
+        self._waves.clear()
+        if self.read_model() != model:
+            raise LinkError("the model read back differs from the one sent; upload it again before arming")
+        return crc32(model)
+
+    def upload_if_other(self, model: bytes) -> None:
+        """Uploads a model to RAM unless the device holds this very one."""
+        if int(self.status().model_crc, 16) != crc32(model):
+            self.upload(model)
+
+    def read_model(self) -> bytes | None:
+        """The active model blob, None when there is none."""
+        return read_model(self.session)
+
+    def persist(self) -> int:
+        """Writes the active model to flash; while parked; takes seconds. Returns the record's number."""
+        return self.session.request(wire.ModelPersistRequest(), FLASH_WAITS_S).sequence
+
+    def converters(self) -> dict[str, Converters]:
+        """What the converter codes of each axis mean, by the active model."""
+        return converters(self.read_model())
+
+    # ---------------------------------------------------------------- recording
+
+    def capture(
+        self,
+        ticks: int,
+        *,
+        axes: str = "x",
+        start_axes: str = "",
+        channels: int = ALL_CHANNELS,
+        decimation: int = 1,
+        start: bool = True,
+        park: bool = True,
+        model_crc: int = 0,
+        progress: Progress | None = None,
+        sink: Sink | None = None,
+    ) -> Capture:
+        """Streams the chosen axes while their paths run for ``ticks`` ticks.
+
+        The stream begins first; then, if ``start``, the device is armed and the paths of ``start_axes`` (empty: of all
+        ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. ``progress`` gets the
+        ticks done now and then, ``sink`` every received chunk as it is (for a journal). On Ctrl-C and on errors the
+        device is parked before the exception goes on.
+
+        Raises:
+            DeviceFault: a fault latched; its ``capture`` holds what was recorded.
+        """
+        if ticks < 1 or not axes or len(set(axes)) != len(axes):
+            raise BadInput(f"a capture of {ticks} ticks of axes {axes!r}: at least one tick, each axis once")
+        for axis in axes + start_axes:
+            axis_index(axis)
+        waves = "".join(sorted(self._waves))
+        plan = Plan(ticks, axes, channels, decimation, start, park, model_crc, waves, start_axes)
+        return capture(self.session, self.hello, plan, progress, sink)
+
+
+def mode_of(mode: wire.Mode | str) -> wire.Mode:
+    """A mode by value or name; "ff+pid" is ff_pid."""
+    if isinstance(mode, wire.Mode):
+        return mode
+    name = mode.replace("+", "_").upper()
+    if name not in wire.Mode.__members__:
+        raise BadInput(
+            f"mode {mode!r}: must be one of {', '.join(m.name.lower().replace('_', '+') for m in wire.Mode)}"
+        )
+    return wire.Mode[name]
+
+
+def model_field(number: int) -> str:
+    """The field that ``invalid_field`` means: 100 x axis + the field's number, counted from 1."""
+    names = [field.name for field in fields(wire.AxisModel)]
+    axis, at = divmod(number, 100)
+    return (
+        f"axis {AXES[axis]}, {names[at - 1]}" if axis < 3 and 1 <= at <= len(names) else f"the model's head ({number})"
+    )

@@ -1,0 +1,264 @@
+"""Request and reply over one port: a session of our own, retries that do nothing twice, errors in words."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import serial
+
+from phaselead import interrupt
+from phaselead.device import wire
+from phaselead.device.framing import CRC_SIZE, FrameReader, encode_frame
+from phaselead.device.ports import Port
+from phaselead.errors import DeviceRefused, LinkError
+
+R = TypeVar("R", bound=wire.Reply)
+
+WAITS_S = (0.2, 0.4, 0.8, 1.6)
+"""How long each attempt at a command waits for its reply."""
+HELLO_WAITS_S = (0.2, 0.4, 0.8)
+FLASH_WAITS_S = (6.0, 6.0)
+"""An erase stalls the device for up to 2.6 s."""
+SHORTEST_REPLY = wire.HEADER.size + wire.REPLY_HEAD.size + CRC_SIZE + 2
+"""Bytes on the line: every reply has at least these, so asking for them at once never waits in vain."""
+LINE_BITS_PER_BYTE = 10
+
+ADVICE = {
+    wire.Status.NO_SESSION: "the device has restarted or another host has taken it; run the command again",
+    wire.Status.UNKNOWN_COMMAND: "its firmware does not know it; flash the firmware of this version",
+    wire.Status.BAD_LENGTH: "its firmware expects another layout; flash the firmware of this version",
+    wire.Status.WRONG_STATE: "not in this state; `phaselead status` shows it, `phaselead park` ends it",
+    wire.Status.BAD_VALUE: "a value it cannot use",
+    wire.Status.NO_MODEL: "it holds no model; `phaselead upload` one first",
+    wire.Status.MODEL_INVALID: "the model failed its checks",
+    wire.Status.CRC_MISMATCH: "the data arrived damaged; try again",
+    wire.Status.OUTSIDE_RECTANGLE: "outside the swing and frequency the model was identified for; "
+    "use mode pid, a smaller path, or identify further",
+    wire.Status.OUTSIDE_LIMITS: "outside the limits of the stage; use a smaller path or offset",
+    wire.Status.BAUD_BUDGET: "the stream does not fit the line; use fewer axes or channels, or a decimation",
+    wire.Status.MUST_NAME_MODEL: "its model is a fallback; arm naming the model, or upload and persist again",
+    wire.Status.FLASH_FAILED: "its flash could not be written; the old model stays; try again",
+    wire.Status.FAULT_LATCHED: "a fault is latched; `phaselead status` names it, `phaselead park` clears it",
+    wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out",
+    wire.Status.MODE_UNSUPPORTED: "its firmware does not have this mode",
+}
+
+ADVICE_OF: dict[tuple[str, int], str] = {
+    ("start", wire.Status.BAD_VALUE): "an axis that is to start has no mode or no path yet; set both",
+    ("set_axis", wire.Status.BAD_VALUE): "gains must be zero or positive, and the derivative filter above zero",
+    ("set_path", wire.Status.BAD_VALUE): "a swing below zero, a frequency beyond half the tick rate, or no waveform",
+    ("set_path", wire.Status.MODE_UNSUPPORTED): "the axis is idle; set its mode first",
+}
+"""Where a command can say more."""
+
+
+class Refused(DeviceRefused):
+    """The device said no. ``status`` says why, ``reply`` is the whole reply where there was one."""
+
+    def __init__(self, command: str, status: int, reply: wire.Reply | None = None, detail: str = "") -> None:
+        self.command, self.status, self.reply = command, status, reply
+        known = status in list(wire.Status)
+        name = wire.Status(status).name.lower() if known else f"status {status}"
+        general = ADVICE.get(wire.Status(status), "") if known else ""
+        what = detail or ADVICE_OF.get((command, status)) or general or "unknown to this version"
+        super().__init__(f"{command} refused ({name}): {what}")
+
+
+class SessionLostError(LinkError):
+    """The device no longer knows our session."""
+
+
+@dataclass
+class Pending:
+    """A command on its way. ``body`` is the reply's once it has come."""
+
+    command: wire.Command[Any]
+    id: int
+    frame: bytes
+    body: bytes | None = None
+
+
+class Session:
+    """Commands, replies and streams of one port. Not thread-safe.
+
+    ``samples`` collects the bodies of sample batches, ``events`` the events, for whoever wants them.
+    ``log``, when set to a list, collects (tick of the reply, frame sent) of every command answered.
+    ``sink``, when set, is given every chunk as it came off the line.
+    """
+
+    def __init__(self, port: Port, name: str = "port", *, baud: int = 2_000_000, nonce: int | None = None) -> None:
+        self.port, self.name = port, name
+        self.nonce = nonce or secrets.randbits(64) or 1  # 0 is a device's "none yet"
+        self.reader = FrameReader()
+        self.samples: list[bytes] = []
+        self.events: list[wire.Event] = []
+        self.log: list[tuple[int, bytes]] | None = None
+        self.sink: Callable[[bytes], None] | None = None
+        self.retries = 0
+        self.strays = 0
+        """Frames that were nobody's: duplicates of replies, another session's."""
+        self._nonce_bytes = self.nonce.to_bytes(8, "little")
+        self._waiting: dict[int, Pending] = {}
+        self._id = 0
+        self.virtual = bool(getattr(port, "virtual_time", False))
+        self._virtual_s = 0.0
+        self.byte_s = LINE_BITS_PER_BYTE / baud
+
+    def now_s(self) -> float:
+        """Seconds of the port's own time: the wall clock, or what a virtual port's bytes and silence take."""
+        return self._virtual_s if self.virtual else time.monotonic()
+
+    def hello(self) -> wire.HelloReply:
+        """Opens the session.
+
+        Raises:
+            LinkError: nothing answers, or something that is not a phaselead device of this version.
+            Refused: another host is driving the device.
+        """
+        self._write(b"\0")  # ends whatever half frame the line still holds
+        pending = self.submit(wire.HelloRequest())
+        if not self._await(pending, HELLO_WAITS_S):
+            raise LinkError(self._why_no_hello())
+        payload = _payload(pending)
+        fingerprint = payload[wire.REPLY_HEAD.size : wire.REPLY_HEAD.size + 4]
+        if len(fingerprint) == 4 and int.from_bytes(fingerprint, "little") != wire.FINGERPRINT:
+            raise LinkError(
+                f"the device on {self.name} speaks another version of the wire "
+                f"(0x{int.from_bytes(fingerprint, 'little'):08X}, this phaselead 0x{wire.FINGERPRINT:08X}); "
+                "flash the firmware of this version"
+            )
+        reply: wire.HelloReply = self._reply(pending)
+        return reply
+
+    def request(self, command: wire.Command[R], waits_s: Sequence[float] = WAITS_S) -> R:
+        """Sends a command and waits for its reply, sending the very same frame again when none comes.
+
+        Raises:
+            Refused: the reply's status is not ok.
+            SessionLostError: the device no longer knows this session.
+            LinkError: no reply after every attempt.
+        """
+        pending = self.submit(command)
+        if not self._await(pending, waits_s):
+            raise LinkError(
+                f"the device on {self.name} stopped answering ({command.NAME}, {len(waits_s)} attempts); "
+                "check cable and power, then try again"
+            )
+        reply: R = self._reply(pending)
+        return reply
+
+    def submit(self, command: wire.Command[Any]) -> Pending:
+        """Sends a command without waiting; ``pump`` fills in the reply, ``finish`` reads it."""
+        self._id = self._id % 0xFFFF + 1
+        body = wire.HEADER.pack(command.NUMBER, self._id, self.nonce) + command.pack()
+        pending = Pending(command, self._id, encode_frame(body))
+        self._waiting[self._id] = pending
+        self._write(pending.frame)
+        return pending
+
+    def resend(self, pending: Pending) -> None:
+        """The very same frame again: the device recognises it and acts once."""
+        self.retries += 1
+        self._write(b"\0" + pending.frame)
+
+    def finish(self, pending: Pending, reply_of: type[R]) -> R:
+        """The reply of a submitted command whose ``body`` has come; raises as ``request`` does."""
+        reply = self._reply(pending)
+        assert isinstance(reply, reply_of)
+        return reply
+
+    def abandon(self, pending: Pending) -> None:
+        self._waiting.pop(pending.id, None)
+
+    def pump(self, size: int) -> int:
+        """Reads up to ``size`` bytes, waiting for them at most the port's timeout, and sorts the frames."""
+        interrupt.raise_if_asked()
+        try:
+            chunk = self.port.read(size)
+        except (serial.SerialException, OSError) as error:
+            raise LinkError(f"port {self.name} has gone away ({error}); reconnect it and try again") from None
+        if self.virtual:
+            self._virtual_s += len(chunk) * self.byte_s if chunk else (self.port.timeout or 0.0)
+        if chunk:
+            if self.sink is not None:
+                self.sink(chunk)
+            for body in self.reader.feed(chunk):
+                self._sort(body)
+        return len(chunk)
+
+    def _sort(self, body: bytes) -> None:
+        if body[3:11] != self._nonce_bytes:
+            self.strays += 1
+        elif body[0] == wire.Samples.NUMBER:
+            self.samples.append(body)
+        elif body[0] == wire.Event.NUMBER:
+            self.events.append(wire.Event.unpack(body[wire.HEADER.size :]))
+        else:
+            pending = self._waiting.get(int.from_bytes(body[1:3], "little"))
+            if pending is None or body[0] != pending.command.NUMBER | wire.REPLY_BIT:
+                self.strays += 1
+                return
+            pending.body = body
+            del self._waiting[pending.id]
+            payload = _payload(pending)
+            if self.log is not None and len(payload) >= wire.REPLY_HEAD.size:
+                self.log.append((wire.REPLY_HEAD.unpack_from(payload)[1], pending.frame))
+
+    def _await(self, pending: Pending, waits_s: Sequence[float]) -> bool:
+        for attempt, wait_s in enumerate(waits_s):
+            if attempt:
+                self.resend(pending)
+            deadline_s = self.now_s() + wait_s
+            while self.now_s() < deadline_s:
+                self.pump(max(1, self.in_waiting()) if self.reader.inside_frame else SHORTEST_REPLY)
+                if pending.body is not None:
+                    return True
+        self.abandon(pending)
+        return False
+
+    def in_waiting(self) -> int:
+        try:
+            return self.port.in_waiting
+        except (serial.SerialException, OSError) as error:
+            raise LinkError(f"port {self.name} has gone away ({error}); reconnect it and try again") from None
+
+    def _reply(self, pending: Pending) -> Any:
+        payload, name = _payload(pending), pending.command.NAME
+        if len(payload) < wire.REPLY_HEAD.size:
+            raise wire.WireError(f"{name} reply: at least {wire.REPLY_HEAD.size} bytes expected, got {len(payload)}")
+        status = payload[0]
+        if status == wire.Status.OK:
+            return pending.command.REPLY.unpack(payload)
+        if status == wire.Status.NO_SESSION:
+            raise SessionLostError(f"{name} on {self.name}: {ADVICE[wire.Status.NO_SESSION]}")
+        whole = len(payload) > wire.REPLY_HEAD.size
+        raise Refused(name, status, pending.command.REPLY.unpack(payload) if whole else None)
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self.port.write(data)
+        except (serial.SerialException, OSError) as error:
+            raise LinkError(f"port {self.name} cannot be written ({error}); reconnect it and try again") from None
+
+    def _why_no_hello(self) -> str:
+        received, frames = self.reader.received, self.reader.frames
+        if received == 0:
+            return f"nothing answers on {self.name}; check cable and power, `phaselead ports` lists the ports"
+        if frames == 0:
+            return (
+                f"{self.name} speaks, but not phaselead ({received} bytes and no frame among them); "
+                "wrong port, wrong baud rate or other firmware: `phaselead ports` lists the ports"
+            )
+        return (
+            f"{self.name} sends frames but no reply to hello ({frames} whole, {self.reader.errors} damaged); "
+            "power-cycle the device and try again"
+        )
+
+
+def _payload(pending: Pending) -> bytes:
+    assert pending.body is not None
+    return pending.body[wire.HEADER.size :]

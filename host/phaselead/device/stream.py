@@ -1,0 +1,178 @@
+"""Sample batches as arrays, with every gap accounted for, and what a capture consists of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.device import wire
+from phaselead.errors import LinkError
+
+AXES = "xyz"
+ALL_CHANNELS = sum(wire.Channel)
+HEAD = np.dtype(
+    [
+        ("type", "u1"),
+        ("id", "<u2"),
+        ("session", "<u8"),
+        ("sequence", "<u4"),
+        ("first_tick", "<u8"),
+        ("dropped", "<u4"),
+        ("channels", "u1"),
+        ("axis_mask", "u1"),
+        ("decimation", "<u2"),
+    ]
+)
+"""Header and fixed part of a samples message."""
+assert HEAD.itemsize == wire.HEADER.size + wire.Samples.SIZE
+
+
+@dataclass(frozen=True)
+class AxisStream:
+    """Raw numbers of one axis, shape (n,) each; None where the channel was not asked for."""
+
+    reference: NDArray[np.int32] | None = None
+    """um q16, in mode open V q24."""
+    adc: NDArray[np.uint16] | None = None
+    dac: NDArray[np.uint16] | None = None
+    feedforward: NDArray[np.int16] | None = None
+    """V q11."""
+    feedback: NDArray[np.int16] | None = None
+    """V q11."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Ticks that should have been recorded and were not."""
+
+    first_tick: int
+    ticks: int
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Batches of one stream, joined. ``ticks`` has shape (n,); steps above ``decimation`` are gaps."""
+
+    ticks: NDArray[np.int64]
+    axes: dict[str, AxisStream]
+    channels: int = ALL_CHANNELS
+    axis_mask: int = 0
+    decimation: int = 1
+    gaps: list[Gap] = field(default_factory=list)
+    lost_batches: int = 0
+    """Batches the device sent that never came, by their sequence numbers."""
+    dropped_ticks: int = 0
+    """Ticks the device says it could not send."""
+
+
+@dataclass(frozen=True)
+class Capture:
+    """A stretch of ticks and all that is needed to run it again.
+
+    ``command_log`` holds (tick before which it took effect, frame) of every command answered after the stream
+    began; ``state`` is the device's control state at ``first_tick``, as SNAPSHOT_READ gives it.
+    """
+
+    hello: wire.HelloReply
+    session: int
+    stream: Stream
+    first_tick: int
+    start_tick: int
+    """The paths began before this tick; -1 when the capture started none."""
+    end_tick: int
+    """First tick beyond those asked for; the ticks from here on are the way to park."""
+    state: bytes
+    model: bytes | None
+    waves: dict[str, bytes]
+    command_log: list[tuple[int, bytes]]
+    events: list[wire.Event]
+    status: wire.StatusReply
+    """Of the end, before the stream was stopped."""
+
+    @property
+    def ticks(self) -> NDArray[np.int64]:
+        return self.stream.ticks
+
+    @property
+    def axes(self) -> dict[str, AxisStream]:
+        return self.stream.axes
+
+    @property
+    def gaps(self) -> list[Gap]:
+        return self.stream.gaps
+
+
+def axes_of(mask: int) -> str:
+    """The letters of an axis mask, in order."""
+    return "".join(letter for i, letter in enumerate(AXES) if mask >> i & 1)
+
+
+def mask_of(axes: str) -> int:
+    """The axis mask of these letters."""
+    return sum(1 << AXES.index(axis) for axis in axes)
+
+
+def tick_dtype(channels: int, axis_mask: int) -> np.dtype[np.void]:
+    """Layout of one tick: for each axis of the mask the chosen channels."""
+    names = [c.name.lower() for c in wire.Channel if channels & c]
+    one = np.dtype([(name, wire.CHANNEL_DTYPES[name]) for name in names])
+    return np.dtype([(axis, one) for axis in axes_of(axis_mask)])
+
+
+def decode_samples(bodies: Sequence[bytes], first_tick: int | None = None, sent: int | None = None) -> Stream:
+    """Joins sample batches (bodies of frames, in the order they came) into arrays.
+
+    ``first_tick`` is the tick of the STREAM_START reply, so that a first batch that never came is a gap too;
+    ``sent`` the ticks that STREAM_STOP says were sent, so that a last one is.
+
+    Raises:
+        LinkError: the batches are not of one stream, run backwards, or hold part of a tick.
+    """
+    if not bodies:
+        gaps = [Gap(first_tick, sent)] if first_tick is not None and sent else []
+        return Stream(np.empty(0, np.int64), {}, gaps=gaps)
+    head_size = HEAD.itemsize
+    if min(map(len, bodies)) < head_size:
+        raise LinkError("a samples batch is shorter than its head; the device's firmware is at fault")
+    heads = np.frombuffer(b"".join([body[:head_size] for body in bodies]), HEAD)
+    channels, mask, decimation = (int(heads[name][0]) for name in ("channels", "axis_mask", "decimation"))
+    same = (heads["channels"] == channels) & (heads["axis_mask"] == mask) & (heads["decimation"] == decimation)
+    layout = tick_dtype(channels, mask)
+    sizes = np.array([len(body) for body in bodies]) - head_size
+    if not same.all() or decimation == 0 or layout.itemsize == 0 or (sizes % layout.itemsize).any():
+        raise LinkError("the samples batches do not belong to one stream; start the capture again")
+    data = np.frombuffer(b"".join([body[head_size:] for body in bodies]), layout)
+    ticks = _ticks(heads["first_tick"].astype(np.int64), sizes // layout.itemsize, decimation)
+    axes = {
+        axis: AxisStream(**{name: data[axis][name].copy() for name in data[axis].dtype.names or ()})
+        for axis in layout.names or ()
+    }
+    steps = np.diff(heads["sequence"])  # wraps around with its uint32
+    lost = int(np.sum(steps.astype(np.int64) - 1)) + int(heads["sequence"][0] if first_tick is not None else 0)
+    dropped = int(heads["dropped"][-1])
+    gaps = _gaps(ticks, decimation, first_tick)
+    missing = 0 if sent is None else sent + dropped - len(ticks) - sum(gap.ticks // decimation for gap in gaps)
+    if missing > 0:
+        gaps.append(Gap(int(ticks[-1]) + decimation, missing * decimation))
+    return Stream(ticks, axes, channels, mask, decimation, gaps, lost, dropped)
+
+
+def _ticks(first: NDArray[np.int64], counts: NDArray[np.int64], decimation: int) -> NDArray[np.int64]:
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    ticks: NDArray[np.int64] = np.repeat(first, counts) + within * decimation
+    if len(ticks) > 1 and (np.diff(ticks) <= 0).any():
+        raise LinkError("the samples run backwards; the device has restarted: start the capture again")
+    return ticks
+
+
+def _gaps(ticks: NDArray[np.int64], decimation: int, first_tick: int | None) -> list[Gap]:
+    gaps = []
+    if first_tick is not None and len(ticks) and ticks[0] - first_tick >= decimation:
+        gaps.append(Gap(first_tick, int(ticks[0]) - first_tick))
+    steps = np.diff(ticks)
+    for i in np.flatnonzero(steps > decimation):
+        gaps.append(Gap(int(ticks[i]) + decimation, int(steps[i]) - decimation))
+    return gaps

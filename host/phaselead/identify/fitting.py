@@ -1,0 +1,226 @@
+"""From recordings to a stage file: which views the data allow, each axis fitted, and where it came from."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import PurePath
+from typing import Any, Literal
+
+from phaselead.errors import BadInput
+from phaselead.identify.checks import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
+from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
+from phaselead.identify.in_turn import fit_in_turn
+from phaselead.identify.lockin import lock_in
+from phaselead.identify.mode_fit import FittedModes
+from phaselead.identify.operator_fit import fit_linear
+from phaselead.identify.operator_result import OperatorFit
+from phaselead.identify.table_fit import beside_table_1, comparison_text, table_fit
+from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage, TablePoint, TableView
+from phaselead.record import Recording
+
+Base = Literal["operator", "linear"]
+SAME_RATE = 0.01
+
+
+@dataclass(frozen=True)
+class FitReport:
+    """What was fitted, what it left, and what could not be fitted. ``lines()`` is for people."""
+
+    time: dict[str, OperatorFit]
+    table: dict[str, TableView]
+    coupling: tuple[Matrix3, Matrix3] | None = None
+    messages: list[str] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        found: list[str] = []
+        for axis, result in self.time.items():
+            found += [f"axis {axis}, time view", *str(result).splitlines()]
+            if axis in self.table:
+                found += [
+                    f"axis {axis}, table view beside Xu & Li 2010",
+                    *comparison_text(self.table[axis]).splitlines(),
+                ]
+        if self.coupling is not None:
+            found.append("cross-coupling (row: responding axis)")
+            rows = zip(*self.coupling, strict=True)
+            found += ["  ".join(f"{v:8.4f} +- {s:.4f}" for v, s in zip(*row, strict=True)) for row in rows]
+        return found + self.messages
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: numbers that are unknown are None."""
+        axes = {
+            axis: {
+                "residual_um_rms": result.view.residual_um_rms,
+                "std": {name: [_known(v) for v in values] for name, values in result.std.items()},
+                "records": [vars(record) for record in result.records],
+                "table": [_known_row(vars(row)) for row in beside_table_1(self.table[axis])]
+                if axis in self.table
+                else None,
+            }
+            for axis, result in self.time.items()
+        }
+        return {
+            "axes": axes,
+            "messages": [*self.messages, *(m for r in self.time.values() for m in r.messages)],
+        }
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _known_row(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: _known(value) if isinstance(value, float) else value for name, value in row.items()}
+
+
+def fit(
+    recordings: Sequence[Recording],
+    base: Base = "operator",
+    *,
+    name: str = "fitted",
+    parent: Stage | None = None,
+) -> tuple[Stage, FitReport]:
+    """Fit every driven axis of the recordings.
+
+    ``base="linear"`` is gain and offset only. ``parent`` gives name, limits, calibration and gains, and its
+    hash goes into the provenance. Raises BadInput, one line, for data that cannot be used.
+    """
+    _refuse_mixture(recordings)
+    coupling = cross_coupling(recordings)
+    runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
+    time, table, modes = {}, {}, {}
+    for axis, axis_runs in runs.items():
+        if base == "operator":
+            for run in axis_runs:
+                refuse_too_short(run)
+            time[axis], mode = fit_in_turn(axis_runs)
+            if mode is not None:
+                modes[axis] = mode
+                messages.append(_said_of_modes(axis, mode))
+            view, said = _table(axis_runs)
+            messages += said
+            if view is not None:
+                table[axis] = view
+        else:
+            time[axis] = fit_linear(axis_runs)
+            messages.append(f"axis {axis}: gain and offset only, as asked; no table view")
+    axes: dict[Any, AxisModel] = {a: _model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
+    stage = Stage(
+        name=parent.name if parent else name,
+        provenance=_provenance(recordings, parent),
+        cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
+        axes=axes,
+    )
+    return stage, FitReport(time, table, coupling, messages)
+
+
+def _refuse_mixture(recordings: Sequence[Recording]) -> None:
+    if not recordings:
+        raise BadInput("no recordings to fit; give at least one file")
+    first = recordings[0]
+    for other in recordings[1:]:
+        if len(other.axes) != len(first.axes):
+            raise BadInput(
+                f"{other.source}: has {len(other.axes)} axes but {first.source} has {len(first.axes)}; "
+                "fit one-axis and three-axis recordings apart"
+            )
+        if abs(other.rate_Hz / first.rate_Hz - 1) > SAME_RATE:
+            raise BadInput(
+                f"{other.source}: is sampled at {other.rate_Hz:.6g} Hz but {first.source} at "
+                f"{first.rate_Hz:.6g} Hz; "
+                "fit recordings of one rate together"
+            )
+
+
+def _runs_by_axis(recordings: Sequence[Recording]) -> tuple[dict[str, list[AxisRun]], list[str]]:
+    """The runs of each driven axis: those that drive it alone, unless there are none."""
+    alone: dict[str, list[AxisRun]] = {}
+    together: dict[str, list[AxisRun]] = {}
+    for recording in recordings:
+        driven = driven_axes(recording)
+        for axis in driven:
+            (alone if len(driven) == 1 else together).setdefault(axis, []).append(axis_run(recording, axis))
+    messages = []
+    for axis, runs in together.items():
+        if axis not in alone:
+            alone[axis] = runs
+            messages.append(f"axis {axis} was never driven alone: what it sees of the others is in its fit")
+    return {axis: alone[axis] for axis in sorted(alone)}, messages
+
+
+def _table(runs: Sequence[AxisRun]) -> tuple[TableView | None, list[str]]:
+    """The table view when the runs are a grid of sines, and why not when they are not."""
+    axis, messages = runs[0].axis, []
+    points: list[TablePoint] = []
+    for run in runs:
+        if not _is_paper_sine(run.sine):
+            continue
+        try:
+            points.append(lock_in(run).point())
+        except BadInput as error:
+            messages.append(f"left out of the table view: {error}")
+    if not points:
+        return None, [*messages, f"axis {axis}: time view only; a table view needs sines that start at 0 V"]
+    try:
+        return table_fit(points), messages
+    except BadInput as error:
+        return None, [*messages, f"axis {axis}: time view only; {error}"]
+
+
+def _is_paper_sine(sine: Sine | None) -> bool:
+    return sine is not None and sine.starts_at_zero
+
+
+def _model(
+    parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
+) -> AxisModel:
+    view = time.view
+    effects: tuple[AdoptedEffect, ...] = ()
+    if mode is not None:
+        view, effect = mode.adopted(view)
+        effects = (effect,)
+    known = parent.axes.get(axis) if parent else None
+    if known is None:
+        return AxisModel(table=table, time=view, effects=effects)
+    return AxisModel(
+        limits=known.limits,
+        sensor=known.sensor,
+        actuator=known.actuator,
+        gains=known.gains,
+        table=table,
+        time=view,
+        effects=effects,
+    )
+
+
+def _said_of_modes(axis: str, found: FittedModes) -> str:
+    each = [f"a mode at {f_Hz:.4g} Hz, zeta {zeta:.2g}" for _, f_Hz, zeta in found.modes]
+    if len(each) > 1:
+        each[1] += f", of {100 * found.modes[1][0]:.2g} % of the motion"
+    return (
+        f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {100 * (1 - found.left):.0f} % of "
+        "the squared residual of the operator; adopted as effect resonance"
+    )
+
+
+def _provenance(recordings: Sequence[Recording], parent: Stage | None) -> Provenance:
+    data = {
+        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256)
+        for r in recordings
+        if r.sha256
+    }
+    try:
+        tool = f"phaselead {version('phaselead')}"
+    except PackageNotFoundError:
+        tool = "phaselead"
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return Provenance(
+        parent_sha256=parent.sha256 if parent else None,
+        data=tuple(data.values()),
+        tool=tool,
+        created=now.isoformat().replace("+00:00", "Z"),
+    )

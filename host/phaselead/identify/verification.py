@@ -1,0 +1,103 @@
+"""Judging a stage file on recordings: prediction against measurement, nothing refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from phaselead.errors import BadInput
+from phaselead.identify.checks import AxisRun, axis_run, driven_axes
+from phaselead.model import Stage, TableView, predict
+from phaselead.record import Recording, Samples
+
+View = Literal["time", "table"]
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Errors over the scored rows of one driven axis: mean = mean |e|, range = measured peak-to-peak."""
+
+    file: str
+    max_um: float
+    mean_um: float
+    range_um: float
+    max_pct: float
+    mean_pct: float
+    axis: str = "x"
+
+
+def verification_dict(verification: Verification) -> dict[str, Any]:
+    """As it goes into JSON."""
+    figures = asdict(verification)
+    if verification.axis == "x":
+        del figures["axis"]  # the plain form of a one-axis recording
+    return figures
+
+
+def verify(
+    stage: Stage, recordings: Sequence[Recording], view: View = "time", *, refit_offset: bool = False
+) -> list[Verification]:
+    """Judge ``view`` of the stage on every driven axis of every recording.
+
+    The time view starts from rest at 0 V before the first row; rows ahead of a window warm its memory. The
+    table view answers the sine that the voltage is. ``refit_offset`` removes the mean error of each record.
+    Raises BadInput.
+    """
+    found = []
+    for recording in recordings:
+        driven = driven_axes(recording)
+        predicted = predict(stage, recording) if view == "time" else None
+        for axis in driven:
+            run = axis_run(recording, axis)
+            if predicted is None:
+                model = _table_response(stage, run)
+            else:
+                stage.axis(axis)
+                x = predicted.axes[axis].x_um
+                assert x is not None
+                model = x[run.scored]
+            found.append(_judge(run, model, refit_offset))
+    return found
+
+
+def _judge(run: AxisRun, model: Samples, refit_offset: bool) -> Verification:
+    error = run.x_um[run.scored] - model
+    if refit_offset:
+        error = error - error.mean()
+    largest, mean, range_um = float(np.abs(error).max()), float(np.abs(error).mean()), run.range_um
+    return Verification(run.source, largest, mean, range_um, 100 * largest / range_um, 100 * mean / range_um, run.axis)
+
+
+def _table_response(stage: Stage, run: AxisRun) -> Samples:
+    """Eq. 5 of Xu & Li 2010 over the scored rows, for the sine that drives the run."""
+    table = stage.axis(run.axis).table
+    if table is None:
+        raise BadInput(
+            f"stage {stage.name!r} has no table view for axis {run.axis}; "
+            "fit it to sines of several levels and frequencies, or verify with --view time"
+        )
+    sine = run.sine
+    if sine is None or not sine.starts_at_zero:
+        raise BadInput(f"{run.source}: the table view answers only a sine that starts at 0 V; use --view time")
+    return table_response(table, run, sine.swing_V, sine.f_Hz)
+
+
+def table_response(table: TableView, run: AxisRun, swing_V: float, f_Hz: float) -> Samples:
+    """The table view's answer over the scored rows, in phase with the recorded voltage."""
+    t = run.t_s[run.scored]
+    turn = 2 * np.pi * f_Hz * (t - t[0])
+    # u = mean - swing/2 cos(turn + phase): the phase tells where in its period the record starts.
+    u = run.u_V[run.scored] - run.u_V[run.scored].mean()
+    phase = float(np.arctan2(np.sum(u * np.sin(turn)), -np.sum(u * np.cos(turn))))
+    return table.response(t - t[0] + phase / (2 * np.pi * f_Hz), _snap(swing_V, table.swing_V), f_Hz)
+
+
+def _snap(value: float, edges: tuple[float, float]) -> float:
+    """A converter gives 9.9997 V for 10 V: a swing within 0.5 % of the rectangle's edge is on it."""
+    low, high = edges
+    if low * 0.995 < value < low:
+        return low
+    return high if high < value < high * 1.005 else value

@@ -1,0 +1,158 @@
+"""What is known of one axis: its time-domain view, limits, converters, gains and adopted effects.
+
+The parts of a stage file (``stage_file``) that the operator and the effects work with. Every key is described by its
+``Field``; the same words become the comments of a saved file.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from phaselead.model.fields import (
+    Interval95,
+    NotNegative,
+    Number,
+    Numbers,
+    Parameter,
+    Part,
+    Positive,
+    Span,
+    fault,
+)
+from phaselead.model.table import TableView
+
+Bits = Annotated[int, Field(strict=True, ge=1, le=32)]
+
+
+class Limits(Part):
+    """What the device may put out. They apply at upload, never to a fit or a prediction."""
+
+    u_min_V: Number = Field(-2.0, description="lowest output, V")
+    u_max_V: Number = Field(10.0, description="highest output, V")
+    u_park_V: Number = Field(0.0, description="safe value, V: reached on park, stop and faults")
+    slew_V_per_s: Positive = Field(1000.0, description="largest rate of the output, V/s")
+    ramp_V_per_s: Positive = Field(50.0, description="rate of parking, V/s; at most slew_V_per_s")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.u_min_V < self.u_max_V:
+            fault(f"= {self.u_max_V:g} is not above u_min_V = {self.u_min_V:g}; raise it", ".u_max_V")
+        if not self.u_min_V <= self.u_park_V <= self.u_max_V:
+            fault(f"= {self.u_park_V:g} is outside u_min_V..u_max_V; park inside the limits", ".u_park_V")
+        if self.ramp_V_per_s > self.slew_V_per_s:
+            fault(f"= {self.ramp_V_per_s:g} is faster than slew_V_per_s; lower it", ".ramp_V_per_s")
+        return self
+
+
+class Sensor(Part):
+    """Position sensor and its converter."""
+
+    x_min_um: Number = Field(-10.0, description="position of the lowest code, um")
+    x_max_um: Number = Field(270.0, description="position one past the highest code, um")
+    bits: Bits = Field(16, description="resolution of the converter, bits")
+    noise_um_rms: NotNegative = Field(0.01, description="noise, um rms")
+    bandwidth_Hz: Positive = Field(10000.0, description="bandwidth, Hz")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.x_min_um < self.x_max_um:
+            fault(f"= {self.x_max_um:g} is not above x_min_um = {self.x_min_um:g}", ".x_max_um")
+        return self
+
+
+class Actuator(Part):
+    """Output converter, scaled to control volts."""
+
+    u_min_V: Number = Field(-10.24, description="voltage of the lowest code, V")
+    u_max_V: Number = Field(10.24, description="voltage one past the highest code, V")
+    bits: Bits = Field(16, description="resolution of the converter, bits")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.u_min_V < self.u_max_V:
+            fault(f"= {self.u_max_V:g} is not above u_min_V = {self.u_min_V:g}", ".u_max_V")
+        return self
+
+
+class TimeView(Part):
+    """x(t) = offset + gain v + sum w_i play_ri[v] + sum s_j max(v - d_j, 0), with v(t) = u(t - delay)."""
+
+    gain_um_per_V: Number = Field(description="linear gain, um/V")
+    play_r_V: Numbers = Field((), description="thresholds of the plays, V, rising")
+    play_w_um_per_V: Numbers = Field((), description="their weights, um/V, not negative")
+    deadzone_d_V: Numbers = Field((), description="thresholds of the one-sided dead zones, V, rising")
+    deadzone_s_um_per_V: Numbers = Field((), description="their slopes, um/V")
+    offset_um: Number = Field(0.0, description="offset, um")
+    delay_s: Annotated[NotNegative, Field(le=10)] = Field(0.0, description="dead time, s")
+    rest_fraction: Annotated[Number, Field(ge=-1, le=1)] = Field(
+        0.0, description="plays of a stage at rest at 0 V stand at this fraction of their thresholds"
+    )
+    u_range_V: Span = Field(description="voltages it was fitted on, V")
+    rate_Hz: Positive = Field(description="sampling rate it was fitted at, Hz")
+    residual_um_rms: NotNegative = Field(0.0, description="what the fit left over, um rms")
+
+    @field_validator("play_r_V", "deadzone_d_V")
+    @classmethod
+    def _strictly_rising(cls, values: tuple[float, ...]) -> tuple[float, ...]:
+        for i in range(1, len(values)):
+            if not values[i - 1] < values[i]:
+                fault(f"= {values[i]:g} is not above the threshold before it; sort them, each once", f"[{i}]")
+        return values
+
+    @field_validator("play_r_V", "play_w_um_per_V")
+    @classmethod
+    def _none_negative(cls, values: tuple[float, ...]) -> tuple[float, ...]:
+        for i, value in enumerate(values):
+            if value < 0:
+                fault(f"= {value:g} is negative; it must be 0 or more", f"[{i}]")
+        return values
+
+    @model_validator(mode="after")
+    def _paired(self) -> Self:
+        pairs = (("play_w_um_per_V", "play_r_V"), ("deadzone_s_um_per_V", "deadzone_d_V"))
+        for name, thresholds in pairs:
+            have, wanted = len(getattr(self, name)), len(getattr(self, thresholds))
+            if have != wanted:
+                fault(f"has {have} elements but {thresholds} has {wanted}; give one for each", f".{name}")
+        return self
+
+
+class Gains(Part):
+    """PID gains (Xu & Li 2010, eq. 13)."""
+
+    kp_V_per_um: Number = Field(description="proportional, V/um")
+    ki_V_per_um_s: Number = Field(description="integral, V/(um s)")
+    kd_V_s_per_um: Number = Field(description="derivative, V s/um")
+    derivative_filter_Hz: Positive | None = Field(None, description="derivative filter, Hz; left out: none")
+
+
+class AdoptedEffect(Part):
+    """One adopted effect: what it is, how large, how sure, and what it bought."""
+
+    name: str = Field(description="which effect")
+    params: dict[str, Parameter] = Field({}, description="its parameters, units in the names")
+    ci95: dict[str, Interval95] = Field({}, description="their 95 % intervals, [low, high]")
+    share: Annotated[Number, Field(ge=0, le=1)] | None = Field(
+        None, description="share of the unexplained power it explains"
+    )
+
+    @model_validator(mode="after")
+    def _intervals_belong(self) -> Self:
+        for name in self.ci95:
+            if name not in self.params:
+                fault("is an interval of no parameter; remove it or name it like its parameter", f".ci95.{name}")
+        return self
+
+
+class AxisModel(Part):
+    """One axis of the stage."""
+
+    limits: Limits = Limits()
+    sensor: Sensor = Sensor()
+    actuator: Actuator = Actuator()
+    gains: Gains | None = None
+    table: TableView | None = None
+    time: TimeView | None = None
+    effects: tuple[AdoptedEffect, ...] = ()

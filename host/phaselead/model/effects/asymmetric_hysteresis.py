@@ -1,0 +1,62 @@
+"""A loop whose two ends differ: the even part of hysteresis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phaselead.model.effects.interface import (
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    columns,
+    number,
+    with_columns,
+)
+from phaselead.model.effects.native import scaled_plays
+
+PLAYS = 8
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    return with_columns(signal, basis(signal, params), params, "bend", "skew")
+
+
+def basis(signal: Signal, params: Params) -> Samples:
+    low, high = signal.span_V
+    rest = ((low + high) / (high - low)) ** 2
+    square = signal.drive_share**2
+    r = number(params, "reach") * np.arange(1, PLAYS + 1) / PLAYS
+    w = np.full(PLAYS, 1 / (2 * r.sum()))
+    lag = scaled_plays(square, np.ones_like(square), r, w, np.full(PLAYS, square[0])) - w.sum() * square
+    return columns(signal.range_um * (square - rest), signal.range_um * lag)
+
+
+EFFECT = Effect(
+    name="asymmetric_hysteresis",
+    title="Asymmetric hysteresis",
+    place=Place.HYSTERESIS,
+    order=1,
+    equation="y = x + X (bend (q - q_rest) + skew sum_i w (play_ri[q] - q)),  "
+    "q = ((v - v_mid) / (U/2))^2,  r_i = reach i/8,  2 w sum r_i = 1",
+    source="Kuhnen 2003, eq. 30 (one-sided dead zones, here their smooth sum); Al Janaideh, Rakheja and Su 2009 "
+    "(play of an envelope function). Plays with thresholds (r, r(1 - a)) are symmetric plays and a constant: they are "
+    "no asymmetry",
+    parameters=(
+        Parameter("bend", "of range", 0.02, -0.3, 0.3, doc="curvature that both branches share, as a sag at mid-range"),
+        Parameter("skew", "of range", 0.01, -0.3, 0.3, doc="loop width that one end has and the other lacks"),
+        Parameter(
+            "reach", "1", 0.4, 0.05, 0.5, role="shape", log=True, doc="largest threshold of the skewed plays, in q"
+        ),
+    ),
+    shows="even harmonics that grow as the square of the amplitude; gain and width of equal loops differ with bias",
+    reveals="full loops of one size at several biases",
+    confused_with=("sensor_nonlinearity", "saturation", "softening"),
+    compensation="One-sided dead zones of the time view: their inverse runs in front of the inverse play operator.",
+    apply=apply,
+    picture=Picture("loop", {"bend": 0.1, "skew": 0.1}),
+    basis=basis,
+)

@@ -1,0 +1,43 @@
+"""Charge that leaks from the actuator: a high-pass with a corner of millihertz."""
+
+from __future__ import annotations
+
+from phaselead.model.axis import AxisModel
+from phaselead.model.effects.filters import relaxed
+from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    rate_per_s = number(params, "rate_per_s")
+    if rate_per_s <= 0:
+        return signal.value
+    # What stood on the actuator in the first row is taken as it is, not as leaked away.
+    return signal.value - relaxed(signal.value - signal.value[0], 1 / rate_per_s, signal.step_s)
+
+
+def reads(params: Params, axis: AxisModel) -> str:
+    rate_per_s = number(params, "rate_per_s")
+    return f"RC = {1 / rate_per_s:.4g} s" if rate_per_s > 0 else "no leakage"
+
+
+EFFECT = Effect(
+    name="charge_leakage",
+    title="Charge leakage",
+    place=Place.AMPLIFIER,
+    order=3,
+    equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C)",
+    source="Fleming and Moheimani 2005 (charge drives lose their low frequencies); Clayton, Tien, Fleming, Moheimani "
+    "and Devasia 2008 (inverse feed-forward of charge-controlled positioners)",
+    parameters=(
+        Parameter("rate_per_s", "1/s", 0.01, 0.0, 2.0, log=True, doc="corner in rad/s: 1/(R C) of 10 to 1000 s"),
+    ),
+    shows="the position decays towards rest at every hold, from both sides",
+    reveals="long holds at two levels of opposite sign, and one at rest to tell it from drift",
+    confused_with=("creep", "thermal_drift"),
+    compensation="An integral controller removes it. A feed-forward would integrate the reference and run into the "
+    "voltage limit, so there is none.",
+    compensated=False,
+    apply=apply,
+    picture=Picture("holds", {"rate_per_s": 0.03}),
+    reads=reads,
+)

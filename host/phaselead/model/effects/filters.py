@@ -1,0 +1,100 @@
+"""First- and second-order systems, exact for an input that runs straight between its rows, settled at the first."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from phaselead.model.effects import native
+from phaselead.model.effects.interface import Samples
+from phaselead.model.effects.native import lags, second_order
+
+Mode = tuple[float, float, float]
+"""Share of the motion, frequency in Hz, damping ratio."""
+
+
+def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
+    """1/(tau s + 1) of ``x`` (n,). With tau = 0 it is ``x``."""
+    return lags(x, [tau_s], [1.0], step_s) if tau_s > 0 else x
+
+
+def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
+    """w^2/(s^2 + 2 zeta w s + w^2) of ``x`` (n,)."""
+    b, a = mode_coefficients(f_Hz * step_s, zeta)
+    return second_order(x, b, a)
+
+
+def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samples:
+    """1/(tau s + 1) of ``x`` (n,), which stood at its first value before, read ``late_s`` before each row: exact where
+    a lag of rows that are late already would be straight across their corners."""
+    whole, part = divmod(late_s / step_s, 1.0)
+    y, seen = relaxed(x, tau_s, step_s), 1.0 - part
+    if part and tau_s > 0:
+        gone = -math.expm1(-seen * step_s / tau_s)
+        before, last = np.concatenate([x[:1], x[:-1]]), np.concatenate([y[:1], y[:-1]])
+        y = last + (before - last) * gone + (x - before) * (seen - gone * tau_s / step_s)
+    elif part:
+        y = part * np.concatenate([x[:1], x[:-1]]) + seen * x
+    rows = min(int(whole), len(x))
+    return np.concatenate([np.full(rows, x[0]), y[: len(x) - rows]])
+
+
+def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
+    """(n,) or columns (n, k): what modes make of a motion that they would follow at rest."""
+    return native.behind_modes(still_um, _carried(tuple(modes), step_s))
+
+
+@lru_cache(maxsize=256)
+def _carried(modes: tuple[Mode, ...], step_s: float) -> Samples:
+    """(m, 7): share, b and a of every mode that carries anything."""
+    rows = [(c, *(v for part in mode_coefficients(f_Hz * step_s, zeta) for v in part)) for c, f_Hz, zeta in modes if c]
+    return np.array(rows, dtype=np.float64).reshape(-1, 7)
+
+
+def smoothly_relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
+    """1/(tau s + 1) of ``x`` (n,), which is smooth: between rows it runs on parabolas through its neighbours."""
+    straight = relaxed(x, tau_s, step_s)
+    if not tau_s > 0:
+        return straight
+    padded = np.pad(x, (1, 2), mode="edge")
+    bend = (padded[3:] - padded[2:-1] - padded[1:-2] + padded[:-3]) / 2  # (n,): of the stretch after each row
+    ratio = step_s / tau_s
+    # Twice what bend/2 s (1 - s), s from 0 to 1 over the row, takes away at the row's end, seen through the decay.
+    decay = math.exp(-ratio)
+    taken = decay * (1 / (2 * ratio) + 1 / ratio**2) + 1 / (2 * ratio) - 1 / ratio**2
+    added = np.concatenate([[0.0], -taken * bend[:-1]])
+    return np.asarray(straight + second_order(added, np.array([1.0, 0.0, 0.0]), np.array([1.0, -decay, 0.0])))
+
+
+@lru_cache(maxsize=256)
+def mode_coefficients(turns_per_step: float, zeta: float) -> tuple[Samples, Samples]:
+    """(b, a) of a ramp-invariant mode of gain 1: exact states under an input that is linear over each step
+    (Franklin, Powell and Workman 1998: triangle-hold equivalent).
+
+    The states are the position and its rate over w; phi = [[c + z s, s], [-s, c - z s]] takes them over a step.
+    """
+    w = 2 * math.pi * turns_per_step
+    damped = w * cmath.sqrt(1 - zeta**2)  # imaginary beyond critical damping
+    c, s = _turned(damped, zeta * w)
+    s *= w
+    held = 1 - c - zeta * s, s
+    ramp = (w - s - 2 * zeta * held[0]) / w, held[0] / w
+    # state' = phi state + (held - ramp) x_k + ramp x_{k+1}; its answer is the first state, C (zI - phi)^-1 B.
+    old, new = (held[0] - ramp[0], held[1] - ramp[1]), ramp
+    stays, mixes = c - zeta * s, s
+    b = new[0], old[0] - stays * new[0] + mixes * new[1], mixes * old[1] - stays * old[0]
+    return np.array(b), np.array([1.0, -2 * c, math.exp(-2 * zeta * w)])
+
+
+def _turned(angle: complex, decay: float) -> tuple[float, float]:
+    """exp(-decay) times cos(angle) and sin(angle) / angle, both real."""
+    if abs(angle.imag) < 1.0:
+        shrunk = math.exp(-decay)
+        return shrunk * cmath.cos(angle).real, shrunk * (cmath.sin(angle) / angle).real if angle else shrunk
+    # Far beyond critical damping cos and sin overflow, their products with the decay do not.
+    one, other = cmath.exp(1j * angle - decay), cmath.exp(-1j * angle - decay)
+    return ((one + other) / 2).real, ((one - other) / (2j * angle)).real

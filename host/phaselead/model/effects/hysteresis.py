@@ -1,0 +1,70 @@
+"""Hysteresis that the base does not have: a compact Prandtl-Ishlinskii operator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.native import scaled_plays
+
+PLAYS = 10
+
+
+def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Samples]:
+    """r (m,) in V and w (m,) in um/V."""
+    low, high = signal.span_V
+    steps = np.arange(1, PLAYS + 1) / PLAYS
+    r = number(params, "reach") * (high - low) / 2 * steps
+    density = np.exp(number(params, "slope") * steps)
+    return r, number(params, "width") * signal.range_um * density / float(2 * r @ density)
+
+
+def start_V(signal: Signal, params: Params, r: Samples) -> Samples:
+    """Where the plays stand in the first row."""
+    return float(signal.driven_V[0]) + number(params, "rest_fraction") * r
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    return signal.value + number(params, "width") * _column(signal, params)
+
+
+def basis(signal: Signal, params: Params) -> Samples:
+    return _column(signal, params)[:, None]
+
+
+def _column(signal: Signal, params: Params) -> Samples:
+    r, w = thresholds_and_weights(signal, {**params, "width": 1.0})
+    v = signal.driven_V
+    start = start_V(signal, params, r)
+    lag = scaled_plays(v, np.ones_like(v), r, w, start) - float(w.sum()) * v
+    return lag - number(params, "rest_fraction") * float(w @ r)
+
+
+EFFECT = Effect(
+    name="hysteresis",
+    title="Hysteresis",
+    place=Place.HYSTERESIS,
+    order=0,
+    equation="y = x + sum_i w_i (play_ri[v] - v),  r_i = reach U/2 i/10,  w_i ~ exp(slope i/10),  "
+    "sum 2 r_i w_i = width X",
+    source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition)",
+    parameters=(
+        Parameter("width", "of range", 0.12, -0.2, 0.6, doc="opening of the full loop at its middle"),
+        Parameter(
+            "reach", "1", 0.5, 0.02, 1.0, role="shape", log=True, doc="largest threshold, of half the voltage range"
+        ),
+        Parameter(
+            "slope", "1", 0.0, -6.0, 6.0, role="shape", extreme=True, doc="above 0: more of the large thresholds"
+        ),
+        Parameter("rest_fraction", "1", 0.0, -1.0, 1.0, role="shape", doc="where the plays stand at rest, of r_i"),
+    ),
+    shows="a loop of position over voltage that does not close as the frequency falls; odd harmonics; the way back "
+    "depends on the last turning points",
+    reveals="a slowly decaying triangle, which runs through all minor loops and leaves a known memory",
+    confused_with=("delay", "creep", "backlash", "rate_dependence"),
+    compensation="The inverse play operator in the feed-forward (mode inverse), or the paper's gain and phase tables "
+    "for periodic paths.",
+    apply=apply,
+    picture=Picture("loop", {"width": 0.15, "reach": 0.6}),
+    basis=basis,
+)

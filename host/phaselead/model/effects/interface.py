@@ -1,0 +1,283 @@
+"""What an effect of the catalogue is: words for people, parameters with bounds for a fit, a function for the chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.errors import BadInput
+from phaselead.model.axis import AxisModel
+from phaselead.model.effects.reach import range_um
+from phaselead.model.operator import rest_plays, rest_position_um
+
+Samples = NDArray[np.float64]
+Value = float | Sequence[float]
+Params = Mapping[str, Value]
+Entry = tuple["Effect", Params]
+"""An effect and all of its parameters."""
+
+
+class Place(IntEnum):
+    """Where in the physical chain an effect acts. Volts up to AMPLIFIER, micrometres from HYSTERESIS on."""
+
+    CONVERTER = 0
+    TIMING = 1
+    AMPLIFIER = 2
+    HYSTERESIS = 3
+    CREEP = 4
+    MECHANICS = 5
+    COUPLING = 6
+    SENSOR = 7
+    ENVIRONMENT = 8
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect. All parameters of role "size" at 0 make the effect vanish; shapes say how it looks."""
+
+    name: str
+    unit: str
+    typical: float
+    low: float
+    high: float
+    role: Literal["size", "shape"] = "size"
+    log: bool = False
+    """Whether its scale is logarithmic: scan it in equal ratios."""
+    doc: str = ""
+    extreme: bool = False
+    """Of a shape: whether no stage comes near its bounds."""
+    beside_reference: bool = False
+    """Whether it is asked for beside reference records or a frozen base alone: a base that moves with the effect takes
+    it over."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What an effect is given. Arrays are (n,); the voltage runs straight between rows, the times are uniform.
+
+    The first row is how things stood for ever before: memories are settled there (``chain.simulate`` puts a row
+    in front of the record, at rest or at its first voltage).
+    """
+
+    t_s: Samples
+    value: Samples
+    """The signal at this place of the chain: V up to AMPLIFIER, um after it."""
+    u_V: Samples
+    """The voltage as recorded."""
+    axis: AxisModel
+    others_um: Mapping[str, Samples] = field(default_factory=dict)
+    """Displacement of the other axes from rest, um."""
+    rng: np.random.Generator | None = None
+    """With it, what no voltage predicts is drawn; without, ``apply`` gives the expectation."""
+    drive_V: Samples | None = None
+    """From HYSTERESIS on: the voltage that drove the hysteresis, after converter, delay and amplifier."""
+    plays_V: Samples | None = None
+    """Where the plays of the time view stood in the first row, were the recorded voltage at the material; None at
+    rest."""
+    active: Sequence[Entry] = ()
+    """All effects of this run."""
+    pushes: Mapping[str, Signal] = field(default_factory=dict)
+    """At the mechanics of a stage whose axes share modes: of every axis, this one too, what pushes them."""
+
+    def carrying(self, value: Samples, drive_V: Samples | None) -> Signal:
+        """The same record with another signal in it: ``dataclasses.replace`` for the many runs of a search. What is
+        cached of a signal depends on its axis alone, and is carried along."""
+        other = object.__new__(Signal)
+        other.__dict__.update(self.__dict__, value=value, drive_V=drive_V)
+        return other
+
+    def among(self, active: Sequence[Entry], rng: np.random.Generator | None) -> Signal:
+        """The same signal in a run with these effects."""
+        other = self.carrying(self.value, self.drive_V)
+        other.__dict__.update(active=active, rng=rng)
+        return other
+
+    @property
+    def step_s(self) -> float:
+        """Time between rows."""
+        return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1) if len(self.t_s) > 1 else 1.0
+
+    @property
+    def driven_V(self) -> Samples:
+        """The voltage at the hysteresis."""
+        return self.u_V if self.drive_V is None else self.drive_V
+
+    @property
+    def start_plays_V(self) -> Samples:
+        """Positions of the time view's plays in the first row: about the voltage that the hysteresis stood at, which a
+        rail keeps off the recorded one."""
+        aside_V = float(self.driven_V[0] - self.u_V[0])
+        if self.plays_V is not None:
+            return self.plays_V + aside_V
+        return rest_plays(self.axis.time) + aside_V if self.axis.time is not None else np.zeros(0)
+
+    @cached_property
+    def rest_um(self) -> float:
+        """Position at rest at 0 V, of the base model."""
+        return rest_position_um(self.axis.time) if self.axis.time is not None else 0.0
+
+    @cached_property
+    def range_um(self) -> float:
+        """Quasi-static travel over the voltages the base was fitted on: what "of range" means."""
+        return range_um(self.axis)
+
+    @property
+    def displacement_um(self) -> Samples:
+        """From rest."""
+        return self.value - self.rest_um
+
+    @property
+    def span_V(self) -> tuple[float, float]:
+        """The voltages the base was fitted on."""
+        view = self.axis.time
+        return view.u_range_V if view is not None else (self.axis.limits.u_min_V, self.axis.limits.u_max_V)
+
+    @property
+    def drive_share(self) -> Samples:
+        """The voltage at the hysteresis, -1..1 over the voltages the base was fitted on."""
+        low, high = self.span_V
+        return (2 * self.driven_V - (low + high)) / (high - low)
+
+
+Loops = Literal["loop", "loops", "difference"]
+Times = Literal["sine", "holds", "steps", "idle", "line", "ramp", "neighbour"]
+View = Loops | Times | Literal["response", "level"]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The small figure on the effect's page: which experiment, at which (exaggerated) size, on which base."""
+
+    view: View
+    params: Params
+    base: Literal["linear", "plays", "mode"] = "linear"
+
+
+def _as_given(params: Params) -> Params:
+    return params
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect. ``apply(signal, params)`` returns the signal with the effect, same shape.
+
+    kind: "response" (a voltage predicts it), "calibration" (a constant that differs from session to session) or
+    "disturbance" (no voltage predicts it).
+    """
+
+    name: str
+    title: str
+    place: Place
+    equation: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    shows: str
+    reveals: str
+    confused_with: tuple[str, ...]
+    compensation: str
+    apply: Callable[[Signal, Params], Samples]
+    picture: Picture
+    kind: Literal["response", "disturbance", "calibration"] = "response"
+    order: int = 0
+    """Within its place, rising."""
+    compensated: bool = True
+    """Whether the controller can do anything about it."""
+    basis: Callable[[Signal, Params], Samples] | None = None
+    """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
+    variance: Callable[[Signal, Params], Samples] | None = None
+    """(n,) um^2 that it adds to the noise at each row."""
+    spectrum: Callable[[Samples, Params, float], Samples] | None = None
+    """One-sided density in um^2/Hz at frequencies (m,) in Hz, for a sampling rate in Hz."""
+    rewrite: Callable[[Sequence[Entry], Params], Sequence[Entry]] | None = None
+    """Changes the parameters of other effects of the run instead of adding anything itself."""
+    accepts: tuple[str, ...] = ()
+    """Parameters of another form that stage files may use, turned into ``parameters`` or understood by ``apply``."""
+    normalise: Callable[[Params], Params] = _as_given
+    """From the accepted forms to the one that ``apply`` takes."""
+    untestable: Callable[[Signal], str | None] | None = None
+    """Why this axis cannot show it whatever the data, or None."""
+    reads: Callable[[Params, AxisModel], str] | None = None
+    """Its parameters as a person would say them, where the names do not."""
+
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that are not asked for, and their values."""
+
+    def beside_moving_base(self) -> Effect:
+        """The effect without the parameters that a base which moves with it takes over: they stay as when left out."""
+        asked = tuple(p for p in self.parameters if not p.beside_reference)
+        fixed = {p.name: _left_out(p) for p in self.parameters if p.beside_reference}
+        return replace(self, parameters=asked, fixed=fixed)
+
+    @property
+    def sizes(self) -> tuple[Parameter, ...]:
+        """The parameters that make it vanish when all are 0."""
+        return tuple(p for p in self.parameters if p.role == "size")
+
+    @property
+    def shapes(self) -> tuple[Parameter, ...]:
+        """The others."""
+        return tuple(p for p in self.parameters if p.role == "shape")
+
+    @property
+    def typical(self) -> dict[str, float]:
+        """Every parameter at its typical value."""
+        return {p.name: p.typical for p in self.parameters}
+
+    def parameter(self, name: str) -> Parameter:
+        """One parameter by name; BadInput when there is none."""
+        for p in self.parameters:
+            if p.name == name:
+                return p
+        raise BadInput(f"effect {self.name!r} has no parameter {name}; it has {self._known()}")
+
+    def complete(self, params: Params) -> Params:
+        """``params`` in the form ``apply`` takes: sizes left out are 0, shapes left out typical.
+
+        Raises BadInput on an unknown name.
+        """
+        known = {p.name for p in self.parameters} | set(self.accepts)
+        unknown = sorted(set(params) - known)
+        if unknown:
+            raise BadInput(f"effect {self.name!r}: unknown parameter {', '.join(unknown)}; it has {self._known()}")
+        given = self.normalise(params)
+        if set(given) & set(self.accepts):
+            return given
+        return {**self.fixed, **{p.name: _left_out(p) for p in self.parameters}, **given}
+
+    def _known(self) -> str:
+        return ", ".join([p.name for p in self.parameters] + [f"({name})" for name in self.accepts])
+
+
+def _left_out(p: Parameter) -> float:
+    return 0.0 if p.role == "size" else p.typical
+
+
+def number(params: Params, name: str) -> float:
+    """A parameter that is a single number."""
+    value = params[name]
+    if isinstance(value, Sequence):
+        if len(value) != 1:
+            raise BadInput(f"effect parameter {name} is a list of {len(value)}; give one number")
+        return float(value[0])
+    return float(value)
+
+
+def numbers(params: Params, name: str) -> Samples:
+    """A parameter that may be a list, as (m,)."""
+    return np.atleast_1d(np.asarray(params[name], dtype=np.float64))
+
+
+def columns(*of_rows: Samples) -> Samples:
+    """(n,) arrays side by side, (n, k), each contiguous in memory."""
+    return np.asarray(np.stack(of_rows).T)
+
+
+def with_columns(signal: Signal, added: Samples, params: Params, *sizes: str) -> Samples:
+    """The signal and ``added`` (n, len(sizes)) times the parameters ``sizes``."""
+    return np.asarray(signal.value + added @ np.array([number(params, name) for name in sizes]))

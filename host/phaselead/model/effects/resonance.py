@@ -1,0 +1,91 @@
+"""Modes of the mechanics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phaselead.errors import BadInput
+from phaselead.model.effects.filters import behind_modes, resonant
+from phaselead.model.effects.interface import (
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    columns,
+    numbers,
+)
+from phaselead.model.effects.mode_bank import poles, state_weights, states
+from phaselead.model.effects.softening import mode_levels
+
+
+def modes(params: Params) -> list[tuple[float, float, float]]:
+    """(c, f_Hz, zeta) of every mode. A single mode without c carries all of the motion. Raises BadInput."""
+    f_Hz, zeta = numbers(params, "f_Hz"), numbers(params, "zeta")
+    c = numbers(params, "c") if "c" in params else np.ones(1)
+    if not len(c) == len(f_Hz) == len(zeta):
+        raise BadInput(
+            f"effect 'resonance': c, f_Hz and zeta have {len(c)}, {len(f_Hz)} and {len(zeta)} elements; "
+            "give one of each per mode"
+        )
+    if not ((f_Hz > 0).all() and (zeta > 0).all()):
+        raise BadInput("effect 'resonance': f_Hz and zeta must be above 0")
+    return [(float(a), float(f), float(z)) for a, f, z in zip(c, f_Hz, zeta, strict=True)]
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    if "velocity" in params:
+        return _shared_modes(signal, params)
+    return behind_modes(signal.value, modes(params), signal.step_s)
+
+
+def _shared_modes(signal: Signal, params: Params) -> Samples:
+    """All modes in one pass, with what moves in proportion to velocity, and with poles that fall with the level."""
+    own = np.array(modes(params))
+    velocity = numbers(params, "velocity")
+    if len(velocity) != len(own):
+        raise BadInput(
+            f"effect 'resonance': {len(own)} modes but {len(velocity)} of velocity; give one of each per mode"
+        )
+    c, f_Hz, zeta = own.T
+    level, drop = mode_levels(signal, zeta)
+    moved = signal.displacement_um
+    through = states(moved, poles(f_Hz, zeta), signal.step_s, level, drop) @ state_weights(c, velocity, zeta)
+    return np.asarray(signal.value - c.sum() * moved + through)
+
+
+def basis(signal: Signal, params: Params) -> Samples:
+    return columns(*(resonant(signal.value, f, zeta, signal.step_s) - signal.value for _, f, zeta in modes(params)))
+
+
+def normalise(params: Params) -> Params:
+    return {"c": 1.0, **params} if "f_Hz" in params and np.ndim(params["f_Hz"]) == 0 else params
+
+
+EFFECT = Effect(
+    name="resonance",
+    title="Resonance",
+    place=Place.MECHANICS,
+    order=1,
+    equation="y = (1 - c) x + c w^2 x / (s^2 + 2 zeta w s + w^2),  w = 2 pi f_Hz; the static gain stays 1",
+    source="Devasia, Eleftheriou and Moheimani 2007, A survey of control issues in nanopositioning. Lists of c, f_Hz "
+    "and zeta are several modes; beside them `velocity`, a list too, adds velocity w s x / (s^2 + 2 zeta w s + w^2) "
+    "for modes that the axes share (Gawronski 2004, Advanced structural dynamics, section 2.3: complex modes)",
+    parameters=(
+        Parameter("c", "1", 1.0, -2.0, 2.0, doc="share of the static motion that this mode carries"),
+        Parameter("f_Hz", "Hz", 200.0, 10.0, 5000.0, role="shape", log=True, doc="undamped natural frequency"),
+        Parameter("zeta", "1", 0.02, 0.002, 0.5, role="shape", log=True, doc="damping ratio"),
+    ),
+    shows="a peak with a phase drop of 180 degrees in the frequency response, ringing after steps and corners",
+    reveals="a multisine through the peak, or steps, sampled at least five times faster than the mode",
+    confused_with=("load_change", "delay", "amplifier_lowpass"),
+    compensation="A notch at the mode (biquad cascade) in the feed-forward, or a reference without its harmonics; the "
+    "notch follows f_Hz, so a changed load needs a new fit.",
+    apply=apply,
+    picture=Picture("response", {"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),
+    basis=basis,
+    accepts=("velocity",),
+    normalise=normalise,
+)

@@ -1,0 +1,63 @@
+"""A sensor whose scale is not straight."""
+
+from __future__ import annotations
+
+from phaselead.model.effects.interface import (
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    columns,
+    with_columns,
+)
+from phaselead.model.effects.reach import ends_um
+
+SIZES = ("quadratic", "cubic", "quartic", "linear")
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    return with_columns(signal, basis(signal, params), params, *SIZES)
+
+
+def basis(signal: Signal, params: Params) -> Samples:
+    low, high = ends_um(signal.axis)
+    s = (2 * signal.value - (low + high)) / ((high - low) or 1.0)
+    bow = signal.range_um * (1 - s**2)
+    return columns(bow, 1.5 * 3**0.5 * s * bow, 4 * s**2 * bow, signal.range_um * (1 + s) / 2)
+
+
+EFFECT = Effect(
+    name="sensor_nonlinearity",
+    title="Sensor nonlinearity",
+    place=Place.SENSOR,
+    order=3,
+    equation="y = x + X (1 - s^2) (quadratic + 2.6 cubic s + 4 quartic s^2) + X linear (1 + s)/2,  s = -1..1 over the "
+    "range; the first three peak at 1 and are 0 at both ends (terminal linearity)",
+    source="Fleming 2013, A review of nanometer resolution position sensors (calibration and nonlinearity)",
+    parameters=(
+        Parameter("quadratic", "of range", 0.002, -0.1, 0.1, doc="bow"),
+        Parameter("cubic", "of range", 0.001, -0.1, 0.1, doc="S shape"),
+        Parameter("quartic", "of range", 0.001, -0.1, 0.1, doc="W shape"),
+        Parameter(
+            "linear",
+            "of range",
+            0.001,
+            -0.01,
+            0.01,
+            beside_reference=True,
+            doc="slope: its maker set the scale elsewhere",
+        ),
+    ),
+    shows="an error that depends on the position, not on the voltage: the same on both branches of the loop",
+    reveals="a bias ladder of small loops; a second sensor settles it",
+    confused_with=("asymmetric_hysteresis", "dac_nonlinearity", "saturation"),
+    compensation="None: the controller does not bend the measured position. Feedback cannot find it: the stage follows "
+    "its sensor. Only a better sensor shows that the curve is one of the sensor and not of the stage.",
+    apply=apply,
+    picture=Picture("difference", {"quadratic": 0.002, "cubic": 0.001}, base="plays"),
+    basis=basis,
+    compensated=False,
+)

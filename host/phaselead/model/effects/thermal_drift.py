@@ -1,0 +1,52 @@
+"""Frames that warm up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phaselead.model.effects.interface import (
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    columns,
+    number,
+    with_columns,
+)
+
+
+def apply(signal: Signal, params: Params) -> Samples:
+    return with_columns(signal, basis(signal, params), params, "ramp_um_per_s", "rise_um")
+
+
+def basis(signal: Signal, params: Params) -> Samples:
+    since = np.maximum(signal.t_s, 0.0)
+    return columns(signal.t_s, -np.expm1(-since / number(params, "tau_s")))
+
+
+EFFECT = Effect(
+    name="thermal_drift",
+    title="Thermal drift",
+    place=Place.ENVIRONMENT,
+    order=0,
+    equation="y = x + ramp_um_per_s t + rise_um (1 - exp(-t / tau_s)),  t absolute, from 0 on",
+    source="Newton's law of heating and cooling; expansion of 1-50 nm/K",
+    parameters=(
+        Parameter("ramp_um_per_s", "um/s", 0.002, -1.0, 1.0, doc="drift at a constant rate"),
+        Parameter("rise_um", "um", 0.1, -100.0, 100.0, doc="warming up that comes to an end"),
+        Parameter("tau_s", "s", 300.0, 5.0, 1e5, role="shape", log=True, doc="time constant of the warming"),
+    ),
+    shows="a slow way that goes on whatever the voltage does, over the records of a session",
+    reveals="a long idle record; steps of both signs, which creep and leakage follow and drift does not",
+    confused_with=("creep", "charge_leakage", "offset"),
+    compensation="None in the feed-forward: it depends on the room, not on the path. Feedback follows it if the sensor "
+    "does not drift itself.",
+    kind="disturbance",
+    apply=apply,
+    picture=Picture("idle", {"ramp_um_per_s": 2e-4, "rise_um": 0.1, "tau_s": 100.0}),
+    basis=basis,
+    compensated=False,
+)

@@ -1,0 +1,153 @@
+"""The stage file: everything known about a stage, as TOML that a person can read and edit.
+
+Two views of the same measurements per axis (``table`` and ``time``), limits, converter calibration, adopted
+effects, the cross-coupling of the axes, and where it all came from. Every key is described by its ``Field``;
+the same words become the comments of a saved file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, StringConstraints, ValidationError, field_validator, model_validator
+
+from phaselead.errors import BadInput
+from phaselead.model.axis import AxisModel
+from phaselead.model.effects import catalogue
+from phaselead.model.fields import Matrix3, Part, explain, fault
+from phaselead.model.layout import toml_text
+from phaselead.record import write_text
+
+FORMAT: Literal["phaselead-stage"] = "phaselead-stage"
+VERSION: Literal[1] = 1
+LARGEST_FILE = 16 * 2**20
+
+
+def _axis_name(name: str) -> str:
+    if name not in ("x", "y", "z"):
+        fault("is no axis; there are x, y and z")
+    return name
+
+
+AxisName = Annotated[str, AfterValidator(_axis_name)]
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+class DataSource(Part):
+    """A recording the stage was fitted on."""
+
+    file: str = Field(description="name of the recording")
+    sha256: Sha256 = Field(description="SHA-256 of its bytes")
+
+
+class Provenance(Part):
+    """Where the stage file came from."""
+
+    parent_sha256: Sha256 | None = Field(None, description="hash of the stage file this one was derived from")
+    data: tuple[DataSource, ...] = Field((), description="recordings it was fitted on")
+    tool: str = Field("", description="program and version that wrote it")
+    created: str = Field("", description="when, ISO 8601")
+
+    @field_validator("parent_sha256", mode="before")
+    @classmethod
+    def _empty_is_none(cls, value: object) -> object:
+        return None if value == "" else value
+
+
+class Stage(Part):
+    """A stage file. ``axes`` is keyed "x", "y", "z"; ``cross_coupling[i][j]`` is what i sees of j."""
+
+    format: Literal["phaselead-stage"] = FORMAT
+    version: Literal[1] = VERSION
+    name: str = Field(description="name of the stage")
+    provenance: Provenance = Provenance()
+    cross_coupling: Matrix3 | None = Field(
+        None, description="row: responding axis, column: driven axis (x, y, z); diagonal 1"
+    )
+    axes: dict[AxisName, AxisModel] = Field(min_length=1)
+
+    @field_validator("cross_coupling")
+    @classmethod
+    def _diagonal_is_one(cls, matrix: Matrix3 | None) -> Matrix3 | None:
+        for i, row in enumerate(matrix or ()):
+            if row[i] != 1:
+                fault(f"= {row[i]:g}: must be 1; an axis' own gain belongs to its own model", f"[{i}][{i}]")
+        return matrix
+
+    @model_validator(mode="after")
+    def _effects_are_known(self) -> Self:
+        for axis, model in self.axes.items():
+            for i, adopted in enumerate(model.effects):
+                if adopted.name not in catalogue():
+                    known = ", ".join(catalogue())
+                    fault(f"= {adopted.name!r}: is no known effect; one of: {known}", f"axes.{axis}.effects[{i}].name")
+        return self
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the content: keys and exact values, not comments or layout."""
+        content = self.model_dump(mode="json", exclude_none=True)
+        canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+    def axis(self, name: str) -> AxisModel:
+        """The model of one axis; BadInput when the stage has none."""
+        if name not in self.axes:
+            raise BadInput(
+                f"stage {self.name!r} has no axis {name}; it has {', '.join(sorted(self.axes))}: "
+                f"choose one of these, or identify {name}"
+            )
+        return self.axes[name]
+
+
+def load_stage(path: str | Path) -> Stage:
+    """Read a stage file. Raises BadInput with one line that names the file, the key and the fix."""
+    try:
+        with open(path, "rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); give a stage file (.toml)") from None
+    except ValueError:  # a NUL in the path
+        raise BadInput(f"{path!r}: is no file name; give a stage file (.toml)") from None
+    if len(content) > LARGEST_FILE:
+        raise BadInput(f"{path}: is larger than any stage file (16 MiB); is it one?")
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError:
+        raise BadInput(f"{path}: is not text; a stage file is TOML in UTF-8") from None
+    return parse_stage(text, str(path))
+
+
+def parse_stage(text: str, source: str = "stage") -> Stage:
+    """A stage from the text of its file; ``source`` names it in messages."""
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise BadInput(f"{source}: is not TOML: {reason}; repair the line, or fit the stage file again") from None
+    if content.get("format") != FORMAT:
+        raise BadInput(f'{source}: is no stage file; one begins with format = "{FORMAT}"')
+    version = content.get("version")
+    if isinstance(version, int) and version > VERSION:
+        raise BadInput(
+            f"{source}: was written by a newer phaselead (format version {version}; this one knows "
+            f"{VERSION}); update phaselead"
+        )
+    try:
+        return Stage.model_validate(content)
+    except ValidationError as error:
+        raise BadInput(f"{source}: {explain(error, Stage)}") from None
+
+
+def save_stage(path: str | Path, stage: Stage, *, overwrite: bool = True) -> None:
+    """Write a commented stage file, whole or not at all. ``load_stage`` gives back an equal Stage."""
+    write_text(path, stage_text(stage), overwrite=overwrite)
+
+
+def stage_text(stage: Stage) -> str:
+    """The commented TOML of a stage."""
+    return toml_text(stage)

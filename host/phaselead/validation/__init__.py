@@ -1,0 +1,19 @@
+"""Blind trials of the gap workflow: something is hidden in stages of a foreign make, and the answers are scored."""
+
+from __future__ import annotations
+
+from phaselead.validation.campaign import Plan, run_campaign
+from phaselead.validation.summary import FAILED, NOTHING, UNKNOWN
+from phaselead.validation.table import reached, write_table
+from phaselead.validation.truth import KINDS
+
+__all__ = [
+    "FAILED",
+    "KINDS",
+    "NOTHING",
+    "UNKNOWN",
+    "Plan",
+    "reached",
+    "run_campaign",
+    "write_table",
+]

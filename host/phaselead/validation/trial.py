@@ -1,0 +1,127 @@
+"""One case from its records to what the workflow said, as plain JSON types."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from phaselead.errors import PhaseleadError
+from phaselead.gap import GapResult, excitation_of, keep_freed_memory, run_gap
+from phaselead.identify import STILL_V, fit
+from phaselead.model import Actuator, AxisModel, Stage, predict
+from phaselead.record import Recording
+from phaselead.validation.truth import Case, load_truth
+
+Outcome = dict[str, Any]
+USUAL_BITS = 16
+
+
+def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
+    """Run the case called ``name`` of the generator in ``folder``.
+
+    What goes wrong is an outcome like any other: under "error", with the rest left empty.
+    """
+    keep_freed_memory()
+    case = load_truth(folder).case(name)
+    outcome: Outcome = {
+        "case": case.name,
+        "kind": case.kind,
+        "hidden": [
+            {"name": h.name, "size": h.size, "value": h.value, "unit": h.unit, "axis": h.axis} for h in case.hidden
+        ],
+        "without": list(case.without),
+        "error": None,
+    }
+    try:
+        return outcome | _tried(case, follow_up)
+    except PhaseleadError as error:
+        return outcome | {"error": str(error)}
+    except Exception as error:  # a crash is the workflow's answer to this case, and counts as wrong
+        return outcome | {"error": f"{type(error).__name__}: {error}"}
+
+
+def _tried(case: Case, follow_up: bool) -> Outcome:
+    reference, train, holdout = case.records()
+    stage = base_model(case, reference)
+    began, spent = time.monotonic(), time.process_time()
+    result = run_gap(stage, train, holdout, reference, without=case.without)
+    found = {
+        **answer(result),
+        "seconds": time.monotonic() - began,
+        "cpu_seconds": time.process_time() - spent,
+        "floor": _floor_um(stage, case.bare_holdout()),
+        "rows": sum(len(r.t_s) * len(r.axes) for r in [*reference, *train, *holdout]),
+    }
+    if follow_up and case.kind in ("single", "sines", "closed_loop"):
+        found["after_next"] = _after_next(case, stage, result, reference, train, holdout)
+    return found
+
+
+def base_model(case: Case, reference: Sequence[Recording]) -> Stage:
+    """What a lab would start from: the product's own fit of the driven, open-loop reference records."""
+    driven = [r for r in reference if _driven(r)]
+    open_loop = [r for r in driven if all(a.r_um is None for a in r.axes.values())]
+    axes: Any = {axis: _known(case.bits) for axis in reference[0].axes}
+    parent = Stage(name="rig", axes=axes)
+    return fit(open_loop or driven, parent=parent)[0]
+
+
+def _known(bits: int) -> AxisModel:
+    return AxisModel(actuator=Actuator(bits=bits)) if bits != USUAL_BITS else AxisModel()
+
+
+def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:
+    """What the base leaves of the held-out records with nothing hidden, each about its own offset."""
+    if bare is None:
+        return None
+    errors = []
+    for record in bare:
+        for axis, predicted in predict(stage, record).axes.items():
+            measured = record.axes[axis].x_um
+            if measured is not None and predicted.x_um is not None:
+                error = measured - predicted.x_um
+                errors.append(error - error.mean())
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def _driven(record: Recording) -> bool:
+    return any(a.u_V is not None and float(np.ptp(a.u_V)) > STILL_V for a in record.axes.values())
+
+
+def answer(result: GapResult) -> Outcome:
+    """What is scored of a result."""
+    scores: dict[str, float] = {}
+    for candidate in result.candidates:
+        scores[candidate.name] = max(candidate.score, scores.get(candidate.name, 0.0))
+    return {
+        "verdicts": list(result.verdicts),
+        "named": [e.name for e in result.effects],
+        "axes": [e.axis for e in result.effects],
+        "scores": {e.name: scores.get(e.name) for e in result.effects},
+        "ties": [list(tie) for tie in result.ties],
+        "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit, "axis": b.axis} for b in result.excluded],
+        "untestable": list(result.untestable),
+        "candidates": [[c.step, c.name, round(c.score, 1), c.held_out_z, c.remark] for c in result.candidates],
+        "gap": {"before": result.gap.before, "after": result.gap.after, "floor": result.gap.floor},
+    }
+
+
+def _after_next(
+    case: Case,
+    stage: Stage,
+    result: GapResult,
+    reference: Sequence[Recording],
+    train: Sequence[Recording],
+    holdout: Sequence[Recording],
+) -> Outcome | None:
+    """What the workflow says once the experiment it asked for is among the training records."""
+    proposed = result.next_experiment
+    if not result.ties or proposed is None or proposed.needs_sensor:
+        return None
+    excitation = excitation_of(vars(proposed))
+    more = case.follow_up(excitation.voltage, excitation.seconds, proposed.axis)
+    again = run_gap(stage, [*train, more], holdout, reference, without=case.without)
+    return {"tie": list(result.ties[0]), "waveform": proposed.waveform, **answer(again)}
