@@ -13,8 +13,7 @@ from phaselead.model.axis import AdoptedEffect, AxisModel
 from phaselead.model.chain import Chain, simulate
 from phaselead.model.effects import catalogue, effect
 from phaselead.model.effects.interface import Place
-from phaselead.model.effects.reach import ends_um, range_um
-from phaselead.model.operator import plays, predict_time_view, rest_plays
+from phaselead.model.operator import ends_um, plays, predict_time_view, range_um, rest_plays
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage
 from phaselead.record.recording import AxisRecord, Recording

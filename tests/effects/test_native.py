@@ -13,13 +13,16 @@ from scipy.integrate import solve_ivp
 
 from phaselead.model.effects.filters import (
     behind_modes,
+    lags,
     mode_coefficients,
     relaxed,
     relaxed_late,
     resonant,
+    second_order_left,
     smoothly_relaxed,
 )
-from phaselead.model.effects.native import lags, scaled_plays, second_order_left, slewed
+from phaselead.model.effects.rate_dependence import scaled_plays
+from phaselead.model.effects.slew_limit import slewed
 
 rows = st.integers(1, 40).flatmap(
     lambda n: arrays(np.float64, n, elements=st.floats(-10, 10).map(lambda v: round(v, 6)))

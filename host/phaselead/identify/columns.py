@@ -1,4 +1,4 @@
-"""The columns of the operator fit, in C (host/phaselead/model/kernel/plays.c): a fit asks for thousands of them."""
+"""The columns of the operator fit, in C (host/phaselead/model/operator.c): a fit asks for thousands of them."""
 
 from __future__ import annotations
 

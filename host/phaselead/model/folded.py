@@ -9,8 +9,7 @@ import numpy as np
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import effect, hysteresis
 from phaselead.model.effects.interface import Params, Samples, Signal, number
-from phaselead.model.effects.reach import range_um
-from phaselead.model.operator import rest_position_um
+from phaselead.model.operator import range_um, rest_position_um
 
 BENDS = 16
 """Straight pieces that a curvature is drawn with: within 0.4 % of its size."""

@@ -16,7 +16,7 @@ from phaselead.model.effects.interface import (
     number,
     with_columns,
 )
-from phaselead.model.effects.native import scaled_plays
+from phaselead.model.operator import weighed_plays
 
 PLAYS = 8
 
@@ -31,7 +31,7 @@ def basis(signal: Signal, params: Params) -> Samples:
     square = signal.drive_share**2
     r = number(params, "reach") * np.arange(1, PLAYS + 1) / PLAYS
     w = np.full(PLAYS, 1 / (2 * r.sum()))
-    lag = scaled_plays(square, np.ones_like(square), r, w, np.full(PLAYS, square[0])) - w.sum() * square
+    lag = weighed_plays(square, r, w, np.full(PLAYS, square[0])) - w.sum() * square
     return columns(signal.range_um * (square - rest), signal.range_um * lag)
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import scaled_plays
+from phaselead.model.operator import weighed_plays
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -13,7 +11,7 @@ def apply(signal: Signal, params: Params) -> Samples:
     if width <= 0:
         return signal.value
     r = width * signal.range_um / 2
-    return scaled_plays(signal.value, np.ones_like(signal.value), [r], [1.0], [float(signal.value[0])])
+    return weighed_plays(signal.value, [r], [1.0], [float(signal.value[0])])
 
 
 EFFECT = Effect(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.model.effects.filters import lags
 from phaselead.model.effects.interface import (
     Effect,
     Parameter,
@@ -16,7 +17,6 @@ from phaselead.model.effects.interface import (
     number,
     numbers,
 )
-from phaselead.model.effects.native import lags
 
 TERMS = 8
 """Time constants between the first and the last: two or three a decade draw a straight line within 1 %."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import scaled_plays
+from phaselead.model.operator import weighed_plays
 
 PLAYS = 10
 
@@ -36,7 +36,7 @@ def _column(signal: Signal, params: Params) -> Samples:
     r, w = thresholds_and_weights(signal, {**params, "width": 1.0})
     v = signal.driven_V
     start = start_V(signal, params, r)
-    lag = scaled_plays(v, np.ones_like(v), r, w, start) - float(w.sum()) * v
+    lag = weighed_plays(v, r, w, start) - float(w.sum()) * v
     return lag - number(params, "rest_fraction") * float(w @ r)
 
 

@@ -9,14 +9,11 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel
-from phaselead.model.effects.reach import range_um
-from phaselead.model.operator import rest_plays, rest_position_um
+from phaselead.model.operator import Samples, range_um, rest_plays, rest_position_um
 
-Samples = NDArray[np.float64]
 Value = float | Sequence[float]
 Params = Mapping[str, Value]
 Entry = tuple["Effect", Params]

@@ -13,7 +13,7 @@ from phaselead.model.effects.interface import (
     columns,
     with_columns,
 )
-from phaselead.model.effects.reach import ends_um
+from phaselead.model.operator import ends_um
 
 SIZES = ("quadratic", "cubic", "quartic", "linear")
 

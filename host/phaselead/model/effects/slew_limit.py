@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+import ctypes
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phaselead.compiled import kernel_of
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import slewed
+from phaselead.model.operator import address, doubles
+
+
+@cache
+def _kernel() -> ctypes.CDLL:
+    kernel = kernel_of("phaselead.model._kernel", "stage_slew")
+    kernel.stage_slew.argtypes = [ctypes.c_size_t, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
+    kernel.stage_slew.restype = None
+    return kernel
+
+
+def slewed(x: ArrayLike, rise: float) -> Samples:
+    """``x`` (n,) with a rate of at most ``rise`` per row."""
+    x = doubles(x)
+    y = np.empty_like(x)
+    _kernel().stage_slew(len(x), address(x), rise, address(y))
+    return y
 
 
 def apply(signal: Signal, params: Params) -> Samples:

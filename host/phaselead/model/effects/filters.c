@@ -1,7 +1,4 @@
-#include "effects.h"
-
-#include <math.h>
-#include <stdbool.h>
+#include "filters.h"
 
 void stage_lags(size_t n, const double *x, size_t m, const struct stage_lag *lags, double *s, double *y)
 {
@@ -118,48 +115,4 @@ void stage_second_order_left(size_t n, const double *x, const double *measured, 
     means[0] = ee / count - e_sum / count * (e_sum / count);
     means[1] = ed / count - e_sum / count * (d_sum / count);
     means[2] = dd / count - d_sum / count * (d_sum / count);
-}
-
-void stage_slew(size_t n, const double *x, double rise, double *y)
-{
-    double at = n ? x[0] : 0.0;
-    for (size_t k = 0; k < n; k++) {
-        double far = x[k] - at;
-        at = far > rise ? at + rise : far < -rise ? at - rise : x[k];
-        y[k] = at;
-    }
-}
-
-static bool constant(size_t n, const double *x)
-{
-    size_t same = 1;
-    while (same < n && x[same] == x[0]) {
-        same++;
-    }
-    return same >= n;
-}
-
-void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m, const double *r, const double *w,
-                        double held, double *p, double *y)
-{
-    if (constant(n, scale)) { /* nothing is ever held back beyond a threshold */
-        stage_weighed_plays(n, v, n ? scale[0] : 1.0, m, r, w, p, y);
-        return;
-    }
-    for (size_t k = 0; k < n; k++) {
-        double sum = 0.0;
-        double before = v[k > 0 ? k - 1 : 0];
-        double moved = fabs(v[k] - before);
-        for (size_t j = 0; j < m; j++) {
-            double kept = k > 0 ? fabs(before - p[j]) - moved : 0.0;
-            double reach = scale[k] * r[j];
-            reach += held * fmax(kept - reach, 0.0);
-            double high = v[k] + reach;
-            double low = v[k] - reach;
-            double q = p[j] < high ? p[j] : high;
-            p[j] = q > low ? q : low;
-            sum += w[j] * p[j];
-        }
-        y[k] = sum;
-    }
 }

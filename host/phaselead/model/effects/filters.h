@@ -1,8 +1,8 @@
-/* The parts of the effects that run row by row, in doubles. The row x[0] is how things stood before. */
-#ifndef PHASELEAD_STAGE_EFFECTS_H
-#define PHASELEAD_STAGE_EFFECTS_H
+/* First- and second-order filters that effects share, in doubles. The row x[0] is how things stood before. */
+#ifndef PHASELEAD_MODEL_FILTERS_H
+#define PHASELEAD_MODEL_FILTERS_H
 
-#include "plays.h"
+#include "operator.h"
 
 struct stage_lag { /* 1/(tau s + 1) for an input that runs straight between rows: s' = s + old (x - s) + new (x' - s) */
     double old, new, gain;
@@ -30,14 +30,5 @@ PHASELEAD_EXPORT void stage_behind_modes(size_t n, size_t k, const double *x, si
 PHASELEAD_EXPORT void stage_second_order_left(size_t n, const double *x, const double *measured, const double *b,
                                               const double *a, double step, size_t n_rows, const size_t *rows,
                                               double *means);
-
-/* y follows x by at most `rise` a row. */
-PHASELEAD_EXPORT void stage_slew(size_t n, const double *x, double rise, double *y);
-
-/* y[k] = sum w_j play_j[v] with thresholds scale[k] r_j that change from row to row; the plays start at p. Where a
- * threshold shrinks, what is held back beyond it is let go at once but for the share `held`, which is let go only as
- * the voltage moves, by as much. */
-PHASELEAD_EXPORT void stage_scaled_plays(size_t n, const double *v, const double *scale, size_t m, const double *r,
-                                         const double *w, double held, double *p, double *y);
 
 #endif

@@ -4,8 +4,8 @@
  *     p_k = max(v_k - r, min(v_k + r, p_{k-1}))                (Kuhnen 2003, eq. 5)
  * Voltages in V, thresholds in V, weights in um/V. Nothing is allocated, nothing is kept between calls:
  * the plays come in through `p` and leave through `p`, so that a record can be continued. */
-#ifndef PHASELEAD_STAGE_PLAYS_H
-#define PHASELEAD_STAGE_PLAYS_H
+#ifndef PHASELEAD_MODEL_OPERATOR_H
+#define PHASELEAD_MODEL_OPERATOR_H
 
 #include <stddef.h>
 

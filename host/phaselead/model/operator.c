@@ -1,4 +1,4 @@
-#include "plays.h"
+#include "operator.h"
 
 #include <stdbool.h>
 

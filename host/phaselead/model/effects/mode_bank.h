@@ -2,10 +2,10 @@
  *
  * A mode is s' = p (1 - sum_j drop_j level_j) s + x with a complex pole p. Its input runs straight between rows and its
  * pole stands still over each step; shifts of a few per cent are meant, and their third order is left out. */
-#ifndef PHASELEAD_STAGE_MODES_H
-#define PHASELEAD_STAGE_MODES_H
+#ifndef PHASELEAD_MODEL_MODE_BANK_H
+#define PHASELEAD_MODEL_MODE_BANK_H
 
-#include "plays.h"
+#include "operator.h"
 
 struct stage_mode { /* per step: z = p step; transition exp(z); weights of the row before and the new one; slopes in p
                      */

@@ -1,4 +1,4 @@
-#include "modes.h"
+#include "mode_bank.h"
 
 struct complex_pair {
     double re, im;
