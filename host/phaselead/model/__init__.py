@@ -18,8 +18,10 @@ from phaselead.model.effects import (
     number,
 )
 from phaselead.model.effects.filters import Mode, behind_modes, mode_coefficients, resonant, second_order_left
+from phaselead.model.effects.interface import CheckedParameters, VirtualAxis
 from phaselead.model.effects.mode_bank import modes_of, shares, states, states_and_slopes
 from phaselead.model.effects.softening import push_level
+from phaselead.model.effects.virtual import NotPlayed
 from phaselead.model.fields import explained
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.operator import ends_um, plays, predict_time_view, respond, rest_plays, rest_position_um
@@ -39,6 +41,7 @@ __all__ = [
     "AdoptedEffect",
     "AxisModel",
     "Chain",
+    "CheckedParameters",
     "Compensation",
     "DataSource",
     "Effect",
@@ -47,6 +50,7 @@ __all__ = [
     "Gains",
     "Limits",
     "Mode",
+    "NotPlayed",
     "Parameter",
     "Params",
     "Picture",
@@ -60,6 +64,7 @@ __all__ = [
     "TablePoint",
     "TableView",
     "TimeView",
+    "VirtualAxis",
     "behind_modes",
     "catalogue",
     "compensation",

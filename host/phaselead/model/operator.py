@@ -165,3 +165,19 @@ def _ends_um(view: TimeView) -> tuple[float, float]:
         at_low += s * max(low - d, 0.0)
         at_high += s * max(high - d, 0.0)
     return at_low, at_high
+
+
+def resting_at(view: TimeView, rest_um: float) -> TimeView:
+    """The view with the offset that makes it rest at ``rest_um``."""
+    return view.model_copy(update={"offset_um": view.offset_um + rest_um - rest_position_um(view)})
+
+
+def merged(
+    at: tuple[float, ...], values: tuple[float, ...], more_at: Samples, more: Samples
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Thresholds of both and their values, rising, each threshold once; values of equal thresholds add."""
+    total: dict[float, float] = {}
+    for threshold, value in [*zip(at, values, strict=True), *zip(more_at.tolist(), more.tolist(), strict=True)]:
+        total[threshold] = total.get(threshold, 0.0) + value
+    thresholds = tuple(sorted(total))
+    return thresholds, tuple(total[t] for t in thresholds)

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 from phaselead.model.operator import weighed_plays
 
 
@@ -12,6 +23,10 @@ def apply(signal: Signal, params: Params) -> Samples:
         return signal.value
     r = width * signal.range_um / 2
     return weighed_plays(signal.value, [r], [1.0], [float(signal.value[0])])
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.slack(given.one("width", low=0.0) * axis.range_um / 2)
 
 
 EFFECT = Effect(
@@ -27,7 +42,8 @@ EFFECT = Effect(
     confused_with=("hysteresis",),
     compensation="None: its inverse is a jump by the width at each reversal, which no amplifier follows. Where it is "
     "worth it, a refit takes it up as one more play, and the inverse play operator then knows it.",
-    compensated=False,
     apply=apply,
     picture=Picture("loop", {"width": 0.1}),
+    virtual=virtual,
+    repeatable=True,
 )

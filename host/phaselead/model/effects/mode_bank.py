@@ -18,6 +18,7 @@ from phaselead.errors import BadInput
 Samples = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
+NOT_PLAYED = "modes that the axes share, which the simulator does not play; remove it, or give modes of the axis alone"
 SMALL = 1e-3
 """Below this abs(p) step the differences of exponentials would cancel; a series takes their place."""
 

@@ -9,8 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phaselead.compiled import kernel_of
-from phaselead.model.effects import hysteresis
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 from phaselead.model.operator import address, doubles, weighed_plays
 
 
@@ -60,21 +70,26 @@ def scale(signal: Signal, params: Params) -> Samples:
 
 
 def _plays(signal: Signal) -> tuple[Samples, Samples, Samples]:
-    """Thresholds, weights and start of the plays of the base and of adopted hysteresis."""
+    """Thresholds, weights and start of the plays of the base and of adopted effects."""
     view = signal.axis.time
     r = [np.asarray(view.play_r_V if view else ())]
     w = [np.asarray(view.play_w_um_per_V if view else ())]
     start = [signal.start_plays_V]
     for effect, params in signal.active:
-        if effect.name == "hysteresis":
-            more_r, more_w = hysteresis.thresholds_and_weights(signal, params)
-            r, w = [*r, more_r], [*w, more_w]
-            start.append(hysteresis.start_V(signal, params, more_r))
+        if effect.plays is not None:
+            more_r, more_w, more_start = effect.plays(signal, params)
+            r, w, start = [*r, more_r], [*w, more_w], [*start, more_start]
     return np.concatenate(r), np.concatenate(w), np.concatenate(start)
 
 
 def untestable(signal: Signal) -> str | None:
     return None if len(_plays(signal)[0]) else "the model has no hysteresis whose width could change"
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    widening, held = given.one("widening", low=0.0), given.one("held", low=0.0)
+    onset_V_per_s = given.one("onset_per_s", above=0.0) * axis.range_V
+    axis.widening(widening, onset_V_per_s, held, given.one("spread", above=0.0) if widening else 0.0)
 
 
 EFFECT = Effect(
@@ -110,8 +125,8 @@ EFFECT = Effect(
     confused_with=("hysteresis", "backlash", "creep", "amplifier_lowpass", "delay", "softening"),
     compensation="Not from its parameters: the inverse operator is made for one rate. The phase-lead tables, measured "
     "at several frequencies, hold it for periodic paths.",
-    compensated=False,
     apply=apply,
     picture=Picture("loops", {"widening": 0.6}, base="plays"),
     untestable=untestable,
+    virtual=virtual,
 )

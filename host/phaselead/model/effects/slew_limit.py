@@ -10,7 +10,18 @@ from numpy.typing import ArrayLike
 
 from phaselead.compiled import kernel_of
 from phaselead.model.axis import AxisModel
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 from phaselead.model.operator import address, doubles
 
 
@@ -46,6 +57,11 @@ def reads(params: Params, axis: AxisModel) -> str:
     return f"at most {(high - low) / traverse_s:.4g} V/s"
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    if traverse_s := given.one("traverse_s", low=0.0):
+        axis.slew(axis.range_V / traverse_s)
+
+
 EFFECT = Effect(
     name="slew_limit",
     title="Slew limit",
@@ -65,6 +81,7 @@ EFFECT = Effect(
     "device then keeps to a rate that the amplifier can follow.",
     apply=apply,
     picture=Picture("sine", {"traverse_s": 0.05}),
-    compensated=False,
     reads=reads,
+    virtual=virtual,
+    repeatable=True,
 )

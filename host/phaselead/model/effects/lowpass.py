@@ -1,4 +1,4 @@
-"""Time constants that people call corner frequencies."""
+"""What the low-pass effects share: a corner frequency in place of the time constant, and how they are simulated."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel
-from phaselead.model.effects.interface import Params, number
+from phaselead.model.effects.parameters import CheckedParameters, Params, number
+from phaselead.model.effects.virtual import VirtualAxis
 
 
 def from_corner(params: Params) -> Params:
@@ -20,6 +21,11 @@ def from_corner(params: Params) -> Params:
 
 
 def corner_reads(params: Params, axis: AxisModel) -> str:
-    """For people."""
+    """The corner, for people."""
     tau_s = number(params, "tau_s")
     return f"corner at {1 / (2 * math.pi * tau_s):.4g} Hz" if tau_s > 0 else "no corner"
+
+
+def virtual_lowpass(axis: VirtualAxis, given: CheckedParameters) -> None:
+    """One pole at the place of the effect."""
+    axis.lowpass(given.one("tau_s", low=0.0), given.written("corner_Hz"))

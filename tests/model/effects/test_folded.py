@@ -7,7 +7,7 @@ import pytest
 from benchtop import LINEAR, MODE, PIEZO, axis, rich, run
 
 from phaselead.model.axis import AdoptedEffect, TimeView
-from phaselead.model.folded import folded
+from phaselead.model.inverse import folded
 
 HYSTERESIS = AdoptedEffect(name="hysteresis", params={"width": 0.12, "reach": 0.4, "slope": 1.0, "rest_fraction": 0.4})
 BEND = AdoptedEffect(name="asymmetric_hysteresis", params={"bend": 0.03})

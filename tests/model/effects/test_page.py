@@ -10,7 +10,7 @@ import pytest
 from phaselead.model.effects import catalogue
 from phaselead.report import catalogue_page as page
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.fixture(scope="module")
