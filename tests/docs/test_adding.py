@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
 
 import h5py
 import pytest
-from worked_example import copy_tree, follow
+from worked_example import ROOT, copy_tree, follow
+
+from phaselead.device import wire
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +80,76 @@ def test_an_added_waveform_is_checked_before_anything_moves(with_waveform, words
     refused = with_waveform.run("-m", "phaselead", "track", *words, *stage, check=False)
     assert refused.returncode == 2
     assert told in refused.stderr
+
+
+GENERATED = (
+    "firmware/app/wire.h",
+    "firmware/app/wire.c",
+    "host/phaselead/device/wire.py",
+    "docs/wire.md",
+    "protocol/golden.json",
+)
+CC = ("cc", "-std=c11", "-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-fno-strict-aliasing")
+
+
+def compile_firmware(tree):
+    """The firmware of this tree in place of the one that was copied with it."""
+    (library,) = tree.root.glob("host/phaselead/sim/_firmware*.so")
+    folders = ("firmware/core", "firmware/app", "firmware/port/host", "host/phaselead/sim/kernel")
+    sources = [str(path) for folder in folders for path in sorted((tree.root / folder).glob("*.c"))]
+    include = [f"-I{tree.root}/firmware", f"-I{tree.root}/host/phaselead/sim/kernel"]
+    build_id = f'-DPHASELEAD_BUILD_ID="{"0" * 40}"'
+    command = [*CC, "-shared", "-fPIC", "-fvisibility=hidden", build_id, *include, *sources, "-o", str(library), "-lm"]
+    library.unlink()
+    subprocess.run(command, check=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def with_message(tmp_path_factory):
+    tree = copy_tree(tmp_path_factory.mktemp("message"), "host/phaselead", "firmware", "protocol", "docs/wire.md")
+    steps = follow("adding-a-message.md", tree)
+    assert steps == ["protocol/schema.toml", "firmware/app/commands_echo.c"]
+    wrote = tree.run("protocol/generate.py").stdout
+    assert wrote == "".join(f"wrote {name}\n" for name in GENERATED)
+    return tree
+
+
+def test_an_added_message_is_generated_everywhere(with_message):
+    assert "struct wire_echo_request {\n    uint32_t word;\n};" in with_message.text("firmware/app/wire.h")
+    assert "### echo\n\nSends a word back; while parked.\n" in with_message.text("docs/wire.md")
+    frames = json.loads(with_message.text("protocol/golden.json"))["frames"]
+    assert {frame["message"] for frame in frames} >= {"echo_request", "echo_reply"}
+    assert with_message.run("protocol/generate.py", "--check").stdout == ""
+
+
+def test_an_added_message_changes_the_fingerprint(with_message):
+    asked = with_message.run("-c", "from phaselead.device import wire; print(wire.FINGERPRINT)").stdout
+    assert int(asked) != wire.FINGERPRINT
+
+
+def test_a_device_without_an_added_message_refuses_its_host(with_message):
+    """The host's own check first; then the device's, with a command that it does not know."""
+    refused = with_message.run("-m", "phaselead", "info", check=False)
+    assert refused.returncode == 3
+    assert "speaks another version of the wire" in refused.stderr
+    code = (
+        "from phaselead.device import wire, Device\n"
+        f"wire.FINGERPRINT = {wire.FINGERPRINT}\n"
+        "Device.open('sim://xyz250').session.request(wire.EchoRequest(7))\n"
+    )
+    refused = with_message.run("-c", code, check=False)
+    assert "echo refused (unknown_command)" in refused.stderr
+
+
+def test_a_host_without_an_added_message_does_not_take_it():
+    assert 0x16 not in wire.MESSAGES
+    assert 0x96 not in wire.MESSAGES
+
+
+def test_an_added_message_is_answered(with_message):
+    compile_firmware(with_message)
+    said = with_message.run(str(ROOT / "tests/docs/use_echo.py")).stdout.splitlines()
+    assert said == [
+        "echo refused (bad_value): 0 is what an empty reply holds; send another word",
+        "echo refused (wrong_state): not in this state; `phaselead status` shows it, `phaselead park` ends it",
+    ]
