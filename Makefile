@@ -45,6 +45,7 @@ lint: $(STAMP)
 generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py
 	@$(BIN)/python -m phaselead.report.catalogue_page
+	@$(BIN)/python -m phaselead.report.waveform_table
 
 setup: $(STAMP)
 

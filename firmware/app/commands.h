@@ -29,11 +29,9 @@ struct command {
 /* Never NULL; for a number that is no command, one without a handler. */
 const struct command *command_find(uint8_t type);
 
-command_handler command_hello, command_stop, command_status, command_arm, command_start, command_park,
-    command_clear_fault, command_set_timeout, command_info;
-command_handler command_set_axis, command_set_path, command_wave_chunk, command_wave_commit;
-command_handler command_model_begin, command_model_chunk, command_model_commit, command_model_read,
-    command_model_persist;
-command_handler command_stream_start, command_stream_stop, command_snapshot_read;
+/* command_NAME() for every command of the schema: each is defined in one of the files commands_*.c. */
+#define DECLARE(name, number, states, locks_itself) command_handler command_##name;
+WIRE_COMMANDS(DECLARE)
+#undef DECLARE
 
 #endif

@@ -18,7 +18,7 @@ from phaselead.identify.experiment import identify_device
 from phaselead.identify.plan import Experiment
 from phaselead.model.axis import AxisModel, Gains, Limits, Sensor
 from phaselead.model.stage_file import Stage, save_stage
-from phaselead.waveforms.waveform import parse_wave
+from phaselead.waveforms.catalogue import parse_wave
 
 
 @pytest.mark.parametrize(("wave", "mode"), [("sine:1V+6V@5Hz", "open"), ("sine:60um+20um@5Hz", "pid")])

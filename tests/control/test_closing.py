@@ -10,7 +10,7 @@ from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Limits, TimeVi
 from phaselead.model.effects import catalogue
 from phaselead.model.inverse import compensation, coupling
 from phaselead.model.stage_file import Stage, save_stage
-from phaselead.waveforms.waveform import parse_waves
+from phaselead.waveforms.catalogue import parse_waves
 
 STAIRCASE_s = 0.00012
 """What a held, latched output is late of the straight line between ticks that models are fitted on."""

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from phaselead.cli.common import emit, json_option, port_option
 from phaselead.cli.device import emit_pairs, print_pairs
+from phaselead.cli.listing import top_level
 from phaselead.device import Device
 from phaselead.device import selftest as test_axis
 from phaselead.errors import BadInput, PhaseleadError
@@ -72,6 +73,7 @@ def check_board(device: Device, environment: str, build_id: str) -> None:
         raise PhaseleadError(f"the board runs build {runs[:12]}, not {build_id[:12]}; press its reset, then try again")
 
 
+@top_level(order=180)
 @click.command()
 @click.option("--env", "environment", type=click.Choice(ENVIRONMENTS), default=ENVIRONMENTS[0], help="Which board.")
 @port_option
@@ -93,6 +95,7 @@ def flash(environment: str, port: str, check_only: bool, json_to: str | None) ->
     emit_pairs({"board": environment, "build_id": build_id, "runs_it": True}, json_to)
 
 
+@top_level(order=190)
 @click.command()
 @port_option
 @click.option("--axis", "axes", default="xyz", show_default=True, help="Which axes are looped.")

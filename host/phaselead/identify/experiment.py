@@ -28,7 +28,7 @@ from phaselead.identify.plan import Experiment, plan_grid, plan_seconds
 from phaselead.identify.verification import Verification, verify
 from phaselead.model import AxisModel, Stage
 from phaselead.record import Recording, refuse_gapped
-from phaselead.waveforms import Waveform, refuse_out_of_range
+from phaselead.waveforms import Sine, refuse_out_of_range
 
 CHANNELS = Channel.ADC | Channel.DAC
 FIT_SHARE = 0.1
@@ -117,7 +117,7 @@ def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None) -> No
     for e in plan:
         model = parent.axes.get(e.axis, AxisModel()) if parent is not None else AxisModel()
         try:
-            refuse_out_of_range(Waveform("sine", e.swing_V, 0.0, "V", e.f_Hz), model)
+            refuse_out_of_range(Sine(e.swing_V, 0.0, "V", e.f_Hz), model)
         except BadInput as error:
             limits = model.limits
             raise BadInput(
