@@ -4,6 +4,7 @@
 #include "app/commands.h"
 #include "app/crc32.h"
 #include "core/fixed.h"
+#include "core/inverse_make.h"
 
 #define WAVE_ONE_Q30 (1 << 30)
 #define HALF_TURN64 ((uint64_t)1 << 63)

@@ -84,7 +84,7 @@ static void reset_axis(struct device *device, unsigned axis)
     config->converter.adc_zero_code = model->adc_zero_code;
     config->converter.adc_um_per_code_q32 = model->adc_um_per_code_q32;
     memset(&state->path, 0, sizeof state->path);
-    memset(&state->aim, 0, sizeof state->aim);
+    memset(&state->target, 0, sizeof state->target);
     pid_reset(&state->pid);
 }
 
@@ -145,7 +145,7 @@ static __attribute__((noinline)) void decoupled(struct device *device, uint32_t 
     decouple(slot != NULL ? &slot->decoupling : NULL, mask, values_q16, &saturated);
     for (unsigned axis = 0; axis < AXES && saturated; axis++)
         if ((mask >> axis & 1u) != 0)
-            device->control.axis[axis].aim.flags |= AIM_SATURATED;
+            device->control.axis[axis].target.flags |= TARGET_SATURATED;
 }
 
 /* The inverse's voltages for where the axes of `feeding` should be, next to others that invert. */
@@ -155,23 +155,23 @@ static __attribute__((noinline)) void feed_axes(struct device *device, uint32_t 
     uint32_t inverting = 0;
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_state *state = &device->control.axis[axis];
-        ahead_q16[axis] = state->aim.ahead_q16;
-        if (state->drive == DRIVE_PATH && (state->aim.flags & AIM_INVERTS) != 0)
+        ahead_q16[axis] = state->target.ahead_q16;
+        if (state->drive == DRIVE_PATH && (state->target.flags & TARGET_INVERSE) != 0)
             inverting |= 1u << axis;
     }
     decoupled(device, inverting, ahead_q16);
     for (unsigned axis = 0; axis < AXES; axis++)
         if ((feeding >> axis & 1u) != 0)
-            axis_feed(&device->model_of[axis], &device->control.axis[axis], ahead_q16[axis]);
+            axis_invert(&device->model_of[axis], &device->control.axis[axis], ahead_q16[axis]);
 }
 
 /* Bit of the axis when its inverse is to be fed. */
 static EACH_AXIS uint32_t aim_one(struct device *device, unsigned axis)
 {
     struct axis_state *state = &device->control.axis[axis];
-    if ((device->still >> axis & 1u) != 0 || !axis_needs_aim(state))
+    if ((device->still >> axis & 1u) != 0 || !axis_needs_target(state))
         return 0;
-    return (uint32_t)axis_aim(&device->control.config[axis], &device->model_of[axis], state) << axis;
+    return (uint32_t)axis_set_target(&device->control.config[axis], &device->model_of[axis], state) << axis;
 }
 
 /* Where the axes that follow a path should be next, and the feed-forward for it: at their start, and behind the output
@@ -201,7 +201,7 @@ static __attribute__((noinline)) void start_axes(struct device *device, uint8_t 
     device->still &= ~(uint32_t)axis_mask;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (axis_mask >> axis & 1u)
-            axis_start(&control->config[axis], &control->axis[axis]);
+            axis_start(&control->axis[axis]);
     aim_axes(device);
 }
 
@@ -289,7 +289,7 @@ static void watch_host(struct device *device)
 static __attribute__((noinline)) void watch_rail(struct device *device, unsigned axis)
 {
     const struct control *control = &device->control;
-    if (axis_mode_closes(control->config[axis].mode) && control->axis[axis].drive == DRIVE_PATH)
+    if (axis_mode_has_feedback(control->config[axis].mode) && control->axis[axis].drive == DRIVE_PATH)
         device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
 }
 
@@ -297,7 +297,7 @@ static __attribute__((noinline)) void watch_rail(struct device *device, unsigned
 static EACH_AXIS uint32_t find_error(struct device *device, unsigned axis, uint32_t moving, int32_t *error_q16)
 {
     struct axis_state *state = &device->control.axis[axis];
-    if ((moving >> axis & 1u) == 0 || !axis_closes(state))
+    if ((moving >> axis & 1u) == 0 || !axis_has_feedback(state))
         return 0;
     *error_q16 = axis_error_q16(&device->control.config[axis], state, device->adc_codes[axis]);
     return 1u << axis;
@@ -319,7 +319,7 @@ static EACH_AXIS void settle_one(struct device *device, unsigned axis, uint32_t 
     struct axis_state *state = &device->control.axis[axis];
     if ((moving >> axis & 1u) == 0)
         return;
-    if (axis_settle(&device->model_of[axis], state, &device->traces[axis]))
+    if (axis_follow_output(&device->model_of[axis], state, &device->traces[axis]))
         device_stir(device, axis);
     if (state->rail_ticks >= RAIL_TICKS && device->control.state == WIRE_STATE_RUNNING)
         watch_rail(device, axis);

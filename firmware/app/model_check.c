@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "app/model_inverse.h"
+#include "core/feedforward_tables.h"
 #include "core/fixed.h"
 
 #define FLAG_TABLE 1u
