@@ -1,5 +1,5 @@
-/* feedforward_expand(): from the paper's polynomials to tables, when a model is committed. Never called in a tick. */
-#include "core/feedforward.h"
+#include "core/feedforward_tables.h"
+
 #include "core/fixed.h"
 
 #define GAIN_MIN_Q32 (((int64_t)1 << 29) + 1) /* 1/8 um/V: its inverse must fit q28 */
