@@ -25,7 +25,7 @@ COMMANDS = {
     "stop": "phaselead.cli.device:stop",
     "status": "phaselead.cli.device:status",
     "info": "phaselead.cli.device:info",
-    "ports": "phaselead.cli.device:ports",
+    "ports": "phaselead.cli.ports:ports",
     "log": "phaselead.cli.log:log",
     "replay": "phaselead.cli.log:replay",
     "gap": "phaselead.cli.gap:gap",
