@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -35,6 +37,14 @@ COMMANDS = {
 }
 
 
+def summary(command: str, longest: int) -> str:
+    """What a command does, in at most ``longest`` characters: its docstring, read from its file as text."""
+    module, function = COMMANDS[command].split(":")
+    source = ast.parse((Path(__file__).parent / f"{module.rpartition('.')[2]}.py").read_text(encoding="utf-8"))
+    written = next(node for node in source.body if isinstance(node, ast.FunctionDef) and node.name == function)
+    return click.Command(command, help=ast.get_docstring(written)).get_short_help_str(longest)
+
+
 class LazyGroup(click.Group):
     """Imports a command's module when the command is looked up, and turns our errors into one line and a status."""
 
@@ -47,6 +57,12 @@ class LazyGroup(click.Group):
         module, attribute = COMMANDS[cmd_name].split(":")
         command: click.Command = getattr(importlib.import_module(module), attribute)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands with a line each, without loading them."""
+        room = formatter.width - 6 - max(map(len, COMMANDS))
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary(name, room)) for name in COMMANDS])
 
     def invoke(self, ctx: click.Context) -> Any:
         interrupt.install()
