@@ -1,4 +1,7 @@
-"""Serial ports, real and simulated, opened so that nothing on the other side twitches."""
+"""Serial ports, real and simulated, opened so that nothing on the other side twitches.
+
+It stands below the room `device`, so that ports can be listed without loading numpy, the wire and the model.
+"""
 
 from __future__ import annotations
 
