@@ -1,8 +1,11 @@
-"""What a recording must be before anything is estimated from it. Failures are BadInput lines that say the
-fix."""
+"""Runs: the driven axes of recordings, checked for what every estimate needs, and the sines that drive them.
+
+A recording that cannot be used raises BadInput, in one line that says how to mend it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -12,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from phaselead.errors import BadInput
-from phaselead.identify.columns import turning_rows
 from phaselead.model import plays
 from phaselead.record import Recording, Samples, refuse_clipped, refuse_gapped
 
@@ -24,13 +26,17 @@ SINE_RESIDUAL = 0.01
 """Rms departure from a sine, as a share of its amplitude, up to which a voltage is called one."""
 
 ROWS_PER_PERIOD = 32
-"""Enough of them to know a sine by."""
+"""A sine is estimated from about this many rows per period; more add time and no precision."""
 FEWEST_PERIODS = 2
-"""Of a sine, before anything is fitted to it: one settles the memory."""
+"""Periods of a sine that are needed before anything is fitted to it: the first settles the memory."""
+SAME = 0.02
+"""Levels or frequencies closer than this, relatively, are one."""
+JUMP_SHARE = 0.05
+"""A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 
 
 class Sine(NamedTuple):
-    """A sine voltage ``mean + swing/2 cos(2 pi f t + phase)`` on the rows ``rows`` of the whole recording."""
+    """A sine voltage, ``mean_V + swing_V / 2 cos(2 pi f_Hz t + phase)``, on ``rows`` of the whole recording."""
 
     f_Hz: float
     swing_V: float
@@ -39,13 +45,16 @@ class Sine(NamedTuple):
 
     @property
     def starts_at_zero(self) -> bool:
-        """Whether it is the paper's: between 0 V and its swing (eq. 4)."""
+        """Whether it runs between 0 V and its swing, as the grid of Xu & Li 2010 does (eq. 4)."""
         return abs(self.mean_V - self.swing_V / 2) < 0.02 * self.swing_V
 
 
 @dataclass(frozen=True)
 class AxisRun:
-    """One driven axis of one recording, checked: arrays (n,), the rows to score, and where it came from."""
+    """One driven axis of one recording, checked.
+
+    ``t_s``, ``u_V`` and ``x_um`` are (n,); ``scored`` are the rows that count, those before them warm the memory.
+    """
 
     t_s: Samples
     u_V: Samples
@@ -56,6 +65,7 @@ class AxisRun:
 
     @property
     def step_s(self) -> float:
+        """Time between two rows."""
         return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1)
 
     @cached_property
@@ -65,8 +75,11 @@ class AxisRun:
 
     @cached_property
     def turning_rows(self) -> NDArray[np.uintp]:
-        """The rows at which the voltage turns round."""
-        return turning_rows(self.u_V)
+        """The rows, ascending, after which the voltage, 0 V before the record, goes the other way."""
+        steps = np.diff(self.u_V, prepend=0.0)
+        moving = np.flatnonzero(steps)
+        rises = steps[moving] > 0
+        return np.asarray(moving[1:][rises[1:] != rises[:-1]] - 1, dtype=np.uintp)
 
     @property
     def range_um(self) -> float:
@@ -128,7 +141,7 @@ def refuse_too_short(run: AxisRun) -> None:
 def turning_points(u: Samples) -> int:
     """How often ``u`` (n,) turns round by more than a tenth of its span."""
     slack = 0.1 * float(np.ptp(u))
-    # What a play of that slack makes of u turns only where u turns by more.
+    # The output of a play of this slack turns only where u turns by more.
     moved, _ = plays(u, [slack / 2], [u[0]])
     steps = np.diff(moved[:, 0])
     directions = np.sign(steps[steps != 0])
@@ -154,21 +167,21 @@ def sine_of(run: AxisRun, f_Hz: float | None = None) -> Sine | None:
     f_Hz = _refined(t, u, rough_Hz) if f_Hz is None else f_Hz
     if not f_Hz > 0 or f_Hz * (t[-1] - t[0]) < 0.9:
         return None
-    (mean, even, odd), left = _sine_fit(t, u, f_Hz)
-    amplitude = float(np.hypot(even, odd))
-    if not amplitude > 0 or np.sqrt(left / len(u)) > SINE_RESIDUAL * amplitude:
+    (mean, cosine, sine), squares = _sine_fit(t, u, f_Hz)
+    amplitude = float(np.hypot(cosine, sine))
+    if not amplitude > 0 or np.sqrt(squares / len(u)) > SINE_RESIDUAL * amplitude:
         return None
     return Sine(f_Hz, 2 * amplitude, float(mean), rows)
 
 
 def _strongest_line(u: Samples, step_s: float) -> float:
-    """Its frequency in Hz, to about one over the length of ``u``."""
+    """Frequency in Hz of the strongest line in the spectrum of ``u``, to about one over its length in seconds."""
     spectrum = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u))))
     return max(int(np.argmax(spectrum)), 1) / (len(u) * step_s)
 
 
 def _refined(t: Samples, u: Samples, rough_Hz: float) -> float:
-    """The frequency near ``rough_Hz`` that leaves least, to six digits."""
+    """The frequency near ``rough_Hz`` of the sine that fits ``u`` best, to six digits."""
     wide = 1.5 / float(t[-1] - t[0])
     found = minimize_scalar(
         lambda f: _sine_fit(t, u, f)[1],
@@ -180,8 +193,49 @@ def _refined(t: Samples, u: Samples, rough_Hz: float) -> float:
 
 
 def _sine_fit(t: Samples, u: Samples, f_Hz: float) -> tuple[Samples, float]:
-    """(mean, cosine, sine) of the best sine, and the sum of squares it leaves."""
+    """Mean, cosine and sine amplitude of the best sine of ``f_Hz``, and the sum of squares of what it leaves."""
     turn = 2 * np.pi * f_Hz * t
     basis = np.stack([np.ones_like(t), np.cos(turn), np.sin(turn)])
     coefficients = np.linalg.solve(basis @ basis.T + 1e-12 * len(t) * np.eye(3), basis @ u)
     return coefficients, float(np.sum((u - coefficients @ basis) ** 2))
+
+
+def distinct(values: Sequence[float]) -> list[float]:
+    """Levels or frequencies that differ by more than ``SAME``, ascending, each the mean of those that it stands for."""
+    groups: list[list[float]] = []
+    for value in sorted(values):
+        if groups and value <= groups[-1][0] * (1 + SAME):
+            groups[-1].append(value)
+        else:
+            groups.append([value])
+    return [float(np.mean(group)) for group in groups]
+
+
+def period_s(run: AxisRun) -> float:
+    """Period of the sine that is as large and as fast as the scored voltage; infinite where it only jumps."""
+    u = run.u_V[run.scored]
+    rate = np.abs(np.diff(u)) / run.step_s
+    rate = np.minimum(rate, np.quantile(rate, 0.99))
+    speed = float(np.sqrt(np.mean(rate**2)))
+    return float(2 * np.pi * u.std()) / speed if speed > 0 else np.inf
+
+
+def jumps(run: AxisRun) -> NDArray[np.intp]:
+    """Rows at which the voltage jumps; row 0 is one when the record does not begin at 0 V."""
+    steps = np.abs(np.diff(run.u_V, prepend=0.0))
+    usual = float(np.quantile(steps[run.scored], 0.99))
+    return np.flatnonzero(steps > max(JUMP_SHARE * float(np.ptp(run.u_V[run.scored])), 5 * usual))
+
+
+def longest_delay_s(run: AxisRun) -> float:
+    """The longest delay that the jumps inside the record allow: until the position has gone half of the way."""
+    slope = np.ptp(run.x_um[run.scored]) / np.ptp(run.u_V[run.scored])
+    bound = np.inf
+    for row in jumps(run):
+        if row == 0:
+            continue
+        way = slope * abs(run.u_V[row] - run.u_V[row - 1])
+        gone = np.abs(run.x_um[row:] - np.median(run.x_um[max(0, row - 5) : row])) > way / 2
+        if gone.any():
+            bound = min(bound, float(np.argmax(gone) + 0.5) * run.step_s)
+    return bound
