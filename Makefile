@@ -5,7 +5,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phaselead/*/kernel/*.[ch] host/phaselead/sim/emulator/*.[ch])
+NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phaselead/*/kernel/*.[ch] \
+	host/phaselead/model/*.[ch] host/phaselead/model/effects/*.[ch] host/phaselead/sim/emulator/*.[ch])
 
 # Where PlatformIO finds what it would otherwise download; `pio run` by itself uses the registry.
 PIO_CORE := .pio-core

@@ -52,8 +52,9 @@ setup(
         ),
         Extension(
             "phaselead.model._kernel",
-            sources=sorted(glob("host/phaselead/model/kernel/*.c")),
-            include_dirs=["host/phaselead/model/kernel"],
+            sources=sorted(glob("host/phaselead/model/*.c") + glob("host/phaselead/model/effects/*.c")),
+            depends=sorted(glob("host/phaselead/model/**/*.h", recursive=True)),
+            include_dirs=["host/phaselead/model"],
             extra_compile_args=[*FLAGS, "-O3"],
             libraries=["m"],
         ),

@@ -1,4 +1,4 @@
-"""arm, park, stop, status, info, ports, upload: talk to a device."""
+"""arm, park, stop, status, info, upload: talk to a device."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rich.table import Table
 
 from phaselead.cli.common import emit, json_option, port_option
 from phaselead.cli.listing import top_level
-from phaselead.device import Device, device_model, list_ports
+from phaselead.device import Device, device_model
 from phaselead.model import load_stage
 
 
@@ -92,22 +92,6 @@ def info(port: str, json_to: str | None) -> None:
     """Print what the device is: build, schema, model, timing of its tick, last fault."""
     with Device.open(port, park_on_exit=False) as device:
         emit_pairs(device.info(), json_to)
-
-
-@top_level(order=130)
-@click.command()
-@json_option
-def ports(json_to: str | None) -> None:
-    """List serial ports, without opening them. The virtual stage sim://xyz250 is always there."""
-    found = list_ports()
-
-    def human(console: Console) -> None:
-        table = Table("port", "what it is")
-        for entry in found:
-            table.add_row(entry.url, entry.description)
-        console.print(table)
-
-    emit({"ports": [{"url": entry.url, "description": entry.description} for entry in found]}, json_to, human)
 
 
 @top_level(order=60)

@@ -13,8 +13,8 @@ import serial
 from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.framing import CRC_SIZE, FrameReader, encode_frame
-from phaselead.device.ports import Port
 from phaselead.errors import DeviceRefused, LinkError
+from phaselead.serial_ports import Port
 
 R = TypeVar("R", bound=wire.Reply)
 
