@@ -57,7 +57,7 @@ firmware: $(PIO_STAMP)
 budget: firmware
 	@$(BIN)/python benchmarks/budget.py
 
-$(PIO_STAMP): $(STAMP) $(wildcard firmware/port/stm32f4/offline/*.py firmware/port/stm32f4/offline/platform/*/*)
+$(PIO_STAMP): $(STAMP) platformio.ini $(wildcard firmware/port/stm32f4/offline/*.py firmware/port/stm32f4/offline/platform/*/*)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q $(BOARD_EXTRA)
 	@$(BIN)/python firmware/port/stm32f4/offline/prepare.py $(PIO_CORE)
 	@touch $@

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import h5py
 import pytest
 from worked_example import ROOT, copy_tree, follow
 
 from phaselead.device import wire
+from phaselead.errors import BadInput
+from phaselead.sim.emulated import check_qemu
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +159,43 @@ def test_an_added_message_is_answered(with_message):
         "echo refused (bad_value): 0 is what an empty reply holds; send another word",
         "echo refused (wrong_state): not in this state; `phaselead status` shows it, `phaselead park` ends it",
     ]
+
+
+@pytest.fixture(scope="module")
+def with_board(tmp_path_factory):
+    """The board, built as `make firmware` does."""
+    if shutil.which("arm-none-eabi-gcc") is None:
+        pytest.skip("no gcc-arm-none-eabi")
+    pio = Path(sys.executable).with_name("pio")
+    if not pio.exists():
+        pytest.skip("no PlatformIO here; run `make firmware`")
+    tree = copy_tree(tmp_path_factory.mktemp("board"), "host/phaselead", "firmware", "platformio.ini")
+    steps = follow("adding-a-board.md", tree)
+    assert steps == ["firmware/port/stm32f4/boards/crystal_f446.h", "platformio.ini"]
+    core = tree.root / ".pio-core"
+    tree.run("firmware/port/stm32f4/offline/prepare.py", str(core))
+    subprocess.run(
+        [pio, "run", "-s", "-d", tree.root, "-e", "crystal_f446"],
+        env=os.environ | {"PLATFORMIO_CORE_DIR": str(core)},
+        check=True,
+        timeout=600,
+    )
+    return tree
+
+
+def test_an_added_board_compiles(with_board):
+    elf = (with_board.root / ".pio/build/crystal_f446/firmware.elf").read_bytes()
+    assert b"crystal_f446\0" in elf
+    assert b"chip=F446,usart=1\0" in elf
+    binary = (with_board.root / ".pio/build/crystal_f446/firmware.bin").read_bytes()
+    assert b"chip=" not in binary
+    assert "[nucleo_f446re|generic_f405|crystal_f446]" in with_board.run("-m", "phaselead", "flash", "--help").stdout
+
+
+def test_an_added_board_runs_in_the_emulator(with_board):
+    try:
+        check_qemu()
+    except BadInput as error:
+        pytest.skip(str(error))
+    said = with_board.run("-m", "phaselead", "info", "--port", "qemu://crystal_f446", "--json", "-").stdout
+    assert json.loads(said)["target"] == "crystal_f446"

@@ -18,9 +18,9 @@ from phaselead.cli.listing import top_level
 from phaselead.device import Device
 from phaselead.device import selftest as test_axis
 from phaselead.errors import BadInput, PhaseleadError
+from phaselead.source_tree import boards, source_tree
 
-ROOT = Path(__file__).resolve().parents[3]
-ENVIRONMENTS = ("nucleo_f446re", "generic_f405")
+BOARDS = boards()
 PREPARED = ".pio-core"
 """What `make toolchain` leaves."""
 FAILED = 1
@@ -28,10 +28,10 @@ FAILED = 1
 
 def source_root() -> Path:
     """The source tree, which PlatformIO builds from. Raises BadInput when this package is not in one."""
-    for root in (Path.cwd(), ROOT):
-        if (root / "platformio.ini").is_file() and (root / "firmware" / "build_id.py").is_file():
-            return root
-    raise BadInput("flash needs phaselead's source tree; run it there")
+    root = source_tree()
+    if root is None:
+        raise BadInput("flash needs phaselead's source tree; run it there")
+    return root
 
 
 def pio() -> str:
@@ -75,7 +75,13 @@ def check_board(device: Device, environment: str, build_id: str) -> None:
 
 @top_level(order=180)
 @click.command()
-@click.option("--env", "environment", type=click.Choice(ENVIRONMENTS), default=ENVIRONMENTS[0], help="Which board.")
+@click.option(
+    "--env",
+    "environment",
+    type=click.Choice(BOARDS) if BOARDS else str,
+    default=next(iter(BOARDS), ""),
+    help="Which board.",
+)
 @port_option
 @click.option("--check-only", is_flag=True, help="Upload nothing; only see whether the board runs this source.")
 @json_option

@@ -24,8 +24,11 @@ from numpy.typing import NDArray
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.device import BAUD, Codes
 from phaselead.sim.plant import PlantParameters
+from phaselead.source_tree import boards
 
-BOARDS = ("nucleo_f446re", "generic_f405")
+BOARDS = boards()
+"""Whose firmware `make firmware` builds."""
+HARDWARE = re.compile(rb"chip=(F446|F405),usart=([12])")
 QEMU = "qemu-system-arm"
 QEMU_VERSION = "7.2"
 MACHINE = "netduinoplus2"
@@ -80,6 +83,15 @@ def find_firmware(board: str) -> Path:
         if elf.is_file():
             return elf
     raise BadInput(f"there is no firmware for {board} yet; run `make firmware` in the source tree, or give ?elf=FILE")
+
+
+def hardware_of(elf: Path, board: str) -> str:
+    """Chip and serial port that a firmware is for, as it says itself. Raises BadInput when it is for another board."""
+    firmware = elf.read_bytes()
+    found = HARDWARE.search(firmware)
+    if found is None or board.encode() not in firmware:
+        raise BadInput(f"{elf}: is no firmware for {board}; build it with `make firmware`")
+    return found.group().decode("ascii")
 
 
 def _plugin() -> str:
@@ -174,7 +186,7 @@ class EmulatedDevice:
         count: str | None = None,
         boot: bool = True,
     ) -> None:
-        if board not in BOARDS:
+        if BOARDS and board not in BOARDS:
             raise BadInput(f"there is no emulated board {board!r}; there are {' and '.join(BOARDS)}")
         if flash is not None and len(flash) != FLASH_SIZE:
             raise BadInput("the flash image has the wrong size; give one that an emulated board wrote, or none")
@@ -196,7 +208,7 @@ class EmulatedDevice:
             raise BadInput(f"{elf}: there is no such firmware")
         down, to_board = os.pipe()
         from_board, up = os.pipe()
-        plugin = f"{_plugin()},in={down},out={up},library={_stage_library()},board={board}"
+        plugin = f"{_plugin()},in={down},out={up},library={_stage_library()},{hardware_of(elf, board)}"
         if count is not None:
             plugin += f",count={count}"
         self._said = tempfile.TemporaryFile()  # noqa: SIM115
