@@ -106,8 +106,8 @@ setup(
         ),
         Extension(
             "phaselead.model._kernel",
-            sources=below("host/phaselead/model/kernel/*.c"),
-            depends=below("host/phaselead/model/kernel/*.h"),
+            sources=below("host/phaselead/model/**/*.c"),
+            depends=below("host/phaselead/model/**/*.h"),
             include_dirs=["host/phaselead/model/kernel"],
             extra_compile_args=[*FLAGS, "-O3"],
             libraries=["m"],
