@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import enum
-import importlib.util
 import os
 import re
 import shutil
@@ -21,6 +20,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.compiled import library_path
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.device import BAUD, Codes
 from phaselead.sim.plant import PlantParameters
@@ -95,17 +95,17 @@ def hardware_of(elf: Path, board: str) -> str:
 
 
 def _plugin() -> str:
-    spec = importlib.util.find_spec("phaselead.sim._emulator")
-    if spec is None or spec.origin is None:
+    built = library_path("phaselead.sim._emulator")
+    if built is None:
         raise PhaseleadError("the emulated board is not built; it needs Linux and a C compiler (`make setup`)")
-    return spec.origin
+    return str(built)
 
 
 def _stage_library() -> str:
-    spec = importlib.util.find_spec("phaselead.sim._firmware")
-    if spec is None or spec.origin is None:
+    built = library_path("phaselead.sim._firmware")
+    if built is None:
         raise PhaseleadError("the firmware library is not built; run `make setup`")
-    return spec.origin
+    return str(built)
 
 
 def check_qemu() -> str:
