@@ -25,6 +25,7 @@ EFFECT = Effect(
     title="Charge leakage",
     place=Place.AMPLIFIER,
     order=3,
+    slow=True,
     equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C)",
     source="Fleming and Moheimani 2005 (charge drives lose their low frequencies); Clayton, Tien, Fleming, Moheimani "
     "and Devasia 2008 (inverse feed-forward of charge-controlled positioners)",
