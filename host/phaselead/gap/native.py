@@ -1,9 +1,8 @@
-"""What runs over every row of every column, in C (host/phaselead/gap/kernel), and the memory it works in."""
+"""Whitening in C (host/phaselead/gap/kernel): what runs over every row of every column."""
 
 from __future__ import annotations
 
 import ctypes
-import sys
 from functools import cache
 
 import numpy as np
@@ -13,9 +12,6 @@ from phaselead.compiled import kernel_of
 from phaselead.record import Samples
 
 _SIZE, _DATA = ctypes.c_size_t, ctypes.c_void_p
-_TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4
-"""Of mallopt(3), as in glibc's malloc.h."""
-KEPT_bytes, PAD_bytes = 2**31 - 1, 2**26
 
 
 class _Whitener(ctypes.Structure):
@@ -61,16 +57,3 @@ def whitened(
     by = _Whitener(len(kept[0]), taps, along, diag, below, len(kept[4]), last, moves.ctypes.data)
     _kernel().gap_whiten(by, *rows.shape, rows.ctypes.data, steps.ctypes.data, white.ctypes.data)
     return white.reshape(np.shape(values))
-
-
-def keep_freed_memory() -> bool:
-    """Have this process keep the memory that it frees; whether it does. For a process that does nothing else.
-
-    A search allocates and frees some tens of megabytes thousands of times. glibc gives each back to the system, which
-    clears every page again: a third of the processor time. Elsewhere than on glibc nothing changes.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if mallopt is None:
-        return False
-    wanted = ((_TRIM_THRESHOLD, KEPT_bytes), (_TOP_PAD, PAD_bytes), (_MMAP_MAX, 0))
-    return all(mallopt(option, value) == 1 for option, value in wanted)

@@ -27,27 +27,23 @@ from phaselead.gap.native import differences_factor, whitened
 from phaselead.record import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
-"""Of the autoregressions. The sensor's is short because rows just after a jump, as many, are lost to it."""
-JUMP = 30.0
-"""A jump is a row in which the misfit may change by this many deviations of the sensor's innovations; the short
-filter for the sensor's noise then says nothing for its length."""
-UNSURE = 4.0
-"""Times a wander that a few independent stretches of one record tell."""
-NOISIER = 1.1
-"""Power of whitened records at rest from which their noise is not the one that was expected."""
-RARE = 0.02
+"""Of the autoregressions. The sensor's is short because as many rows are lost after every jump."""
+JUMP_STD = 30.0
+"""A row is a jump when the misfit may change in it by this many deviations of the sensor's innovations; the filter for
+the sensor's noise then says nothing for its length."""
+RARE_SHARE = 0.02
 """Of the rows: what happens more often is no jump."""
-WHITE_BLOCKS = 24
-"""Fewest blocks over all records before blocks are made shorter than they would like to be."""
-SHORTEST_BLOCK = 64
-REPEATS = 0.98
-"""Correlation with itself a period later from which a voltage counts as periodic."""
+WANDER_MARGIN = 4.0
+"""A wander estimated from the few independent stretches of one record may be this many times larger."""
+LOUDER = 1.1
+"""Mean square of whitened records at rest from which their noise is another than was expected."""
 START_STD = 1e3
-"""How uncertain the misfit is in a record's first row, in units of its deviation."""
+"""Deviation of the misfit in a record's first row, in units of its own: nothing is known of it there."""
 LIKELIHOOD_ROWS = 60_000
-MOSTLY = 0.5
+"""Most rows of a record in the likelihood: more change its maximum by less than its own uncertainty."""
+MOVING_SHARE = 0.5
 """Share of moving rows from which a record tells how the misfit behaves in motion."""
-MOVING = 1e-2
+MOVING_GROWTH = 1e-2
 """A row in which the misfit's variance grows by more than this, in units of the sensor's, is one in motion."""
 
 
@@ -94,7 +90,7 @@ class Whitener:
         slow = float(np.sum(noise.sensor)) / noise.sigma_um
         first = START_STD**2 if noise.misfit_um > 0 else 0.0
         self.factor = differences_factor(self._phi, grown * slow**2, first)
-        self._moving = grown * slow**2 > MOVING
+        self._moving = grown * slow**2 > MOVING_GROWTH
         self._grown = grown
 
     def __call__(self, values: Samples) -> Samples:
@@ -109,8 +105,8 @@ class Whitener:
     def _lost(self) -> NDArray[np.intp]:
         """Rows that rare jumps spoil."""
         n, rows = self._noise, len(self._grown)
-        jumped = np.flatnonzero(self._grown > (JUMP * n.sigma_um) ** 2)
-        lost = (jumped[:, None] + np.arange(len(n.sensor))).ravel() if len(jumped) < RARE * rows else jumped[:0]
+        jumped = np.flatnonzero(self._grown > (JUMP_STD * n.sigma_um) ** 2)
+        lost = (jumped[:, None] + np.arange(len(n.sensor))).ravel() if len(jumped) < RARE_SHARE * rows else jumped[:0]
         return np.asarray(lost[lost < rows])
 
     def innovations(self, values: Samples) -> Samples:
@@ -154,7 +150,7 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
         noise = replace(noise, idle_um2_per_s=min(at_rest, noise.wander_um2_per_s))
     white = [noise.whitener(u, step_s).innovations(e)[len(sensor) :] for e, u in driven]
     moved = [np.abs(np.diff(u, prepend=u[0]))[len(sensor) :] > 0 for _, u in driven]
-    white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOSTLY]
+    white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOVING_SHARE]
     if not white:
         return noise
     rest, scale = autoregression(white)
@@ -169,7 +165,7 @@ def _wander(error: Samples, step_s: float) -> float:
     long, short = n // 4, max(n // 40, 1)
     means = np.convolve(e, np.ones(short) / short, "valid")
     far, near = (float(np.mean((means[lag:] - means[:-lag]) ** 2)) for lag in (long, short))
-    return (UNSURE * max(far - near, 0.0) + near) / (long * step_s)
+    return (WANDER_MARGIN * max(far - near, 0.0) + near) / (long * step_s)
 
 
 def as_idle(noise: Noise, idle: Sequence[Samples]) -> Noise:
@@ -180,7 +176,7 @@ def as_idle(noise: Noise, idle: Sequence[Samples]) -> Noise:
         return noise
     taps = noise.sensor / noise.sigma_um
     white = np.concatenate([np.convolve(e, taps, "valid") for e in quiet])
-    if float(np.mean(white**2)) < NOISIER:
+    if float(np.mean(white**2)) < LOUDER:
         return noise
     sensor, sigma = autoregression(quiet)
     return replace(noise, sensor=sensor, sigma_um=sigma)
@@ -227,48 +223,3 @@ def _likeliest(
 
 def _simplex(start: Samples) -> Samples:
     return np.vstack([start, start + 1.5 * np.eye(len(start))])
-
-
-def repetition(white: Samples, period: int | None) -> float:
-    """At least 1: power of the mean over the last periods of a whitened residual (n,), over what noise would leave.
-
-    What a model misses on a periodic drive comes back in every period and is the same evidence each time: without
-    this, thirty periods of one fault would count thirtyfold.
-    """
-    if period is None or len(white) < 2 * period:
-        return 1.0
-    count = len(white) // period
-    folded = white[len(white) - count * period :].reshape(count, period)
-    power = float(np.mean(folded**2))
-    return max(1.0, count * float(np.mean(folded.mean(axis=0) ** 2)) / power) if power > 0 else 1.0
-
-
-def period_of(u_V: Samples) -> int | None:
-    """Rows after which a voltage (n,) repeats, or None: the first strong peak of its autocorrelation."""
-    n = len(u_V)
-    u = u_V - u_V.mean()
-    power = float(np.mean(u**2))
-    if not power > 0:
-        return None
-    spectrum = np.abs(np.fft.rfft(u, 2 * n)) ** 2
-    rho = np.fft.irfft(spectrum)[: n // 2 + 1] / np.arange(n, n - n // 2 - 1, -1) / power
-    below = np.flatnonzero(rho < 0.5)
-    if not len(below):
-        return None
-    strong = np.flatnonzero(rho[below[0] :] > REPEATS)
-    if not len(strong):
-        return None
-    first = int(below[0] + strong[0])
-    last = first + int(np.argmax(rho[first : first + max(2, first // 8)]))
-    return last if float(np.mean((u[last:] - u[:-last]) ** 2)) < (1 - REPEATS) * power else None
-
-
-def block_edges(rows: Sequence[int], wanted: int) -> list[list[int]]:
-    """Edges of blocks of about ``wanted`` rows in each series, shorter where that leaves too few in all."""
-    total = sum(rows)
-    length = max(SHORTEST_BLOCK, min(wanted, total // WHITE_BLOCKS))
-    edges = []
-    for n in rows:
-        count = max(1, round(n / length))
-        edges.append(np.linspace(0, n, count + 1).astype(int).tolist())
-    return edges
