@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 from phaselead.gap.disturb import disturbances
 from phaselead.gap.jitter import jitter
 from phaselead.gap.metric import metric_of, whitened_regressors
-from phaselead.gap.native import differences_factor, whitened
-from phaselead.gap.noise import Noise, as_idle, fit_noise
+from phaselead.gap.noise import Noise, as_idle, differences_factor, fit_noise, whitened
 from phaselead.gap.records import Run
 from phaselead.gap.regressors import Layout, SimulatedRegressors
 from phaselead.gap.residual import RunResidual, modelled_run

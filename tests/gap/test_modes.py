@@ -11,12 +11,12 @@ from scipy.signal import cont2discrete, lfilter
 
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.metric import metric_of, whitened_regressors
-from phaselead.gap.modes import MODES_APART, is_mode, is_own_mode_moved, mode_starts
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted
 from phaselead.gap.regressors import Layout, SimulatedRegressors
 from phaselead.gap.residual import modelled_run
+from phaselead.gap.scan import MODES_APART, is_mode, is_own_mode_moved, mode_starts
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.effects import effect
 

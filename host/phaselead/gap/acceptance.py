@@ -12,11 +12,10 @@ from scipy.stats import norm
 from phaselead.gap.comparison import MARGIN, Comparison, Rival, residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.metric import Regressors
-from phaselead.gap.modes import no_mode_of_its_own
 from phaselead.gap.problem import Problem
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun
-from phaselead.gap.scan import block_inflation, projection
+from phaselead.gap.scan import block_inflation, no_mode_of_its_own, projection
 from phaselead.model import Effect
 
 HELD_OUT_Z = 3.3
@@ -48,7 +47,7 @@ trials, of 14 names for less than 60 points in all 12 were wrong."""
 NEGLIGIBLE = 0.005
 """Of its typical size, below which an effect is no more than what the base's own numbers are off by."""
 NO_POWER = 1e-9
-"""Whitened squares from which a regression on what an effect says means anything: below, they are rounding."""
+"""Whitened squares from which a regression on what an effect says means anything."""
 
 
 @dataclass(frozen=True)

@@ -89,41 +89,33 @@ def search_axis(
     candidates, refused = responses(effects, frozen)
     if not frozen and not any(run.role == "reference" for run in runs):
         candidates = [effect.beside_moving_base() for effect in candidates]
-    growth, final = search_twice(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
-    if names_leave_too_much(growth, final):
-        growth = without_names(growth)
-        final = final_fit(growth, runs)
+    growth, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
     named, ties, file_entries = _named(growth, final, label, seed)
-    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
-    disturbed, untested, left_out = disturbances(*residuals, {e.name for e in effects})
-    zero = _moved_zero(final, effects, {e.name for e in named} | {n for tie in ties for n in tie}, label)
-    if zero.tested:
-        refused = {name: why for name, why in refused.items() if why != NEEDS_SESSION}
-    ties += zero.ties
-    noise_like = [*(_disturbance(found, final, label) for found in disturbed), *zero.named]
-    taken = {e.name for e in [*named, *noise_like]} | {n for tie in ties for n in tie}
+    other = _beyond_voltage(axis, final, effects, {e.name for e in named} | {n for tie in ties for n in tie}, label)
+    ties += other.ties
+    taken = {e.name for e in [*named, *other.named]} | {n for tie in ties for n in tie}
     excluded, hidden = upper_bounds(growth, candidates, taken, label)
     if growth.substitute is not None and growth.substitute not in taken:
         hidden[growth.substitute] = SUBSTITUTE
+    if other.zero_tested:
+        refused = {name: why for name, why in refused.items() if why != NEEDS_SESSION}
     on_progress(0.97)
-    remains = structure_remains(growth, final) or (not disturbed and louder_at_rest(*residuals))
-    parts = [Part(before.run, before.error_um, growth.problem.noise) for before in final.residuals_before("holdout")]
     return AxisResult(
         axis,
-        adopted(final.axis, [*file_entries, *noise_like]),
-        [*named, *noise_like],
+        adopted(final.axis, [*file_entries, *other.named]),
+        [*named, *other.named],
         ties,
-        remains or zero.unknown or bool(left_out),
-        [*excluded, *zero.excluded],
-        {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
-        locate(parts, seed, label),
+        structure_remains(growth, final) or other.unknown,
+        [*excluded, *other.excluded],
+        {**{n: w for n, w in {**refused, **other.untested}.items() if n not in taken}, **hidden},
+        _where(growth, final, seed, label),
         final.gap,
         final.rows,
         _proposal(growth, label),
         growth.candidates,
         final.traces(),
-        spectra(disturbed, final, axis),
-        [*growth.messages, *left_out],
+        other.spectra,
+        [*growth.messages, *other.messages],
     )
 
 
@@ -144,6 +136,36 @@ def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], di
 
 
 @dataclass(frozen=True)
+class _BeyondVoltage:
+    """What no voltage predicts: disturbances, and a zero that moved between the sessions."""
+
+    named: list[NamedEffect]
+    ties: Sequence[tuple[str, ...]]
+    excluded: Sequence[Bound]
+    unknown: bool
+    """Whether something is there that no effect allowed explains."""
+    untested: dict[str, str]
+    """Why a disturbance could not be tested, by its name."""
+    zero_tested: bool
+    """Whether there are records that could show a zero that moved."""
+    spectra: list[Spectrum]
+    messages: list[str]
+
+
+def _beyond_voltage(
+    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str], label: str | None
+) -> _BeyondVoltage:
+    """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
+    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    found, untested, left_out = disturbances(*residuals, {e.name for e in effects})
+    zero = _moved_zero(final, effects, claimed, label)
+    named = [*(_disturbance(one, final, label) for one in found), *zero.named]
+    unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
+    shown = spectra(found, final, axis)
+    return _BeyondVoltage(named, zero.ties, zero.excluded, unknown, untested, zero.tested, shown, left_out)
+
+
+@dataclass(frozen=True)
 class _MovedZero:
     """What the means of the records say about a zero that moved between the sessions."""
 
@@ -157,7 +179,7 @@ class _MovedZero:
 
 
 def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], label: str | None) -> _MovedZero:
-    """Test for a zero that moved; ``claimed`` are the names that the search found or tied."""
+    """Test for a zero that moved between the sessions."""
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
     # While more is left, or what is slow was named, that may shift the records as well.
     little_left = final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor
@@ -181,6 +203,17 @@ def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
     at, half, size = shift.amount, shift.half, effect.sizes[0]
     why = f"from the reference session on records stand off by {at:.4g} {size.unit}, and held-out ones too"
     return NamedEffect(effect.name, label, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why)
+
+
+def _credible_search(
+    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> tuple[Growth, FinalFit]:
+    """The better search, its names withdrawn where they leave too much to be what is there."""
+    growth, final = search_twice(model, runs, effects, frozen, on_progress)
+    if names_leave_too_much(growth, final):
+        growth = without_names(growth)
+        final = final_fit(growth, runs)
+    return growth, final
 
 
 def search_twice(
@@ -216,6 +249,13 @@ def _first_named(growth: Growth) -> str | None:
 def _above_floor(final: FinalFit) -> float:
     """Power in um^2 that is left of the held-out records beyond the floor."""
     return float(final.gap.after**2 - final.gap.floor**2)
+
+
+def _where(growth: Growth, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
+    """Where the base as given leaves most of the held-out records."""
+    noise = growth.problem.noise
+    parts = [Part(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
+    return locate(parts, seed, label)
 
 
 def _proposal(growth: Growth, label: str | None) -> NextExperiment | None:

@@ -9,11 +9,10 @@ import numpy as np
 
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.metric import Regressors, conditional_on, fair_weights, repetition
-from phaselead.gap.modes import no_mode_of_its_own
 from phaselead.gap.problem import Problem
 from phaselead.gap.refit import Fitted, SizedEffect, fresh_columns, refit
 from phaselead.gap.residual import ModelledRun
-from phaselead.gap.scan import Refitted, block_inflation, penalty, projection
+from phaselead.gap.scan import Refitted, block_inflation, no_mode_of_its_own, penalty, projection
 from phaselead.model import Effect
 from phaselead.record import Samples
 
@@ -26,7 +25,7 @@ ONE_LOOP_SHARE = 0.5
 SAME_LOOP = 0.05
 """Largest relative difference of frequency, level and bias between records of one loop."""
 MOST_RIVALS = 5
-"""Effects that are compared; the rest lie far behind."""
+"""Effects that are compared, those of the best scores."""
 PARAMETER_PRICE, PARAMETER_PRICE_WITH_REFERENCE = 0.001, 0.005
 """Of what is gained: the price of each parameter after an effect's first. No equation is the stage's own, and where
 much is gained a richer one follows what a simpler one leaves of it; with reference records the more, since what a base
@@ -34,7 +33,7 @@ that was fitted to them misses is followed as well."""
 SIMPLER_FROM_SCORE, SIMPLER_SHARE = 3000.0, 0.97
 """Score of a richer effect, and the share of it, from which a simpler one is believed instead."""
 REFIT_STEPS = 5
-"""Of a rival's refit in the metric of the best one's residual: its start is already good."""
+"""Of a rival's refit in the metric of the best one's residual: it starts at its best in another metric."""
 INFLATION_ROUNDS = 2
 """In which the best effect and the inflation along it are found in turn."""
 

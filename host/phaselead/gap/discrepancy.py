@@ -27,7 +27,7 @@ FLEXIBLE_STD = 3.0
 HELD_PRECISION = 1e12
 """Prior precision of a column that may take nothing."""
 WEIGHT_ROUNDS = 3
-"""In which weights and discrepancy are found in turn: they settle in two."""
+"""In which weights and discrepancy are found in turn."""
 
 
 @dataclass(frozen=True)

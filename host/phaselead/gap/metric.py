@@ -34,7 +34,7 @@ BLOCK_s = 0.25
 FEWEST_BLOCKS = 24
 """Over all records, before blocks are made shorter than wished: fewer do not tell how a score scatters."""
 SHORTEST_BLOCK_ROWS = 64
-"""So that neighbouring blocks are nearly independent of each other."""
+"""Several times longer than the noise is filtered over, so that blocks hardly depend on each other."""
 
 
 @dataclass(frozen=True)

@@ -87,8 +87,7 @@ def make_problem(
     alike at every frequency, as for finding memory that a base lacks; the metric that expects the slow misfit of a
     memory model would forgive just that.
     """
-    every = [modelled_run(axis, run) for run in runs]
-    train, held, reference = ([m for m in every if m.run.role == role] for role in ("train", "holdout", "reference"))
+    train, held, reference = _by_role([modelled_run(axis, run) for run in runs])
     freedom = Freedom(open_plays, learned=bool(reference))
     longest = max(m.run.t_s[-1] - m.run.t_s[0] for m in train)
     groups = regressor_groups(effects, train[0].run.step_s, float(longest))
@@ -113,6 +112,11 @@ def make_problem(
     on_held = whitened_regressors(metric_of(held, noise), layout.coarser(), of_held)
     on_held = _weighed(on_held, of_held, discrepancy)
     return Problem(axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, inflation)
+
+
+def _by_role(every: Sequence[ModelledRun]) -> list[list[ModelledRun]]:
+    """The training, held-out and reference runs."""
+    return [[m for m in every if m.run.role == role] for role in ("train", "holdout", "reference")]
 
 
 def with_effects(problem: Problem, extra: Extra) -> Problem:
@@ -178,6 +182,7 @@ def _from_training(simulated: Sequence[SimulatedRegressors], layout: Layout, dis
 
 
 def _rich(modelled: ModelledRun) -> NDArray[np.float32]:
+    """Columns (n, k) of a rich operator."""
     return rich_columns(modelled).astype(np.float32)
 
 

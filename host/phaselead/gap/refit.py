@@ -24,9 +24,9 @@ SizedEffect = tuple[Effect, Mapping[str, float]]
 """An effect and its parameters, each a single number."""
 
 MOST_STEPS = 12
-"""Of a refit: nearly all end sooner, by LEAST_STEP_GAIN."""
+"""Of a refit, unless it ends before by LEAST_STEP_GAIN."""
 DIFFERENCE = 0.01
-"""Finite difference for a tangent, in internal units: small beside any bound, large beside rounding."""
+"""Finite difference for a tangent, in internal units."""
 LEAST_STEP_GAIN = 0.05
 """A step that gains less than this in whitened squares ends the fit."""
 DAMPINGS, FIRST_DAMPING, LEAST_DAMPING = 5, 1e-3, 1e-8

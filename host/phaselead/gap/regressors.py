@@ -22,7 +22,7 @@ Index = NDArray[np.intp]
 """Positions of columns, (k,)."""
 
 GRID_POINTS = 5
-"""Values of one shape parameter: neighbours then look alike."""
+"""Values of one shape parameter between its bounds."""
 COARSE_GROUPS = 6
 """About how many of an effect's shapes describe what the base misses on reference records."""
 MODE_GRID_RATIO, MODE_GRID_ZETA = 1.16, 0.08

@@ -19,7 +19,7 @@ from phaselead.model import AxisModel, Chain, Extra, Place, respond, rest_plays
 from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
-"""Most rows of a record on which starting memories are compared: enough for a variance, and quick."""
+"""Most rows of a record on which starting memories are compared; of longer ones some are left out."""
 OTHER_MEMORY = 0.8
 """A record starts from another memory than rest only when that leaves less than this share of the variance."""
 TURNING_POINTS = 15

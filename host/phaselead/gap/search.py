@@ -26,7 +26,7 @@ from phaselead.gap.scan import ScannedShape, penalty, refit_best, scan
 from phaselead.model import AxisModel, Effect
 
 MOST_EFFECTS = 5
-"""Steps of the search: more effects at once have never been told apart."""
+"""Steps of the search: the trials hide three effects at most."""
 TRIES_PER_STEP = 2
 """How many effects may fail on held-out records before a step is given up."""
 CLEAR_ON_ONE_LOOP = 50.0
