@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from phaselead.gap.native import keep_freed_memory
 from phaselead.gap.perform import excitation_of, perform, read_proposal
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
-from phaselead.gap.run import run_gap
+from phaselead.gap.run import keep_freed_memory, run_gap
 from phaselead.gap.told import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.verify_on import Tracked, Verification, reachable, verify_on
 

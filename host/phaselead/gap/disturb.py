@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from phaselead.gap.disturbance import Disturbance
 from phaselead.gap.hum import hum, is_mains
 from phaselead.gap.jitter import jitter
-from phaselead.gap.left import Found, Left
 from phaselead.gap.quantisation import quantisation
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.vibration import vibration
 
-Test = Callable[[Sequence[Left], Sequence[Left], Sequence[Left]], Found | None]
+Test = Callable[[Sequence[RunResidual], Sequence[RunResidual], Sequence[RunResidual]], Disturbance | None]
 
 
 def disturbances(
-    train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left], allowed: set[str]
-) -> tuple[list[Found], dict[str, str], list[str]]:
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual], allowed: set[str]
+) -> tuple[list[Disturbance], dict[str, str], list[str]]:
     """What is there, why the rest could not be tested, by name, and what is there but was left out of the catalogue."""
     quiet = [_quiet(part) for part in (train, holdout, reference)]
     idle = all(part and all(left.run.idle for left in part) for part in quiet[:2])
@@ -49,6 +50,6 @@ def disturbances(
     return [f for f in found if f.name in allowed], untestable, left_out
 
 
-def _quiet(part: Sequence[Left]) -> list[Left]:
+def _quiet(part: Sequence[RunResidual]) -> list[RunResidual]:
     idle = [left for left in part if left.run.idle]
     return idle or list(part)

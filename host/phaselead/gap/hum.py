@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from phaselead.gap.left import AGAIN, MORE, SURE, Found, Left
+from phaselead.gap.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.result import Value
 
 MAINS_Hz = (50.0, 60.0)
@@ -19,9 +20,11 @@ def is_mains(f_Hz: float) -> bool:
     return any(abs(f_Hz - h * m) < 2.0 for m in MAINS_Hz for h in (1, 2, 3))
 
 
-def hum(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+def hum(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
+) -> Disturbance | None:
     """Lines at the mains frequency: three harmonics at the frequency that explains most, over the noise beside them."""
-    best: Found | None = None
+    best: Disturbance | None = None
     for mains in MAINS_Hz:
         if 2.2 * mains > train[0].rate_Hz:
             continue
@@ -34,23 +37,23 @@ def hum(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left
         f_Hz, score = float(grid[int(np.argmax(scores))]), float(scores.max())
         again = sum(_line_statistic(left, f_Hz, [_beside(left, h * f_Hz) for h in (1, 2, 3)]) for left in holdout)
         p = chi2.sf(score, 6 * len(train)) * len(grid)
-        if p > SURE or chi2.sf(again, 6 * len(holdout)) > AGAIN:
+        if p > TRAIN_CHANCE or chi2.sf(again, 6 * len(holdout)) > HOLDOUT_CHANCE:
             continue
         power = _line_power(train, f_Hz)
-        if power < MORE**2 * _line_power(reference, f_Hz):
+        if power < NEW_FROM**2 * _line_power(reference, f_Hz):
             continue
         if best is None or power > best.power_um2:
             why = f"lines at {f_Hz:.2f} Hz and multiples, {1e3 * np.sqrt(2 * power):.3g} nm, held-out records too"
-            best = Found("mains_hum", _hum_params(train, f_Hz), power, why)
+            best = Disturbance("mains_hum", _hum_params(train, f_Hz), power, why)
     return best
 
 
-def _line_statistic(left: Left, f_Hz: float, beside: Sequence[float]) -> float:
+def _line_statistic(left: RunResidual, f_Hz: float, beside: Sequence[float]) -> float:
     """Sum over three harmonics of line power over the mean density beside it: chi squared with six degrees."""
     return float(sum(2 * _line(left, h * f_Hz)[0] / max(b, 1e-300) for h, b in zip((1, 2, 3), beside, strict=True)))
 
 
-def _line(left: Left, f_Hz: float) -> tuple[float, complex]:
+def _line(left: RunResidual, f_Hz: float) -> tuple[float, complex]:
     """Periodogram ordinate |sum|^2/n at a frequency and the complex amplitude, absolute time."""
     if f_Hz > 0.5 * left.rate_Hz:
         return 0.0, 0j
@@ -61,7 +64,7 @@ def _line(left: Left, f_Hz: float) -> tuple[float, complex]:
     return abs(raw) ** 2 / float(np.sum(window**2)), 2 * raw / float(window.sum())
 
 
-def _beside(left: Left, f_Hz: float) -> float:
+def _beside(left: RunResidual, f_Hz: float) -> float:
     """Mean periodogram ordinate close by, the line itself left out."""
     width = 3.0 * left.rate_Hz / len(left.error_um)
     away = np.concatenate([np.linspace(-BESIDE_Hz, -width, 12), np.linspace(width, BESIDE_Hz, 12)])
@@ -69,14 +72,14 @@ def _beside(left: Left, f_Hz: float) -> float:
     return float(np.median(values)) / 0.693 if values else np.inf
 
 
-def _line_power(part: Sequence[Left], f_Hz: float) -> float:
+def _line_power(part: Sequence[RunResidual], f_Hz: float) -> float:
     """Mean square in um^2 of the three lines."""
     if not part:
         return 0.0
     return float(np.mean([sum(abs(_line(left, h * f_Hz)[1]) ** 2 / 2 for h in (1, 2, 3)) for left in part]))
 
 
-def _hum_params(train: Sequence[Left], f_Hz: float) -> dict[str, Value]:
+def _hum_params(train: Sequence[RunResidual], f_Hz: float) -> dict[str, Value]:
     """Sine and cosine parts of each line, averaged over the records with the scatter between them."""
     params: dict[str, Value] = {}
     for h in (1, 2, 3):

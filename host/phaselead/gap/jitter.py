@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from phaselead.gap.left import AGAIN, MORE, SURE, Found, Left
+from phaselead.gap.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance
 from phaselead.gap.records import Run
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
@@ -28,7 +29,9 @@ JUMP_SHARE, AFTER_JUMP_ROWS = 0.02, 40
 """Of the voltage's range, in one row; and for how long a fast mode rings."""
 
 
-def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+def jitter(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
+) -> Disturbance | None:
     """Fast white noise whose variance grows with the square of the speed, more than in the reference."""
     if not reference:
         return None
@@ -41,7 +44,7 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
         for found, own in ((slope, std), (again, again_std))
     )
     seen = (train, slope), (holdout, again)
-    if norm.sf(z) > SURE or norm.sf(z_again) > AGAIN:
+    if norm.sf(z) > TRAIN_CHANCE or norm.sf(z_again) > HOLDOUT_CHANCE:
         return None
     if not all(found / WHITE < _speed_slope(part, ROUGHER)[0] < found * WHITE for part, found in seen):
         return None
@@ -50,7 +53,7 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
         return None
     each = [_speed_slope([left]) for left in reference]
     before = max([known, *(one for one, one_std in each if one > SEEN_Z * one_std)])
-    if slope < MORE**2 * before:
+    if slope < NEW_FROM**2 * before:
         return None
     rms = float(np.sqrt(slope - known))
     if rms > LATEST * train[0].run.step_s:
@@ -58,22 +61,22 @@ def jitter(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[L
     half = min(1.96 / z, 1.0)
     params: dict[str, Value] = {"rms_s": (rms, "s", (rms * np.sqrt(1 - half), rms * np.sqrt(1 + half)))}
     speed = float(np.mean([np.mean(left.speed_um_per_s**2) for left in train]))
-    return Found("sampling_jitter", params, rms**2 * speed, f"fast noise of {1e6 * rms:.3g} us times the speed")
+    return Disturbance("sampling_jitter", params, rms**2 * speed, f"fast noise of {1e6 * rms:.3g} us times the speed")
 
 
-def _alike(part: Sequence[Left], slope: float) -> bool:
+def _alike(part: Sequence[RunResidual], slope: float) -> bool:
     """Whether each record that is fast enough to know has about this slope."""
     knowing = [left for left in part if slope * _fastest(left) > TELLING * float(np.mean(left.error_um**2))]
     return all(slope / UNALIKE < _speed_slope([left])[0] < slope * UNALIKE for left in knowing)
 
 
-def _fastest(left: Left) -> float:
+def _fastest(left: RunResidual) -> float:
     """(um/s)^2 in the fastest tenth of the rows that count."""
     blocks = _rough_and_speed(left, ROUGH)
     return float(np.quantile(blocks[1], 0.9)) if blocks is not None else 0.0
 
 
-def _rough_and_speed(left: Left, order: int) -> tuple[Samples, Samples] | None:
+def _rough_and_speed(left: RunResidual, order: int) -> tuple[Samples, Samples] | None:
     """Fast variance of the residual, um^2, and mean squared speed, (um/s)^2, of blocks (b,); None of a short record."""
     if not left.run.driven or len(left.error_um) < SHORTEST:
         return None
@@ -95,7 +98,7 @@ def _after_jump(run: Run) -> NDArray[np.bool_]:
     return np.convolve(jumped, np.ones(AFTER_JUMP_ROWS))[: len(u)] > 0
 
 
-def _speed_slope(part: Sequence[Left], order: int = ROUGH) -> tuple[float, float]:
+def _speed_slope(part: Sequence[RunResidual], order: int = ROUGH) -> tuple[float, float]:
     """s^2 of fast residual variance per squared speed, and its deviation."""
     blocks = [found for found in (_rough_and_speed(left, order) for left in part) if found is not None]
     if not blocks:

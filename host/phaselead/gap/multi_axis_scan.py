@@ -8,9 +8,9 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.gap.atoms import Atom, atoms_of
 from phaselead.gap.multi_axis_fit import SharedFit
 from phaselead.gap.multi_axis_records import OF_THE_MECHANICS, Stand
+from phaselead.gap.regressors import RegressorGroup, regressor_groups
 from phaselead.identify import explained
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
@@ -48,7 +48,7 @@ def scan(train: Sequence[Stand], fit: SharedFit, effects: Sequence[Effect]) -> l
     """Every effect on every axis by score test, best first; those that the modes take up are left out."""
     records = _spread(train)
     weights = np.array([w for s, w in zip(train, fit.fit.weights, strict=True) if s in records])
-    atoms = _few(atoms_of(pushed(effects), records[0].step_s, _longest_s(records)))
+    atoms = _few(regressor_groups(pushed(effects), records[0].step_s, _longest_s(records)))
     columns = [(atom, i, j) for atom, j in product(atoms, range(len(records[0].axes))) for i in range(len(atom.steps))]
     if not columns:
         return []
@@ -73,9 +73,9 @@ def _spread(train: Sequence[Stand]) -> list[Stand]:
     return [s for s in train if any(s is k for k in keep)]
 
 
-def _few(atoms: Sequence[Atom]) -> list[Atom]:
+def _few(atoms: Sequence[RegressorGroup]) -> list[RegressorGroup]:
     """At most MOST_SHAPES of each effect, spread over its shapes."""
-    by_name: dict[str, list[Atom]] = {}
+    by_name: dict[str, list[RegressorGroup]] = {}
     for atom in atoms:
         by_name.setdefault(atom.effect.name, []).append(atom)
     found = []
@@ -89,7 +89,7 @@ def _longest_s(records: Sequence[Stand]) -> float:
     return max(len(s.x_um) * s.step_s for s in records)
 
 
-def _changes(stand: Stand, fit: SharedFit, columns: Sequence[tuple[Atom, int, int]]) -> list[Samples]:
+def _changes(stand: Stand, fit: SharedFit, columns: Sequence[tuple[RegressorGroup, int, int]]) -> list[Samples]:
     """Per column what one step of the effect does to the pushes (n + 1, axes)."""
     plain = [push.value for push in stand.pushes(fit.entries)]
     found = []

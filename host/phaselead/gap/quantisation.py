@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phaselead.gap.left import MORE, Found, Left
+from phaselead.gap.disturbance import NEW_FROM, Disturbance
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
 
-def quantisation(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+def quantisation(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
+) -> Disturbance | None:
     """All positions lie on a grid, coarser than the reference's and coarse beside the noise."""
     steps = [grid_step(left.run.x_um) for left in train]
     again = [grid_step(left.run.x_um) for left in holdout]
@@ -20,10 +23,10 @@ def quantisation(train: Sequence[Left], holdout: Sequence[Left], reference: Sequ
     lsb = float(np.median([s for s in steps if s is not None]))
     known = [grid_step(left.run.x_um) for left in reference]
     before = max((s for s in known if s is not None), default=0.0)
-    if not reference or lsb < MORE * before:
+    if not reference or lsb < NEW_FROM * before:
         return None
     params: dict[str, Value] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
-    return Found("quantisation", params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
+    return Disturbance("quantisation", params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
 
 
 def grid_step(x_um: Samples) -> float | None:

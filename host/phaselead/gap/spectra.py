@@ -7,25 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from phaselead.gap.final import Final
-from phaselead.gap.left import Found, Left
+from phaselead.gap.disturbance import Disturbance
+from phaselead.gap.goodness_of_fit import FinalFit
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.result import Spectrum
 from phaselead.record import Samples
 
 SEGMENT = 4096
 
 
-def spectra(found: Sequence[Found], final: Final, axis: str) -> list[Spectrum]:
+def spectra(found: Sequence[Disturbance], final: FinalFit, axis: str) -> list[Spectrum]:
     """One per disturbance; its idle records where there are any."""
     if not found:
         return []
-    f, seen = _density(final.lefts("holdout"))
-    reference = final.lefts("reference")
+    f, seen = _density(final.residuals("holdout"))
+    reference = final.residuals("reference")
     beside = np.interp(f, *_density(reference)) if reference else None
     return [Spectrum(one.name, axis, f, seen, beside) for one in found]
 
 
-def _density(lefts: Sequence[Left]) -> tuple[Samples, Samples]:
+def _density(lefts: Sequence[RunResidual]) -> tuple[Samples, Samples]:
     idle = [left for left in lefts if left.run.idle] or list(lefts)
     length = min(SEGMENT, *(len(left.error_um) for left in idle))
     parts = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in idle]

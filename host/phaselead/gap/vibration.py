@@ -11,8 +11,9 @@ from scipy.ndimage import median_filter
 from scipy.signal import periodogram, welch
 from scipy.stats import f as f_distribution
 
+from phaselead.gap.disturbance import NEW_FROM, Disturbance, Parts
 from phaselead.gap.hum import is_mains
-from phaselead.gap.left import MORE, Found, Left, Parts
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
@@ -29,7 +30,9 @@ SLOW_LINES = 4
 """Of a spectrum: what moves as slowly as the records are long is drift or creep, not vibration."""
 
 
-def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+def vibration(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
+) -> Disturbance | None:
     """A peak of the idle spectrum that stands out of the reference's, or out of its own surroundings."""
     spectra = _spectra(train, holdout, reference)
     live = np.array([not is_mains(float(v)) for v in spectra.f_Hz])
@@ -44,7 +47,9 @@ def vibration(train: Sequence[Left], holdout: Sequence[Left], reference: Sequenc
     return _vibration_found(spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
 
 
-def louder_at_rest(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> bool:
+def louder_at_rest(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
+) -> bool:
     """Whether any band of the idle records, the mains' too, stands out of the reference's, whatever its cause."""
     now, again, was = ([left for left in part if left.run.idle] for part in (train, holdout, reference))
     if not (now and again and was):
@@ -65,7 +70,9 @@ class _Spectra(NamedTuple):
     averages: float
 
 
-def _spectra(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> _Spectra:
+def _spectra(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
+) -> _Spectra:
     shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
@@ -92,7 +99,7 @@ def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -
         old = around = float(before[low:high].mean()), np.inf
     # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
     p, p_here = (float(f_distribution.sf(both[0] / part[0], both[1], min(part[1], 1e6))) for part in (around, old))
-    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= MORE * max(old[0], around[0]) else 1.0
+    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= NEW_FROM * max(old[0], around[0]) else 1.0
 
 
 def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
@@ -107,7 +114,7 @@ def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], i
     return bands, looked
 
 
-def _band_power(part: Sequence[Left], low_Hz: float, high_Hz: float) -> tuple[float, float]:
+def _band_power(part: Sequence[RunResidual], low_Hz: float, high_Hz: float) -> tuple[float, float]:
     """Mean density in a band, and its degrees of freedom: twice the number of lines at full resolution that carry it.
     A mode of the stage that surroundings keep ringing fills few lines however long the list of segments."""
     density, freedom = [], 0.0
@@ -119,7 +126,7 @@ def _band_power(part: Sequence[Left], low_Hz: float, high_Hz: float) -> tuple[fl
     return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
-def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages: float) -> Found:
+def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages: float) -> Disturbance:
     step, excess = float(f[1] - f[0]), np.maximum(excess, 0.0)
     top = low + int(np.argmax(excess[low:high]))
     width = (high - low) * step
@@ -130,10 +137,12 @@ def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages:
         "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
         "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),
     }
-    return Found("vibration", params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in idle records")
+    return Disturbance(
+        "vibration", params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in idle records"
+    )
 
 
-def _density(part: Sequence[Left], length: int) -> tuple[Samples, Samples, float]:
+def _density(part: Sequence[RunResidual], length: int) -> tuple[Samples, Samples, float]:
     """Frequencies, mean one-sided density and how many independent periodograms are in it."""
     spectra = [welch(left.error_um, left.rate_Hz, nperseg=length, detrend="linear") for left in part]
     averages = sum(1.6 * len(left.error_um) / length for left in part)

@@ -66,6 +66,7 @@ EFFECT = Effect(
     name="creep",
     title="Creep",
     place=Place.CREEP,
+    rising=("tau_first_s", "tau_last_s"),
     equation="y = x + sum_i k_i (x - x_rest) / (1 + s tau_i); k_i equal and tau_i in equal ratios between tau_first_s "
     "and tau_last_s make y ~ 1 + gamma log10(t / tau_first_s) after a step",
     source="Kuhnen 2003; Devasia, Eleftheriou and Moheimani 2007 (logarithmic and viscoelastic forms)",

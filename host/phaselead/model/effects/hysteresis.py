@@ -85,6 +85,7 @@ EFFECT = Effect(
     title="Hysteresis",
     place=Place.HYSTERESIS,
     order=0,
+    becomes_plays=True,
     equation="y = x + sum_i w_i (play_ri[v] - v),  r_i = reach U/2 i/10,  w_i ~ exp(slope i/10),  "
     "sum 2 r_i w_i = width X",
     source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition)",

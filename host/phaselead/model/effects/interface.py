@@ -170,6 +170,18 @@ class Effect:
     kind: Literal["response", "disturbance", "calibration"] = "response"
     order: int = 0
     """Within its place, rising."""
+    peak: tuple[str, str] | None = None
+    """Of a single sharp mode: the names of its frequency in Hz and of its damping ratio."""
+    rising: tuple[str, ...] = ()
+    """Shape parameters whose values rise in this order."""
+    at_once: Callable[[Params], bool] | None = None
+    """Whether ``apply`` with these parameters also takes several signals at once, a value of (n, k); None is never."""
+    becomes_plays: bool = False
+    """Whether a base model without memory takes it up as plays of its own, fitted anew."""
+    slow: bool = False
+    """Whether it moves the position by itself over whole records, and did so before they began."""
+    moves_zero: Literal["at once", "steadily"] | None = None
+    """How it moves the zero from one session to the next; None where it does not."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None
@@ -201,8 +213,6 @@ class Effect:
     hysteresis."""
     modes: Callable[[Params], Sequence[Mode]] | None = None
     """The modes of the mechanics that it adds. What passes them has no corners."""
-    slow: bool = False
-    """Whether it moves for seconds to hours after the voltage has stopped."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None

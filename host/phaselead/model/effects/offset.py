@@ -40,6 +40,7 @@ EFFECT = Effect(
     title="Offset",
     place=Place.SENSOR,
     order=1,
+    moves_zero="at once",
     equation="y = x + offset_um",
     source="by definition",
     parameters=(Parameter("offset_um", "um", 1.0, -1000.0, 1000.0, doc="shift of the sensor's zero"),),

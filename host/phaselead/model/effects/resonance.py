@@ -88,6 +88,8 @@ EFFECT = Effect(
     title="Resonance",
     place=Place.MECHANICS,
     order=1,
+    peak=("f_Hz", "zeta"),
+    at_once=lambda params: "velocity" not in params,
     equation="y = (1 - c) x + c w^2 x / (s^2 + 2 zeta w s + w^2),  w = 2 pi f_Hz; the static gain stays 1",
     source="Devasia, Eleftheriou and Moheimani 2007, A survey of control issues in nanopositioning. Lists of c, f_Hz "
     "and zeta are several modes; beside them `velocity`, a list too, adds velocity w s x / (s^2 + 2 zeta w s + w^2) "

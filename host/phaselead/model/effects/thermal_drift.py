@@ -38,6 +38,7 @@ EFFECT = Effect(
     title="Thermal drift",
     place=Place.ENVIRONMENT,
     order=0,
+    moves_zero="steadily",
     equation="y = x + ramp_um_per_s t + rise_um (1 - exp(-t / tau_s)),  t absolute, from 0 on",
     source="Newton's law of heating and cooling; expansion of 1-50 nm/K",
     parameters=(

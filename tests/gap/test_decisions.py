@@ -6,10 +6,9 @@ from types import SimpleNamespace as Made
 
 import pytest
 
-from phaselead.gap import compare, second_opinion, surplus
-from phaselead.gap import grow as search
-from phaselead.gap.compare import Rival
-from phaselead.gap.grow import Growth
+from phaselead.gap import acceptance, axis, comparison, goodness_of_fit
+from phaselead.gap.comparison import Rival
+from phaselead.gap.search import Growth
 from phaselead.model.effects import effect
 
 EFFECTS = [Made(name=name) for name in ("resonance", "load_change", "sensor_lowpass")]
@@ -34,10 +33,10 @@ def explained(monkeypatch, first, second, left):
         asked.append([e.name for e in effects])
         return first if len(asked) == 1 else second
 
-    monkeypatch.setattr(second_opinion, "grow", grow)
-    monkeypatch.setattr(second_opinion, "finish", lambda found, runs: final(left[found is second]))
-    found, _ = second_opinion.explained(None, [], EFFECTS, False, lambda share: None)
-    assert (found.stood_in == "resonance") == (found.candidates is second.candidates)
+    monkeypatch.setattr(axis, "grow", grow)
+    monkeypatch.setattr(axis, "final_fit", lambda found, runs: final(left[found is second]))
+    found, _ = axis.search_twice(None, [], EFFECTS, False, lambda share: None)
+    assert (found.substitute == "resonance") == (found.candidates is second.candidates)
     return [n.effect.name for n in found.named], asked
 
 
@@ -81,20 +80,24 @@ def test_otherwise_the_first_search_stands(monkeypatch, first, second, left, sea
 )
 def test_names_that_leave_too_much_are_withdrawn(monkeypatch, after, metric, too_much):
     before, left = metric
-    bench = Made(reference="reference", slim="train", correction=None)
+    problem = Made(reference="reference", train_common="train", discrepancy=None)
     squares = {("reference", 0): 1.0, ("train", 0): before, ("train", 1): left}
     monkeypatch.setattr(
-        surplus, "_mean_squares", lambda panel, correction, entries: Made(mean=lambda: squares[panel, len(entries)])
+        goodness_of_fit,
+        "_mean_squares",
+        lambda regressors, discrepancy, entries: Made(mean=lambda: squares[regressors, len(entries)]),
     )
-    search = Made(bench=bench, named=[Made(effect=Made(name="delay"))], fitted=Made(entries=("one",)))
-    assert surplus.leaves_too_much(search, final(after)) is too_much
-    slow = Made(bench=bench, named=[Made(effect=Made(name="creep"))], fitted=Made(entries=("one",)))
-    assert surplus.leaves_too_much(slow, final(after)) is (too_much and left > 1.5)  # it began before the records
+    search = Made(problem=problem, named=[Made(effect=effect("delay"))], fitted=Made(entries=("one",)))
+    assert goodness_of_fit.names_leave_too_much(search, final(after)) is too_much
+    slow = Made(problem=problem, named=[Made(effect=effect("creep"))], fitted=Made(entries=("one",)))
+    assert goodness_of_fit.names_leave_too_much(slow, final(after)) is (
+        too_much and left > 1.5
+    )  # it began before the records
 
 
 @pytest.mark.parametrize(("mass", "trifle"), [(-2.6e-5, True), (4e-4, True), (6e-4, False), (-0.1, False)])
 def test_what_is_far_smaller_than_anything_known_is_no_name(mass, trifle):
-    assert search._trifling((effect("load_change"), {"mass": mass})) is trifle
+    assert acceptance._negligible((effect("load_change"), {"mass": mass})) is trifle
 
 
 @pytest.mark.parametrize(
@@ -108,8 +111,8 @@ def test_what_is_far_smaller_than_anything_known_is_no_name(mass, trifle):
     ],
 )
 def test_a_larger_held_out_gap_counts_against_a_name(name, reference, z, worse, harms):
-    found = Made(best=Made(effect=effect(name)), bench=Made(reference=Made() if reference else None))
-    assert search._harms(found, Made(z=z, worse=worse)) is harms
+    found = Made(best=Made(effect=effect(name)), problem=Made(reference=Made() if reference else None))
+    assert acceptance._harms(found, Made(z=z, harm=worse)) is harms
 
 
 def test_a_moving_base_takes_over_what_only_references_tell():
@@ -136,13 +139,13 @@ def rivals(*scored):
     ],
 )
 def test_where_a_simpler_effect_says_nearly_all_of_it_the_richer_one_follows_the_rest(scored, first):
-    found = compare._simple_first(rivals(*scored))
+    found = comparison._simple_first(rivals(*scored))
     assert found[0].effect.name == first
     assert (len(found) < len(scored)) == (first != scored[0][0])  # the richer one is no rival any more
 
 
 def test_what_explains_nearly_as_much_alone_must_gain_as_much_as_what_is_confused_with_it():
     alone = rivals(("hysteresis", 40000.0), ("gain_change", 30000.0), ("saturation", 1000.0))
-    named = [search.Named(alone[0].effect, alone[0].score, None, tuple(alone), ("hysteresis",))]
-    near = search.cost(named, effect("backlash"))
-    assert search.cost(named, effect("gain_change")) == near > 10 * search.cost(named, effect("saturation"))
+    named = [acceptance.Named(alone[0].effect, alone[0].score, None, tuple(alone), ("hysteresis",))]
+    near = acceptance.cost(named, effect("backlash"))
+    assert acceptance.cost(named, effect("gain_change")) == near > 10 * acceptance.cost(named, effect("saturation"))

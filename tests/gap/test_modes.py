@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from phaselead.gap.correction import Correction
-from phaselead.gap.evidence import evidence
-from phaselead.gap.mode_start import APART, is_mode, mode_starts
+from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.metric import metric_of, whitened_regressors
 from phaselead.gap.noise import Noise
-from phaselead.gap.panel import Layout, Raw, panel
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted
-from phaselead.gap.residual import track
-from phaselead.gap.search import beside_own_mode
+from phaselead.gap.regressors import Layout, SimulatedRegressors
+from phaselead.gap.residual import modelled_run
+from phaselead.gap.scan import MODES_APART, is_mode, is_own_mode_moved, mode_starts
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.effects import effect
 
@@ -44,10 +43,12 @@ def started(f_Hz: float, zeta: float, share: float) -> list[dict[str, float]]:
     axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
     digest = hashlib.sha256(x.tobytes()).hexdigest()
     run = Run("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
-    of = track(axis, run)
-    metric = evidence([of], Noise(np.ones(1), 0.01, 0.02, 2.0, 1e-3, np.ones(1)))
-    made = panel(metric, Layout((), 1), [Raw(of, of.answer(), rng.normal(size=(len(u), 1)).astype(np.float32))])
-    nothing = Correction(np.zeros(1, dtype=np.intp), np.zeros(1), np.eye(1))
+    of = modelled_run(axis, run)
+    metric = metric_of([of], Noise(np.ones(1), 0.01, 0.02, 2.0, 1e-3, np.ones(1)))
+    made = whitened_regressors(
+        metric, Layout((), 1), [SimulatedRegressors(of, of.answer(), rng.normal(size=(len(u), 1)).astype(np.float32))]
+    )
+    nothing = Discrepancy(np.zeros(1, dtype=np.intp), np.zeros(1), np.eye(1))
     starts = mode_starts(made, nothing, Fitted((), 0.0), effect("resonance"))
     return [dict(entries[-1][1]) for entries in starts]
 
@@ -58,7 +59,7 @@ def test_one_of_the_starts_is_in_the_valley_of_the_mode(f_Hz, zeta):
     nearest = min(first, second, key=lambda start: abs(start["f_Hz"] - f_Hz))
     assert nearest["f_Hz"] == pytest.approx(f_Hz, rel=0.04)
     assert 0.1 < nearest["c"] < 0.9
-    assert not 1 / APART < second["f_Hz"] / first["f_Hz"] < APART
+    assert not 1 / MODES_APART < second["f_Hz"] / first["f_Hz"] < MODES_APART
 
 
 def test_of_all_effects_the_resonance_alone_is_told_by_a_sharp_frequency():
@@ -79,5 +80,5 @@ def test_of_all_effects_the_resonance_alone_is_told_by_a_sharp_frequency():
 def test_a_small_mode_where_the_base_has_one_is_that_one_moved(f_Hz, c, reference, moved):
     own = AdoptedEffect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (250.0, 420.0), "zeta": (0.03, 0.03)})
     bench = Made(reference=Made() if reference else None, axis=Made(effects=(own,)))
-    assert beside_own_mode(bench, (effect("resonance"), {"c": c, "f_Hz": f_Hz, "zeta": 0.02})) is moved
-    assert not beside_own_mode(bench, (effect("load_change"), {"mass": 0.1}))
+    assert is_own_mode_moved(bench, (effect("resonance"), {"c": c, "f_Hz": f_Hz, "zeta": 0.02})) is moved
+    assert not is_own_mode_moved(bench, (effect("load_change"), {"mass": 0.1}))
