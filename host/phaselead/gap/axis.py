@@ -7,20 +7,24 @@ from dataclasses import dataclass
 
 from phaselead.gap.adopt import adopted
 from phaselead.gap.bounds import bounds
-from phaselead.gap.disturb import disturbances
+from phaselead.gap.design import propose
+from phaselead.gap.disturbances import (
+    Shift,
+    best_explained,
+    disturbance_spectra,
+    find_disturbances,
+    louder_at_rest,
+    session_shifts,
+)
 from phaselead.gap.final import Final, finish
 from phaselead.gap.grow import Growth, Named, unnamed
 from phaselead.gap.intervals import intervals
 from phaselead.gap.left import Found
-from phaselead.gap.locate import Part, locate
-from phaselead.gap.next_experiment import propose
+from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.records import Run
 from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Spectrum, Trace, Value
 from phaselead.gap.second_opinion import explained
-from phaselead.gap.session_offset import Shift, best_explained, session_shifts
-from phaselead.gap.spectra import spectra
 from phaselead.gap.surplus import PLAINLY, SLOW, leaves_too_much, unexplained
-from phaselead.gap.vibration import louder_at_rest
 from phaselead.model import AxisModel, Effect, Place
 
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
@@ -70,7 +74,7 @@ def search_axis(
     little_left = final.gap.after < PLAINLY * final.gap.floor
     named, ties, file_entries = _named(growth, final, label, seed)
     lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")
-    disturbed, untested, left_out = disturbances(*lefts, {e.name for e in effects})
+    disturbed, untested, left_out = find_disturbances(*lefts, {e.name for e in effects})
     noise_like = [_disturbance(found, final, label) for found in disturbed]
     shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
     claimed = {e.name for e in named} | {n for tie in ties for n in tie}
@@ -103,15 +107,17 @@ def search_axis(
         or (not disturbed and louder_at_rest(*lefts)),
         excluded,
         {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
-        locate(
-            [Part(left.run, left.error_um, growth.bench.noise) for left in final.before_lefts("holdout")], seed, label
+        rank_cells(
+            [ResidualAndNoise(left.run, left.error_um, growth.bench.noise) for left in final.before_lefts("holdout")],
+            seed,
+            label,
         ),
         final.gap,
         final.rows,
         propose(growth, tied, label) if tied is not None else None,
         growth.candidates,
         final.traces(),
-        spectra(disturbed, final, axis),
+        disturbance_spectra(disturbed, lefts[1], lefts[2], axis),
         [*growth.messages, *left_out],
     )
 

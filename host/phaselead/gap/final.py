@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.base import with_operator
+from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.grow import Growth
 from phaselead.gap.left import Left
 from phaselead.gap.records import Role, Run
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import Track, track
 from phaselead.gap.result import Gap, Trace
-from phaselead.gap.session_offset import RecordOffset
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 

@@ -38,6 +38,7 @@ EFFECT = Effect(
     "voltage limit, so there is none.",
     compensated=False,
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("holds", {"rate_per_s": 0.03}),
     reads=reads,
 )

@@ -27,5 +27,6 @@ EFFECT = Effect(
     confused_with=("sensor_lowpass", "amplifier_lowpass", "hysteresis"),
     compensation="The reference is looked up ahead by the delay; it still bounds the bandwidth of feedback.",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("response", {"delay_s": 1e-3}),
 )

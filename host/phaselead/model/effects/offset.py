@@ -29,6 +29,7 @@ EFFECT = Effect(
     compensation="The model's offset is corrected; an integral controller removes what is left.",
     kind="calibration",
     apply=apply,
+    moves_zero="at once",
     picture=Picture("sine", {"offset_um": 8.0}),
     basis=basis,
 )

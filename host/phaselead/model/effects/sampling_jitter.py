@@ -41,6 +41,7 @@ EFFECT = Effect(
     "that polls does not.",
     kind="disturbance",
     apply=apply,
+    seen_as="speed",
     picture=Picture("sine", {"rms_s": 1e-3}),
     variance=variance,
     compensated=False,

@@ -46,6 +46,7 @@ EFFECT = Effect(
     "does not drift itself.",
     kind="disturbance",
     apply=apply,
+    moves_zero="steadily",
     picture=Picture("idle", {"ramp_um_per_s": 2e-4, "rise_um": 0.1, "tau_s": 100.0}),
     basis=basis,
     compensated=False,

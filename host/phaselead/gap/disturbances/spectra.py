@@ -1,4 +1,4 @@
-"""Spectra of the disturbances that were found, beside those of records without them."""
+"""Spectra of the residual in which disturbances were found, with those of the reference records."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from phaselead.gap.final import Final
 from phaselead.gap.left import Found, Left
 from phaselead.gap.result import Spectrum
 from phaselead.record import Samples
@@ -15,17 +14,19 @@ from phaselead.record import Samples
 SEGMENT = 4096
 
 
-def spectra(found: Sequence[Found], final: Final, axis: str) -> list[Spectrum]:
-    """One per disturbance; its idle records where there are any."""
+def disturbance_spectra(
+    found: Sequence[Found], holdout: Sequence[Left], reference: Sequence[Left], axis: str
+) -> list[Spectrum]:
+    """One spectrum for each disturbance, over the held-out records at rest or, without any, all held-out ones."""
     if not found:
         return []
-    f, seen = _density(final.lefts("holdout"))
-    reference = final.lefts("reference")
-    beside = np.interp(f, *_density(reference)) if reference else None
-    return [Spectrum(one.name, axis, f, seen, beside) for one in found]
+    f, seen = _density(holdout)
+    before = np.interp(f, *_density(reference)) if reference else None
+    return [Spectrum(one.name, axis, f, seen, before) for one in found]
 
 
 def _density(lefts: Sequence[Left]) -> tuple[Samples, Samples]:
+    """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz)."""
     idle = [left for left in lefts if left.run.idle] or list(lefts)
     length = min(SEGMENT, *(len(left.error_um) for left in idle))
     parts = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in idle]
