@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "app/commands.h"
+#include "app/reaction.h"
 #include "core/fixed.h"
 
 #define MODEL_LOADED 1u

@@ -1,4 +1,4 @@
-#include "app/model_store.h"
+#include "app/model_check.h"
 
 #include <string.h>
 
