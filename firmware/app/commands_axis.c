@@ -1,7 +1,7 @@
 /* Mode, gains, path and waveform of an axis. */
 #include <string.h>
 
-#include "app/commands.h"
+#include "app/command.h"
 #include "app/crc32.h"
 #include "core/fixed.h"
 #include "core/inverse_make.h"

@@ -1,5 +1,5 @@
 /* The model transaction, its read-back and its place in flash. */
-#include "app/commands.h"
+#include "app/command.h"
 #include "app/model_fields.h"
 #include "app/reaction.h"
 #include "core/fixed.h"

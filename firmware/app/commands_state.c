@@ -1,7 +1,7 @@
 /* Session, supervisor and what the device says about itself. */
 #include <string.h>
 
-#include "app/commands.h"
+#include "app/command.h"
 #include "app/reaction.h"
 #include "core/fixed.h"
 

@@ -1,5 +1,5 @@
 /* The recorder's stream, and what a replay starts from. */
-#include "app/commands.h"
+#include "app/command.h"
 
 enum wire_status command_stream_start(struct device *device, const struct request *request, struct answer *answer)
 {

@@ -56,6 +56,22 @@ def test_signed_values_are_shifted_right_only_in_fixed_h(compiler, source):
             assert "uint" in shift[1] or "unsigned" in shift[1] or function in SHIFTING, f"{function}: {line}"
 
 
+@pytest.mark.parametrize("source", [*SOURCES, *sorted((FIRMWARE / "app").glob("*.[ch]"))], ids=lambda p: p.name)
+def test_no_word_that_only_one_compiler_knows(source):
+    """Nothing beyond C11, but for the one builtin that fixed.h asks for and has a plain twin of."""
+    found = re.findall(r"__(?!VA_ARGS__)\w+|\b(?:asm|typeof)\b", code_without_comments(source))
+    assert set(found) <= {"fixed.h": {"__GNUC__", "__builtin_clz"}}.get(source.name, set())
+
+
+@pytest.mark.parametrize("compiler_name", ["gcc", "clang"])
+def test_the_device_compiles_without_warnings(compiler, compiler_name):
+    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+    command = [compiler(compiler_name), "-std=c11", "-O1", *warnings, f"-I{FIRMWARE}", '-DPHASELEAD_BUILD_ID="0"']
+    sources = [str(source) for source in sorted((FIRMWARE / "app").glob("*.c"))]
+    done = subprocess.run([*command, "-fsyntax-only", *sources], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("compiler_name", ["gcc", "clang"])
 @pytest.mark.parametrize("level", ["-O0", "-O2"])
 def test_no_warnings(compiler, compiler_name, level, tmp_path):
