@@ -22,61 +22,27 @@
 static bool word_lost;
 static uint16_t said; /* data that came back with the first frame of the last drive */
 
-/* Once the word was not there at once. */
-static __attribute__((noinline)) bool wait_for_word(const struct spi *spi)
-{
-    for (uint32_t turns = WORD_TURNS; turns > 0; turns--)
-        if ((spi->SR & SPI_SR_RXNE) != 0)
-            return true;
-    word_lost = true;
-    return false;
-}
-
-/* Known to the compiler as a constant, each register of a peripheral would have its own address fetched anew. */
-#define HELD(peripheral)                                                                                               \
-    ({                                                                                                                 \
-        __typeof__(peripheral) held = (peripheral);                                                                    \
-        __asm("" : "+r"(held));                                                                                        \
-        held;                                                                                                          \
-    })
-
-static inline uint32_t exchange(struct spi *spi, uint32_t word)
+static uint32_t exchange(struct spi *spi, uint32_t word)
 {
     spi->DR = word;
-    if ((spi->SR & SPI_SR_RXNE) == 0 && !wait_for_word(spi))
-        return 0;
-    return spi->DR;
-}
-
-struct dac_line {
-    struct spi *spi;
-    struct gpio *port;
-    uint32_t select, release; /* what makes SYNC low and high */
-};
-
-static inline struct dac_line dac_line(void)
-{
-    return (struct dac_line){HELD(SPI2), HELD(GPIOB), HELD((uint32_t)BIT(PIN_DAC_SYNC + 16)),
-                             HELD((uint32_t)BIT(PIN_DAC_SYNC))};
+    for (uint32_t turns = WORD_TURNS; turns > 0; turns--)
+        if ((spi->SR & SPI_SR_RXNE) != 0)
+            return spi->DR;
+    word_lost = true;
+    return 0;
 }
 
 /* Gives the data of the frame that comes back. */
-static inline uint16_t frame_on(struct dac_line line, uint32_t frame)
+static uint16_t dac_frame(uint32_t frame)
 {
-    struct spi *spi = line.spi;
-    line.port->BSRR = line.select;
-    exchange(spi, frame >> 16);
-    uint32_t answer = exchange(spi, frame >> 8 & 0xFFu);
-    answer = answer << 8 | exchange(spi, frame & 0xFFu);
-    line.port->BSRR = line.release;
-    (void)spi->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
-    (void)spi->SR;
+    pin_low(GPIOB, PIN_DAC_SYNC);
+    exchange(SPI2, frame >> 16);
+    uint32_t answer = exchange(SPI2, frame >> 8 & 0xFFu);
+    answer = answer << 8 | exchange(SPI2, frame & 0xFFu);
+    pin_high(GPIOB, PIN_DAC_SYNC);
+    (void)SPI2->SR; /* SYNC stays high for a while: two reads over a bus of 42 MHz take some 100 ns */
+    (void)SPI2->SR;
     return (uint16_t)answer;
-}
-
-static inline __attribute__((always_inline)) uint16_t dac_frame(uint32_t frame)
-{
-    return frame_on(dac_line(), frame);
 }
 
 static void set_up_adc(void)
@@ -124,27 +90,24 @@ bool converters_start(void)
     return converters_dac_answered();
 }
 
-/* Once it was not done at once. */
-static __attribute__((noinline)) bool wait_for_conversion(const struct gpio *signals)
+static bool conversion_is_done(void)
 {
     for (uint32_t turns = CONVERSION_TURNS; turns > 0; turns--)
-        if (!pin_is_high(signals, PIN_ADC_BUSY))
+        if (!pin_is_high(GPIOB, PIN_ADC_BUSY))
             return true;
     return false;
 }
 
 bool converters_sample(uint16_t codes[CONVERTER_AXES])
 {
-    struct spi *spi = HELD(SPI1);
-    struct gpio *signals = HELD(GPIOB);
-    bool done = !pin_is_high(signals, PIN_ADC_BUSY) || wait_for_conversion(signals);
+    bool done = conversion_is_done();
     word_lost = false;
     pin_low(GPIOA, PIN_ADC_CS);
-    bool first = pin_is_high(signals, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
-    uint32_t x = exchange(spi, 0);
-    bool still_first = pin_is_high(signals, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
-    uint32_t y = exchange(spi, 0);
-    uint32_t z = exchange(spi, 0);
+    bool first = pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
+    uint32_t x = exchange(SPI1, 0);
+    bool still_first = pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
+    uint32_t y = exchange(SPI1, 0);
+    uint32_t z = exchange(SPI1, 0);
     pin_high(GPIOA, PIN_ADC_CS);
     if (!done || !first || still_first || word_lost)
         return false;
@@ -156,10 +119,9 @@ bool converters_sample(uint16_t codes[CONVERTER_AXES])
 
 void converters_drive(const uint16_t codes[CONVERTER_AXES])
 {
-    const struct dac_line line = dac_line();
-    said = frame_on(line, DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
-    frame_on(line, DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
-    frame_on(line, DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
+    said = dac_frame(DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
+    dac_frame(DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
+    dac_frame(DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
 
 void converters_ask_dac(void)

@@ -8,7 +8,8 @@
 
 void serial_set_up(void);
 
-/* Moves what has come to the device and what it says to the line. False when there was nothing to do. */
+/* Moves what has come to the device and what it says to the line. False when there was nothing to do. It stays a
+ * function of its own: tests of the emulated board put faults of the main loop at its entry. */
 __attribute__((noinline, noclone)) bool serial_poll(struct device *device);
 
 /* Vector table: only wakes the main loop. */

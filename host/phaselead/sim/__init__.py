@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from phaselead.sim.device import load_library
-from phaselead.sim.emulated import EmulatedDevice, find_firmware
+from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
 from phaselead.sim.plant import built_in, plant_parameters
 from phaselead.sim.pty import serve
 from phaselead.sim.replay import replay
 from phaselead.sim.stack_use import worst_stack
 
 __all__ = [
+    "Counts",
     "EmulatedDevice",
     "built_in",
     "find_firmware",

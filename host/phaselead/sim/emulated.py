@@ -15,7 +15,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +159,16 @@ class EmulatedStage:
         return int.from_bytes(answer[:8], "little"), np.frombuffer(answer, np.float64, offset=8).reshape(-1, 3).copy()
 
 
+class Counts(NamedTuple):
+    """Runs of an interrupt, the most of any of them, and the longest time for which interrupts were locked."""
+
+    runs: int
+    instructions: int
+    cycles: int
+    cycles_to_mark: int
+    locked_cycles: int
+
+
 class EmulatedDevice:
     """A board in QEMU. Its time passes in ``run`` alone, so a run is the same every time.
 
@@ -168,7 +178,7 @@ class EmulatedDevice:
         elf: the firmware; by default what `make firmware` built.
         flash: image of the two model sectors, ``FLASH_SIZE`` bytes; by default erased.
         baud: speed of the host's end of the line.
-        count: places between which instructions are counted, see emulator/count.c.
+        count: places between which instructions and cycles are counted, see emulator/count.c.
         boot: let the firmware come up first.
 
     Raises:
@@ -342,10 +352,9 @@ class EmulatedDevice:
         rows = np.frombuffer(self.ask(_Ask.CODES), np.uint16).reshape(-1, 2, 3)
         return rows[:, 0].copy(), rows[:, 1].copy()
 
-    def counts(self) -> tuple[int, int, int, int]:
-        """Runs counted, their instructions in all, the most of one, the most up to a mark; since the last call."""
-        runs, total, most, most_to_mark = struct.unpack("<4Q", self.ask(_Ask.COUNTS))
-        return runs, total, most, most_to_mark
+    def counts(self) -> Counts:
+        """What was counted since the last call."""
+        return Counts(*struct.unpack("<5Q", self.ask(_Ask.COUNTS)))
 
     def peek(self, address: int, size: int) -> bytes:
         return self.ask(_Ask.PEEK, struct.pack("<II", address, size))

@@ -114,8 +114,18 @@ extern struct injected {
 void inject(uint32_t what, uint32_t value);
 void inject_reset(void); /* what goes with the reset that was asked for */
 
-/* ---- count.c: exact instruction counts between two places */
+/* ---- cycles.c: what things cost, in cycles of the processor */
+unsigned cycles_of(const void *code, size_t size);       /* an instruction, without waits */
+unsigned cycles_of_jump(uint32_t address);               /* waits of the flash for code out of sequence */
+unsigned cycles_of_access(uint32_t address, bool store); /* waits for data */
+void cycles_fetched(uint32_t address);                   /* the flash has this line before it */
+void cycles_cache_cold(void);
+
+/* ---- count.c: instructions and modelled cycles between two places */
+#define COUNT_FIGURES 5
 void count_open(qemu_plugin_id_t id, const char *argument);
+void count_wait(unsigned cycles); /* the processor waits so long for a part that takes no time here */
+/* Since the last report: runs; of one run the most instructions, cycles, cycles to a mark; the longest lock, cycles. */
 size_t count_report(uint64_t *figures, size_t room);
 
 #endif

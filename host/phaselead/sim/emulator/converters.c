@@ -1,6 +1,6 @@
 /* An AD7606B behind SPI1 and an AD5764R behind SPI2, at the level of their serial words and pins.
  *
- * Words are exchanged at once: the time they take on the bus is not in the model.
+ * Words are exchanged at once: the time they take on the bus is only in the count of cycles.
  */
 #include "board.h"
 
@@ -141,9 +141,14 @@ static bool clocked(const struct spi *spi)
     return spi->second ? rcc_on(RCC_APB1ENR, 14) : rcc_on(RCC_APB2ENR, 12);
 }
 
+static uint64_t clock_Hz(const struct spi *spi)
+{
+    return rcc_apb_Hz(spi->second ? 1 : 2) >> ((spi->regs[SPI_CR1] >> 3 & 7u) + 1);
+}
+
 static void check_speed(const struct spi *spi)
 {
-    uint64_t Hz = rcc_apb_Hz(spi->second ? 1 : 2) >> ((spi->regs[SPI_CR1] >> 3 & 7u) + 1);
+    uint64_t Hz = clock_Hz(spi);
     if (Hz > (spi->second ? DAC_MAX_HZ : ADC_MAX_HZ))
         board_broken("SPI%d runs at %llu Hz, beyond its converter", spi->second ? 2 : 1, (unsigned long long)Hz);
 }
@@ -169,6 +174,8 @@ static void spi_write(void *opaque, uint64_t offset, uint64_t value, unsigned si
     if (offset / 4 != SPI_DR || !(spi->regs[SPI_CR1] & CR1_SPE))
         return;
     check_speed(spi);
+    unsigned bits = spi->regs[SPI_CR1] & CR1_DFF16 ? 16 : 8;
+    count_wait((unsigned)(bits * rcc_sysclk_Hz() / clock_Hz(spi)));
     spi->regs[SPI_DR] = spi->second ? dac_exchange(spi, (uint32_t)value) : adc_exchange(spi);
     spi->regs[SPI_SR] |= SR_RXNE;
 }

@@ -152,7 +152,7 @@ static void start_run(const uint8_t *bytes)
 
 static void obey(enum ask what, const uint8_t *bytes, size_t size)
 {
-    uint64_t figures[4];
+    uint64_t figures[COUNT_FIGURES];
     switch (what) {
     case ASK_STAGE:
         open_stage(bytes, size);
@@ -171,7 +171,7 @@ static void obey(enum ask what, const uint8_t *bytes, size_t size)
         logged = 0;
         return;
     case ASK_COUNTS:
-        answer(figures, 8 * count_report(figures, 4));
+        answer(figures, 8 * count_report(figures, COUNT_FIGURES));
         return;
     case ASK_PEEK:
         answer_peek(u32_at(bytes, 0), u32_at(bytes, 4));
