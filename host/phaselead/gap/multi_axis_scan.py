@@ -11,7 +11,7 @@ import numpy as np
 from phaselead.gap.atoms import Atom, atoms_of
 from phaselead.gap.multi_axis_fit import SharedFit
 from phaselead.gap.multi_axis_records import OF_THE_MECHANICS, Stand
-from phaselead.identify import explained
+from phaselead.identify import score_test
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
@@ -53,7 +53,7 @@ def scan(train: Sequence[Stand], fit: SharedFit, effects: Sequence[Effect]) -> l
     if not columns:
         return []
     drives = [stand.drive(fit.entries) for stand in records]
-    found = explained(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
+    found = score_test(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
     best: dict[tuple[str, int], Scanned] = {}
     for (atom, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):
         key = (atom.effect.name, j)
