@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from phaselead.identify import in_turn
-from phaselead.identify.in_turn import fit_in_turn
-from phaselead.identify.mode_fit import FittedModes
-from phaselead.identify.operator_fit import fit_operator
-from phaselead.identify.operator_result import OperatorFit
+from phaselead.identify.modal import one_axis
+from phaselead.identify.modal.one_axis import FittedModes, fit_in_turn
+from phaselead.identify.operator import OperatorFit, fit_operator
 from phaselead.identify.runs import AxisRun, period_s
 
 RATE_HZ, F_HZ, ZETA = 5000.0, 260.0, 0.02
@@ -70,14 +68,14 @@ def test_operator_and_mode_part(runs):
 
 def test_an_operator_that_ringing_led_astray_is_found_from_a_line(runs, monkeypatch):
     """As on stages of zeta 0.013 whose jumps outweigh all else: behind that operator no mode pays."""
-    found_by = in_turn.fit_modes
+    found_by = one_axis.find_modes
     asked = []
 
     def blind_at_first(view, runs, known=None):
         asked.append(view)
         return None if len(asked) == 1 else found_by(view, runs, known)
 
-    monkeypatch.setattr(in_turn, "fit_modes", blind_at_first)
+    monkeypatch.setattr(one_axis, "find_modes", blind_at_first)
     operator, mode = fit_in_turn(runs)
     assert_parted(operator, mode, runs)
 

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from shared_structure import F_HZ, PERIOD, RATE_HZ, ZETA, Structure
 
 from phaselead.errors import BadInput
-from phaselead.identify.modal_fit import LEAST_ZETA, Shaping, fit_modes, stable, stable_shift
-from phaselead.identify.modal_model import Drive
-from phaselead.identify.modal_poles import common_poles
-from phaselead.identify.modal_response import JointExperiment, frequency_response
+from phaselead.identify.modal.frequency_domain import JointExperiment, common_poles, frequency_response
+from phaselead.identify.modal.model import Drive
+from phaselead.identify.modal.time_domain import LEAST_ZETA, Shaping, fit_modes, stable, stable_shift
 from phaselead.model.effects import mode_bank
 from phaselead.model.effects.filters import resonant
 from phaselead.record.recording import Recording

@@ -9,9 +9,9 @@ import pytest
 from bench_stage import Array, BenchStage, Grid, record, rising_sine, sine_record
 
 from phaselead.errors import BadInput
-from phaselead.identify.operator_fit import fit_linear, fit_operator
-from phaselead.identify.operator_result import effective_rows
-from phaselead.identify.operator_solve import solve
+from phaselead.identify.operator import fit_linear, fit_operator
+from phaselead.identify.operator.result import effective_rows
+from phaselead.identify.operator.solution import solve_slopes
 from phaselead.identify.runs import AxisRun, axis_run
 from phaselead.model.axis import TimeView
 from phaselead.model.operator import predict_time_view
@@ -235,7 +235,7 @@ def test_the_reversible_part_never_falls():
 def test_singular_data_are_refused():
     """Moments that hold no information, however they came about."""
     with pytest.raises(BadInput, match="singular") as caught:
-        solve(np.full((1, 5, 5), np.nan), 1, False)
+        solve_slopes(np.full((1, 5, 5), np.nan), 1, False)
     assert "\n" not in str(caught.value)
 
 

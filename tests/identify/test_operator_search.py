@@ -10,8 +10,9 @@ from bench_stage import BenchStage, Grid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.operator_design import fit_run, nested_basis
-from phaselead.identify.operator_search import least_error, least_in_box
+from phaselead.identify.gauss_newton import least_in_box
+from phaselead.identify.operator.regressors import nested_basis, rows_to_fit
+from phaselead.identify.operator.solution import best_operator
 from phaselead.identify.runs import axis_run
 
 NUMBER = st.floats(-5.0, 5.0)
@@ -41,7 +42,7 @@ def test_any_start_ends_at_the_same_delay_and_memory(start):
     # 3.4 rows late: the voltage that the fit is told of runs ahead by that much.
     late_s = 3.4 / 500
     runs = [replace(r, x_um=np.interp(r.t_s - late_s, r.t_s, r.x_um)) for r in runs]
-    fits = [fit_run(run, 400, i, 1) for i, run in enumerate(runs)]
-    found = least_error(fits, nested_basis(10.0, 0.0, 10.0, 12, 10), 0.02, False, start)
+    fits = [rows_to_fit(run, 400, i, 1) for i, run in enumerate(runs)]
+    found = best_operator(fits, nested_basis(10.0, 0.0, 10.0, 12, 10), 0.02, False, start)
     assert found.delay_s == pytest.approx(late_s, abs=0.05 / 500)
     assert found.rest_fraction == pytest.approx(stage.rest, abs=0.08)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.residual import ModelledRun
-from phaselead.identify import nested_basis
+from phaselead.identify import play_thresholds
 from phaselead.model import AxisModel, Effect, Extra, Parameter, Params, Place, Signal, plays
 from phaselead.record import Samples
 
@@ -187,7 +187,7 @@ def base_columns(modelled: ModelledRun, freedom: Freedom, extra: Extra = ()) -> 
     low, high = view.u_range_V
     columns = [GAIN_STD * slope * v]
     if view.play_r_V:
-        r = nested_basis(high - low, low, high, BASE_PLAYS, 1).play_r_V
+        r = play_thresholds(high - low, BASE_PLAYS)
         start = view.rest_fraction * r if modelled.plays_V is None else np.interp(r, view.play_r_V, modelled.plays_V)
         moved, _ = plays(v, r, np.clip(start + v[0] - signal.u_V[0], v[0] - r, v[0] + r))
         columns += list(((OPEN_STD if freedom.open_plays else PLAY_STD) * slope * moved).T)
@@ -266,7 +266,7 @@ def rich_columns(modelled: ModelledRun) -> Samples:
     assert view is not None
     v, slope = run.u_V, RICH_STD * mean_slope(modelled.axis)
     low, high = float(v.min()), float(v.max())
-    r = nested_basis(high - low, low, high, RICH_PLAYS, 1).play_r_V
+    r = play_thresholds(high - low, RICH_PLAYS)
     rows = np.arange(run.start, run.stop, dtype=np.uintp)
     moved, _ = plays(v, r, np.clip(view.rest_fraction * r, v[0] - r, v[0] + r), rows)
     knots = np.linspace(low, high, RICH_SEGMENTS + 2)[1:-1]

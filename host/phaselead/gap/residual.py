@@ -6,7 +6,6 @@ projected out of everything that is compared, the memory's shrunk to how far a p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import Run
-from phaselead.identify import AxisRun, Sine
+from phaselead.identify import AxisRun, Sine, starting_memory
 from phaselead.model import AxisModel, Chain, Extra, Place, respond, rest_plays
 from phaselead.record import Samples
 
@@ -78,20 +77,6 @@ def modelled_run(axis: AxisModel, run: Run) -> ModelledRun:
     return ModelledRun(run, axis, _chain(axis, run, start), start, nuisance_columns(axis, run, start))
 
 
-def best_turning_point(at_rest: float, tries_V: Sequence[float], variance: Callable[[float], float]) -> float | None:
-    """The voltage of the last turning point before a record, or None where the record starts from rest.
-
-    ``at_rest`` is the variance of the residual when the memory starts from rest, ``variance(v)`` when it starts from
-    a turning point at ``v``. Rest is kept unless one of ``tries_V`` leaves less than OTHER_MEMORY of its variance.
-    """
-    best, least = None, OTHER_MEMORY * at_rest
-    for tried_V in tries_V:
-        left = variance(tried_V)
-        if left < least:
-            best, least = tried_V, left
-    return best
-
-
 def _chain(axis: AxisModel, run: Run, start: Samples | None) -> Chain:
     others = {name: x - np.median(x[: max(1, len(x) // 100)]) for name, x in run.others_um.items()}
     return Chain(axis, run.t_s, run.u_V, others_um=others, start=start)
@@ -117,12 +102,14 @@ def _best_start(axis: AxisModel, run: Run) -> Samples | None:
     def plays_from(turned_V: float) -> Samples:
         return np.asarray(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r))
 
-    def variance(turned_V: float) -> float:
+    def variance(turned_V: float | None) -> float:
+        if turned_V is None:
+            return float(np.var(left))
         change = respond(view, v, plays_from(turned_V) + aside_V)[0][rows] - at_rest
         return float(np.var(left - change))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
-    turned_V = best_turning_point(float(np.var(left)), np.linspace(low, high, TURNING_POINTS).tolist(), variance)
+    turned_V = starting_memory(variance, np.linspace(low, high, TURNING_POINTS).tolist(), OTHER_MEMORY)
     return None if turned_V is None else plays_from(turned_V)
 
 

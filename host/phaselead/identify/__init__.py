@@ -11,54 +11,56 @@ from phaselead.identify.experiment import (
     run_experiment,
 )
 from phaselead.identify.fitting import Base, FitReport, fit
-from phaselead.identify.modal_fit import Drives, ModalFit, Shaping, explained, fit_modes
-from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
-from phaselead.identify.modal_poles import STARTS, common_poles
-from phaselead.identify.modal_response import JointExperiment, common_period, frequency_response
-from phaselead.identify.operator_design import Basis, FitRun, design, fit_run, nested_basis, time_view
-from phaselead.identify.operator_solve import Solved, solved_at
+from phaselead.identify.modal import (
+    Complex,
+    Drive,
+    Drives,
+    JointExperiment,
+    ModalFit,
+    ModalModel,
+    Shaping,
+    common_period,
+    common_poles,
+    fit_modes,
+    frequency_response,
+    score_test,
+)
+from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
 from phaselead.identify.runs import STILL_V, AxisRun, Sine
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 
 __all__ = [
     "HELD_OUT",
-    "STARTS",
     "STILL_V",
     "AxisRun",
     "Base",
-    "Basis",
     "Complex",
     "Drive",
     "Drives",
     "Experiment",
     "FitReport",
-    "FitRun",
     "Identified",
     "JointExperiment",
     "ModalFit",
     "ModalModel",
-    "Samples",
     "Shaping",
     "Sine",
-    "Solved",
     "Verification",
     "View",
     "common_period",
     "common_poles",
     "compare_with_table_1",
-    "design",
-    "explained",
     "fit",
     "fit_modes",
-    "fit_run",
+    "fit_plays",
     "frequency_response",
     "identify_device",
-    "nested_basis",
     "parse_axes",
+    "play_thresholds",
     "run_experiment",
-    "solved_at",
-    "time_view",
+    "score_test",
+    "starting_memory",
     "verification_dict",
     "verify",
 ]

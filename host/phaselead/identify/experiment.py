@@ -128,7 +128,7 @@ def identify_device(
     save_to: str | None = None,
     stage: Stage | None = None,
 ) -> Identified:
-    """Runs the plan (default: the paper's grid on ``axes``), fits both views, verifies on what was held out.
+    """Run the plan (default: the paper's grid on ``axes``), fit both views, and verify on what was held out.
 
     One axis is recorded alone; for several, all three are recorded while each is driven, which gives the
     cross-coupling. The held-out records of the table view are judged whole; those of the time view from
@@ -147,17 +147,9 @@ def identify_device(
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
     refuse_beyond_limits(chosen, parent)
     refuse_away_from_zero(device)
-    total_s, done_s = plan_seconds(chosen) / (1 - FIT_SHARE), 0.0
-    used: list[Recording] = []
-    kept: list[Recording] = []
-    for experiment in chosen:
-        capture, recording = run_experiment(device, experiment, alone=len(set(axes)) == 1)
-        if folder is not None:
-            write_run(folder / f"{recording.source}.h5", capture, recording)
-        (kept if experiment.held_out else used).append(recording)
-        done_s += experiment.seconds
-        if on_progress is not None:
-            on_progress(done_s / total_s)
+    records = _recorded(device, chosen, len(set(axes)) == 1, folder, on_progress)
+    used = [r for r, e in zip(records, chosen, strict=True) if not e.held_out]
+    kept = [r for r, e in zip(records, chosen, strict=True) if e.held_out]
     found, report = fit(used, name="identified", parent=parent)
     origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
     found = found.model_copy(update={"provenance": origin})
@@ -166,6 +158,27 @@ def identify_device(
         "table": verify(found, kept, "table"),
     }
     return Identified(found, report, verifications, used, kept)
+
+
+def _recorded(
+    device: Device,
+    plan: Sequence[Experiment],
+    alone: bool,
+    folder: Path | None,
+    on_progress: Callable[[float], None] | None,
+) -> list[Recording]:
+    """Every experiment of the plan run, and kept in the folder if there is one."""
+    total_s, done_s = plan_seconds(plan) / (1 - FIT_SHARE), 0.0
+    records = []
+    for experiment in plan:
+        capture, recording = run_experiment(device, experiment, alone=alone)
+        if folder is not None:
+            write_run(folder / f"{recording.source}.h5", capture, recording)
+        records.append(recording)
+        done_s += experiment.seconds
+        if on_progress is not None:
+            on_progress(done_s / total_s)
+    return records
 
 
 def held_by(device: Device) -> tuple[Stage | None, str | None]:

@@ -12,10 +12,8 @@ from typing import Any, Literal
 
 from phaselead.errors import BadInput
 from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
-from phaselead.identify.in_turn import fit_in_turn
-from phaselead.identify.mode_fit import FittedModes
-from phaselead.identify.operator_fit import fit_linear
-from phaselead.identify.operator_result import OperatorFit
+from phaselead.identify.modal import FittedModes, fit_in_turn
+from phaselead.identify.operator import OperatorFit, fit_linear
 from phaselead.identify.runs import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
 from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage, TablePoint, TableView
@@ -99,7 +97,7 @@ def fit(
             time[axis], mode = fit_in_turn(axis_runs)
             if mode is not None:
                 modes[axis] = mode
-                messages.append(_said_of_modes(axis, mode))
+                messages.append(_describe_modes(axis, mode))
             view, said = _table(axis_runs)
             messages += said
             if view is not None:
@@ -107,7 +105,7 @@ def fit(
         else:
             time[axis] = fit_linear(axis_runs)
             messages.append(f"axis {axis}: gain and offset only, as asked; no table view")
-    axes: dict[Any, AxisModel] = {a: _model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
+    axes: dict[Any, AxisModel] = {a: _axis_model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
     stage = Stage(
         name=parent.name if parent else name,
         provenance=_provenance(recordings, parent),
@@ -174,7 +172,7 @@ def _is_paper_sine(sine: Sine | None) -> bool:
     return sine is not None and sine.starts_at_zero
 
 
-def _model(
+def _axis_model(
     parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
@@ -196,12 +194,13 @@ def _model(
     )
 
 
-def _said_of_modes(axis: str, found: FittedModes) -> str:
+def _describe_modes(axis: str, found: FittedModes) -> str:
     each = [f"a mode at {f_Hz:.4g} Hz, zeta {zeta:.2g}" for _, f_Hz, zeta in found.modes]
     if len(each) > 1:
         each[1] += f", of {100 * found.modes[1][0]:.2g} % of the motion"
+    explained = 100 * (1 - found.share_left)
     return (
-        f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {100 * (1 - found.left):.0f} % of "
+        f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {explained:.0f} % of "
         "the squared residual of the operator; adopted as effect resonance"
     )
 

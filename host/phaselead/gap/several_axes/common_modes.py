@@ -9,19 +9,18 @@ import numpy as np
 
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
-    STARTS,
     Complex,
     Drive,
     Drives,
     ModalFit,
     ModalModel,
-    Samples,
     Shaping,
     common_poles,
     fit_modes,
     frequency_response,
 )
 from phaselead.model import Entry
+from phaselead.record import Samples
 
 Report = Callable[[float], None]
 
@@ -89,7 +88,7 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Co
         poles = common_poles(
             frequency_response([s.experiment for s in group]),
             lambda share, done=i: report((done + share) / len(groups)),  # type: ignore[misc]
-            STARTS if found is None else (max(len(found), STARTS[0]),),
+            0 if found is None else len(found),
         )
         if found is None:
             found = np.asarray(poles, dtype=complex)

@@ -11,7 +11,7 @@ import numpy as np
 from phaselead.gap.regressors import RegressorGroup, regressor_groups
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.joint_records import JointRecord
-from phaselead.identify import explained
+from phaselead.identify import score_test
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
@@ -55,7 +55,7 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
     if not columns:
         return []
     drives = [record.drive(fit.entries) for record in records]
-    found = explained(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
+    found = score_test(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
     best: dict[tuple[str, int], EffectScore] = {}
     for (atom, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):
         key = (atom.effect.name, j)

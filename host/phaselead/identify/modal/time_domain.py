@@ -1,20 +1,22 @@
 """Common modes fitted to records in the time domain: poles, how they fall with level, and what shapes the pushes.
 
-Separable least squares (Golub and Pereyra 1973): the shares of the modes are solved for, everything else takes
-Gauss-Newton steps (Levenberg-Marquardt) on what they leave. Records weigh by what the model leaves of each.
+The shares of the modes are solved for, everything else is searched (``phaselead.identify.gauss_newton``) in steps of
+Levenberg and Marquardt. Records weigh by what the model leaves of each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
-from phaselead.model import states
+from phaselead.identify.gauss_newton import descend, ridged
+from phaselead.identify.modal.model import Complex, Drive, ModalModel
+from phaselead.record import Samples
 
 LEAST_ZETA, MOST_ZETA = 0.002, 0.97
+"""Range of damping that a step stays in."""
 LARGEST_STEP = 0.1
 """Of a pole, in one step."""
 SHIFT_STD = 0.02
@@ -22,12 +24,20 @@ SHIFT_STD = 0.02
 LARGEST_SHIFT = 0.3
 MARGIN = 2.0
 """Poles stay damped, and shifts below LARGEST_SHIFT, up to this multiple of the highest level of the records."""
-ENOUGH = 1e-3
-"""Less than this share of the squares gained in a step: done."""
-MOST_DAMPING = 1e5
+ENOUGH, FEWEST_STEPS = 1e-3, 6
+"""Less than this share of the squares gained in a step, after so many steps: done."""
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-7, 1e5
+"""Of a step, as a share of the diagonal of the normal matrix: at first, at least, and where the search gives up."""
+CALMER, BOLDER = 8, 5
+"""Factors by which the damping grows after a step that gained nothing, and falls after one that did."""
+REWEIGHED = (1, 4)
+"""Steps before which the records are weighed anew: once the first errors of the start are out, and once more."""
 RIDGE = 1e-10
+"""Of the mean diagonal: keeps shares that the records cannot tell apart from dividing by zero."""
+GUARD = 1e-12
+"""Of the largest diagonal element: the same for poles, shifts and shaping."""
 POWERLESS = 1e-4
-"""A change of which poles and shares take up all but this share of its squares cannot be told from them."""
+"""A change of the pushes whose squares poles and shares take up but for this share cannot be told from them."""
 FIRST_LEFT = 0.05
 """Share of its output that a model is expected to leave before anything is fitted."""
 
@@ -58,8 +68,8 @@ class ModalFit:
     values: Samples
     weights: Samples
     """(records,) that their squares counted."""
-    left: float
-    """Weighted squares."""
+    squares: float
+    """Weighted sum of squares that is left, with what the prior adds."""
     pole_std: Samples
     """(2m,): real and imaginary part, as a share of abs(p)."""
     shift_std: Samples
@@ -85,12 +95,28 @@ class _Point:
 
 
 @dataclass(frozen=True)
+class _Fitted:
+    """A point of the search: everything that follows from it, and the damping of the next step."""
+
+    point: _Point
+    drives: Sequence[Drive]
+    model: ModalModel
+    squares: float
+    """Weighted, with what the prior adds."""
+    by_record: Samples
+    """Mean weighted square of each record (records,)."""
+    weights: Samples
+    damping: float
+
+
+@dataclass(frozen=True)
 class _Normal:
-    """Reduced normal equations of the nonlinear parameters, and their scores per record and output."""
+    """Normal equations of the nonlinear parameters (k,), the shares being free to follow."""
 
     matrix: Samples
     slope: Samples
     scores: Samples
+    """(records times outputs, k): what each adds to the slope."""
     share_std: Samples
     """(inputs (1 + 2m),) of the shares at any output."""
 
@@ -107,32 +133,31 @@ def fit_modes(
 ) -> ModalFit:
     """Fit from ``poles`` (m,), and from ``shift`` (m,) where poles may fall with the levels.
 
-    ``split`` (m, inputs), rows of sum 1: whose level moves a pole; by default all alike.
+    ``split`` (m, inputs), rows of sum 1: whose level moves a pole; by default all alike. ``weights`` (records,): of
+    their squares; by default estimated on the way.
     """
     drives = shaping.drives(shaping.values)
     inputs = drives[0].push_um.shape[1]
     even = np.full((len(poles), inputs), 1 / inputs)
     point = _Point(poles, shift, shaping.values.copy(), even if split is None else split)
-    given = weights
-    weights = _first_weights(drives) if given is None else given
-    model, left, by_record = _solved(point, drives, weights)
-    damping, gained = 1e-3, 1.0
-    for step in range(most_steps):
-        if given is None and step in (1, 4):  # once the first errors of the start are out
-            weights = 1 / np.maximum(by_record / weights, 1e-30)
-            model, left, by_record = _solved(point, drives, weights)
-        normal = _normal(point, model, drives, weights, _changes_of(shaping, drives, point), len(shaping.values))
-        tried = _improved(point, normal, shaping, weights, left, damping)
-        if report is not None:
-            report((step + 1) / most_steps)
-        if tried is None:
-            break
-        point, drives, model, left_now, by_record, damping = tried
-        gained, left = (left - left_now) / left, left_now
-        if gained < ENOUGH and step > 4:
-            break
-    changes = _changes_of(shaping, drives, point)
-    return _result(point, model, _normal(point, model, drives, weights, changes, len(shaping.values)), weights, left)
+    start = _fitted(point, drives, _first_weights(drives) if weights is None else weights, FIRST_DAMPING)
+
+    def reweighed(at: _Fitted, step: int) -> _Fitted:
+        if weights is not None or step not in REWEIGHED:
+            return at
+        return _fitted(at.point, at.drives, 1 / np.maximum(at.by_record / at.weights, 1e-30), at.damping)
+
+    found = descend(
+        start,
+        lambda at: _trials(at, shaping),
+        lambda at: at.squares,
+        most_steps,
+        enough=ENOUGH,
+        fewest_steps=FEWEST_STEPS,
+        reweighed=reweighed,
+        report=report,
+    )
+    return _result(found, _normal_of(found, shaping))
 
 
 def _first_weights(drives: Sequence[Drive]) -> Samples:
@@ -144,14 +169,14 @@ def _centred(columns: Samples, rows: slice, weight: float) -> Samples:
 
 
 def _weighted(columns: Samples, weight: float) -> Samples:
-    """About their means, in place: these are the largest arrays there are."""
+    """The columns about their means, times the root of the weight; in place, these are the largest arrays there are."""
     columns -= columns.mean(axis=0)
     columns *= np.sqrt(weight)
     return columns
 
 
-def _solved(point: _Point, drives: Sequence[Drive], weights: Samples) -> tuple[ModalModel, float, Samples]:
-    """The model with the best shares, the squares it leaves, and their mean in each record (records,)."""
+def _fitted(point: _Point, drives: Sequence[Drive], weights: Samples, damping: float) -> _Fitted:
+    """The point with the best shares."""
     inputs = drives[0].push_um.shape[1]
     parts = []
     for drive, weight in zip(drives, weights, strict=True):
@@ -159,35 +184,25 @@ def _solved(point: _Point, drives: Sequence[Drive], weights: Samples) -> tuple[M
         x = _centred(drive.x_um, drive.rows, weight)
         parts.append((columns.T @ columns, columns.T @ x, float(np.sum(x**2)), x.size))
     normal = np.sum([p[0] for p in parts], axis=0)
-    best = np.asarray(np.linalg.solve(_ridged(normal), np.sum([p[1] for p in parts], axis=0)))
+    best = np.asarray(np.linalg.solve(ridged(normal, RIDGE), np.sum([p[1] for p in parts], axis=0)))
     squares = np.array([p[2] - 2 * np.sum(best * p[1]) + np.sum(best * (p[0] @ best)) for p in parts])
     squares = np.maximum(squares, 1e-30)
     model = ModalModel(point.poles, best, inputs, point.drop)
-    sizes = np.array([p[3] for p in parts])
-    return model, float(squares.sum()) + _prior(point, drives), squares / sizes
-
-
-def _ridged(normal: Samples) -> Samples:
-    return np.asarray(normal + RIDGE * np.trace(normal) / len(normal) * np.eye(len(normal)))
+    by_record = squares / np.array([p[3] for p in parts])
+    return _Fitted(point, drives, model, float(squares.sum()) + _prior(point, drives), by_record, weights, damping)
 
 
 def _prior_scale(point: _Point, drives: Sequence[Drive]) -> Samples:
     """(m,): one over the standard deviation of a shift."""
-    largest = np.max([_mean_level(d, point.split) for d in drives], axis=0)
+    largest = np.max([d.mean_level(point.split) for d in drives], axis=0)
     return np.asarray(largest / SHIFT_STD)
 
 
 def _prior(point: _Point, drives: Sequence[Drive]) -> float:
+    """What the shifts add to the squares."""
     if point.shift is None:
         return 0.0
     return float(np.sum(np.abs(point.shift * _prior_scale(point, drives)) ** 2))
-
-
-def _mean_level(drive: Drive, split: Samples) -> Samples:
-    """(m,) level that moves each mode, over the scored rows."""
-    if drive.level is None:
-        return np.zeros(len(split))
-    return np.asarray(split @ drive.level[drive.rows].mean(axis=0))
 
 
 def _normal(
@@ -200,8 +215,8 @@ def _normal(
     inner, records = np.zeros((size, size)), []
     for d, (drive, weight) in enumerate(zip(drives, weights, strict=True)):
         columns = _weighted(drive.scored(point.poles, point.drop, slopes=True), weight)
-        left = _centred(drive.x_um, drive.rows, weight) - columns[:, :basis] @ model.weights
-        gram, products = columns.T @ columns, columns.T @ left
+        residual = _centred(drive.x_um, drive.rows, weight) - columns[:, :basis] @ model.weights
+        gram, products = columns.T @ columns, columns.T @ residual
         own += gram[:basis, :basis]
         shaped = _shaped(model, drive, changes(d), weight)
         for i in range(outputs):
@@ -211,8 +226,8 @@ def _normal(
             cross[i] += np.hstack([behind[:basis], extra[:basis]])
             mixed = slopes.T @ extra[basis:]
             inner += np.block([[slopes.T @ behind[basis:], mixed], [mixed.T, shaped[i].T @ shaped[i]]])
-            records.append((i, products[:basis, i], slopes.T @ products[basis:, i], shaped[i].T @ left[:, i]))
-    inverse = np.linalg.inv(_ridged(own))
+            records.append((i, products[:basis, i], slopes.T @ products[basis:, i], shaped[i].T @ residual[:, i]))
+    inverse = np.linalg.inv(ridged(own, RIDGE))
     taken = [inverse @ c for c in cross]
     matrix = inner - np.sum([c.T @ t for c, t in zip(cross, taken, strict=True)], axis=0)
     scores = np.array([np.concatenate([b, c]) - taken[i].T @ a for i, a, b, c in records])
@@ -235,7 +250,7 @@ def _pole_map(point: _Point, model: ModalModel, drive: Drive, output: int) -> Sa
     rho = model.residues[output, :, 0::2] - 1j * model.residues[output, :, 1::2]  # (inputs, m)
     turns = [np.ones(m, dtype=complex)]
     if point.shift is not None:
-        turns.append(-point.poles / np.abs(point.poles) * _mean_level(drive, point.split))
+        turns.append(-point.poles / np.abs(point.poles) * drive.mean_level(point.split))
     found = np.zeros((inputs, m, 2, len(turns), m, 2))
     modes = np.arange(m)
     for t, turn in enumerate(turns):
@@ -261,42 +276,27 @@ def _shaped(model: ModalModel, drive: Drive, changes: Sequence[Samples], weight:
     scored = len(range(*drive.rows.indices(len(drive.x_um))))
     found = np.zeros((model.weights.shape[1], scored, len(changes)))
     for k, change in enumerate(changes):
-        found[:, :, k] = _centred(through_modes(model, drive, change), drive.rows, weight).T
+        found[:, :, k] = _centred(model.moved_by(change, drive), drive.rows, weight).T
     return list(found)
 
 
-def through_modes(model: ModalModel, drive: Drive, change_um: Samples) -> Samples:
-    """(n, outputs): what a change (n, inputs) of the pushes does, at the levels of the record."""
-    answer = change_um @ model.direct.T
-    level = drive.level if model.drop is not None else None
-    for j in range(model.inputs):
-        if np.any(change_um[:, j]):
-            seen = states(change_um[:, j], model.poles, drive.step_s, level, None if level is None else model.drop)
-            answer = answer + seen @ model.residues[:, j].T
-    return np.asarray(answer)
+def _normal_of(at: _Fitted, shaping: Shaping) -> _Normal:
+    changes = _changes_of(shaping, at.drives, at.point)
+    return _normal(at.point, at.model, at.drives, at.weights, changes, len(shaping.values))
 
 
-_Tried = tuple[_Point, Sequence[Drive], ModalModel, float, Samples, float]
-
-
-def _improved(
-    point: _Point, normal: _Normal, shaping: Shaping, weights: Samples, left: float, damping: float
-) -> _Tried | None:
-    """The next point that leaves less, with its damping; None when there is none."""
+def _trials(at: _Fitted, shaping: Shaping) -> Iterator[_Fitted]:
+    """Points a damped Gauss-Newton step away, ever more damped."""
+    normal, damping = _normal_of(at, shaping), at.damping
     scale = np.diag(normal.matrix)
-    guard = 1e-12 * scale.max() * np.eye(len(scale))
-    highest = MARGIN * max(
-        (float(d.level.max()) for d in shaping.drives(point.values) if d.level is not None), default=0
-    )
+    guard = GUARD * scale.max() * np.eye(len(scale))
+    highest = MARGIN * max((float(d.level.max()) for d in at.drives if d.level is not None), default=0)
     while damping < MOST_DAMPING:
         change = np.linalg.solve(normal.matrix + damping * np.diag(scale) + guard, normal.slope)
-        after = _moved(point, change, shaping, highest)
-        drives = shaping.drives(after.values)
-        model, now, by_record = _solved(after, drives, weights)
-        if now < left:
-            return after, drives, model, now, by_record, max(damping / 5, 1e-7)
-        damping *= 8
-    return None
+        after = _moved(at.point, change, shaping, highest)
+        bolder = max(damping / BOLDER, LEAST_DAMPING)
+        yield _fitted(after, shaping.drives(after.values), at.weights, bolder)
+        damping *= CALMER
 
 
 def _moved(point: _Point, change: Samples, shaping: Shaping, highest: float) -> _Point:
@@ -331,38 +331,47 @@ def stable_shift(p: Complex, shift: Complex, level: float) -> Complex:
     return shift
 
 
-def _result(point: _Point, model: ModalModel, normal: _Normal, weights: Samples, left: float) -> ModalFit:
+def _result(at: _Fitted, normal: _Normal) -> ModalFit:
     """Standard deviations: the larger of what white residuals give and of the scatter of the scores between records
     and outputs (White 1980)."""
+    point = at.point
     inverse = _inverse(normal.matrix)
     influence = normal.scores @ inverse
     white, scattered = np.diag(inverse), (influence**2).sum(axis=0)
     std, m = np.sqrt(np.maximum(np.maximum(white, scattered), 0.0)), len(point.poles)
     coloured = np.sqrt(max(1.0, float(np.median(scattered[: 2 * m] / np.maximum(white[: 2 * m], 1e-300)))))
-    at = _poles_size(point)
+    end = _poles_size(point)
     return ModalFit(
-        model, point.shift, point.values, weights, left, std[: 2 * m], std[2 * m : at], std[at:],
-        coloured * normal.share_std,
-    )  # fmt: skip
+        model=at.model,
+        shift=point.shift,
+        values=point.values,
+        weights=at.weights,
+        squares=at.squares,
+        pole_std=std[: 2 * m],
+        shift_std=std[2 * m : end],
+        value_std=std[end:],
+        share_std=coloured * normal.share_std,
+    )
 
 
 def _inverse(matrix: Samples) -> Samples:
-    guard = 1e-12 * float(np.diag(matrix).max()) * np.eye(len(matrix))
+    guard = GUARD * float(np.diag(matrix).max()) * np.eye(len(matrix))
     return np.asarray(np.linalg.inv(matrix + guard))
 
 
 @dataclass(frozen=True)
-class Explained:
-    """Per change: its best amount, the deviation of that, and the share of the squares left that it would explain."""
+class ScoreTest:
+    """Per change of the pushes (changes,): its best amount, the standard deviation of that, and the share of the
+    squares that it would explain."""
 
     amounts: Samples
     std: Samples
     share: Samples
 
 
-def explained(
+def score_test(
     fit: ModalFit, split: Samples, drives: Sequence[Drive], weights: Samples, changes: Changes, count: int
-) -> Explained:
+) -> ScoreTest:
     """Score test of changes of the pushes, each by itself, poles and shares being free to follow."""
     point = _Point(fit.model.poles, fit.shift, np.zeros(0), split)
     normal = _normal(point, fit.model, drives, weights, changes, count)
@@ -376,11 +385,11 @@ def explained(
     power = np.where(seen, power, np.inf)
     amounts = slope / power
     variance = np.maximum(1.0, (scores**2).sum(axis=0) / power) / power
-    left = _left_of(fit.model, drives, weights)
-    return Explained(amounts, np.where(seen, np.sqrt(variance), np.inf), slope * amounts / left)
+    squares = _squares(fit.model, drives, weights)
+    return ScoreTest(amounts, np.where(seen, np.sqrt(variance), np.inf), slope * amounts / squares)
 
 
-def _left_of(model: ModalModel, drives: Sequence[Drive], weights: Samples) -> float:
+def _squares(model: ModalModel, drives: Sequence[Drive], weights: Samples) -> float:
     total = 0.0
     for drive, weight in zip(drives, weights, strict=True):
         total += float(np.sum(_centred(drive.x_um - model.answer(drive), drive.rows, weight) ** 2))

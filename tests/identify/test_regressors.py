@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.operator_design import FitRun, design, gram, nested_basis
+from phaselead.identify.operator.regressors import FitRun, design_matrix, nested_basis
+from phaselead.identify.operator.solution import moments
 from phaselead.identify.runs import AxisRun
 from phaselead.model.operator import delayed, plays
 
@@ -50,7 +51,7 @@ def test_skipping_rows_changes_nothing(u, data, delay_rows, rest_fraction, came_
     fit = fit_of(u, rows, came_from_V)
     delay_s = delay_rows * fit.run.step_s
     np.testing.assert_allclose(
-        design(fit, BASIS, delay_s, rest_fraction), every_row(fit, delay_s, rest_fraction), atol=1e-12
+        design_matrix(fit, BASIS, delay_s, rest_fraction), every_row(fit, delay_s, rest_fraction), atol=1e-12
     )
 
 
@@ -60,7 +61,7 @@ def test_moments_are_those_of_the_columns_group_by_group():
         fit_of(rng.uniform(-1, 6, 90), range(0, 90, 2), groups=np.arange(45) * 3 // 45),
         fit_of(rng.uniform(-1, 6, 70), range(70), 2.0, groups=np.full(70, 2)),
     ]
-    found = gram(fits, BASIS, 1.3e-3, 0.4)
+    found = moments(fits, BASIS, 1.3e-3, 0.4)
     expected = np.zeros_like(found)
     for fit in fits:
         columns = np.column_stack([every_row(fit, 1.3e-3, 0.4), np.ones(len(fit.rows)), fit.position()])
@@ -72,4 +73,4 @@ def test_moments_are_those_of_the_columns_group_by_group():
 
 def test_a_delay_cannot_be_negative():
     with pytest.raises(ValueError, match="future"):
-        design(fit_of([0.0, 1.0, 0.0], [0, 1]), BASIS, -1e-3, 0.0)
+        design_matrix(fit_of([0.0, 1.0, 0.0], [0, 1]), BASIS, -1e-3, 0.0)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from bench_stage import Array, record, rising_sine
 
-from phaselead.identify.memory import came_from, settled
-from phaselead.identify.operator_design import FitRun, fit_run
+from phaselead.identify.operator.regressors import FitRun, rows_to_fit
+from phaselead.identify.operator.starting_memory import settled, starting_memory, with_memories
 from phaselead.identify.runs import axis_run
 from phaselead.record.recording import Recording
 
 
 def fitted(recording: Recording) -> FitRun:
-    return fit_run(axis_run(recording, "x"), 10_000, 0, 1)
+    return rows_to_fit(axis_run(recording, "x"), 10_000, 0, 1)
 
 
 def rising(swing_V: float = 5.0) -> Recording:
@@ -54,7 +55,7 @@ def explained(
         known = fit.run is fits[0].run or (fit.came_from_V is not None and fit.came_from_V >= from_V)
         return 0.1 * WAVE if known else (0.1 + wave) * WAVE + offset_um
 
-    (first, second), messages = came_from(fits, residual, own_offsets)
+    (first, second), messages = with_memories(fits, residual, own_offsets)
     assert first.came_from_V is None
     return second.came_from_V, messages
 
@@ -76,6 +77,23 @@ def test_a_small_offset_is_creep_and_a_large_one_is_memory():
 
 
 def test_a_single_record_defines_rest():
-    fits, messages = came_from([fitted(rising())], lambda fit: np.arange(750.0), False)
+    fits, messages = with_memories([fitted(rising())], lambda fit: np.arange(750.0), False)
     assert fits[0].came_from_V is None
     assert messages == []
+
+
+SQUARES = {None: 10.0, -3.0: 9.0, 1.0: 5.2, 4.0: 5.0, 7.0: 5.0}
+
+
+@pytest.mark.parametrize(
+    ("share", "alike", "found"),
+    [(0.6, None, 4.0), (0.5, None, None), (0.6, 1.1, 1.0), (0.6, 1.01, 4.0), (1.0, 2.0, 1.0)],
+)
+def test_the_start_that_leaves_least_or_the_nearest_of_those_alike(share, alike, found):
+    """Rest leaves 10; a turning point is believed below that times the share."""
+    points = [volt for volt in SQUARES if volt is not None]
+    assert starting_memory(SQUARES.__getitem__, points, share, alike) == found
+
+
+def test_without_a_turning_point_to_try_a_record_starts_from_rest():
+    assert starting_memory(lambda _: 1.0, [], 0.8) is None

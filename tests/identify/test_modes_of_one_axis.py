@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim, lti
 
-from phaselead.identify.mode_fit import fit_modes
+from phaselead.identify.modal.one_axis import find_modes
 from phaselead.identify.runs import AxisRun
 from phaselead.model.axis import TimeView
 
@@ -34,13 +34,13 @@ def test_a_mode_is_found_and_its_lag_taken_out_of_the_delay(mode):
     runs = [triangle_run(f, mode, i) for i, f in enumerate((3.0, 5.0, 7.0, 11.0))]
     zeta_lag_s = 2 * mode[1] / (2 * np.pi * mode[0])
     view = VIEW.model_copy(update={"delay_s": VIEW.delay_s + zeta_lag_s})  # what a fit without a mode would call delay
-    found = fit_modes(view, runs)
+    found = find_modes(view, runs)
     assert found is not None
     assert len(found.modes) == 1
     assert found.modes[0] == pytest.approx((1.0, *mode), rel=0.1)
     assert found.modes[0][1] == pytest.approx(mode[0], rel=0.01)
     assert found.delay_s == pytest.approx(VIEW.delay_s, abs=3e-5)
-    assert found.left < 0.1
+    assert found.share_left < 0.1
 
 
 def test_a_second_mode_and_its_share_are_found():
@@ -51,7 +51,7 @@ def test_a_second_mode_and_its_share_are_found():
         late_V = np.interp(run.t_s - VIEW.delay_s, run.t_s, run.u_V, left=0.0)
         _, second_um, _ = lsim(lti([20 * w**2], [1, 2 * zeta * w, w**2]), late_V, run.t_s)
         both.append(replace(run, x_um=(1 - share) * run.x_um + share * second_um))
-    found = fit_modes(VIEW, both)
+    found = find_modes(VIEW, both)
     assert found is not None
     assert found.modes[0] == pytest.approx((1 - share, 160.0, 0.02), rel=0.05)
     assert found.modes[1] == pytest.approx((share, 490.0, zeta), rel=0.1)
@@ -59,10 +59,10 @@ def test_a_second_mode_and_its_share_are_found():
 
 def test_no_mode_is_adopted_where_there_is_none():
     runs = [triangle_run(f, None, i) for i, f in enumerate((3.0, 5.0, 7.0, 11.0))]
-    assert fit_modes(VIEW, runs) is None
+    assert find_modes(VIEW, runs) is None
 
 
 def test_slow_records_have_no_mode():
     run = triangle_run(3.0, (160.0, 0.02), 0)
     slow = AxisRun(run.t_s[::50], run.u_V[::50], run.x_um[::50], slice(None), "x", "slow")
-    assert fit_modes(VIEW, [slow, slow]) is None
+    assert find_modes(VIEW, [slow, slow]) is None

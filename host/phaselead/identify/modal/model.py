@@ -14,20 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.model import modes_of, shares, states, states_and_slopes
+from phaselead.record import Samples
 
-Samples = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class Drive:
-    """One record: pushes (n, inputs) in um from rest, levels of the actuators (n, inputs) or none, positions
-    (n, outputs) in um, the rows to score. The first row is how things stood before."""
+    """One record of all axes, what drives the modes and what is measured; its first row is how things stood before."""
 
     push_um: Samples
+    """(n, inputs) in um from rest."""
     level: Samples | None
+    """(n, inputs) of the actuators, where poles fall with it."""
     x_um: Samples
+    """(n, outputs)."""
     rows: slice
+    """To be scored."""
     step_s: float
 
     def states(self, p: Complex, drop: Complex | None) -> Samples:
@@ -37,6 +40,12 @@ class Drive:
     def scored(self, p: Complex, drop: Complex | None, *, slopes: bool = False) -> Samples:
         """The same over the scored rows; with ``slopes`` those in the poles behind: (rows, inputs (1 + 4m))."""
         return self._columns(p, drop, self.rows, slopes)
+
+    def mean_level(self, split: Samples) -> Samples:
+        """Mean over the scored rows of the level that moves each mode (m,); ``split`` (m, inputs): whose, as shares."""
+        if self.level is None:
+            return np.zeros(len(split))
+        return np.asarray(split @ self.level[self.rows].mean(axis=0))
 
     def _columns(self, p: Complex, drop: Complex | None, rows: slice, slopes: bool) -> Samples:
         moved = drop if self.level is not None else None
@@ -57,13 +66,14 @@ class Drive:
 
 @dataclass(frozen=True)
 class ModalModel:
-    """``weights`` (inputs (1 + 2m), outputs): what each column of ``Drive.states`` counts at each output."""
+    """Poles (m,) in 1/s that all axes share, and how each actuator drives and each sensor sees them."""
 
     poles: Complex
     weights: Samples
+    """(inputs (1 + 2m), outputs): what each column of ``Drive.states`` counts at each output."""
     inputs: int
     drop: Complex | None = None
-    """(m, inputs)."""
+    """(m, inputs): relative fall of each pole per unit of each level; None where poles stay."""
 
     @property
     def f_Hz(self) -> Samples:
@@ -110,6 +120,16 @@ class ModalModel:
             matrix = self.residues[:, :, 2 * r] - 1j * self.residues[:, :, 2 * r + 1]
             found[r] = np.abs(np.linalg.svd(matrix)[2][0]) ** 2
         return found
+
+    def moved_by(self, change_um: Samples, drive: Drive) -> Samples:
+        """What a change (n, inputs) of the pushes does to the positions (n, outputs), at the levels of the record."""
+        answer = change_um @ self.direct.T
+        level = drive.level if self.drop is not None else None
+        for j in range(self.inputs):
+            if np.any(change_um[:, j]):
+                seen = states(change_um[:, j], self.poles, drive.step_s, level, None if level is None else self.drop)
+                answer = answer + seen @ self.residues[:, j].T
+        return np.asarray(answer)
 
     def answer(self, drive: Drive) -> Samples:
         """Positions (n, outputs) in um from rest."""

@@ -1,13 +1,13 @@
-"""What a fit of the time-domain view says about itself: errors of its parameters, residuals, choices."""
+"""A fitted time view with the standard errors of its parameters, its residuals, and the sizes that were tried."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phaselead.identify.operator_design import Basis, FitRun, delay_step_s, linearised
+from phaselead.identify.operator.regressors import FitRun, with_weight
+from phaselead.identify.operator.solution import Solution, linearised
 from phaselead.model import TimeView
 from phaselead.record import Samples
 
@@ -26,28 +26,30 @@ class Choice:
 
 @dataclass(frozen=True)
 class RecordResidual:
-    """What the fit leaves of one record, over the rows it was asked to explain."""
+    """Residual of one record over the rows that the fit was asked to explain."""
 
     source: str
     rms_um: float
     max_um: float
     mean_um: float
-    """Signed: the record's own offset against the fitted one."""
+    """With its sign: the record's own offset against the fitted one."""
     range_um: float
     came_from_V: float | None
+    """Where the voltage last turned round before the record; None: it starts from rest."""
 
     @staticmethod
-    def of(fit: FitRun, left: Samples) -> RecordResidual:
-        rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
-        return RecordResidual(fit.run.source, rms, largest, float(left.mean()), fit.run.range_um, fit.came_from_V)
+    def of(fit: FitRun, residual: Samples) -> RecordResidual:
+        """From what the fit leaves of a record (rows,) in um."""
+        rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
+        return RecordResidual(fit.run.source, rms, largest, float(residual.mean()), fit.run.range_um, fit.came_from_V)
 
 
 @dataclass(frozen=True)
 class OperatorFit:
-    """A fitted time view, the standard errors of its parameters, and how it was come by. Prints as a table.
+    """A fitted time view and how sure its parameters are. Prints as a table.
 
-    ``std`` is keyed like the fields of TimeView; a parameter at its bound has none (nan). The errors count
-    how far neighbouring residuals agree (``effective_rows``), but they are those of the model as chosen.
+    ``std`` is keyed like the fields of TimeView; a parameter at its bound has none (nan). Rows whose residuals agree
+    with their neighbours' count less (``effective_rows``); that the size of the model was chosen is not counted.
     """
 
     view: TimeView
@@ -82,10 +84,12 @@ class OperatorFit:
         return "\n".join([*lines, *self.messages])
 
 
-def effective_rows(left: Samples) -> float:
-    """Rows as many independent residuals would be worth: n / (1 + 2 sum rho), rho until it first falls below
-    0.05."""
-    e = left - left.mean()
+def effective_rows(residual: Samples) -> float:
+    """How many independent rows a residual (n,) is worth: n / (1 + 2 sum rho).
+
+    rho is its autocorrelation, up to where it first falls below 0.05.
+    """
+    e = residual - residual.mean()
     n = len(e)
     spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2
     rho = np.fft.irfft(spectrum)[:n]
@@ -96,54 +100,49 @@ def effective_rows(left: Samples) -> float:
     return max(1.0, n / (1 + 2 * float(rho[1:end].sum())))
 
 
-def standard_errors(
-    fits: list[FitRun], basis: Basis, delay: float, rest: float, slopes: Samples, left: list[Samples]
-) -> dict[str, tuple[float, ...]]:
-    """Standard errors of the parameters of ``time_view``, linearised at the solution.
+def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samples]) -> dict[str, tuple[float, ...]]:
+    """Standard errors of the parameters of a time view, linearised at the solution; keys as in ``OperatorFit.std``.
 
-    G^-1 M G^-1, where M weighs each record's moments by its own residual and by how few rows are independent
-    (Huber 1967). Slopes at their bound of zero are held there.
+    G^-1 M G^-1, where M weighs the moments G of each record by the record's own residual and by how few of its rows are
+    independent (Huber 1967). Slopes at their bound of zero are held there.
     """
-    free = slopes > 0
-    n_free = int(free.sum())
-    size = n_free + 3
-    information, meat = np.zeros((size, size)), np.zeros((size, size))
-    step = delay_step_s(fits, delay)
-    for f, e in zip(fits, left, strict=True):
-        columns = linearised(f, basis, delay, rest, slopes, step)[:, :-1]
+    size = int(np.count_nonzero(solution.slopes > 0)) + 3
+    information, scatter = np.zeros((size, size)), np.zeros((size, size))
+    delay_step_s = 0.02 * min(f.run.step_s for f in fits) + 0.01 * solution.delay_s
+    for f, e in zip(fits, residuals, strict=True):
+        columns = linearised(f, solution, delay_step_s)[:, :-1]
         moments = f.weight * (columns.T @ columns)
         information += moments
-        # Judged about its own mean, a record that sits beside the others would seem exact.
-        meat += f.weight * np.mean(e**2) * len(e) / effective_rows(e) * moments
+        # Judged about its own mean, a record whose offset differs from the others' would seem exact.
+        scatter += f.weight * np.mean(e**2) * len(e) / effective_rows(e) * moments
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-10, hermitian=True)
-    covariance = inverse @ (meat / np.outer(scale, scale)) @ inverse / np.outer(scale, scale)
+    covariance = inverse @ (scatter / np.outer(scale, scale)) @ inverse / np.outer(scale, scale)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     std[scale <= 1e-140] = np.nan
-    return _named(basis, free, slopes, covariance[:n_free, :n_free], std, rest)
+    return _by_parameter(solution, covariance, std)
 
 
-def _named(
-    basis: Basis, free: NDArray[np.bool_], slopes: Samples, covariance: Samples, std: Samples, rest: float
-) -> dict[str, tuple[float, ...]]:
-    """The errors under the names and in the order of the view that ``time_view`` makes of the same slopes."""
-    n = len(basis.knots_V) - 1
+def _by_parameter(solution: Solution, covariance: Samples, std: Samples) -> dict[str, tuple[float, ...]]:
+    """The errors under the names and in the order of the time view of a solution.
+
+    ``covariance`` and its root diagonal ``std`` are of [slopes that are not 0, delay, rest fraction, offset].
+    """
+    basis, free = solution.basis, solution.slopes > 0
+    n, where = basis.n_segments, np.flatnonzero(free)
+    count = len(where)
     full = np.zeros((basis.size, basis.size))
-    where = np.flatnonzero(free)
-    full[np.ix_(where, where)] = covariance
+    full[np.ix_(where, where)] = covariance[:count, :count]
     bend = np.diff(np.eye(n), axis=0)
     bends = np.sqrt(np.maximum(np.diag(bend @ full[:n, :n] @ bend.T), 0.0))
-    scale = float(slopes[:n].sum() / n + slopes[n:].sum())
-    knees = np.abs(np.diff(slopes[:n])) > 1e-6 * scale
-    keep = slopes[n:] > 1e-6 * scale
     weights = np.sqrt(np.maximum(np.diag(full)[n:], 0.0))
+    keep, bent = with_weight(basis, solution.slopes)
     at_bound = float("nan")
-    count = len(where)
     return {
         "gain_um_per_V": (float(np.sqrt(full[0, 0])) if free[0] else at_bound,),
         "play_w_um_per_V": tuple(weights[keep].tolist()),
-        "deadzone_s_um_per_V": tuple(bends[knees].tolist()),
+        "deadzone_s_um_per_V": tuple(bends[bent].tolist()),
         "offset_um": (float(std[count + 2]),),
         "delay_s": (float(std[count]),),
-        "rest_fraction": (float(std[count + 1]) if 0 < abs(rest) < 1 else at_bound,),
+        "rest_fraction": (float(std[count + 1]) if 0 < abs(solution.rest_fraction) < 1 else at_bound,),
     }

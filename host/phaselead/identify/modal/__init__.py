@@ -1,0 +1,30 @@
+"""Modes of the mechanics: the first ones of one axis, and those that several axes share."""
+
+from __future__ import annotations
+
+from phaselead.identify.modal.frequency_domain import (
+    JointExperiment,
+    common_period,
+    common_poles,
+    frequency_response,
+)
+from phaselead.identify.modal.model import Complex, Drive, ModalModel
+from phaselead.identify.modal.one_axis import FittedModes, fit_in_turn
+from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes, score_test
+
+__all__ = [
+    "Complex",
+    "Drive",
+    "Drives",
+    "FittedModes",
+    "JointExperiment",
+    "ModalFit",
+    "ModalModel",
+    "Shaping",
+    "common_period",
+    "common_poles",
+    "fit_in_turn",
+    "fit_modes",
+    "frequency_response",
+    "score_test",
+]

@@ -1,0 +1,342 @@
+"""The first modes of one axis: ringing after every kink, in what the operator leaves of fast records.
+
+Without them a sine one of whose harmonics falls on a mode is predicted worse than the operator could. A mode is adopted
+only when it pays where it was not fitted; at most two are looked for.
+
+An operator fitted to a ringing stage takes up part of the ringing, and chooses fewer plays than the records carry. So
+operator and modes are fitted in turn, each with the other known, as long as it pays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.signal import welch
+
+from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, refit_operator
+from phaselead.identify.runs import AxisRun
+from phaselead.model import (
+    AdoptedEffect,
+    Mode,
+    TimeView,
+    behind_modes,
+    mode_coefficients,
+    predict_time_view,
+    resonant,
+    second_order_left,
+)
+from phaselead.record import Samples
+
+SLOWEST_RATE_HZ = 400.0
+LOWEST_HZ, HIGHEST_OF_RATE, SECOND_OF_RATE = 30.0, 0.9, 0.45
+"""Range searched: a ringing slower than this is creep or drift to us. A mode beyond half of the rate is not seen to
+ring, but it raises the response below it, by (f/f_Hz)^2; a second one, of less weight, is to be seen."""
+APART = 1.3
+"""A second mode lies this factor above the first at least: below it, it would stand in for what the operator misses."""
+TRIED_FREQUENCIES, TRIED_ZETAS = 100, (0.01, 0.03, 0.1)
+TRIED_ON_RUNS = 4
+"""The grid is tried on so many runs, the shortest."""
+ZETA, UNDAMPED = (0.002, 0.5), 0.0022
+"""Range of damping; a second mode at its lower bound stands in for what the delay leaves."""
+MOST_SHARE = 0.1
+"""Of the motion: a second mode that carries more stands in for what happens between rows."""
+MOST_RUNS = 16
+FEW_RUNS, BLOCKS = 8, 24
+"""Below so many runs each is fitted and judged on alternating blocks of itself, not on alternating runs, and fitted by
+its second differences: what the operator misses of the slow way would outweigh the ringing."""
+SPECTRUM_ROWS, PEAK_WIDTH = 4096, 8
+PEAKS = 4
+"""Of the residual's spectrum, tried beside the grid: a lightly damped mode is narrower than the grid's steps."""
+PAYS, SECOND_PAYS = 0.9, 0.95
+"""Adopted when it leaves less than this share of the squared residual where it was not fitted; a second one, of its
+second differences."""
+OUTSIDE = 1e30
+"""Cost beyond the range."""
+PRECISE = 1e-4
+"""Of the squared residual: what a search may leave on the table."""
+FIRST_REACH, SECOND_REACH, ZETA_REACH = 0.03, 0.01, 0.4
+"""First relative steps of a frequency, with one mode and with two, and of a damping."""
+
+TURNS = 8
+MANY_RUNS = 8
+"""A grid of sines away from the mode parts operator and mode by itself, and turns over it would take minutes."""
+ASTRAY = 0.5
+"""Share of the squared residual below which modes found from a straight line are believed."""
+TURN_PAYS = 0.9
+"""Another turn follows when one leaves less than this share of the squared residual of the turn before."""
+
+Place = tuple[float, ...]
+"""f_Hz and zeta of one mode, or of two in turn."""
+
+
+@dataclass(frozen=True)
+class FittedModes:
+    """Modes whose shares of the motion add up to 1, and the delay that goes with them (modes lag too)."""
+
+    modes: tuple[Mode, ...]
+    delay_s: float
+    share_left: float
+    """Of the operator's squared residual, on rows they were not fitted on."""
+
+    @property
+    def place(self) -> Place:
+        """Where they are."""
+        return tuple(value for _, f_Hz, zeta in self.modes for value in (f_Hz, zeta))
+
+    def adopted(self, view: TimeView) -> tuple[TimeView, AdoptedEffect]:
+        """The time view with the delay that remains, and the entry for the stage file."""
+        c, f_Hz, zeta = zip(*self.modes, strict=True)
+        params = {"f_Hz": f_Hz[0], "zeta": zeta[0]} if len(c) == 1 else {"c": c, "f_Hz": f_Hz, "zeta": zeta}
+        effect = AdoptedEffect(name="resonance", params=params, share=min(max(1 - self.share_left, 0.0), 1.0))
+        return view.model_copy(update={"delay_s": self.delay_s}), effect
+
+
+def fit_in_turn(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
+    """The operator of an axis and its first modes, if it shows any. Raises BadInput as ``fit_operator`` does."""
+    operator = fit_operator(runs)
+    found = find_modes(operator.view, runs)
+    if len(runs) >= MANY_RUNS:
+        return operator, found
+    if found is None:
+        return _from_a_line(operator, runs)
+    operator, found = _turns(operator, found, runs)
+    if len(found.modes) == 1 and (more := find_modes(operator.view, runs)) is not None and len(more.modes) > 1:
+        operator, found = _turns(operator, more, runs)
+    return operator, found
+
+
+def _from_a_line(operator: OperatorFit, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
+    """Modes behind a straight line, which follows no ringing, and the operator after them.
+
+    For an operator that ringing has led so far astray that no mode fits behind it; it stays as it was unless the others
+    leave much less.
+    """
+    straight = find_modes(fit_linear(runs).view, runs)
+    if straight is None:
+        return operator, None
+    view, _ = straight.adopted(operator.view)
+    again = refit_operator(runs, replace(operator, view=view), straight.modes)
+    found = find_modes(again.view, runs, straight)
+    if found is None:
+        return operator, None
+    again, found = _turns(again, found, runs)
+    if _squares(again, found, runs) > ASTRAY * _squares(operator, None, runs):
+        return operator, None
+    return again, found
+
+
+def _turns(operator: OperatorFit, found: FittedModes, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes]:
+    squares = _squares(operator, found, runs)
+    for _ in range(TURNS):
+        view, _ = found.adopted(operator.view)
+        again = refit_operator(runs, replace(operator, view=view), found.modes)
+        found_again = find_modes(again.view, runs, found)
+        if found_again is None or (now := _squares(again, found_again, runs)) >= squares:
+            break
+        operator, found, squares, before = again, found_again, now, squares
+        if now > TURN_PAYS * before:
+            break
+    return operator, found
+
+
+def _squares(operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]) -> float:
+    """Squared residual, each run in its own range."""
+    view = operator.view if found is None else found.adopted(operator.view)[0]
+    errors = []
+    for run in runs:
+        answer = predict_time_view(view, run.t_s, run.u_V)
+        answer = answer if found is None else behind_modes(answer, found.modes, run.step_s)
+        errors.append((run.x_um - answer)[run.scored] / run.range_um)
+    return sum(float(np.var(error)) for error in errors)
+
+
+@dataclass(frozen=True)
+class _Ringing:
+    """A run as the search sees it: the operator's answer and what it leaves (n,), relative to the run's range."""
+
+    base: Samples
+    residual: Samples
+    step_s: float
+    rows: slice | NDArray[np.intp]
+    """To be looked at."""
+
+    def moments(self, place: Place) -> Samples:
+        """Covariance of ``columns`` over the rows; that of one mode is worked out in C, thousands of times."""
+        if len(place) == 2:
+            system = mode_coefficients(place[0] * self.step_s, place[1])
+            left, across, late = second_order_left(self.base, self._measured, system, self.step_s, self._rows)
+            return np.array([[left, across], [across, late]])
+        columns = self.columns(place)
+        mean = columns.mean(axis=0)
+        return np.asarray(columns.T @ columns / len(columns) - np.outer(mean, mean))
+
+    def columns(self, place: Place) -> Samples:
+        """(rows, 3): what the first of two modes leaves, how a later answer would change that, how the second would."""
+        answer = resonant(self.base, place[0], place[1], self.step_s)
+        late = np.diff(answer, prepend=answer[0]) / self.step_s
+        second = answer - resonant(self.base, place[2], place[3], self.step_s)
+        return np.stack([column[self._rows] for column in (self._measured - answer, late, second)], axis=1)
+
+    def differenced(self) -> _Ringing:
+        """Its second differences, in which what is slow hardly counts."""
+        base, residual = (np.diff(x, 2, prepend=[x[0]] * 2) for x in (self.base, self.residual))
+        return replace(self, base=base, residual=residual)
+
+    @cached_property
+    def _measured(self) -> Samples:
+        return self.base + self.residual
+
+    @cached_property
+    def _rows(self) -> NDArray[np.uintp]:
+        return np.arange(len(self.base), dtype=np.uintp)[self.rows]
+
+
+def find_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | None = None) -> FittedModes | None:
+    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays.
+
+    ``known``: how many there are and about where.
+    """
+    fast = [run for run in runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
+    if len(fast) < 2:
+        return None
+    fast.sort(key=lambda run: len(run.t_s))  # fast sines ring most, and are short
+    fitted, judged = _parts([_ringing(view, run) for run in fast[:MOST_RUNS]])
+    nothing = sum(float(np.var(r.residual[r.rows])) for r in judged)
+    one = _downhill(fitted, known.place[:2], FIRST_REACH) if known else _first(fitted)
+    amounts = _amounts(fitted, one)
+    squares = _squares_left(judged, one, amounts)
+    if squares / nothing >= PAYS:
+        return None
+    alone = FittedModes(((1.0, one[0], one[1]),), max(view.delay_s + float(amounts[0]), 0.0), squares / nothing)
+    if known and len(known.modes) == 1:
+        return alone
+    two = _downhill(fitted, (*one, *known.place[2:]), SECOND_REACH) if known else _second(fitted, one)
+    if two is None or two[2] < APART * two[0] or two[3] < UNDAMPED:
+        return alone
+    shift_s, share = _amounts(fitted, two).tolist()
+    if abs(share) > MOST_SHARE:
+        return alone
+    squares_by_two = _squares_left(judged, two, np.array([shift_s, share]))
+    if squares_by_two >= PAYS * squares and not _second_rings(judged, fitted, one, two):
+        return alone
+    modes = ((1 - share, two[0], two[1]), (share, two[2], two[3]))
+    return FittedModes(modes, max(view.delay_s + shift_s, 0.0), squares_by_two / nothing)
+
+
+def _second_rings(judged: Sequence[_Ringing], fitted: Sequence[_Ringing], one: Place, two: Place) -> bool:
+    """Whether a second mode pays in the second differences of rows that it was not fitted on."""
+    fine = [run.differenced() for run in judged]
+    by_two = _squares_left(fine, two, _amounts(fitted, two))
+    return by_two < SECOND_PAYS * _squares_left(fine, one, _amounts(fitted, one))
+
+
+def _ringing(view: TimeView, run: AxisRun) -> _Ringing:
+    base = predict_time_view(view, run.t_s, run.u_V)
+    return _Ringing(base / run.range_um, (run.x_um - base) / run.range_um, run.step_s, run.scored)
+
+
+def _parts(runs: Sequence[_Ringing]) -> tuple[list[_Ringing], list[_Ringing]]:
+    """What to fit to and what to judge on."""
+    if len(runs) >= FEW_RUNS:
+        return list(runs[::2]), list(runs[1::2])
+    parts: tuple[list[_Ringing], list[_Ringing]] = ([], [])
+    for run in runs:
+        rows = np.arange(len(run.base))[run.rows]
+        for half in (0, 1):
+            part = replace(run, rows=rows[(np.arange(len(rows)) * BLOCKS // len(rows)) % 2 == half])
+            parts[half].append(part if half else part.differenced())
+    return parts
+
+
+def _peaks_Hz(residuals: Sequence[Samples], step_s: float, highest_Hz: float) -> list[float]:
+    """Frequencies at which the spectrum of the residuals (n,) stands out most."""
+    f_Hz = np.fft.rfftfreq(SPECTRUM_ROWS, step_s)
+    density = np.sum([_density(residual)[: len(f_Hz)] for residual in residuals], axis=0)
+    density[(f_Hz < LOWEST_HZ) | (f_Hz > highest_Hz)] = 0.0
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(density, PEAK_WIDTH, mode="edge"), 2 * PEAK_WIDTH + 1)
+    others = np.delete(around, PEAK_WIDTH, axis=1).max(axis=1)
+    tops = np.flatnonzero(density > others)
+    return [float(f_Hz[i]) for i in tops[np.argsort(-density[tops])][:PEAKS]]
+
+
+def _density(x: Samples) -> Samples:
+    """Two-sided spectral density of ``x`` (n,) per row."""
+    _, density = welch(x, nperseg=min(len(x), SPECTRUM_ROWS), nfft=SPECTRUM_ROWS, return_onesided=False)
+    return np.asarray(density)
+
+
+def _tried_Hz(residuals: Sequence[Samples], step_s: float, highest_Hz: float) -> list[float]:
+    """A grid of frequencies and the peaks of the residuals (n,)."""
+    grid = np.geomspace(LOWEST_HZ, highest_Hz, TRIED_FREQUENCIES).tolist()
+    return [*grid, *_peaks_Hz(residuals, step_s, highest_Hz)]
+
+
+def _first(runs: Sequence[_Ringing]) -> Place:
+    """Frequency and damping with the least residual: the best of those tried, then downhill from there."""
+    step_s, few = runs[-1].step_s, runs[:TRIED_ON_RUNS]
+    tried = _tried_Hz([run.residual for run in runs], step_s, HIGHEST_OF_RATE / step_s)
+    start = min(product(tried, TRIED_ZETAS), key=lambda place: _least_squares(few, place))
+    return _downhill(runs, start, FIRST_REACH)
+
+
+def _second(runs: Sequence[_Ringing], one: Place) -> Place | None:
+    """Both modes, the second where it explains most of what the first leaves; None where there is no room for one."""
+    step_s, few = runs[-1].step_s, runs[:TRIED_ON_RUNS]
+    residuals = [run.columns((*one, *one))[:, 0] for run in runs]
+    tried = [f for f in _tried_Hz(residuals, step_s, SECOND_OF_RATE / step_s) if f > APART * one[0]]
+    places = [(*one, f, zeta) for f, zeta in product(tried, TRIED_ZETAS)]
+    if not places:
+        return None
+    return _downhill(runs, min(places, key=lambda place: _least_squares(few, place)), SECOND_REACH)
+
+
+def _downhill(runs: Sequence[_Ringing], start: Place, reach: float) -> Place:
+    """The place within the range that leaves least, downhill from ``start``; ``reach``: first relative steps."""
+    first = np.log(start)
+    highest_Hz = np.array([HIGHEST_OF_RATE, SECOND_OF_RATE])[: len(start) // 2] / runs[0].step_s
+
+    def cost(logs: Samples) -> float:
+        f_Hz, zeta = np.exp(logs[::2]), np.exp(logs[1::2])
+        inside = (f_Hz >= LOWEST_HZ).all() and (f_Hz <= highest_Hz).all()
+        if not (inside and (zeta >= ZETA[0]).all() and (zeta <= ZETA[1]).all()):
+            return OUTSIDE
+        return _least_squares(runs, tuple(np.exp(logs).tolist()))
+
+    simplex = first + np.vstack([np.zeros(len(first)), np.diag(np.tile([reach, ZETA_REACH], len(first) // 2))])
+    enough = PRECISE * _least_squares(runs, start)
+    options = {"initial_simplex": simplex, "maxfev": 40 * len(first), "xatol": 2e-4, "fatol": enough}
+    found = minimize(cost, first, method="Nelder-Mead", options=options)
+    return tuple(np.exp(found.x).tolist())
+
+
+def _moments(runs: Sequence[_Ringing], place: Place) -> Samples:
+    """(k, k), summed over the runs."""
+    return np.asarray(np.sum([run.moments(place) for run in runs], axis=0))
+
+
+def _best_amounts(moments: Samples) -> Samples:
+    return np.asarray(-np.linalg.lstsq(moments[1:, 1:], moments[1:, 0], rcond=1e-12)[0])
+
+
+def _amounts(runs: Sequence[_Ringing], place: Place) -> Samples:
+    """By how much later the answer should come in s and, of two modes, the share of the second: least squares."""
+    return _best_amounts(_moments(runs, place))
+
+
+def _squares_left(runs: Sequence[_Ringing], place: Place, amounts: Samples) -> float:
+    """Mean square that the modes at a place leave with given amounts, summed over the runs."""
+    whole = np.array([1.0, *amounts])
+    return float(whole @ _moments(runs, place) @ whole)
+
+
+def _least_squares(runs: Sequence[_Ringing], place: Place) -> float:
+    """The same with the best amounts."""
+    moments = _moments(runs, place)
+    whole = np.array([1.0, *_best_amounts(moments)])
+    return float(whole @ moments @ whole)

@@ -1,0 +1,19 @@
+"""The time view of one axis: reversible slopes, plays, delay and memory fitted to records."""
+
+from __future__ import annotations
+
+from phaselead.identify.operator.fitting import fit_linear, fit_operator, refit_operator
+from phaselead.identify.operator.regressors import play_thresholds
+from phaselead.identify.operator.result import OperatorFit
+from phaselead.identify.operator.starting_memory import starting_memory
+from phaselead.identify.operator.symmetric_plays import fit_plays
+
+__all__ = [
+    "OperatorFit",
+    "fit_linear",
+    "fit_operator",
+    "fit_plays",
+    "play_thresholds",
+    "refit_operator",
+    "starting_memory",
+]

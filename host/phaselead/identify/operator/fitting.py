@@ -1,0 +1,273 @@
+"""Fits of the time view to records of one axis: reversible slopes, plays, delay, offset and memory.
+
+How many plays and segments the records carry is decided on data left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from phaselead.identify.operator.regressors import Basis, FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.result import (
+    Choice,
+    OperatorFit,
+    RecordResidual,
+    effective_rows,
+    standard_errors,
+)
+from phaselead.identify.operator.solution import (
+    Solution,
+    best_operator,
+    best_slopes,
+    centred,
+    group_numbers,
+    moments,
+    solve_slopes,
+)
+from phaselead.identify.operator.starting_memory import OTHER_MEMORY, settled, with_memories
+from phaselead.identify.runs import AxisRun, distinct, longest_delay_s, period_s
+from phaselead.model import Mode
+from phaselead.record import Samples
+
+MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
+"""Of all records: for the result, and while searching."""
+FEWEST_ROWS = 200
+"""Of each record, however many there are."""
+FINEST = (48, 20)
+"""Plays and segments of the richest size; the others are every 2nd, 4th ... of it."""
+PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
+SEARCH = (12, 10)
+"""Plays and segments before a size is chosen."""
+BLOCKS = 6
+"""Stretches of time into which few records are split, to leave out one after the other."""
+SIMPLER = 1.02
+"""The simplest size wins whose error on data left out is at most this times the least."""
+LONGEST_DELAY = 0.1
+"""Of a period."""
+FIRST_DELAY = 0.02
+"""Of the longest delay: where the search starts."""
+SHORTER_DELAY = 1.05
+"""On records of one frequency a delay looks like more play: the shortest is taken that costs at most this factor."""
+OFFSETS_DIFFER = 0.01
+"""Of the range: when the median record is further off, every one gets an offset of its own."""
+REST_MATTERS = 1.001
+"""The memory at rest is known when other rest fractions cost more than this factor in error."""
+
+
+@dataclass(frozen=True)
+class _Records:
+    """The records of one axis, thinned, and whether each has an offset of its own."""
+
+    runs: Sequence[AxisRun]
+    fits: list[FitRun]
+    own_offsets: bool = False
+
+    @cached_property
+    def longest_delay_s(self) -> float:
+        return min(min(LONGEST_DELAY * period_s(r), longest_delay_s(r)) for r in self.runs)
+
+    def basis(self, n_plays: int, n_segments: int) -> Basis:
+        low = min(float(r.u_V.min()) for r in self.runs)
+        high = max(float(r.u_V.max()) for r in self.runs)
+        return nested_basis(max(float(np.ptp(r.u_V[r.scored])) for r in self.runs), low, high, n_plays, n_segments)
+
+    def at(self, basis: Basis, delay_s: float, rest_fraction: float) -> Solution:
+        return best_slopes(self.fits, basis, delay_s, rest_fraction, self.own_offsets)
+
+    def searched(self, basis: Basis, delay_s: float, rest_fraction: float) -> Solution:
+        """The best operator of a basis, from there on."""
+        return best_operator(self.fits, basis, self.longest_delay_s, self.own_offsets, (delay_s, rest_fraction))
+
+
+def fit_operator(runs: Sequence[AxisRun]) -> OperatorFit:
+    """Fit the time view to one axis of one or more records, each from rest or warmed by the rows before its window.
+
+    Raises BadInput for data that determine nothing.
+    """
+    records, found, messages = _with_memories(_Records(runs, _thinned(runs, SEARCH_ROWS)))
+    delay_s, rest = found.delay_s, found.rest_fraction
+    basis, choices = _choose_basis(records, delay_s, rest)
+    if not basis.equals(found.basis):
+        found = records.searched(basis, delay_s, rest)
+        delay_s, rest = found.delay_s, found.rest_fraction
+        basis, choices = _choose_basis(records, delay_s, rest)
+    if not _rest_matters(records, basis, delay_s, rest):
+        rest = 0.0
+        messages.append("no record starts from rest: the memory at rest is unknown and taken as 0")
+    if _one_frequency(runs):
+        delay_s = _shortest_delay_s(records, basis, delay_s, rest)
+        messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
+    full = _thinned(runs, MOST_ROWS, memories=[f.came_from_V for f in records.fits])
+    return _result(replace(records, fits=full), basis, delay_s, rest, choices, messages)
+
+
+def _with_memories(records: _Records) -> tuple[_Records, Solution, list[str]]:
+    """The records with the memories and offsets that explain them best, the operator then, and what to say of them."""
+    messages: list[str] = []
+    late = replace(records, fits=[settled(f) for f in records.fits])
+    first = late.searched(late.basis(*SEARCH), FIRST_DELAY * late.longest_delay_s, 0.0)
+    if _offsets_differ(late.fits, first):
+        records, late = replace(records, own_offsets=True), replace(late, own_offsets=True)
+        messages.append("the records differ in offset by more than 1 % of their range: each has its own")
+    basis, _ = _choose_basis(late, first.delay_s, first.rest_fraction)
+    found = late.at(basis, first.delay_s, first.rest_fraction)
+    moved, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets)
+    at_rest = records.searched(basis, first.delay_s, 0.0)
+    if said:
+        elsewhere = replace(records, fits=moved)
+        found = elsewhere.searched(basis, first.delay_s, first.rest_fraction)
+        if found.error**2 < OTHER_MEMORY * at_rest.error**2:
+            return elsewhere, found, messages + said
+    return records, at_rest, messages
+
+
+def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
+    """The operator fitted again with modes behind it; memories and offsets of the records stay as in ``known``."""
+    memories = [record.came_from_V for record in known.records]
+    records = _Records(runs, _thinned(runs, SEARCH_ROWS, modes, memories), known.own_offsets)
+    found = records.searched(records.basis(*SEARCH), known.view.delay_s, known.view.rest_fraction or 0.01)
+    basis, choices = _choose_basis(records, found.delay_s, found.rest_fraction)
+    full = replace(records, fits=_thinned(runs, MOST_ROWS, modes, memories))
+    return _result(full, basis, found.delay_s, found.rest_fraction, choices, known.messages)
+
+
+def fit_linear(runs: Sequence[AxisRun]) -> OperatorFit:
+    """Gain and offset only, no memory and no delay. Raises BadInput for data that determine nothing."""
+    records = _Records(runs, _thinned(runs, MOST_ROWS))
+    return _result(records, records.basis(0, 1), 0.0, 0.0, (), ())
+
+
+def _thinned(
+    runs: Sequence[AxisRun],
+    most_rows: int,
+    modes: tuple[Mode, ...] = (),
+    memories: Sequence[float | None] | None = None,
+) -> list[FitRun]:
+    each = max(FEWEST_ROWS, most_rows // len(runs))
+    blocks = 1 if len(runs) >= BLOCKS else -(-BLOCKS // len(runs))
+    fits = [rows_to_fit(run, each, i * blocks, blocks, modes) for i, run in enumerate(runs)]
+    return fits if memories is None else [replace(f, came_from_V=v) for f, v in zip(fits, memories, strict=True)]
+
+
+def _rest_matters(records: _Records, basis: Basis, delay_s: float, rest: float) -> bool:
+    errors = [records.at(basis, delay_s, r).error for r in (rest, -0.9, 0.9)]
+    return max(errors) > REST_MATTERS * errors[0]
+
+
+def _one_frequency(runs: Sequence[AxisRun]) -> bool:
+    sines = [run.sine for run in runs]
+    found = [sine.f_Hz for sine in sines if sine is not None]
+    return len(found) == len(runs) and max(found) < 1.5 * min(found)
+
+
+def _shortest_delay_s(records: _Records, basis: Basis, delay_s: float, rest: float) -> float:
+    """By bisection, to a thousandth of ``delay_s``."""
+    allowed = SHORTER_DELAY * records.at(basis, delay_s, rest).error
+    if records.at(basis, 0.0, rest).error <= allowed:
+        return 0.0
+    low, high = 0.0, delay_s
+    for _ in range(10):
+        middle = (low + high) / 2
+        if records.at(basis, middle, rest).error > allowed:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _offsets_differ(fits: list[FitRun], solution: Solution) -> bool:
+    """Whether the median record sits far from the common offset; one that does has another past."""
+    offsets = [abs(solution.residual(f).mean()) / f.run.range_um for f in fits]
+    return float(np.median(offsets)) > OFFSETS_DIFFER
+
+
+def _choose_basis(records: _Records, delay_s: float, rest: float) -> tuple[Basis, tuple[Choice, ...]]:
+    """The simplest basis that predicts left-out data as well as any, and all that were tried."""
+    fine = records.basis(*FINEST)
+    of_groups = centred(moments(records.fits, fine, delay_s, rest))
+    folds = _folds(records.fits)
+    choices, bases = [], []
+    for stride, merge in product(PLAY_STRIDES, SEGMENT_MERGES):
+        shrink, basis = _coarser(fine, stride, merge)
+        error = _left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
+        choices.append(Choice(len(basis.play_r_V), basis.n_segments, error))
+        bases.append(basis)
+    least = min(c.left_out for c in choices)
+    good = [i for i, c in enumerate(choices) if c.left_out <= SIMPLER * least]
+    best = min(good, key=lambda i: (choices[i].n_plays + choices[i].n_segments, choices[i].left_out))
+    return bases[best], tuple(replace(c, chosen=i == best) for i, c in enumerate(choices))
+
+
+def _coarser(fine: Basis, stride: int, merge: int) -> tuple[Samples, Basis]:
+    """Every ``stride``-th play (0: none) and ``merge`` segments in one; and the matrix that shrinks the moments."""
+    segments, m = fine.n_segments, len(fine.play_r_V)
+    joined = np.kron(np.eye(segments // merge), np.ones((merge, 1)))
+    kept = np.eye(m)[:, stride - 1 :: stride] if stride else np.zeros((m, 0))
+    shrink = np.zeros((fine.size + 2, joined.shape[1] + kept.shape[1] + 2))
+    shrink[:segments, : joined.shape[1]] = joined
+    shrink[segments : segments + m, joined.shape[1] : -2] = kept
+    shrink[-2:, -2:] = np.eye(2)
+    return shrink, Basis(fine.play_r_V @ kept, fine.knots_V[::merge])
+
+
+def _folds(fits: list[FitRun]) -> list[Samples]:
+    """Groups to leave out together, (groups,) each: a level of drive, or a stretch of time when there are few levels.
+
+    The highest level always stays: what lies beyond all data is extrapolation, and no basis is to be judged by it.
+    """
+    groups = len(group_numbers(fits))
+    swings = [float(np.ptp(f.run.u_V[f.run.scored])) for f in fits]
+    levels = distinct(swings)
+    if len(fits) >= BLOCKS and len(levels) >= 4:
+        nearest = [int(np.argmin(np.abs(np.subtract(levels, s)))) for s in swings]
+        return [np.equal(nearest, level) for level in range(len(levels) - 1)]
+    return [np.arange(groups) % BLOCKS == fold for fold in range(BLOCKS)]
+
+
+def _left_out(of_groups: Samples, n_segments: int, folds: list[Samples]) -> float:
+    """Relative rms error on the folds, each left out of the fit; moments (group, k, k) are centred."""
+    total, squares, count = of_groups.sum(axis=0), 0.0, 0
+    for fold in folds:
+        out = of_groups[fold.astype(bool)].sum(axis=0)
+        slopes, _, _ = solve_slopes((total - out)[None] + _unit_offset(total), n_segments, False)
+        inner, right = out[:-2, :-2], out[:-2, -1]
+        squares += max(float(out[-1, -1] - 2 * right @ slopes + slopes @ inner @ slopes), 0.0)
+        count += 1
+    return float(np.sqrt(squares / count))
+
+
+def _unit_offset(moments: Samples) -> Samples:
+    """Centred moments carry no offset; a unit in its place keeps ``solve_slopes`` from dividing by zero."""
+    unit = np.zeros_like(moments)
+    unit[-2, -2] = 1.0
+    return unit
+
+
+def _result(
+    records: _Records,
+    basis: Basis,
+    delay_s: float,
+    rest: float,
+    choices: Sequence[Choice],
+    messages: Sequence[str],
+) -> OperatorFit:
+    fits, solution = records.fits, records.at(basis, delay_s, rest)
+    residuals = [solution.residual(f) for f in fits]
+    if records.own_offsets:
+        at_rest_um = solution.at_rest_um + float(np.median([e.mean() for e in residuals]))
+        solution = replace(solution, at_rest_um=at_rest_um)
+        residuals = [solution.residual(f) for f in fits]
+    return OperatorFit(
+        solution.time_view(1.0 / fits[0].run.step_s, residuals),
+        standard_errors(fits, solution, residuals),
+        tuple(RecordResidual.of(f, e) for f, e in zip(fits, residuals, strict=True)),
+        tuple(choices),
+        tuple(messages),
+        sum(effective_rows(e) for e in residuals),
+        records.own_offsets,
+    )

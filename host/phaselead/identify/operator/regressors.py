@@ -1,0 +1,262 @@
+"""Regressors of the operator fit: what each play and each segment of the voltage adds to the position of a record.
+
+The reversible part of the operator is written as slopes over segments between knots, so that "monotone" is simply "no
+slope is negative"; ``time_view`` turns them into a gain and one-sided dead zones. The columns are made in C
+(host/phaselead/model/operator.c): a fit asks for thousands of them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.compiled import kernel_of
+from phaselead.identify.runs import AxisRun, jumps, period_s
+from phaselead.model import Mode, TimeView, behind_modes
+from phaselead.record import Samples
+
+AFTER_JUMP = 0.1
+"""Share of a period after a jump in which a model without dynamics is not asked to agree."""
+NO_WEIGHT = 1e-6
+"""Plays and bends below this share of the mean slope are left out of the time view."""
+
+_SIZE, _DOUBLE, _ARRAY = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
+
+
+class _Record(ctypes.Structure):
+    _fields_ = (
+        ("n", _SIZE),
+        ("u", _ARRAY),
+        ("before", _DOUBLE),
+        ("n_turns", _SIZE),
+        ("turns", _ARRAY),
+        ("n_rows", _SIZE),
+        ("rows", _ARRAY),
+        ("x", _ARRAY),
+    )
+
+
+class _Basis(ctypes.Structure):
+    _fields_ = (
+        ("n_segments", _SIZE),
+        ("low", _ARRAY),
+        ("high", _ARRAY),
+        ("segment_rest", _ARRAY),
+        ("n_plays", _SIZE),
+        ("r", _ARRAY),
+        ("play_rest", _ARRAY),
+    )
+
+
+@cache
+def _kernel() -> ctypes.CDLL:
+    kernel = kernel_of("phaselead.model._kernel", "stage_columns")
+    kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), _ARRAY, _ARRAY]
+    kernel.stage_columns.restype = None
+    return kernel
+
+
+def _doubles(values: Samples) -> Samples:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+class RecordInC:
+    """One record as the kernel reads it.
+
+    Its voltage (n,), ``before_V`` ahead of row 0, ``AxisRun.turning_rows``, the ascending ``rows`` that count, and the
+    positions ``x_um`` (rows,) there.
+    """
+
+    def __init__(
+        self, u_V: Samples, before_V: float, turns: NDArray[np.uintp], rows: NDArray[np.uintp], x_um: Samples
+    ) -> None:
+        # The kernel keeps addresses: what they point to must live as long.
+        self._arrays = u, turns, rows, x = _doubles(u_V), turns, np.ascontiguousarray(rows, np.uintp), _doubles(x_um)
+        self._record = _Record(len(u), *(u.ctypes.data, before_V, len(turns), turns.ctypes.data),
+                               *(len(rows), rows.ctypes.data, x.ctypes.data))  # fmt: skip
+        self._address = ctypes.byref(self._record)
+
+    def fill(self, out: Samples, delay_rows: float, basis: BasisInC, start: Samples) -> None:
+        """Write the columns [segments, plays, 1, position] into ``out`` (rows, segments + plays + 2).
+
+        ``start`` (plays,) in V is where the plays begin. Raises ValueError for a negative delay.
+        """
+        if not delay_rows >= 0:
+            raise ValueError(f"a delay of {delay_rows} rows would need the future")
+        end = np.array(start, dtype=np.float64)
+        _kernel().stage_columns(self._address, delay_rows, basis.address, end.ctypes.data, out.ctypes.data)
+
+
+class BasisInC:
+    """A basis as the kernel reads it, all in V: ends of the segments and where 0 V stands in each, three of (s,);
+    thresholds of the plays and where each stands at rest, (m,)."""
+
+    def __init__(self, segments: Sequence[Samples], play_r_V: Samples, play_rest_V: Samples) -> None:
+        low, high, at_rest = map(_doubles, segments)
+        r, rest = _doubles(play_r_V), _doubles(play_rest_V)
+        self._arrays = low, high, at_rest, r, rest
+        self._basis = _Basis(
+            len(low), *(a.ctypes.data for a in (low, high, at_rest)), len(r), r.ctypes.data, rest.ctypes.data
+        )
+        self.address = ctypes.byref(self._basis)
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Thresholds of the plays (m,), rising, and knots between the segments (s + 1,), rising, all in V."""
+
+    play_r_V: Samples
+    knots_V: Samples
+
+    @property
+    def n_segments(self) -> int:
+        """How many segments there are; their slopes stand in front of those of the plays."""
+        return len(self.knots_V) - 1
+
+    @property
+    def size(self) -> int:
+        """Segments and plays."""
+        return self.n_segments + len(self.play_r_V)
+
+    def equals(self, other: Basis) -> bool:
+        """Whether both have the same plays and segments."""
+        return np.array_equal(self.play_r_V, other.play_r_V) and np.array_equal(self.knots_V, other.knots_V)
+
+    @cached_property
+    def _segments(self) -> tuple[Samples, Samples, Samples]:
+        """Ends of every segment, and where 0 V stands in it; the end segments go on."""
+        low, high = self.knots_V[:-1].copy(), self.knots_V[1:].copy()
+        low[0], high[-1] = -np.inf, np.inf
+        return low, high, np.clip(0.0, low, high)
+
+    def in_C(self, rest_fraction: float) -> BasisInC:
+        """For ``FitRun.fill``; its columns are 0 at rest at 0 V."""
+        return BasisInC(self._segments, self.play_r_V, rest_fraction * self.play_r_V)
+
+
+def play_thresholds(swing_V: float, count: int) -> Samples:
+    """Thresholds (count,) in V, rising to half of ``swing_V`` and denser where they are small.
+
+    The steady loop of a swing never moves a play whose threshold is beyond half of it.
+    """
+    return np.asarray(swing_V / 2 * (np.arange(1, count + 1) / max(count, 1)) ** 1.5)
+
+
+def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int) -> Basis:
+    """``play_thresholds``, and equal segments from low to high."""
+    return Basis(play_thresholds(swing_V, n_plays), np.linspace(low_V, high_V, n_segments + 1))
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """One run as the fit sees it: the rows that count, and the group of each for leaving out."""
+
+    run: AxisRun
+    rows: NDArray[np.uintp]
+    groups: NDArray[np.intp]
+    weight: float
+    """Of a row's square; the weights of a run sum to 1 / range^2, so that small records count as much as large ones."""
+    came_from_V: float | None = None
+    """Memory at the start: None is from rest, else the voltage at which the stage last turned round."""
+    modes: tuple[Mode, ...] = ()
+    """Modes behind the operator, known already."""
+
+    def position(self) -> Samples:
+        """Measured (rows,) in um."""
+        return self.run.x_um[self.rows]
+
+    @cached_property
+    def _record(self) -> RecordInC:
+        u = self.run.u_V
+        before_V = 0.0 if self.came_from_V is None else float(u[0])
+        if self.modes:
+            return RecordInC(u, before_V, self.run.turning_rows, np.arange(len(u), dtype=np.uintp), self.run.x_um)
+        return RecordInC(u, before_V, self.run.turning_rows, self.rows, self.position())
+
+    def fill(self, out: Samples, delay_s: float, play_r_V: Samples, rest_fraction: float, basis: BasisInC) -> None:
+        """Write the columns [segments, plays, 1, position] into ``out`` (rows, s + m + 2)."""
+        start = rest_fraction * play_r_V
+        if self.came_from_V is not None:
+            start = np.clip(start, self.came_from_V - play_r_V, self.came_from_V + play_r_V)
+        delay_rows = delay_s / self.run.step_s
+        if not self.modes:
+            self._record.fill(out, delay_rows, basis, start)
+            return
+        whole = np.empty((len(self.run.u_V), out.shape[1]))
+        self._record.fill(whole, delay_rows, basis, start)
+        out[: len(self.rows), :-2] = behind_modes(whole[:, :-2], self.modes, self.run.step_s)[self.rows]
+        out[: len(self.rows), -2:] = whole[self.rows, -2:]
+
+    @cached_property
+    def stretches(self) -> list[tuple[int, slice]]:
+        """Each group and where its rows are."""
+        edges = [*np.flatnonzero(np.diff(self.groups, prepend=-1)).tolist(), len(self.rows)]
+        return [(int(self.groups[a]), slice(a, b)) for a, b in pairwise(edges)]
+
+
+def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, modes: tuple[Mode, ...] = ()) -> FitRun:
+    """Thin the scored rows of ``run`` to about ``most_rows``, in ``n_groups`` stretches of time.
+
+    Rows just after a jump are left out, unless most are or there are ``modes`` that tell how the stage rings there.
+    """
+    start, stop, _ = run.scored.indices(len(run.u_V))
+    rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
+    calm = rows[~_after_jump(run)[rows]]
+    if not modes and len(calm) > len(rows) // 2:
+        rows = calm
+    groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
+    weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
+    return FitRun(run, rows.astype(np.uintp), groups, float(weight), modes=modes)
+
+
+def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
+    flags = np.zeros(len(run.u_V), dtype=np.bool_)
+    length = round(min(AFTER_JUMP * period_s(run) / run.step_s, len(flags)))
+    for row in jumps(run):
+        flags[row : row + length] = True
+    return flags
+
+
+def design_matrix(fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
+    """(rows, segments + plays) in V: what a unit slope of each adds to the position, 0 at rest at 0 V."""
+    columns = np.empty((len(fit.rows), basis.size + 2))
+    fit.fill(columns, delay_s, basis.play_r_V, rest_fraction, basis.in_C(rest_fraction))
+    return columns[:, :-2]
+
+
+def time_view(
+    basis: Basis, slopes: Samples, at_rest_um: float, delay_s: float, rest_fraction: float, rate_Hz: float
+) -> TimeView:
+    """The time view of slopes [segments, plays] (s + m,) in um/V; plays and dead zones of no weight are left out."""
+    n = basis.n_segments
+    segment, weight = slopes[:n], slopes[n:]
+    keep, bent = with_weight(basis, slopes)
+    bends = np.diff(segment)
+    r, w = basis.play_r_V[keep], weight[keep]
+    d, s = basis.knots_V[1:-1][bent], bends[bent]
+    rest = float(w @ r * rest_fraction + s @ np.maximum(-d, 0.0))
+    return TimeView(
+        gain_um_per_V=float(segment[0]),
+        play_r_V=tuple(r.tolist()),
+        play_w_um_per_V=tuple(w.tolist()),
+        deadzone_d_V=tuple(d.tolist()),
+        deadzone_s_um_per_V=tuple(s.tolist()),
+        offset_um=at_rest_um - rest,
+        delay_s=delay_s,
+        rest_fraction=rest_fraction,
+        u_range_V=(float(basis.knots_V[0]), float(basis.knots_V[-1])),
+        rate_Hz=rate_Hz,
+    )
+
+
+def with_weight(basis: Basis, slopes: Samples) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which plays (m,) and which bends between segments (s - 1,) a time view keeps."""
+    n = basis.n_segments
+    least = NO_WEIGHT * float(slopes[:n].sum() / n + slopes[n:].sum())
+    return slopes[n:] > least, np.abs(np.diff(slopes[:n])) > least

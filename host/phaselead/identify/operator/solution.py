@@ -1,0 +1,205 @@
+"""The best operator of a given basis: slopes of plays and segments, delay, and memory at rest.
+
+At a given delay and rest fraction the model is linear with no negative coefficient and is solved for; these two are
+searched (``phaselead.identify.gauss_newton``). Everything is done on weighted sums over rows, the moments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import nnls
+
+from phaselead.errors import BadInput
+from phaselead.identify.gauss_newton import descend, least_in_box, ridged
+from phaselead.identify.operator.regressors import Basis, FitRun, design_matrix, time_view
+from phaselead.model import TimeView
+from phaselead.record import Samples
+
+RIDGE = 1e-8
+"""Of the mean diagonal: keeps neighbouring plays that the data cannot tell apart from dividing by zero."""
+REVERSIBLE = 0.2
+"""Least share of the mean slope that is without memory: a piezo at a turning point does not stand still, and without
+the bound a lag that no delay explains would make it."""
+GUESS_STRIDE = 4
+"""The first guess looks at every so-manieth row."""
+GUESSED_DELAYS, GUESSED_RESTS = (0.0, 0.1, 0.3, 0.6), (-0.4, 0.0, 0.4, 0.8)
+"""Grid of the first guess: shares of the longest delay, and rest fractions."""
+MOST_STEPS, STEP_SHARES, LEAST_GAIN = 10, (1.0, 0.5, 0.2, 0.05), 1e-5
+"""Steps of the search, shares of a step that are tried until one gains, and the least relative gain of the error."""
+DELAY_STEP = 0.3
+"""Of a row, for the slope of the error over the delay: voltages run straight between rows, and the error has a kink at
+every row that a smaller step takes for a minimum."""
+DAMPING = 0.01
+"""Of the squared error: what a step across the whole range must gain. Settled rows do not know the memory at rest."""
+UNFELT = 1e-12
+"""Of the squared error: a move that changes the answer by less is rounding."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An operator: slopes [segments, plays] (s + m,) in um/V of ``basis`` at one delay and rest fraction.
+
+    ``at_rest_um`` is the position at rest at 0 V, ``error`` the relative rms error over the records.
+    """
+
+    basis: Basis
+    delay_s: float
+    rest_fraction: float
+    slopes: Samples
+    at_rest_um: float
+    error: float
+
+    def residual(self, fit: FitRun) -> Samples:
+        """Measured minus model (rows,) in um."""
+        columns = design_matrix(fit, self.basis, self.delay_s, self.rest_fraction)
+        return np.asarray(fit.position() - self.at_rest_um - columns @ self.slopes)
+
+    def time_view(self, rate_Hz: float, residuals_um: list[Samples]) -> TimeView:
+        """As a stage file keeps it, with the sampling rate of the records and what it leaves of each (rows,)."""
+        view = time_view(self.basis, self.slopes, self.at_rest_um, self.delay_s, self.rest_fraction, rate_Hz)
+        rms = float(np.sqrt(np.mean(np.concatenate(residuals_um) ** 2)))
+        return TimeView(**{**view.model_dump(), "residual_um_rms": rms})
+
+
+def group_numbers(fits: list[FitRun]) -> list[int]:
+    """The groups that have rows, ascending."""
+    return sorted({group for f in fits for group, _ in f.stretches})
+
+
+def moments(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
+    """Weighted moments (group, k, k) of the columns [segments, plays, 1, position], k = basis.size + 2."""
+    in_C = basis.in_C(rest_fraction)
+    room = np.empty((max(len(f.rows) for f in fits), basis.size + 2))
+
+    def columns() -> Iterator[Samples]:
+        for f in fits:
+            f.fill(room, delay_s, basis.play_r_V, rest_fraction, in_C)
+            yield room
+
+    return moments_of(fits, columns(), basis.size + 2)
+
+
+def moments_of(fits: list[FitRun], columns: Iterable[Samples], size: int) -> Samples:
+    """Weighted moments (group, size, size) of the ``columns`` (rows, size) of each record."""
+    present = group_numbers(fits)
+    found = np.zeros((len(present), size, size))
+    at = dict(zip(present, found, strict=True))
+    for f, of_record in zip(fits, columns, strict=True):
+        for group, part in f.stretches:
+            piece = of_record[part]
+            at[group] += f.weight * (piece.T @ piece)
+    return found
+
+
+def centred(moments: Samples) -> Samples:
+    """Moments (..., k, k) about the mean of every column, matrix by matrix: each then has an offset of its own."""
+    ones = moments[..., :, -2]
+    return np.asarray(moments - ones[..., :, None] * ones[..., None, :] / moments[..., -2, -2, None, None])
+
+
+def solve_slopes(moments: Samples, n_segments: int, own_offsets: bool) -> tuple[Samples, float, float]:
+    """Slopes (k - 2,), position at rest and relative rms error from weighted moments (group, k, k).
+
+    Bounded least squares; ``own_offsets`` gives each group its own offset. Raises BadInput for moments that determine
+    nothing.
+    """
+    total = moments.sum(axis=0)
+    ones = total[:, -2]
+    total = centred(moments).sum(axis=0) if own_offsets else centred(total)
+    inner, right = total[:-2, :-2], total[:-2, -1]
+    size = len(right)
+    least = np.zeros(size)
+    straight = float(inner[:n_segments, :n_segments].sum())
+    least[:n_segments] = REVERSIBLE * max(float(right[:n_segments].sum()) / straight, 0.0) if straight > 0 else 0.0
+    if not np.isfinite(total).all():
+        raise BadInput("the fit is singular: voltage or position hardly move; record a larger swing")
+    try:
+        root = np.linalg.cholesky(ridged(inner, RIDGE))
+        above, _ = nnls(root.T, np.linalg.solve(root, right - inner @ least), maxiter=50 * size)
+    except (np.linalg.LinAlgError, RuntimeError):
+        raise BadInput("the fit is singular; record a larger swing, over several levels") from None
+    slopes = above + least
+    squares = float(total[-1, -1] - 2 * right @ slopes + slopes @ inner @ slopes)
+    at_rest = float((ones[-1] - ones[:-2] @ slopes) / ones[-2])
+    return slopes, at_rest, float(np.sqrt(max(squares, 0.0)))
+
+
+def best_slopes(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float, own_offsets: bool) -> Solution:
+    """The best operator of ``basis`` at a given delay and rest fraction. Raises BadInput as ``solve_slopes`` does."""
+    solved = solve_slopes(moments(fits, basis, delay_s, rest_fraction), basis.n_segments, own_offsets)
+    return Solution(basis, delay_s, rest_fraction, *solved)
+
+
+def best_operator(
+    fits: list[FitRun], basis: Basis, longest_delay_s: float, own_offsets: bool, start: tuple[float, float]
+) -> Solution:
+    """The best operator of ``basis``, searched from ``start`` (delay in s, rest fraction).
+
+    A start with a rest fraction of 0 knows nothing of the memory: a grid is tried first. Raises BadInput as
+    ``solve_slopes`` does.
+    """
+
+    def at(delay_s: float, rest_fraction: float) -> Solution:
+        return best_slopes(fits, basis, delay_s, rest_fraction, own_offsets)
+
+    def trials(point: Solution) -> Iterator[Solution]:
+        move = _gauss_newton_step(fits, point, longest_delay_s, own_offsets)
+        for share in STEP_SHARES:
+            yield at(max(point.delay_s + share * move[0], 0.0), point.rest_fraction + share * move[1])
+
+    first = at(*_first_guess(fits, basis, longest_delay_s, own_offsets, start))
+    return descend(first, trials, lambda point: point.error, MOST_STEPS, least_gain=LEAST_GAIN)
+
+
+def _first_guess(
+    fits: list[FitRun], basis: Basis, longest_delay_s: float, own_offsets: bool, start: tuple[float, float]
+) -> tuple[float, float]:
+    """The start or, where that knows nothing of the memory, the best of it and a grid on a part of the rows."""
+    if start[1] != 0.0:
+        return start
+    few = [replace(f, rows=f.rows[::GUESS_STRIDE], groups=f.groups[::GUESS_STRIDE]) for f in fits]
+    grid = [(longest_delay_s * share, rest) for share, rest in product(GUESSED_DELAYS, GUESSED_RESTS)]
+    return min([start, *grid], key=lambda at: best_slopes(few, basis, at[0], at[1], own_offsets).error)
+
+
+def _gauss_newton_step(
+    fits: list[FitRun], point: Solution, longest_delay_s: float, own_offsets: bool
+) -> tuple[float, float]:
+    """Change of delay and rest fraction for the least error of the linearised model, inside their bounds."""
+    step_s = DELAY_STEP * min(f.run.step_s for f in fits)
+    size = int(np.count_nonzero(point.slopes > 0)) + 4
+    each = moments_of(fits, (linearised(f, point, step_s) for f in fits), size)
+    total = centred(each).sum(axis=0) if own_offsets else centred(each.sum(axis=0))
+    unit = np.array([longest_delay_s, 1.0])
+    total[-4:-2] *= unit[:, None]
+    total[:, -4:-2] *= unit
+    n = size - 4
+    rest = total[n:, n:] - total[n:, :n] @ np.linalg.solve(ridged(total[:n, :n], RIDGE), total[:n, n:])
+    curvature = rest[:2, :2] + DAMPING * point.error**2 * np.eye(2)
+    place = np.array([point.delay_s / longest_delay_s, point.rest_fraction])
+    move = least_in_box(curvature, rest[:2, 3], np.array([0.0, -1.0]) - place, 1.0 - place)
+    changes = np.diag(rest)[:2] * move**2 > UNFELT * point.error**2
+    return float(changes[0] * move[0] * longest_delay_s), float(changes[1] * move[1])
+
+
+def linearised(fit: FitRun, point: Solution, delay_step_s: float) -> Samples:
+    """The model about a solution, (rows, slopes that are not 0 + 4).
+
+    Columns: a unit of each of those slopes, of the delay, of the rest fraction, 1, and the measured position. The
+    column of the delay is a difference over ``delay_step_s``.
+    """
+    free, slopes = point.slopes > 0, point.slopes
+    delay_s, rest = point.delay_s, point.rest_fraction
+    at = design_matrix(fit, point.basis, delay_s, rest)
+    columns = np.empty((len(at), int(free.sum()) + 4))
+    columns[:, :-4] = at[:, free]
+    near = rest + (0.02 if rest < 0 else -0.02)
+    columns[:, -4] = (design_matrix(fit, point.basis, delay_s + delay_step_s, rest) - at) @ slopes / delay_step_s
+    columns[:, -3] = (design_matrix(fit, point.basis, delay_s, near) - at) @ slopes / (near - rest)
+    columns[:, -2] = 1.0
+    columns[:, -1] = fit.position()
+    return columns

@@ -1,0 +1,69 @@
+"""A hysteresis operator for a model that has none: symmetric plays without delay.
+
+Asymmetry, delay and everything else are left to be found beyond it, each on its own evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from phaselead.identify.operator.regressors import FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.solution import Solution, best_slopes
+from phaselead.identify.operator.starting_memory import starting_memory
+from phaselead.identify.runs import AxisRun
+from phaselead.model import TimeView
+
+PLAYS = 20
+MOST_ROWS, FEWEST_ROWS = 12_000, 200
+"""Of all records, and of each."""
+REST_FRACTIONS = np.linspace(-0.8, 0.8, 9)
+OTHER_MEMORY = 0.8
+"""A record starts from another memory than rest when that leaves less than this share of its variance."""
+TURNING_POINTS = 9
+"""Evenly over the range: voltages a record can have come from."""
+LEAST_RANGE_UM = 1e-9
+"""Keeps the weight of a record that hardly moves finite."""
+
+
+def fit_plays(runs: Sequence[AxisRun]) -> TimeView:
+    """Plays and a gain fitted to driven runs of one axis, each with an offset and a starting memory of its own.
+
+    Raises BadInput for records that determine nothing.
+    """
+    low = min(float(r.u_V[r.scored].min()) for r in runs)
+    high = max(float(r.u_V[r.scored].max()) for r in runs)
+    swing = max(float(np.ptp(r.u_V[r.scored])) for r in runs)
+    basis = nested_basis(swing, low, high, PLAYS, 1)
+    fits = [_thinned(run, max(FEWEST_ROWS, MOST_ROWS // len(runs)), i) for i, run in enumerate(runs)]
+    own_offsets = len(fits) > 1
+    tried = [best_slopes(fits, basis, 0.0, rest, own_offsets) for rest in REST_FRACTIONS.tolist()]
+    solution = min(tried, key=lambda s: s.error)
+    if len(fits) > 1:
+        fits = [_from_its_memory(fit, solution) for fit in fits]
+        solution = best_slopes(fits, basis, 0.0, solution.rest_fraction, own_offsets)
+    residuals = [solution.residual(f) for f in fits]
+    return solution.time_view(1 / runs[0].step_s, [e - e.mean() for e in residuals])
+
+
+def _thinned(run: AxisRun, most_rows: int, group: int) -> FitRun:
+    """The rows of one run to fit; of steps alone every row, since nothing but jumps would be left out of them."""
+    if np.quantile(np.abs(np.diff(run.u_V[run.scored])), 0.99) > 0:
+        return rows_to_fit(run, most_rows, group, 1)
+    start, stop, _ = run.scored.indices(len(run.u_V))
+    rows = np.arange(start, stop, max(1, (stop - start) // most_rows)).astype(np.uintp)
+    weight = 1.0 / (max(float(np.ptp(run.x_um[rows])), LEAST_RANGE_UM) ** 2 * len(rows))
+    return FitRun(run, rows, np.full(len(rows), group), weight)
+
+
+def _from_its_memory(fit: FitRun, solution: Solution) -> FitRun:
+    """The record from rest, or from the turning point that explains it best."""
+
+    def variance(came_from_V: float | None) -> float:
+        return float(np.var(solution.residual(replace(fit, came_from_V=came_from_V))))
+
+    low, *_, high = solution.basis.knots_V.tolist()
+    came_from_V = starting_memory(variance, np.linspace(low, high, TURNING_POINTS).tolist(), OTHER_MEMORY)
+    return replace(fit, came_from_V=came_from_V)
