@@ -20,18 +20,8 @@ from pydantic import Field, model_validator
 from scipy.optimize import brentq
 
 from phaselead.errors import BadInput
-from phaselead.model.fields import (
-    Matrix3,
-    Matrix6,
-    NotNegative,
-    Number,
-    Numbers3,
-    Numbers6,
-    Part,
-    Positive,
-    Span,
-    fault,
-)
+from phaselead.model.fields import Matrix3, Matrix6, NotNegative, Number, Numbers3, Numbers6, Part, Positive, Span
+from phaselead.model.validation_errors import fault
 
 EDGE = 1e-9
 """Relative slack at the edge of the rectangle, for values that went through a text file."""
