@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
-from phaselead.model.fields import explained
 from phaselead.model.stage_file import Stage, load_stage, parse_stage, save_stage, stage_text
 from phaselead.model.table import XU_LI_2010
+from phaselead.model.validation_errors import explained
 
 from stages import SHA, assert_one_line, example_stage, stages  # isort: skip
 

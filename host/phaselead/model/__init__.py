@@ -22,13 +22,13 @@ from phaselead.model.effects.interface import CheckedParameters, VirtualAxis
 from phaselead.model.effects.mode_bank import modes_of, shares, states, states_and_slopes
 from phaselead.model.effects.softening import push_level
 from phaselead.model.effects.virtual import NotPlayed
-from phaselead.model.fields import explained
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.operator import ends_um, plays, predict_time_view, respond, rest_plays, rest_position_um
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_file import DataSource, Provenance, Stage, load_stage, parse_stage, save_stage, stage_text
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
+from phaselead.model.validation_errors import explained
 
 __all__ = [
     "KNOTS",

@@ -10,18 +10,9 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from phaselead.model.fields import (
-    Interval95,
-    NotNegative,
-    Number,
-    Numbers,
-    Parameter,
-    Part,
-    Positive,
-    Span,
-    fault,
-)
+from phaselead.model.fields import Interval95, NotNegative, Number, Numbers, ParameterValue, Part, Positive, Span
 from phaselead.model.table import TableView
+from phaselead.model.validation_errors import fault
 
 Bits = Annotated[int, Field(strict=True, ge=1, le=32)]
 
@@ -132,7 +123,7 @@ class AdoptedEffect(Part):
     """One adopted effect: what it is, how large, how sure, and what it bought."""
 
     name: str = Field(description="which effect")
-    params: dict[str, Parameter] = Field({}, description="its parameters, units in the names")
+    params: dict[str, ParameterValue] = Field({}, description="its parameters, units in the names")
     ci95: dict[str, Interval95] = Field({}, description="their 95 % intervals, [low, high]")
     share: Annotated[Number, Field(ge=0, le=1)] | None = Field(
         None, description="share of the unexplained power it explains"

@@ -18,7 +18,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import effect
 from phaselead.model.effects.filters import relaxed_late
-from phaselead.model.effects.interface import Effect, Entry, Params, Place, Samples, Signal
+from phaselead.model.effects.interface import Effect, Entry, Params, Place, Samples, Signal, rewritten
 from phaselead.model.operator import delayed, respond, rest_plays
 
 Extra = Sequence[tuple[Effect, Params]]
@@ -120,11 +120,7 @@ class Chain:
 
     def _entries(self, extra: Extra) -> list[Entry]:
         """All effects with complete parameters, in physical order."""
-        entries: Sequence[Entry] = [*self._adopted, *((e, e.complete(p)) for e, p in extra)]
-        for e, params in tuple(entries):
-            if e.rewrite is not None:
-                entries = e.rewrite(entries, params)
-        return sorted(entries, key=_position)
+        return sorted(rewritten([*self._adopted, *((e, e.complete(p)) for e, p in extra)]), key=_position)
 
     def _links(self, entries: Sequence[Entry]) -> list[_Link]:
         return _links(self._view, entries, self._adopted_links)

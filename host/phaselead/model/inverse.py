@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
 from phaselead.model.effects import effect
-from phaselead.model.effects.interface import Entry, Samples
+from phaselead.model.effects.interface import Entry, Samples, rewritten
 from phaselead.model.sections import PASS, Section
 from phaselead.model.stage_file import Stage
 
@@ -51,7 +50,7 @@ def compensation(axis: AxisModel) -> Compensation:
     """What undoes an axis. Raises BadInput with the reason when nothing does: no time view, or no stable inverse."""
     if axis.time is None:
         raise BadInput("it has no time view; fit or identify it")
-    view = folded(axis, partly=True).time
+    view = in_time_view(axis, partly=True).time
     assert view is not None
     view = _in_order(view)
     least, at_V = _least_slope(view, axis.limits)
@@ -84,18 +83,14 @@ def coupling(stage: Stage) -> list[list[float]]:
         for j in range(3):
             if i != j and stage.cross_coupling is not None:
                 matrix[i][j] = float(stage.cross_coupling[i][j])
-        couplings = (
-            [(e.coupling, params) for e, params in _entries(stage.axes[name]) if e.coupling is not None]
-            if name in stage.axes
-            else []
-        )
-        for (share, params), (j, other) in product(couplings, enumerate(names)):
-            if i != j:
-                matrix[i][j] += share(params, other)
+        for e, params in _entries(stage.axes.get(name, AxisModel())):
+            for j, other in enumerate(names):
+                if i != j and e.coupling is not None:
+                    matrix[i][j] += e.coupling(params, other)
     return matrix
 
 
-def folded(axis: AxisModel, *, partly: bool = False) -> AxisModel:
+def in_time_view(axis: AxisModel, *, partly: bool = False) -> AxisModel:
     """The same axis with every effect that the time view can express in its time view; ``effects`` keeps the others.
 
     ``partly``: also what it can express of an effect that it cannot express whole; the rest is dropped. Meant for
@@ -155,11 +150,7 @@ def _reach_um(view: TimeView, limits: Limits) -> tuple[float, float]:
 def _entries(axis: AxisModel) -> list[Entry]:
     """The adopted effects with complete parameters in the order of the file, as they change each other (a load that was
     added is already in the modes)."""
-    entries: Sequence[Entry] = [_entry(adopted) for adopted in axis.effects]
-    for e, params in tuple(entries):
-        if e.rewrite is not None:
-            entries = e.rewrite(entries, params)
-    return list(entries)
+    return rewritten([_entry(adopted) for adopted in axis.effects])
 
 
 def _entry(adopted: AdoptedEffect) -> Entry:

@@ -18,8 +18,9 @@ from pydantic import AfterValidator, Field, StringConstraints, ValidationError, 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects import catalogue
-from phaselead.model.fields import Matrix3, Part, explain, fault
-from phaselead.model.layout import toml_text
+from phaselead.model.fields import Matrix3, Part
+from phaselead.model.stage_toml import toml_text
+from phaselead.model.validation_errors import explain, fault
 from phaselead.record import write_text
 
 FORMAT: Literal["phaselead-stage"] = "phaselead-stage"

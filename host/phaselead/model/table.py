@@ -19,18 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from phaselead.errors import BadInput
-from phaselead.model.fields import (
-    Matrix3,
-    Matrix6,
-    NotNegative,
-    Number,
-    Numbers3,
-    Numbers6,
-    Part,
-    Positive,
-    Span,
-    fault,
-)
+from phaselead.model.fields import Matrix3, Matrix6, NotNegative, Number, Numbers3, Numbers6, Part, Positive, Span
+from phaselead.model.validation_errors import fault
 
 EDGE = 1e-9
 """Relative slack at the edge of the rectangle, for values that went through a text file."""

@@ -34,6 +34,7 @@ __all__ = [
     "columns",
     "number",
     "numbers",
+    "rewritten",
     "with_columns",
 ]
 
@@ -294,6 +295,15 @@ class Effect:
 
     def _known(self) -> str:
         return ", ".join([p.name for p in self.parameters] + [f"({name})" for name in self.accepts])
+
+
+def rewritten(entries: Sequence[Entry]) -> list[Entry]:
+    """The effects of a run after each has changed the parameters of the others (``Effect.rewrite``)."""
+    found = entries
+    for e, params in entries:
+        if e.rewrite is not None:
+            found = e.rewrite(found, params)
+    return list(found)
 
 
 def columns(*of_rows: Samples) -> Samples:

@@ -1,4 +1,4 @@
-"""How a stage file looks: a model of ``fields.Part`` as TOML, each key commented with its description."""
+"""The text of a stage file: a model of ``fields.Part`` as TOML, each key commented with its description."""
 
 from __future__ import annotations
 
