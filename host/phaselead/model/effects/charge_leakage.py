@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects.filters import relaxed
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -20,12 +31,16 @@ def reads(params: Params, axis: AxisModel) -> str:
     return f"RC = {1 / rate_per_s:.4g} s" if rate_per_s > 0 else "no leakage"
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    if rate_per_s := given.one("rate_per_s", low=0.0):
+        axis.filter(1.0, [-rate_per_s], [-1.0])
+
+
 EFFECT = Effect(
     name="charge_leakage",
     title="Charge leakage",
     place=Place.AMPLIFIER,
     order=3,
-    slow=True,
     equation="v = u s / (s + rate_per_s),  rate_per_s = 1 / (R C)",
     source="Fleming and Moheimani 2005 (charge drives lose their low frequencies); Clayton, Tien, Fleming, Moheimani "
     "and Devasia 2008 (inverse feed-forward of charge-controlled positioners)",
@@ -37,8 +52,10 @@ EFFECT = Effect(
     confused_with=("creep", "thermal_drift"),
     compensation="An integral controller removes it. A feed-forward would integrate the reference and run into the "
     "voltage limit, so there is none.",
-    compensated=False,
     apply=apply,
     picture=Picture("holds", {"rate_per_s": 0.03}),
     reads=reads,
+    slow=True,
+    virtual=virtual,
+    repeatable=True,
 )

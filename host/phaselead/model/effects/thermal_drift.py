@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -12,6 +13,7 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     number,
     with_columns,
@@ -27,13 +29,16 @@ def basis(signal: Signal, params: Params) -> Samples:
     return columns(signal.t_s, -np.expm1(-since / number(params, "tau_s")))
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.drift(given.one("ramp_um_per_s"), given.one("rise_um"), given.one("tau_s", above=0.0))
+
+
 EFFECT = Effect(
     name="thermal_drift",
     title="Thermal drift",
     place=Place.ENVIRONMENT,
     order=0,
     moves_zero="steadily",
-    slow=True,
     equation="y = x + ramp_um_per_s t + rise_um (1 - exp(-t / tau_s)),  t absolute, from 0 on",
     source="Newton's law of heating and cooling; expansion of 1-50 nm/K",
     parameters=(
@@ -50,5 +55,6 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("idle", {"ramp_um_per_s": 2e-4, "rise_um": 0.1, "tau_s": 100.0}),
     basis=basis,
-    compensated=False,
+    slow=True,
+    virtual=virtual,
 )
