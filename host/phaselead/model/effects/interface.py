@@ -211,8 +211,6 @@ class Effect:
     hysteresis."""
     modes: Callable[[Params], Sequence[Mode]] | None = None
     """The modes of the mechanics that it adds. What passes them has no corners."""
-    slow: bool = False
-    """Whether it moves for seconds to hours after the voltage has stopped."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None
