@@ -178,6 +178,9 @@ class Effect:
     """Whether ``apply`` with these parameters also takes several signals at once, a value of (n, k); None is never."""
     becomes_plays: bool = False
     """Whether a base model without memory takes it up as plays of its own, fitted anew."""
+    slow: bool = False
+    """Whether it moves the position for seconds to hours after the voltage has stopped: over whole records, and before
+    they began."""
     moves_zero: Literal["at once", "steadily"] | None = None
     """How it moves the zero from one session to the next; None where it does not."""
     basis: Callable[[Signal, Params], Samples] | None = None
