@@ -9,15 +9,15 @@ import pytest
 from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 
-from phaselead.gap.disturb import disturbances
-from phaselead.gap.jitter import jitter
+from phaselead.gap.disturbances.jitter import find_jitter
+from phaselead.gap.disturbances.search import find_disturbances
+from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
 from phaselead.gap.metric import metric_of, whitened_regressors
 from phaselead.gap.noise import Noise, as_idle, differences_factor, fit_noise, whitened
 from phaselead.gap.records import Run
 from phaselead.gap.regressors import Layout, SimulatedRegressors
 from phaselead.gap.residual import RunResidual, modelled_run
 from phaselead.gap.scan import _inverse
-from phaselead.gap.vibration import louder_at_rest, vibration
 from phaselead.model.axis import AxisModel, TimeView
 
 STEP_s = 1e-3
@@ -158,7 +158,7 @@ def test_a_mode_that_always_rings_is_no_new_vibration():
     for seed in range(60):
         rng = np.random.default_rng(seed)
         parts = [[left(ringing(rng, n, 190.0, 0.01) + 0.005 * rng.normal(size=n))] for n in (1500, 1000, 1500)]
-        found += vibration(*parts) is not None
+        found += find_vibration("vibration", *parts) is not None
     assert found == 0
 
 
@@ -166,7 +166,7 @@ def test_a_new_vibration_is_found_where_it_is():
     rng = np.random.default_rng(2)
     quiet = [0.01 * rng.normal(size=n) for n in (4000, 3000, 4000)]
     shaken = [quiet[0] + ringing(rng, 4000, 120.0, 0.05), quiet[1] + ringing(rng, 3000, 120.0, 0.05), quiet[2]]
-    found = vibration(*([left(e)] for e in shaken))
+    found = find_vibration("vibration", *([left(e)] for e in shaken))
     assert found is not None
     assert abs(found.params["f_Hz"][0] - 120) < 10
     assert 0.005 < found.params["rms_um"][0] < 0.015
@@ -177,7 +177,7 @@ def test_a_line_at_the_mains_is_no_vibration():
     t = STEP_s * np.arange(4000)
     hum = 0.1 * np.sin(2 * np.pi * 50.02 * t)  # so strong that it is seen beside the lines that are left out
     parts = [[left(0.002 * rng.normal(size=4000) + share * hum)] for share in (1.0, 1.0, 0.0)]
-    assert vibration(*parts) is None
+    assert find_vibration("vibration", *parts) is None
 
 
 @pytest.mark.parametrize("f_Hz", [50.0, 120.0])
@@ -205,10 +205,10 @@ def test_a_clock_that_is_off_shows_on_all_records_alike():
     rng = np.random.default_rng(4)
     parts = [[jittery(rng, f, rms, role) for f in (5.0, 11.0)]
              for rms, role in ((2e-5, "train"), (2e-5, "holdout"), (0.0, "reference"))]  # fmt: skip
-    found = jitter(*parts)
+    found = find_jitter("sampling_jitter", *parts)
     assert found is not None
     assert found.params["rms_s"][0] == pytest.approx(2e-5, rel=0.1)
-    assert jitter(parts[2], parts[2], parts[2]) is None
+    assert find_jitter("sampling_jitter", parts[2], parts[2], parts[2]) is None
 
 
 def test_fast_noise_on_one_record_alone_is_no_clock():
@@ -216,8 +216,8 @@ def test_fast_noise_on_one_record_alone_is_no_clock():
     odd = [[jittery(rng, 5.0, 0.0, role), jittery(rng, 11.0, 3e-5, role)] for role in ("train", "holdout")]
     still = [jittery(rng, f, 0.0, "reference") for f in (5.0, 11.0)]
     slow = [[jittery(rng, 5.0, 2e-4, role), jittery(rng, 11.0, 0.0, role)] for role in ("train", "holdout")]
-    assert jitter(*slow, still) is None
-    assert jitter(*odd, still) is None
+    assert find_jitter("sampling_jitter", *slow, still) is None
+    assert find_jitter("sampling_jitter", *odd, still) is None
 
 
 def fast(rng: np.random.Generator, rms_s: float, role: str, missed_um: float = 0.0) -> RunResidual:
@@ -234,7 +234,7 @@ def fast(rng: np.random.Generator, rms_s: float, role: str, missed_um: float = 0
 def test_the_size_of_a_jitter_is_right_however_fast_the_motion(seed):
     rng = np.random.default_rng(seed)
     parts = [[fast(rng, rms, role)] for rms, role in ((1e-5, "train"), (1e-5, "holdout"), (0.0, "reference"))]
-    found = jitter(*parts)
+    found = find_jitter("sampling_jitter", *parts)
     assert found is not None
     assert found.params["rms_s"][0] == pytest.approx(1e-5, rel=0.1)
 
@@ -243,16 +243,16 @@ def test_the_size_of_a_jitter_is_right_however_fast_the_motion(seed):
 def test_what_a_model_misses_of_fast_motion_is_no_clock(seed):
     rng = np.random.default_rng(seed)
     parts = [[fast(rng, 0.0, role, missed_um=0.05)] for role in ("train", "holdout")]
-    assert jitter(*parts, [fast(rng, 0.0, "reference")]) is None
+    assert find_jitter("sampling_jitter", *parts, [fast(rng, 0.0, "reference")]) is None
 
 
 def test_noise_that_is_new_and_of_no_effect_allowed_is_said():
     rng = np.random.default_rng(6)
     parts = [[fast(rng, rms, role)] for rms, role in ((1e-5, "train"), (1e-5, "holdout"), (0.0, "reference"))]
-    named, _, left_out = disturbances(*parts, {"sampling_jitter"})
+    named, _, left_out = find_disturbances(*parts, {"sampling_jitter"})
     assert [f.name for f in named] == ["sampling_jitter"]
     assert not left_out
-    named, untestable, left_out = disturbances(*parts, {"vibration"})
+    named, untestable, left_out = find_disturbances(*parts, {"vibration"})
     assert not named
     assert list(untestable) == ["vibration"]
     assert "times the speed" in left_out[0]
@@ -270,7 +270,7 @@ def test_a_narrow_vibration_in_a_short_record_is_found(seed):
 
     shaking = [[still(0.015, role)] for role in ("train", "holdout")]
     calm = [still(0.0, "reference")]
-    found = vibration(*shaking, calm)
+    found = find_vibration("vibration", *shaking, calm)
     assert found is not None
     assert abs(found.params["f_Hz"][0] - 17) < 6
-    assert vibration([still(0.0, "train")], [still(0.0, "holdout")], calm) is None
+    assert find_vibration("vibration", [still(0.0, "train")], [still(0.0, "holdout")], calm) is None

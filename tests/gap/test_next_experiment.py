@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from phaselead.gap.excitation import SHAPES, Excitation, excitations, span_V
-from phaselead.gap.next_experiment import coarser, sensor_for
+from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, span_V
+from phaselead.gap.design.next_experiment import coarser, sensor_for
 from phaselead.gap.noise import Noise
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.gap.session_offset import RecordOffset, best_explained, session_shifts
+from phaselead.gap.disturbances.session_offset import RecordOffset, best_explained, session_shifts
 
 
 def records(

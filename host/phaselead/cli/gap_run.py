@@ -142,13 +142,13 @@ def experiment_sentence(result: GapResult) -> str:
 
 def run_next(gap_json: str, port: str, axis: str, output: str, model_path: str | None) -> None:
     """Record the proposed experiment."""
-    from phaselead.gap import perform, read_proposal
+    from phaselead.gap import read_proposal, run_proposal
 
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[gap_json, *([model_path] if model_path else [])])
     proposed = read_proposal(gap_json)
     stage = load_stage(model_path) if model_path else None
     with progress("recording", 1.0) as advance:
-        rows = perform(proposed, port, proposed.get("axis") or axis, output, stage, advance)
+        rows = run_proposal(proposed, port, proposed.get("axis") or axis, output, stage, advance)
     Console(highlight=False).print(
         f"wrote {output}, {rows} samples; add it to --train (to --reference if the stage was as before), run gap again"
     )

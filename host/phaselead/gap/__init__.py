@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from phaselead.gap.perform import excitation_of, perform, read_proposal
+from phaselead.gap.design import excitation_of, read_proposal, run_proposal
+from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
 from phaselead.gap.run import keep_freed_memory, run_gap
-from phaselead.gap.told import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.verify_on import Tracked, Verification, reachable, verify_on
 
 __all__ = [
@@ -27,10 +27,10 @@ __all__ = [
     "keep_freed_memory",
     "lines",
     "percent",
-    "perform",
     "reachable",
     "read_proposal",
     "run_gap",
+    "run_proposal",
     "typical_of",
     "unit_of",
     "verify_on",

@@ -1,4 +1,4 @@
-"""The next stage file: the base with what was found, its intervals, and where it came from."""
+"""The next stage file: the base with the effects that were found, their intervals and its provenance."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from phaselead.record import Recording
 
 
 def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
-    """The axis with the effects behind its list: one of a name that is there already acts beside it."""
-    return axis.model_copy(update={"effects": (*axis.effects, *map(_entry, found))})
+    """The axis with the effects appended to its list, each beside any of the same name that it had."""
+    return axis.model_copy(update={"effects": (*axis.effects, *map(stage_file_entry, found))})
 
 
-def _entry(named: NamedEffect) -> AdoptedEffect:
+def stage_file_entry(named: NamedEffect) -> AdoptedEffect:
+    """An effect as a stage file keeps it."""
     return AdoptedEffect(
         name=named.name,
         params={name: value for name, (value, _, _) in named.params.items()},
@@ -27,7 +28,7 @@ def _entry(named: NamedEffect) -> AdoptedEffect:
 
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:
-    """The stage with the axes replaced and its provenance: the parent's hash and the records learned from."""
+    """The stage with ``axes`` replaced, and with the parent's hash and the records learned from as its provenance."""
     sources = {
         r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256) for r in data if r.sha256
     }

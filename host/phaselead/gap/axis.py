@@ -8,8 +8,16 @@ from dataclasses import dataclass, replace
 from phaselead.gap.acceptance import Named
 from phaselead.gap.adopt import adopted
 from phaselead.gap.confidence import confidence_intervals, upper_bounds
-from phaselead.gap.disturb import disturbances
-from phaselead.gap.disturbance import Disturbance
+from phaselead.gap.design import propose
+from phaselead.gap.disturbances import (
+    Disturbance,
+    Shift,
+    best_explained,
+    disturbance_spectra,
+    find_disturbances,
+    louder_at_rest,
+    session_shifts,
+)
 from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
     FinalFit,
@@ -17,8 +25,7 @@ from phaselead.gap.goodness_of_fit import (
     names_leave_too_much,
     structure_remains,
 )
-from phaselead.gap.locate import Part, locate
-from phaselead.gap.next_experiment import propose
+from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.records import Run
 from phaselead.gap.result import (
     NAMED,
@@ -33,9 +40,6 @@ from phaselead.gap.result import (
     Value,
 )
 from phaselead.gap.search import Growth, Progress, grow, without_names
-from phaselead.gap.session_offset import Shift, best_explained, session_shifts
-from phaselead.gap.spectra import spectra
-from phaselead.gap.vibration import louder_at_rest
 from phaselead.model import AxisModel, Effect
 
 SECOND_SEARCH_LEAVES = 0.5
@@ -157,11 +161,11 @@ def _beyond_voltage(
 ) -> _BeyondVoltage:
     """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
     residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
-    found, untested, left_out = disturbances(*residuals, {e.name for e in effects})
+    found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
     zero = _moved_zero(final, effects, claimed, label)
     named = [*(_disturbance(one, final, label) for one in found), *zero.named]
     unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
-    shown = spectra(found, final, axis)
+    shown = disturbance_spectra(found, residuals[1], residuals[2], axis)
     return _BeyondVoltage(named, zero.ties, zero.excluded, unknown, untested, zero.tested, shown, left_out)
 
 
@@ -254,8 +258,8 @@ def _above_floor(final: FinalFit) -> float:
 def _where(growth: Growth, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
     """Where the base as given leaves most of the held-out records."""
     noise = growth.problem.noise
-    parts = [Part(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
-    return locate(parts, seed, label)
+    parts = [ResidualAndNoise(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
+    return rank_cells(parts, seed, label)
 
 
 def _proposal(growth: Growth, label: str | None) -> NextExperiment | None:

@@ -11,13 +11,13 @@ from scipy.stats import mannwhitneyu
 from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.metric import Regressors
 from phaselead.gap.records import Role, Run
 from phaselead.gap.refit import Fitted, SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.result import Gap, Trace
 from phaselead.gap.search import Growth
-from phaselead.gap.session_offset import RecordOffset
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 

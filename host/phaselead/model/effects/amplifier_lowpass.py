@@ -35,6 +35,7 @@ EFFECT = Effect(
     compensation="A lead (numerator 1 + s tau_s) in the feed-forward within the slew limit, or preview by tau_s for "
     "paths far below the corner.",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("response", {"tau_s": 5e-4}),
     accepts=("corner_Hz",),
     normalise=from_corner,

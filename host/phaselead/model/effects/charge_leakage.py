@@ -53,6 +53,7 @@ EFFECT = Effect(
     compensation="An integral controller removes it. A feed-forward would integrate the reference and run into the "
     "voltage limit, so there is none.",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("holds", {"rate_per_s": 0.03}),
     reads=reads,
     slow=True,

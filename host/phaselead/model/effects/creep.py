@@ -82,6 +82,7 @@ EFFECT = Effect(
     compensation="The inverse, a sum of the same slow lags with k negative, runs in the feed-forward; an integral "
     "controller also removes it, slowly enough.",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("steps", {"gamma": 0.015, "tau_first_s": 0.01, "tau_last_s": 1000.0}),
     basis=basis,
     accepts=("k", "tau_s"),

@@ -98,6 +98,7 @@ EFFECT = Effect(
     confused_with=("vibration", "thermal_drift"),
     compensation="The inverse of the 3 x 3 matrix in front of the axes' feed-forward and feedback (decoupling).",
     apply=apply,
+    shared_modes="coupling",
     picture=Picture("neighbour", {"from_y": 0.04}),
     basis=basis,
     accepts=MODAL,

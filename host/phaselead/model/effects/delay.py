@@ -51,6 +51,7 @@ EFFECT = Effect(
     confused_with=("sensor_lowpass", "amplifier_lowpass", "hysteresis"),
     compensation="The reference is looked up ahead by the delay; it still bounds the bandwidth of feedback.",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("response", {"delay_s": 1e-3}),
     dead_time_s=dead_time_s,
     virtual=virtual,

@@ -56,6 +56,7 @@ EFFECT = Effect(
     compensation="The gain of the model is corrected, or fed back.",
     kind="calibration",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("sine", {"gain": 0.1}),
     basis=basis,
     virtual=virtual,

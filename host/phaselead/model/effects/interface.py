@@ -181,8 +181,6 @@ class Effect:
     slow: bool = False
     """Whether it moves the position for seconds to hours after the voltage has stopped: over whole records, and before
     they began."""
-    moves_zero: Literal["at once", "steadily"] | None = None
-    """How it moves the zero from one session to the next; None where it does not."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None
@@ -199,6 +197,18 @@ class Effect:
     """Why this axis cannot show it whatever the data, or None."""
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not."""
+
+    seen_as: Literal["lines", "band", "grid", "speed"] | None = None
+    """How the gap finds a disturbance: lines at the mains, a band of the spectrum, a grid of values, noise that grows
+    with speed; None where it has no test of that kind."""
+    moves_zero: Literal["at once", "steadily"] | None = None
+    """How it moves the zero from one session to the next; None where it does not."""
+    shared_modes: Literal["own path", "coupling", "softening"] | None = None
+    """Which part of the modes that the axes of a stage share it describes, if any."""
+    absorbed_by_modes: bool = False
+    """Whether modes fitted to axes that move together take it up, so that such records cannot show it."""
+    hard_to_tell_from: tuple[str, ...] = ()
+    """Effects that trials showed to be hard to tell from it, besides ``confused_with``: a tie with them is honest."""
 
     fixed: Mapping[str, float] = field(default_factory=dict)
     """Parameters that are not asked for, and their values."""

@@ -74,6 +74,7 @@ EFFECT = Effect(
     "better grounding; learning does not help unless the path is locked to the mains.",
     kind="disturbance",
     apply=apply,
+    seen_as="lines",
     picture=Picture("line", {"sin1_um": 0.01, "cos2_um": 0.003, "cos3_um": 0.003}),
     basis=basis,
     reads=reads,

@@ -54,6 +54,7 @@ EFFECT = Effect(
     "the measurement does so at the price of delay.",
     kind="disturbance",
     apply=apply,
+    seen_as="grid",
     picture=Picture("ramp", {"lsb_um": 0.008}),
     variance=variance,
     spectrum=spectrum,

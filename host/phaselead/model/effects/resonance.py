@@ -105,6 +105,7 @@ EFFECT = Effect(
     compensation="A notch at the mode (biquad cascade) in the feed-forward, or a reference without its harmonics; the "
     "notch follows f_Hz, so a changed load needs a new fit.",
     apply=apply,
+    shared_modes="own path",
     picture=Picture("response", {"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),
     basis=basis,
     accepts=("velocity",),

@@ -56,6 +56,7 @@ EFFECT = Effect(
     "that polls does not.",
     kind="disturbance",
     apply=apply,
+    seen_as="speed",
     picture=Picture("sine", {"rms_s": 1e-3}),
     variance=variance,
     virtual=virtual,

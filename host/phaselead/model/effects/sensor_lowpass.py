@@ -32,6 +32,7 @@ EFFECT = Effect(
     compensation="A lead (numerator 1 + s tau_s) in the feed-forward makes the measured position follow. The stage "
     "itself then moves ahead of the reference by as much as the sensor is late.",
     apply=apply,
+    absorbed_by_modes=True,
     picture=Picture("response", {"tau_s": 5e-4}),
     accepts=("corner_Hz",),
     normalise=from_corner,

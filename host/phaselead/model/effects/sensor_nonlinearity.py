@@ -64,6 +64,7 @@ EFFECT = Effect(
     compensation="None: the controller does not bend the measured position. Feedback cannot find it: the stage follows "
     "its sensor. Only a better sensor shows that the curve is one of the sensor and not of the stage.",
     apply=apply,
+    hard_to_tell_from=("gain_change",),
     picture=Picture("difference", {"quadratic": 0.002, "cubic": 0.001}, base="plays"),
     basis=basis,
     virtual=virtual,

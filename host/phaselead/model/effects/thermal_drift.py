@@ -38,7 +38,6 @@ EFFECT = Effect(
     title="Thermal drift",
     place=Place.ENVIRONMENT,
     order=0,
-    moves_zero="steadily",
     equation="y = x + ramp_um_per_s t + rise_um (1 - exp(-t / tau_s)),  t absolute, from 0 on",
     source="Newton's law of heating and cooling; expansion of 1-50 nm/K",
     parameters=(
@@ -53,6 +52,7 @@ EFFECT = Effect(
     "does not drift itself.",
     kind="disturbance",
     apply=apply,
+    moves_zero="steadily",
     picture=Picture("idle", {"ramp_um_per_s": 2e-4, "rise_um": 0.1, "tau_s": 100.0}),
     basis=basis,
     slow=True,

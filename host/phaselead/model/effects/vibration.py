@@ -64,6 +64,7 @@ EFFECT = Effect(
     compensation="None: no voltage and no path predicts it. Isolation, or feedback with enough bandwidth below it.",
     kind="disturbance",
     apply=apply,
+    seen_as="band",
     picture=Picture("line", {"rms_um": 0.01, "f_Hz": 120.0, "bandwidth_Hz": 20.0}),
     variance=variance,
     spectrum=spectrum,

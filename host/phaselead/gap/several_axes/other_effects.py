@@ -1,4 +1,4 @@
-"""What the rest of the catalogue would add to the pushes of a stage with common modes."""
+"""Score test of the rest of the catalogue, in front of the modes that the axes share."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.gap.multi_axis_fit import SharedFit
-from phaselead.gap.multi_axis_records import OF_THE_MECHANICS, Stand
 from phaselead.gap.regressors import RegressorGroup, regressor_groups
+from phaselead.gap.several_axes.common_modes import CommonModes
+from phaselead.gap.several_axes.joint_records import JointRecord
 from phaselead.identify import explained
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
 MOST_RECORDS = 4
+"""That the test uses, spread over all levels."""
 MOST_SHAPES = 3
+"""Of each effect, spread over its shapes."""
 
 
 @dataclass(frozen=True)
-class Scanned:
-    """One effect on one axis at its best shape: amount of the size that stands for it, in its unit."""
+class EffectScore:
+    """One effect on one axis at its best shape. ``amount`` and ``std`` are of its size, in ``unit``."""
 
     effect: Effect
     axis: str
@@ -29,43 +31,43 @@ class Scanned:
     amount: float
     std: float
     share: float
-    """Of the squares that the model leaves."""
+    """Of the remaining squares, that the effect would explain."""
     unit: str
 
 
-def pushed(effects: Sequence[Effect]) -> list[Effect]:
+def _in_front_of_mechanics(effects: Sequence[Effect]) -> list[Effect]:
     """Effects between voltage and mechanics that a voltage predicts."""
     return [
         e
         for e in effects
         if e.kind == "response"
-        and e.name not in OF_THE_MECHANICS
+        and e.shared_modes is None
         and (e.place < Place.MECHANICS or (e.place == Place.MECHANICS and e.order < 1))
     ]
 
 
-def scan(train: Sequence[Stand], fit: SharedFit, effects: Sequence[Effect]) -> list[Scanned]:
-    """Every effect on every axis by score test, best first; those that the modes take up are left out."""
+def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects: Sequence[Effect]) -> list[EffectScore]:
+    """Score of every effect on every axis, best first. Those that the modes can imitate are left out."""
     records = _spread(train)
     weights = np.array([w for s, w in zip(train, fit.fit.weights, strict=True) if s in records])
-    atoms = _few(regressor_groups(pushed(effects), records[0].step_s, _longest_s(records)))
+    atoms = _few(regressor_groups(_in_front_of_mechanics(effects), records[0].step_s, _longest_s(records)))
     columns = [(atom, i, j) for atom, j in product(atoms, range(len(records[0].axes))) for i in range(len(atom.steps))]
     if not columns:
         return []
-    drives = [stand.drive(fit.entries) for stand in records]
+    drives = [record.drive(fit.entries) for record in records]
     found = explained(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
-    best: dict[tuple[str, int], Scanned] = {}
+    best: dict[tuple[str, int], EffectScore] = {}
     for (atom, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):
         key = (atom.effect.name, j)
         if np.isfinite(std) and (key not in best or share > best[key].share):
             size, step = atom.effect.sizes[i], atom.steps[i]
-            best[key] = Scanned(
+            best[key] = EffectScore(
                 atom.effect, records[0].axes[j], dict(atom.shapes), amount * step, std * abs(step), share, size.unit
             )
     return sorted(best.values(), key=lambda s: -s.share)
 
 
-def _spread(train: Sequence[Stand]) -> list[Stand]:
+def _spread(train: Sequence[JointRecord]) -> list[JointRecord]:
     """A few records over all levels."""
     ranked = sorted(train, key=lambda s: s.level_V)
     chosen = np.unique(np.linspace(0, len(ranked) - 1, min(MOST_RECORDS, len(ranked))).round().astype(int))
@@ -85,18 +87,20 @@ def _few(atoms: Sequence[RegressorGroup]) -> list[RegressorGroup]:
     return found
 
 
-def _longest_s(records: Sequence[Stand]) -> float:
+def _longest_s(records: Sequence[JointRecord]) -> float:
     return max(len(s.x_um) * s.step_s for s in records)
 
 
-def _changes(stand: Stand, fit: SharedFit, columns: Sequence[tuple[RegressorGroup, int, int]]) -> list[Samples]:
-    """Per column what one step of the effect does to the pushes (n + 1, axes)."""
-    plain = [push.value for push in stand.pushes(fit.entries)]
+def _changes(
+    record: JointRecord, fit: CommonModes, columns: Sequence[tuple[RegressorGroup, int, int]]
+) -> list[Samples]:
+    """For each column, what one step of the effect does to the signals at the mechanics (n + 1, axes) in um."""
+    plain = [push.value for push in record.pushes(fit.entries)]
     found = []
     for atom, i, j in columns:
         amounts = [float(i == k) for k in range(len(atom.steps))]
-        extra = [*fit.entries.get(stand.axes[j], ()), (atom.effect, atom.params(amounts))]
+        extra = [*fit.entries.get(record.axes[j], ()), (atom.effect, atom.params(amounts))]
         change = np.zeros((len(plain[j]), len(plain)))
-        change[:, j] = stand.chains[j].push(extra).value - plain[j]
+        change[:, j] = record.chains[j].push(extra).value - plain[j]
         found.append(change)
     return found

@@ -1,21 +1,16 @@
-"""Quantisation: all positions lie on a grid."""
+"""Quantisation: all measured positions are multiples of one step."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from phaselead.gap.disturbance import NEW_FROM, Disturbance
-from phaselead.gap.residual import RunResidual
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
 
-def quantisation(
-    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
-) -> Disturbance | None:
-    """All positions lie on a grid, coarser than the reference's and coarse beside the noise."""
+def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
+    """A grid on which all positions lie, as the effect ``name``; None unless it is coarser than the reference's."""
     steps = [grid_step(left.run.x_um) for left in train]
     again = [grid_step(left.run.x_um) for left in holdout]
     if any(s is None for s in [*steps, *again]):
@@ -26,11 +21,11 @@ def quantisation(
     if not reference or lsb < NEW_FROM * before:
         return None
     params: dict[str, Value] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
-    return Disturbance("quantisation", params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
+    return Disturbance(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
 
 
 def grid_step(x_um: Samples) -> float | None:
-    """The step of the grid on which all values (n,) lie, or None when there is none above rounding."""
+    """The step (um) of the grid on which all values (n,) lie; None where there is none above rounding."""
     gaps = np.diff(np.unique(x_um))
     gaps = gaps[gaps > 1e-9 * max(float(np.abs(x_um).max()), 1.0)]
     if len(gaps) < 3:

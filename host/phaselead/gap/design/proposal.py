@@ -1,4 +1,4 @@
-"""Running a proposed experiment on a device, open loop."""
+"""The experiment that a gap.json proposes: reading it, and running it on a device in open loop."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from typing import Any
 from phaselead.control import journalled_listen, journalled_track
 from phaselead.device import Device
 from phaselead.errors import BadInput
-from phaselead.gap.excitation import SHAPES, Excitation
+from phaselead.gap.design.excitation import SHAPES, Excitation
 from phaselead.model import Stage
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
-LONGEST_S = 3600.0
+LONGEST_s = 3600.0
+"""That an experiment from a file may take."""
 
 
 def read_proposal(path: str) -> Mapping[str, Any]:
-    """The next experiment of a gap.json. Raises BadInput when there is none, or no gap.json."""
+    """The field ``next_experiment`` of a gap.json. Raises BadInput where it has none or cannot be run."""
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         ties, proposed = content["ties"], content["next_experiment"]
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); make it with phaselead gap --json") from None
     except (ValueError, KeyError, TypeError):
-        raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
+        raise BadInput(f"{path}: is not a gap.json; make one with phaselead gap --json") from None
     if not ties:
-        raise BadInput(f"{path}: holds no tie, so there is no experiment to run; its verdicts stand as they are")
+        raise BadInput(f"{path}: holds no tie, so there is no experiment to run")
     if proposed is None:
         raise BadInput(f"{path}: proposes no experiment for its tie; record other waveforms, levels and biases")
     if not isinstance(proposed, Mapping):
@@ -39,7 +40,7 @@ def read_proposal(path: str) -> Mapping[str, Any]:
 
 
 def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
-    """The excitation of a gap.json. Raises BadInput."""
+    """The excitation that ``read_proposal`` found. Raises BadInput where its fields make none that can be played."""
     try:
         low, high = (float(f) for f in proposed["band"])
         found = Excitation(
@@ -49,16 +50,16 @@ def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"the next experiment lacks one of {', '.join(KEYS)}; make gap.json anew") from None
     numbers = (found.level_V, low, high, found.bias_V, found.seconds)
-    sound = all(map(math.isfinite, numbers)) and 0 < low <= high and 0 < found.seconds <= LONGEST_S
+    sound = all(map(math.isfinite, numbers)) and 0 < low <= high and 0 < found.seconds <= LONGEST_s
     if not sound or not (found.idle or (found.waveform in SHAPES and found.level_V > 0)):
         raise BadInput(
-            f"the next experiment {found.waveform!r}, {found.level_V:g} V for {found.seconds:g} s is none that can be "
-            "run; make gap.json anew"
+            f"the next experiment {found.waveform!r}, {found.level_V:g} V for {found.seconds:g} s cannot "
+            "be run; make gap.json anew"
         )
     return found
 
 
-def perform(
+def run_proposal(
     proposed: Mapping[str, Any],
     port: str,
     axis: str,
@@ -66,9 +67,10 @@ def perform(
     stage: Stage | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> int:
-    """Record the excitation and write it; how many samples. ``stage`` gives the device its limits and calibration.
+    """Record the proposed excitation to ``output``; returns the number of samples.
 
-    Raises BadInput and what the device says.
+    ``stage`` gives the device its limits and calibration. Raises BadInput for a proposal that cannot be run and
+    PhaseleadError for what the device refuses.
     """
     excitation = excitation_of(proposed)
     with Device.open(port) as device:

@@ -1,8 +1,7 @@
-"""Vibration: a peak of the idle spectrum that was not there before."""
+"""Vibration: a peak in the spectrum of records at rest that was not there before."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,29 +10,29 @@ from scipy.ndimage import median_filter
 from scipy.signal import periodogram, welch
 from scipy.stats import f as f_distribution
 
-from phaselead.gap.disturbance import NEW_FROM, Disturbance, Parts
-from phaselead.gap.hum import is_mains
-from phaselead.gap.residual import RunResidual
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
+from phaselead.gap.disturbances.hum import is_mains
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
 SEGMENT = 1024
 SURE_BAND = 1e-4
-"""Over all bands looked at: training and held-out records at rest together against the reference's."""
+"""Probability, over all bands looked at, that training and held-out records at rest exceed the reference by chance."""
 SURE_HERE, AROUND = 0.01, 8
-"""The same in the band found alone; lines to either side of it that say what is usual."""
+"""The same probability in the band found alone, and the lines to either side of it that say what is usual there."""
 WIDTHS = (1, 3, 7, 15)
-"""Lines of a spectrum over which something new may spread."""
-BESIDE_MAINS = 0.2
-"""Of what is new in a band: with less of it away from the mains and its multiples it is hum, not vibration."""
+"""Widths of the bands that are looked at, in lines of the spectrum."""
+OFF_MAINS = 0.2
+"""Share of what is new in a band. With less than this away from the mains and its multiples it is hum."""
 SLOW_LINES = 4
-"""Of a spectrum: what moves as slowly as the records are long is drift or creep, not vibration."""
+"""Lowest lines of the spectrum, left out: what moves as slowly as the records are long is drift or creep."""
 
 
-def vibration(
-    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
-) -> Disturbance | None:
-    """A peak of the idle spectrum that stands out of the reference's, or out of its own surroundings."""
+def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
+    """A peak above the reference's spectrum, as the effect ``name``; None where there is none.
+
+    Without reference records it must stand above the spectrum around it.
+    """
     spectra = _spectra(train, holdout, reference)
     live = np.array([not is_mains(float(v)) for v in spectra.f_Hz])
     live[:SLOW_LINES] = False
@@ -42,15 +41,13 @@ def vibration(
         return None
     low, high = band
     new = np.maximum(spectra.seen - spectra.before, 0.0)
-    if new[low:high] @ live[low:high] < BESIDE_MAINS * new[low:high].sum():
+    if new[low:high] @ live[low:high] < OFF_MAINS * new[low:high].sum():
         return None
-    return _vibration_found(spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
+    return _vibration_found(name, spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
 
 
-def louder_at_rest(
-    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
-) -> bool:
-    """Whether any band of the idle records, the mains' too, stands out of the reference's, whatever its cause."""
+def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
+    """Whether any band of the records at rest stands above the reference, the mains included, whatever its cause."""
     now, again, was = ([left for left in part if left.run.idle] for part in (train, holdout, reference))
     if not (now and again and was):
         return False
@@ -62,7 +59,8 @@ def louder_at_rest(
 
 
 class _Spectra(NamedTuple):
-    """Densities (k,) of the training records, and of what was there before; how many periodograms are in the first."""
+    """One-sided densities (k,) in um^2/Hz of the training records and of what was there before, and how many
+    independent periodograms the first averages."""
 
     f_Hz: Samples
     seen: Samples
@@ -70,9 +68,7 @@ class _Spectra(NamedTuple):
     averages: float
 
 
-def _spectra(
-    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual]
-) -> _Spectra:
+def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
     shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
@@ -81,7 +77,7 @@ def _spectra(
 
 
 def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[int, int] | None:
-    """First and last line (excluded) of the band, among the ``live`` lines, that is new beyond chance."""
+    """First and last line (excluded) of the most significant new band among the ``live`` lines; None without one."""
     f, seen, before, _ = spectra
     bands, looked = _new_bands(seen * live, before * live)
     found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= SURE_BAND]
@@ -89,8 +85,8 @@ def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> t
 
 
 def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -> float:
-    """Probability that a band of training and held-out records stands out of the reference's as much by chance; 1
-    where it does not stand out in both."""
+    """Probability that the records at rest exceed the reference in this band by chance; 1 where training and held-out
+    records do not both exceed it."""
     (train, holdout, reference), (low, high) = parts, band
     edges_Hz = float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2)
     new, again, both, old = (_band_power(part, *edges_Hz) for part in (train, holdout, [*train, *holdout], reference))
@@ -103,7 +99,7 @@ def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -
 
 
 def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
-    """First and last line (excluded) of the band of each width that stands out most; how many were looked at."""
+    """For each width the band with the largest ratio, as first and last line (excluded), and how many were compared."""
     bands, looked = [], 0
     for width in WIDTHS:
         box = np.ones(width)
@@ -114,9 +110,11 @@ def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], i
     return bands, looked
 
 
-def _band_power(part: Sequence[RunResidual], low_Hz: float, high_Hz: float) -> tuple[float, float]:
-    """Mean density in a band, and its degrees of freedom: twice the number of lines at full resolution that carry it.
-    A mode of the stage that surroundings keep ringing fills few lines however long the list of segments."""
+def _band_power(part: Residuals, low_Hz: float, high_Hz: float) -> tuple[float, float]:
+    """Mean density in a band and its degrees of freedom: twice the number of lines, at full resolution, that carry it.
+
+    A mode that the surroundings keep ringing fills few lines, however many segments a record is cut into.
+    """
     density, freedom = [], 0.0
     for left in part:
         f, p = periodogram(left.error_um, left.rate_Hz, window="hann", detrend="linear")
@@ -126,7 +124,7 @@ def _band_power(part: Sequence[RunResidual], low_Hz: float, high_Hz: float) -> t
     return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
-def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages: float) -> Disturbance:
+def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int, averages: float) -> Disturbance:
     step, excess = float(f[1] - f[0]), np.maximum(excess, 0.0)
     top = low + int(np.argmax(excess[low:high]))
     width = (high - low) * step
@@ -137,13 +135,11 @@ def _vibration_found(f: Samples, excess: Samples, low: int, high: int, averages:
         "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
         "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),
     }
-    return Disturbance(
-        "vibration", params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in idle records"
-    )
+    return Disturbance(name, params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in records at rest")
 
 
-def _density(part: Sequence[RunResidual], length: int) -> tuple[Samples, Samples, float]:
-    """Frequencies, mean one-sided density and how many independent periodograms are in it."""
+def _density(part: Residuals, length: int) -> tuple[Samples, Samples, float]:
+    """Frequencies (k,), mean one-sided density (k,) and how many independent periodograms it averages."""
     spectra = [welch(left.error_um, left.rate_Hz, nperseg=length, detrend="linear") for left in part]
     averages = sum(1.6 * len(left.error_um) / length for left in part)
     return spectra[0][0], np.mean([s for _, s in spectra], axis=0), float(averages)

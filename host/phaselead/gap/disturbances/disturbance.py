@@ -24,5 +24,6 @@ class Disturbance:
     why: str
 
 
-Parts = tuple[Sequence[RunResidual], Sequence[RunResidual], Sequence[RunResidual]]
+Residuals = Sequence[RunResidual]
+Parts = tuple[Residuals, Residuals, Residuals]
 """Residuals of training, held-out and reference records."""

@@ -1,10 +1,10 @@
-"""Where model and measurement part: the residual in cells, ranked, each with a sentence.
+"""Where model and measurement disagree: cells of the residual ranked by their share of its power, each in words.
 
-Records are cut into blocks and every block into cells of six kinds: frequency, amplitude of the voltage, time since a
-step, direction of motion, harmonic order, and the axis (``axis_cells``). A cell stands out when its share of the power
-is larger than noise of the records' own colour would give it. One draw of the null takes each block from one of
-several simulations of that noise; the largest standardised share over all cells of all kinds gives a p value that
-holds for the whole family (max-T, Westfall and Young 1993).
+Records are cut into blocks, and blocks into cells of six kinds: frequency, voltage, time since a step, direction of
+motion, harmonic order and axis. A cell stands out when its share of the power is larger than noise with the spectrum of
+the records would give it. To test that, the noise of every record is simulated several times, and each draw of the null
+distribution takes each block from one of these simulations. The largest standardised share over all cells gives p
+values that hold for all cells together (max-T, Westfall and Young 1993).
 """
 
 from __future__ import annotations
@@ -16,33 +16,39 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.signal import lfilter
 
-from phaselead.gap.cells import AXIS, STEP, Cut, Powers, cut
+from phaselead.gap.locate.cells import AXIS, STEP, Cut, Powers, cut
+from phaselead.gap.locate.sentences import LEVEL, sentence_of
+from phaselead.gap.locate.steps import ALL, slow_response
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.result import Cell
-from phaselead.gap.told import ALL, LEVEL, holds, told
 from phaselead.record import Samples
 
-__all__ = ["LEVEL", "Part", "axis_cells", "locate", "simulate_noise"]
-
 DRAWS = 500
+"""Of the null distribution."""
 SIMULATIONS = 24
-"""Of every record's noise; a draw picks one for each block."""
+"""Of the noise of every record; a draw picks one for each block."""
 LEAST_SHARE = 0.02
-MOST = 14
+"""Of the unexplained power, below which a cell is not listed."""
+MOST_CELLS = 14
+SCATTER_BLOCKS = 24
+"""Per record, from which the scatter of an axis' power is taken."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """Residual of one run (n,) about its own offset, and the noise that is there when nothing is missing."""
+class ResidualAndNoise:
+    """Residual (n,) in um of one run about its own offset, and the noise it has when nothing is missing."""
 
     run: Run
     error_um: Samples
     noise: Noise
 
 
-def locate(parts: Sequence[Part], seed: int, axis: str | None = None) -> list[Cell]:
-    """Cells ranked by share of the unexplained power, those that stand out first; nothing when there is no residual."""
+def rank_cells(parts: Sequence[ResidualAndNoise], seed: int, axis: str | None = None) -> list[Cell]:
+    """Cells ranked by their share of the unexplained power, those that stand out first.
+
+    At most MOST_CELLS of at least LEAST_SHARE; empty where the residual is 0 everywhere. ``seed`` fixes the draws.
+    """
     power = sum(float(np.sum(p.error_um**2)) for p in parts)
     if not power > 0:
         return []
@@ -57,16 +63,16 @@ def locate(parts: Sequence[Part], seed: int, axis: str | None = None) -> list[Ce
     floor = sum(float(s.total.sum(axis=1).mean()) for s in simulated)
     excess = _excess(shares, whole.mean(axis=0), min(floor / power, 1.0))
     found = [
-        Cell(by, name, float(share), told(by, name, float(share)), float(p), axis)
+        Cell(by, name, float(share), sentence_of(by, name, float(share)), float(p), axis)
         for (by, name), share, p in zip(names, excess, p_values, strict=True)
         if share > LEAST_SHARE
     ]
     found += _after_steps(parts, found, axis)
-    return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST]
+    return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_CELLS]
 
 
 def simulate_noise(noise: Noise, run: Run, rng: np.random.Generator) -> Samples:
-    """(n,) over the scored rows: sensor noise, and misfit that wanders along the way of the voltage."""
+    """One draw (n,) in um over the scored rows: sensor noise, and a misfit that changes along the voltage's path."""
     u, n = run.u_V[run.rows], run.stop - run.start
     lead = 8 * len(noise.sensor)
     drawn = lfilter([noise.sigma_um], noise.sensor, rng.standard_normal(n + lead))[lead:]
@@ -79,13 +85,13 @@ def simulate_noise(noise: Noise, run: Run, rng: np.random.Generator) -> Samples:
     return np.asarray(drawn - drawn.mean())
 
 
-def _simulated(of_run: Cut, part: Part, rng: np.random.Generator) -> Powers:
+def _simulated(of_run: Cut, part: ResidualAndNoise, rng: np.random.Generator) -> Powers:
     return of_run.powers(np.stack([simulate_noise(part.noise, part.run, rng) for _ in range(SIMULATIONS)]))
 
 
 @dataclass(frozen=True)
 class _Dealt:
-    """One record in every draw: (draws, cells), (draws,) and (draws, orders)."""
+    """Power (um^2) of one record in every draw: (draws, cells), (draws,) and (draws, orders)."""
 
     additive: Samples
     total: Samples
@@ -93,7 +99,7 @@ class _Dealt:
 
 
 def _dealt(powers: Powers, rng: np.random.Generator, *, by_block: bool, draws: int = DRAWS) -> _Dealt:
-    """Each draw takes each block from a simulation of its own, or all of them from one."""
+    """Draws from simulations: each block from one picked at random, or all blocks from the same one."""
     simulations, blocks = powers.total.shape
     picked = rng.integers(simulations, size=(draws, blocks if by_block else 1))
     at = (picked, np.arange(blocks))
@@ -103,17 +109,17 @@ def _dealt(powers: Powers, rng: np.random.Generator, *, by_block: bool, draws: i
 
 
 def _shares(records: Sequence[_Dealt]) -> Samples:
-    """(draws, cells) of the power of all records."""
+    """Share (draws, cells) of each cell in the power of all records."""
     total = np.sum([r.total for r in records], axis=0)
     cells = np.sum([np.concatenate([r.additive, r.orders], axis=1) for r in records], axis=0)
     return np.asarray(cells / total[:, None])
 
 
 def _family_wise(shares: Samples, null: Samples, spread: Samples) -> Samples:
-    """p values (cells,) by the largest standardised share of each draw of the null (draws, cells).
+    """p values (cells,) from the largest standardised share in each draw of the null distribution (draws, cells).
 
-    Misfit that wanders ties the blocks of a record together, so that shares may scatter by more (``spread``, of whole
-    records) than blocks dealt one by one say.
+    ``spread`` is the scatter of the shares over draws of whole records: neighbouring blocks share their misfit, so it
+    may be larger than draws block by block show.
     """
     centre, own = null.mean(axis=0), null.std(axis=0)
     live = own > 1e-9
@@ -125,23 +131,23 @@ def _family_wise(shares: Samples, null: Samples, spread: Samples) -> Samples:
 
 
 def _excess(shares: Samples, expected: Samples, floor: float) -> Samples:
-    """Shares (cells,) of what is beyond the noise, which has ``floor`` of the power and lies as ``expected``."""
+    """Shares (cells,) of the power beyond the noise, whose own share is ``floor`` and lies as ``expected``."""
     if floor > 0.5:
         return shares
     return np.asarray(np.clip((shares - floor * expected) / (1 - floor), 0.0, 1.0))
 
 
-def _after_steps(parts: Sequence[Part], found: Sequence[Cell], axis: str | None) -> list[Cell]:
-    """All times after steps as one cell, where the residual goes on in a line over the logarithm of time."""
-    sure = [c.p for c in found if c.by == STEP]
-    line = holds([(p.run, p.error_um) for p in parts]) if sure else None
-    return [] if line is None else [Cell(STEP, ALL, line.share, line.sentence(), min(sure), axis)]
+def _after_steps(parts: Sequence[ResidualAndNoise], found: Sequence[Cell], axis: str | None) -> list[Cell]:
+    """One cell for all times after steps, where the residual follows the logarithm of time, as creep does."""
+    p_values = [c.p for c in found if c.by == STEP]
+    slow = slow_response([(p.run, p.error_um) for p in parts]) if p_values else None
+    return [] if slow is None else [Cell(STEP, ALL, slow.share, slow.sentence(), min(p_values), axis)]
 
 
 def axis_cells(errors: Mapping[str, Sequence[Samples]], floors_um: Mapping[str, float]) -> list[Cell]:
-    """Which axis the power is on, for several: residuals (n,) by axis beside the noise that each axis has.
+    """Share of each axis in the power, where there are several: residuals (n,) by axis, and the noise of each (um rms).
 
-    The null deals every axis its noise's power; how far that scatters is taken from blocks of the residual.
+    Under the null hypothesis every axis has the power of its noise, with the scatter that blocks of its residual show.
     """
     power = {a: float(sum(np.sum(e**2) for e in of_axis)) for a, of_axis in errors.items()}
     total = sum(power.values())
@@ -155,12 +161,13 @@ def axis_cells(errors: Mapping[str, Sequence[Samples]], floors_um: Mapping[str, 
     null = null / null.mean(axis=1, keepdims=True) / scatter
     p = _family_wise(ratios / ratios.mean() / scatter, null, np.zeros(len(ratios)))
     return [
-        Cell(AXIS, a, power[a] / total, told(AXIS, a, power[a] / total), float(p[i]), a) for i, a in enumerate(errors)
+        Cell(AXIS, a, power[a] / total, sentence_of(AXIS, a, power[a] / total), float(p[i]), a)
+        for i, a in enumerate(errors)
     ]
 
 
 def _scatter(errors: Sequence[Samples]) -> float:
-    """Relative standard deviation of the mean power, from blocks."""
-    blocks = np.array([float(np.mean(part**2)) for e in errors for part in np.array_split(e, 24)])
+    """Relative standard deviation of the mean power."""
+    blocks = np.array([float(np.mean(part**2)) for e in errors for part in np.array_split(e, SCATTER_BLOCKS)])
     mean = float(blocks.mean())
     return max(float(blocks.std() / np.sqrt(len(blocks)) / mean), 1e-3) if mean > 0 else 1.0

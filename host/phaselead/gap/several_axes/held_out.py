@@ -1,4 +1,4 @@
-"""How far models of several axes are from held-out records, and whether one is better than another beyond chance."""
+"""Predictions of several axes on held-out records, and whether one model is better than another beyond chance."""
 
 from __future__ import annotations
 
@@ -7,56 +7,57 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.multi_axis_records import Stand
+from phaselead.gap.several_axes.joint_records import JointRecord
 from phaselead.identify import common_period
 from phaselead.model import Stage, predict
 from phaselead.record import Recording, Samples
 
 BLOCK_s, FEWEST_BLOCKS = 0.25, 8
-"""Of every record."""
-SURE_Z = 3.3
+"""Length of the blocks over which squares are compared, and how many a record must have."""
+LEAST_Z = 3.3
+"""Of the mean saving over blocks, for an improvement beyond chance."""
 LEAST_SAVED = 0.02
-"""Of the squares that are left: an effect that saves less is not worth its name."""
+"""Share of the squares that an effect must save to be named."""
 
-Answer = Callable[[Stand], Samples]
+Answer = Callable[[JointRecord], Samples]
 
 
 @dataclass(frozen=True)
-class Judged:
-    """Of a change on held-out records: share of the squares it saves, and by how many deviations of the blocks."""
+class Improvement:
+    """Share of the squared error that one model saves against another, and the z of that over blocks."""
 
     saved: float
     z: float
 
     @property
     def pays(self) -> bool:
-        """Beyond chance, and by enough."""
-        return self.z > SURE_Z and self.saved > LEAST_SAVED
+        """Whether it is beyond chance and large enough to count."""
+        return self.z > LEAST_Z and self.saved > LEAST_SAVED
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Per axis and record: model (n,) over the scored rows about the record's own offset, and the measured position."""
+class HeldOutPrediction:
+    """Model and measured position (n,) in um by axis and record, over the scored rows and about the same mean."""
 
     model_um: Mapping[str, Sequence[Samples]]
     measured_um: Mapping[str, Sequence[Samples]]
 
     def errors(self, axis: str) -> list[Samples]:
-        """Measured minus model."""
+        """Measured minus model (n,) in um, for each record."""
         return [x - y for x, y in zip(self.measured_um[axis], self.model_um[axis], strict=True)]
 
     def rms(self, axis: str) -> float:
-        """um over all records."""
+        """Error of one axis over all records, in um."""
         return float(np.sqrt(np.mean(np.concatenate(self.errors(axis)) ** 2)))
 
     def share_of_output(self, record: int) -> float:
-        """Error over output, rms over all axes of one record."""
+        """Error of one record over its output, each rms over all axes."""
         error = sum(float(np.sum(self.errors(axis)[record] ** 2)) for axis in self.model_um)
         return float(np.sqrt(error / sum(float(np.sum(self._moved(axis, record) ** 2)) for axis in self.model_um)))
 
     @property
     def share_left(self) -> float:
-        """Of the power of the positions, mean over records."""
+        """Power of the error over that of the output, mean over records."""
         records = len(next(iter(self.model_um.values())))
         return float(np.mean([self.share_of_output(i) ** 2 for i in range(records)]))
 
@@ -65,8 +66,8 @@ class HeldOut:
         return np.asarray(x - x.mean())
 
 
-def judge(stage: Stage, holdout: Sequence[Recording], axes: Sequence[str]) -> HeldOut:
-    """What a stage predicts of records."""
+def predict_held_out(stage: Stage, holdout: Sequence[Recording], axes: Sequence[str]) -> HeldOutPrediction:
+    """The positions that a stage predicts for records, beside the measured ones."""
     model: dict[str, list[Samples]] = {a: [] for a in axes}
     measured: dict[str, list[Samples]] = {a: [] for a in axes}
     for recording in holdout:
@@ -78,33 +79,38 @@ def judge(stage: Stage, holdout: Sequence[Recording], axes: Sequence[str]) -> He
             x, y = x[recording.scored], y[recording.scored]
             model[a].append(y + float(np.mean(x - y)))
             measured[a].append(x)
-    return HeldOut(model, measured)
+    return HeldOutPrediction(model, measured)
 
 
-def pays(held: Sequence[Stand], before: Answer, after: Answer, axis: int | None = None) -> Judged:
-    """Of one axis or all: squares in blocks, each record in units of its own output."""
+def improvement(held: Sequence[JointRecord], before: Answer, after: Answer, axis: int | None = None) -> Improvement:
+    """What the model ``after`` saves against ``before`` on one axis, or on all.
+
+    Squares are compared block by block, each record in units of its own output.
+    """
     saved, left = [], []
-    for stand in held:
-        x = _scored(stand.x_um, stand, axis)
+    for record in held:
+        x = _scored(record.x_um, record, axis)
         size = float(np.sum(x**2)) or 1.0
-        was, now = (np.sum((x - _scored(answer(stand), stand, axis)) ** 2, axis=1) / size for answer in (before, after))
-        length = max(1, min(round(BLOCK_s / stand.step_s), len(x) // FEWEST_BLOCKS))
+        was, now = (
+            np.sum((x - _scored(answer(record), record, axis)) ** 2, axis=1) / size for answer in (before, after)
+        )
+        length = max(1, min(round(BLOCK_s / record.step_s), len(x) // FEWEST_BLOCKS))
         edges = np.arange(0, len(x) - length + 1, length)
         saved.append(np.add.reduceat(was - now, edges))
         left.append(float(was.sum()))
     gained = np.concatenate(saved)
     spread = float(gained.std(ddof=1)) if len(gained) > 1 else np.inf
     z = float(gained.mean() / spread * np.sqrt(len(gained))) if spread > 0 else 0.0
-    return Judged(float(gained.sum()) / max(sum(left), 1e-300), z)
+    return Improvement(float(gained.sum()) / max(sum(left), 1e-300), z)
 
 
-def _scored(x: Samples, stand: Stand, axis: int | None) -> Samples:
-    part = x[stand.rows] if axis is None else x[stand.rows, axis : axis + 1]
+def _scored(x: Samples, record: JointRecord, axis: int | None) -> Samples:
+    part = x[record.rows] if axis is None else x[record.rows, axis : axis + 1]
     return np.asarray(part - part.mean(axis=0))
 
 
-def noise_um(held: Sequence[Stand], axis: int) -> float | None:
-    """Rms of what does not repeat from period to period; None where the drives do not repeat often enough."""
+def noise_um(held: Sequence[JointRecord], axis: int) -> float | None:
+    """Rms (um) of what does not repeat from period to period; None where the drives are not periodic."""
     period = common_period([s.experiment for s in held])
     if period is None:
         return None

@@ -1,4 +1,4 @@
-"""What the fit of common modes found, axis by axis, as the workflow reports it."""
+"""What a fit of shared modes found, axis by axis, as the gap workflow reports it."""
 
 from __future__ import annotations
 
@@ -8,72 +8,71 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.gap.axis import AxisResult
-from phaselead.gap.locate import Part, locate
-from phaselead.gap.multi_axis_adopt import (
+from phaselead.gap.locate import ResidualAndNoise, rank_cells
+from phaselead.gap.noise import fit_noise
+from phaselead.gap.records import Run
+from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, Trace, Value, Values
+from phaselead.gap.several_axes.common_modes import CommonModes
+from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
+from phaselead.gap.several_axes.joint_records import JointRecord, effect_of
+from phaselead.gap.several_axes.other_effects import EffectScore
+from phaselead.gap.several_axes.stage_effects import (
     adopted_axis,
     coupling_params,
     own_gains,
     resonance_params,
-    softening_params,
+    softening_values,
 )
-from phaselead.gap.multi_axis_fit import SharedFit
-from phaselead.gap.multi_axis_judge import HeldOut, Judged, judge, noise_um, pays
-from phaselead.gap.multi_axis_records import Stand
-from phaselead.gap.multi_axis_scan import Scanned
-from phaselead.gap.noise import fit_noise
-from phaselead.gap.records import Run
-from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, Trace, Value, Values
-from phaselead.model import AxisModel, Stage
+from phaselead.model import AxisModel, Stage, catalogue
 from phaselead.record import Recording, Samples
 
-ABOVE = 1.645
-"""Of a one-sided 95 % bound."""
+Z_BOUND = 1.645
+"""Of a one-sided 95 % bound, in standard deviations."""
 UNEXPLAINED = 0.02
-"""Share of the power before that may be left above the floor."""
-LINEAR = ("delay", "amplifier_lowpass", "creep", "charge_leakage", "sensor_lowpass", "gain_change")
-TAKEN_UP = "the modes of a fit to axes that move together would take it up"
-ONE_LEVEL = "all training records have one level of drive; add records at another"
-NOT_HERE = "not looked for in records in which several axes move at once; drive one axis at a time"
+"""Share of the power before that may remain above the floor; with more the verdict is unknown."""
+ABSORBED = "modes that are fitted to axes moving together absorb it"
+ONE_LEVEL = "all training records have one level of drive; add records at another level"
+NOT_LOOKED_FOR = "not looked for in records in which several axes move at once; drive one axis at a time"
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Everything the search found out."""
+    """Everything that the search has found out about the stage."""
 
     stage: Stage
     models: Mapping[str, AxisModel]
-    fit: SharedFit
-    linear: SharedFit
-    softening: Judged | None
-    """None where the records have one level."""
-    others: Sequence[Scanned]
-    before: HeldOut
-    train: Sequence[Stand]
-    held: Sequence[Stand]
+    """The axes as the modes were fitted to them."""
+    fit: CommonModes
+    softening: Improvement | None
+    """What softening saves on the held-out records; None where the records have one level."""
+    others: Sequence[EffectScore]
+    before: HeldOutPrediction
+    train: Sequence[JointRecord]
+    held: Sequence[JointRecord]
     names: tuple[str, ...]
+    """Of the effects that may be named."""
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """In order."""
+        """Names of the axes, in the order of every array."""
         return self.train[0].axes
 
     @property
     def softens(self) -> bool:
-        """Whether it was adopted."""
+        """Whether softening was adopted."""
         return self.softening is not None and self.softening.pays
 
-    def without(self, name: str, axis: int) -> SharedFit:
-        """The model with one effect taken out at one output."""
+    def without(self, name: str, axis: int) -> CommonModes:
+        """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
-        if name == "softening":
+        part = catalogue()[name].shared_modes
+        if part == "softening":
             none = {a: [(e, {**p, "kappa": 0.0}) for e, p in of_axis] for a, of_axis in self.fit.entries.items()}
             return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=replace(model, drop=None)))
         weights = model.weights.copy()
-        kept = weights[axis, axis]
-        if name == "resonance":
-            static = model.static[axis, axis]
+        if part == "own path":
             weights[_columns(inputs, axis, len(model.poles)), axis] = 0.0
-            weights[axis, axis] = static if name == "resonance" else kept
+            weights[axis, axis] = model.static[axis, axis]
         else:
             for j in range(inputs):
                 if j != axis:
@@ -83,21 +82,23 @@ class Findings:
 
 
 def _columns(inputs: int, axis: int, modes: int) -> slice:
-    """Rows of the weights that belong to the states of one push."""
+    """Rows of the weights that belong to the states of one actuator."""
     return slice(inputs + 2 * modes * axis, inputs + 2 * modes * (axis + 1))
 
 
 def axis_results(
     found: Findings, runs: Mapping[str, Sequence[Run]], holdout: Sequence[Recording], seed: int
 ) -> list[AxisResult]:
-    """One per axis, and with the first the words that are about all of them."""
+    """One result per axis; messages about the whole stage go with the first."""
     gains = own_gains(found.fit)
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
     adopted = {
         a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]))
         for i, a in enumerate(found.axes)
     }
-    after = judge(found.stage.model_copy(update={"axes": {**found.stage.axes, **adopted}}), holdout, found.axes)
+    after = predict_held_out(
+        found.stage.model_copy(update={"axes": {**found.stage.axes, **adopted}}), holdout, found.axes
+    )
     messages = _messages(found, after)
     results = []
     for i, a in enumerate(found.axes):
@@ -118,52 +119,53 @@ def axis_results(
 
 
 def _named(found: Findings, axis: int) -> list[NamedEffect]:
-    """What the stage did not have and the held-out records want."""
+    """Effects that the stage lacked and that improve the held-out records, largest share first."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
     candidates = [one for one in _effects(found, axis) if one.name not in known]
     return sorted((one for one in candidates if one.share > 0), key=lambda one: -one.share)
 
 
 def _adopted(found: Findings, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """Named effects, and those that the stage had, as they are now."""
+    """The named effects, and those that the stage had, with their new values."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
     names = {one.name for one in named} | known
     return [one for one in _effects(found, axis) if one.name in names]
 
 
 def _effects(found: Findings, axis: int) -> list[NamedEffect]:
+    """Every effect of the fit on one axis, with share 0 where it does not improve the held-out records."""
     params: dict[str, Mapping[str, Value | Values]] = {
-        "resonance": resonance_params(found.fit, axis),
-        "cross_coupling": coupling_params(found.fit, axis, found.axes),
+        effect_of("own path").name: resonance_params(found.fit, axis),
+        effect_of("coupling").name: coupling_params(found.fit, axis, found.axes),
     }
     if found.softens:
-        params["softening"] = softening_params(found.fit, axis)
+        params[effect_of("softening").name] = softening_values(found.fit, axis)
     result = []
     label = found.axes[axis]
     for name, values in params.items():
         without = found.without(name, axis)
-        judged = pays(found.held, without.answer, found.fit.answer, axis)
-        share = _share(found, without, axis) if judged.pays else 0.0
-        growth = 1 / np.sqrt(max(1 - judged.saved, 1e-9))
-        why = f"without it the held-out error grows {growth:.3g}-fold (z = {judged.z:.1f})"
+        gained = improvement(found.held, without.answer, found.fit.answer, axis)
+        share = _share(found, without, axis) if gained.pays else 0.0
+        growth = 1 / np.sqrt(max(1 - gained.saved, 1e-9))
+        why = f"without it the held-out error grows {growth:.3g}-fold (z = {gained.z:.1f})"
         result.append(NamedEffect(name, label, values, share, why))
     return result
 
 
-def _share(found: Findings, without: SharedFit, axis: int) -> float:
-    """Of the power before: what comes back without the effect."""
+def _share(found: Findings, without: CommonModes, axis: int) -> float:
+    """Share of the power before that comes back without the effect."""
     before = found.before.rms(found.axes[axis]) ** 2
-    power = [float(np.mean(_error(stand, fit, axis) ** 2)) for fit in (without, found.fit) for stand in found.held]
+    power = [float(np.mean(_error(record, fit, axis) ** 2)) for fit in (without, found.fit) for record in found.held]
     count = len(found.held)
     return float(np.clip((np.mean(power[:count]) - np.mean(power[count:])) / max(before, 1e-30), 0.0, 1.0))
 
 
-def _error(stand: Stand, fit: SharedFit, axis: int) -> Samples:
-    error = (stand.x_um - fit.answer(stand))[stand.rows, axis]
+def _error(record: JointRecord, fit: CommonModes, axis: int) -> Samples:
+    error = (record.x_um - fit.answer(record))[record.rows, axis]
     return np.asarray(error - error.mean())
 
 
-def _gap(found: Findings, after: HeldOut, axis: int) -> Gap:
+def _gap(found: Findings, after: HeldOutPrediction, axis: int) -> Gap:
     name = found.axes[axis]
     left = after.rms(name)
     noise = noise_um(found.held, axis)
@@ -174,41 +176,44 @@ def _gap(found: Findings, after: HeldOut, axis: int) -> Gap:
 
 
 def _excluded(found: Findings, axis: str, taken: set[str]) -> list[Bound]:
-    """Largest sizes that the pushes could still hide."""
+    """Largest size of each effect in front of the mechanics that the records still allow."""
     return [
-        Bound(one.effect.name, abs(one.amount) + ABOVE * one.std, one.unit, axis)
+        Bound(one.effect.name, abs(one.amount) + Z_BOUND * one.std, one.unit, axis)
         for one in found.others
-        if one.axis == axis and one.effect.name not in taken and one.effect.name not in LINEAR
+        if one.axis == axis and one.effect.name not in taken and not one.effect.absorbed_by_modes
     ]
 
 
 def _untestable(found: Findings, tested: set[str]) -> dict[str, str]:
+    """Why each of the remaining effects could not be tested, by name."""
     reasons = {}
     for name in found.names:
-        if name in tested or (name == "softening" and found.softening is not None):
+        entry = catalogue()[name]
+        softening = entry.shared_modes == "softening"
+        if name in tested or (softening and found.softening is not None):
             continue
-        reasons[name] = ONE_LEVEL if name == "softening" else TAKEN_UP if name in LINEAR else NOT_HERE
+        reasons[name] = ONE_LEVEL if softening else ABSORBED if entry.absorbed_by_modes else NOT_LOOKED_FOR
     return reasons
 
 
 def _where(found: Findings, held: Sequence[Run], axis: str, seed: int) -> list[Cell]:
     errors = found.before.errors(axis)
     noise = fit_noise([(e, run.u_V[run.rows]) for e, run in zip(errors, held, strict=True)], [], held[0].step_s)
-    return locate([Part(run, e, noise) for run, e in zip(held, errors, strict=True)], seed, axis)
+    return rank_cells([ResidualAndNoise(run, e, noise) for run, e in zip(held, errors, strict=True)], seed, axis)
 
 
 def _candidates(found: Findings, axis: str) -> list[Candidate]:
-    """What else was looked at, most promising first."""
+    """The other effects that were scored, most promising first."""
     return [
         Candidate(
             1, one.effect.name, 100 * one.share, np.nan, np.nan,
-            f"would explain {100 * one.share:.2g} % of what is left", axis,
+            f"would explain {100 * one.share:.2g} % of what remains", axis,
         )
         for one in found.others if one.axis == axis
     ]  # fmt: skip
 
 
-def _traces(found: Findings, after: HeldOut, held: Sequence[Run], axis: str) -> list[Trace]:
+def _traces(found: Findings, after: HeldOutPrediction, held: Sequence[Run], axis: str) -> list[Trace]:
     return [
         Trace(
             run.name, axis, run.t_s[run.rows], run.u_V[run.rows], run.x_um[run.rows],
@@ -218,11 +223,11 @@ def _traces(found: Findings, after: HeldOut, held: Sequence[Run], axis: str) -> 
     ]  # fmt: skip
 
 
-def _messages(found: Findings, after: HeldOut) -> list[str]:
-    """The error as those who publish on such stages give it: of the output's rms, over all axes, level by level."""
+def _messages(found: Findings, after: HeldOutPrediction) -> list[str]:
+    """The error over all axes relative to the output's rms, level by level, as publications on such stages give it."""
     levels: dict[str, list[int]] = {}
-    for i, stand in enumerate(found.held):
-        levels.setdefault(f"{stand.level_V:.2g}", []).append(i)
+    for i, record in enumerate(found.held):
+        levels.setdefault(f"{record.level_V:.2g}", []).append(i)
     lines = []
     for level, records in levels.items():
         was, now = (

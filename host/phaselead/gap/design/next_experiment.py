@@ -1,8 +1,9 @@
-"""The excitation that would best tell the members of a tie apart, or the sensor that is needed.
+"""The experiment that would best tell the members of a tie apart, or the sensor that it takes.
 
-T-optimal design (Atkinson and Fedorov 1975): for each excitation, the whitened squared distance between what one
-member would show and the nearest that another could, after its parameters and the base's moved as far as the records
-at hand let them. The excitation with the largest least distance per second wins.
+T-optimal design (Atkinson and Fedorov 1975). For each excitation the response is predicted under every member of the
+tie; another member is then fitted to it, with parameters that may move as far as the present records allow. What is
+left is the separation: a squared distance in standard deviations. The excitation whose smallest separation per second
+is largest wins.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from phaselead.gap.acceptance import Named
 from phaselead.gap.comparison import TIE, Rival
-from phaselead.gap.excitation import LONGEST_S, Excitation, LENGTHS_s, excitations, span_V
+from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_s, excitations, span_V
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
@@ -26,41 +27,42 @@ from phaselead.gap.search import Growth
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-ROWS = 10_000
+MOST_ROWS = 10_000
 """Of one prediction; longer excitations are predicted at a coarser step."""
 MOST_MEMBERS = 4
-"""Of a tie that are told apart at once, the best first."""
+"""Members of a tie that are told apart at once, the best first."""
 SENSOR_ROOM = 0.02
-"""Of the sensor's span, kept free at either end."""
-GROUND_SLACK = 0.02
-"""Of the fitted voltages, by which a drive may leave them."""
+"""Share of the sensor's span that is kept free at either end."""
+VOLTAGE_SLACK = 0.02
+"""Share of the span of the fitted voltages by which a drive may leave it."""
 APPROACH_s = 0.1
-"""At its start, in which the output goes to the first voltage: a jump that the waveform is not chosen for."""
+"""At the start, not counted: the output jumps to its first voltage, which the waveform is not chosen for."""
 NEAR = 10.0
-"""Times the distance that breaks a tie, of points: rivals so little behind are told apart as well."""
-PLENTY = 30.0
-"""Times that distance, beyond which more is of no use and a shorter experiment is better."""
-SURE = 2.0
-"""Times the distance that breaks a tie: asked of the prediction, which knows neither the truth nor its own misfit."""
+"""In units of the separation that breaks a tie: rivals that are fewer points behind are told apart as well."""
+ENOUGH = 30.0
+"""In the same units: more separation is of no use, a shorter experiment is better."""
+MARGIN = 2.0
+"""In the same units: what a prediction must reach, since it knows neither the truth nor its own misfit."""
 SENSORS = {
     Place.AMPLIFIER: "a voltage monitor at the amplifier's output",
     Place.MECHANICS: "a second, faster position sensor (an interferometer)",
     Place.SENSOR: "a second position sensor of another kind",
     Place.ENVIRONMENT: "a temperature sensor and an accelerometer beside the stage",
 }
+"""By place in the chain: the sensor that would tell effects before it from effects after it."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """One member of a tie, and what the records at hand say about its parameters and the base's."""
+    """One member of a tie, and what the present records say about its parameters and those of the base."""
 
     rival: Rival
     known: Samples
-    """Information (k, k) about the base's columns, then the tangents of all effects; units as in the refit."""
+    """Information matrix (k, k): the base's columns, then the parameters of all effects, in the units of the refit."""
 
 
 def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | None:
-    """The best experiment for one tie; None when it has no members to tell apart or no model to predict with."""
+    """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
     rivals = [r for r in tied.rivals if r.effect.name in tied.tied]
     if len(rivals) < 2 or growth.problem.axis.time is None:
         return None
@@ -80,27 +82,27 @@ def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | 
 
 
 def _near(rival: Rival, tied: Sequence[Rival]) -> bool:
-    """Whether it is not in the tie but could win it: little behind, and known to look like a member."""
+    """Whether a rival outside the tie could belong to it: few points behind, and known to look like a member."""
     behind = tied[0].score - rival.score
     return behind < NEAR * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
 
 
 def _worth(option: Excitation, apart: float) -> tuple[float, float]:
-    """Distance per second, as far as it is of use."""
-    return min(apart, PLENTY * TIE) / option.seconds, apart
+    """What excitations are ranked by: separation per second, counted up to ENOUGH; then separation."""
+    return min(apart, ENOUGH * TIE) / option.seconds, apart
 
 
 def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
-    """Repeated until the prediction is sure, at most LONGEST_S; a single period where that is enough."""
+    """The excitation repeated until the separation suffices, for LONGEST_s at most, and its separation then."""
     for seconds in LENGTHS_s:
-        if seconds >= option.seconds and apart / option.seconds * seconds >= SURE * TIE:
+        if seconds >= option.seconds and apart / option.seconds * seconds >= MARGIN * TIE:
             return replace(option, seconds=seconds), apart / option.seconds * seconds
-    longest = max(LONGEST_S, option.seconds)
+    longest = max(LONGEST_s, option.seconds)
     return replace(option, seconds=longest), apart / option.seconds * longest
 
 
 def _known(growth: Growth, rival: Rival) -> Samples:
-    """From the moments of its refit and what is known of the base; weights only, no directions of the residual."""
+    """Information matrix of a member's columns, from the moments of its refit and what is known of the base."""
     total = rival.fitted.total
     correction, k = growth.problem.discrepancy, len(growth.problem.layout.common())
     assert total is not None
@@ -115,7 +117,7 @@ def _known(growth: Growth, rival: Rival) -> Samples:
 
 
 def _marginal(information: Samples, kept: Samples) -> Samples:
-    """Information about ``kept`` after the others were fitted (Schur complement)."""
+    """Information about the columns ``kept`` after the others were fitted (Schur complement)."""
     others = np.setdiff1d(np.arange(len(information)), kept)
     inner = information[np.ix_(others, others)]
     inner = inner + 1e-9 * (np.trace(inner) / max(len(inner), 1) + 1e-300) * np.eye(len(inner))
@@ -124,15 +126,18 @@ def _marginal(information: Samples, kept: Samples) -> Samples:
 
 
 def _separation(growth: Growth, option: Excitation, members: Sequence[Member], step_s: float) -> float:
-    """Predicted least squared distance between two members, after the later one was fitted to what the other shows."""
-    every = max(1, int(np.ceil(option.seconds / step_s / ROWS)))
+    """Smallest squared distance between two members, after one was fitted to what the other shows.
+
+    0 where the sensor would not see the motion, or the model was never fitted at such voltages.
+    """
+    every = max(1, int(np.ceil(option.seconds / step_s / MOST_ROWS)))
     n = int(option.seconds / (every * step_s))
     t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
     start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
     run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
     made = modelled_run(growth.problem.axis, run)
     shown = [made.answer(m.rival.fitted.entries) for m in members]
-    if not _in_sight(growth, shown) or not _known_ground(growth, made, members):
+    if not _within_sensor(growth, shown) or not _within_fitted_voltages(growth, made, members):
         return 0.0
     metric = metric_of([made], coarser(growth.problem.noise, every))
     base = metric.project(0, base_columns(made, growth.problem.freedom, members[0].rival.fitted.entries))
@@ -152,8 +157,8 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
     return max(least, 0.0)
 
 
-def _in_sight(growth: Growth, answers: Sequence[Samples]) -> bool:
-    """Whether the sensor would see all of it, with some room for what is not known yet; where it has been, it can."""
+def _within_sensor(growth: Growth, answers: Sequence[Samples]) -> bool:
+    """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always count."""
     sensor, been = growth.problem.axis.sensor, [t.run.x_um for t in growth.problem.train_runs()]
     room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
     low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
@@ -161,16 +166,16 @@ def _in_sight(growth: Growth, answers: Sequence[Samples]) -> bool:
     return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
 
 
-def _known_ground(growth: Growth, made: ModelledRun, members: Sequence[Member]) -> bool:
-    """Whether no member drives the hysteresis where the base was never fitted: leakage takes it below a low voltage."""
+def _within_fitted_voltages(growth: Growth, made: ModelledRun, members: Sequence[Member]) -> bool:
+    """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below them."""
     low, high = span_V(growth.problem.axis)
-    slack = GROUND_SLACK * (high - low)
+    slack = VOLTAGE_SLACK * (high - low)
     drives = [made.chain.signal_at(Place.AMPLIFIER, m.rival.fitted.entries).value for m in members]
     return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
 
 
 def coarser(noise: Noise, every: int) -> Noise:
-    """The noise of means over ``every`` rows, for signals that change little within them."""
+    """The noise of means over ``every`` rows, for signals that change little over so many."""
     if every == 1:
         return noise
     slow_um = noise.sigma_um / abs(float(np.sum(noise.sensor)))
@@ -183,6 +188,6 @@ def coarser(noise: Noise, every: int) -> Noise:
 
 
 def sensor_for(effects: Sequence[Effect]) -> str:
-    """A sensor between the places where the members act."""
+    """A sensor, in words, between the places of the chain where the members act."""
     first, last = min(e.place for e in effects), max(e.place for e in effects)
     return next((words for place, words in SENSORS.items() if first <= place <= last), SENSORS[Place.SENSOR])

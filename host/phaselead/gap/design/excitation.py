@@ -1,4 +1,4 @@
-"""Excitations for telling rivals apart, as the device can play them: one period of 1024 points, again and again."""
+"""Excitations that may tell rival effects apart, as the device can play them: one period of 1024 points, repeated."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from phaselead.waveforms import POINTS, Sampled, refuse_out_of_range
 LINES = 60
 """Of a multisine."""
 FEWEST_POINTS = 5
-"""Of a waveform on one cycle of its highest line."""
+"""Points of a waveform on one cycle of its highest line."""
 LEAST_LEVEL = 0.02
-"""Of the voltage range: below it a drive is not worth its time."""
-LONGEST_S = 60.0
-LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, LONGEST_S)
+"""Of the voltage range: a weaker drive is not worth its time."""
+LONGEST_s = 60.0
+LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, LONGEST_s)
+"""That an experiment may take."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """A waveform by name, from ``bias_V - level_V / 2`` to ``bias_V + level_V / 2``; one period takes 1 / band[0]."""
+    """A waveform between ``bias_V - level_V / 2`` and ``bias_V + level_V / 2`` whose period is 1 / band_Hz[0]."""
 
     waveform: str
     level_V: float
@@ -32,11 +33,8 @@ class Excitation:
     seconds: float
 
     @property
-    def period_s(self) -> float:
-        return 1 / self.band_Hz[0]
-
-    @property
     def idle(self) -> bool:
+        """Whether the stage is only listened to."""
         return self.waveform == "idle"
 
     def wave(self) -> Sampled:
@@ -47,11 +45,14 @@ class Excitation:
         return Sampled(self.level_V * span, offset_V, "V", self.band_Hz[0], (points - lowest) / span)
 
     def voltage(self, t_s: Samples) -> Samples:
-        """(n,) in V at times from the start."""
+        """(n,) in V at times (n,) in s from the start."""
         return np.zeros(len(t_s)) if self.idle else self.wave().value(t_s)
 
     def within(self, axis: AxisModel) -> Excitation | None:
-        """The same at the level that the slew limit allows; None where too little is left of it."""
+        """The same at the largest level that the slew limit allows, None where that is below LEAST_LEVEL.
+
+        Raises BadInput where the waveform leaves the voltages of the axis.
+        """
         if self.idle:
             return self
         slew = axis.limits.slew_V_per_s
@@ -64,6 +65,7 @@ class Excitation:
 
 
 def _turns() -> Samples:
+    """(POINTS,) share of the period that has passed."""
     return np.arange(POINTS) / POINTS
 
 
@@ -83,7 +85,7 @@ def _sine(band_Hz: tuple[float, float]) -> Samples:
 
 
 def _triangle(band_Hz: tuple[float, float]) -> Samples:
-    """Decaying: five loops, each four fifths of the one before."""
+    """Five loops, each four fifths of the size of the one before."""
     corners, size = [0.5], 0.5
     for _ in range(5):
         corners += [0.5 + size, 0.5 - size]
@@ -92,13 +94,13 @@ def _triangle(band_Hz: tuple[float, float]) -> Samples:
 
 
 def _steps(band_Hz: tuple[float, float]) -> Samples:
-    """Up and down by different ways, each held: two tenths at the lowest level first and last."""
+    """Four steps of different size, up and down, each held for a fifth of the period."""
     levels = np.array([0.0, 1.0, 0.25, 0.75, 0.0])
     return np.asarray(levels[np.minimum((_turns() * len(levels)).astype(int), len(levels) - 1)])
 
 
 def _ladder(band_Hz: tuple[float, float]) -> Samples:
-    """Small loops of one size at eight biases, each gone round four times."""
+    """Small loops of one size at eight biases, four cycles at each."""
     rungs, loops, share = 8, 4, 0.12
     at = _turns() * rungs
     bias = share / 2 + (1 - share) * np.floor(at) / (rungs - 1)
@@ -107,7 +109,7 @@ def _ladder(band_Hz: tuple[float, float]) -> Samples:
 
 
 def _swell(band_Hz: tuple[float, float]) -> Samples:
-    """A sine about the middle that grows from nothing to the whole level and shrinks again."""
+    """A sine that grows from nothing to the whole level and shrinks again."""
     cycles = max(2.0, np.round(band_Hz[1] / band_Hz[0]))
     size = 1 - np.abs(2 * _turns() - 1)
     return np.asarray(0.5 + 0.5 * size * np.sin(2 * np.pi * cycles * _turns()))
@@ -121,11 +123,11 @@ SHAPES: dict[str, Callable[[tuple[float, float]], Samples]] = {
     "ladder": _ladder,
     "swell": _swell,
 }
-"""One period as 1024 shares of the level; ``idle`` has none."""
+"""By waveform: one period (POINTS,) as shares of the level, from the band in Hz. ``idle`` has none."""
 
 
 def span_V(axis: AxisModel) -> tuple[float, float]:
-    """The voltages that the model was fitted on and the device may put out."""
+    """Lowest and highest voltage that the model was fitted on and the device may put out."""
     assert axis.time is not None
     low, high = axis.time.u_range_V
     inner = max(low, axis.limits.u_min_V), min(high, axis.limits.u_max_V)
@@ -133,7 +135,7 @@ def span_V(axis: AxisModel) -> tuple[float, float]:
 
 
 def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:
-    """A few dozen within the limits of voltage and slew, each at its shortest."""
+    """A few dozen excitations within the limits of voltage and slew, each as short as it can be."""
     low, high = span_V(axis)
     rate_Hz = 1 / step_s
     found = [Excitation("idle", 0.0, (1 / 20.0, rate_Hz / 2), 0.0, 20.0)]
@@ -147,8 +149,7 @@ def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:
 
 def _kinds(rate_Hz: float) -> list[tuple[str, tuple[float, float], float]]:
     """Name, band in Hz and seconds, by what a sampling rate can show."""
-    fine = rate_Hz / POINTS
-    """One point per row: the fastest period without loss."""
+    fine = rate_Hz / POINTS  # one point per row: the fastest period without loss
     kinds: list[tuple[str, tuple[float, float], float]] = [
         ("multisine", (fine, 0.05 * rate_Hz), 2.0),
         ("multisine", (fine, 0.2 * rate_Hz), 2.0),

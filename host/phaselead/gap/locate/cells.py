@@ -1,4 +1,4 @@
-"""Cells of a residual: what part of its power lies at which frequency, voltage, time since a step, direction, order."""
+"""Cells of a residual: its power by frequency, voltage, time since a step, direction of motion and harmonic order."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ Mask = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 
 BLOCKS = 24
-"""Of every record."""
+"""Into which every record is cut."""
 LEVELS = 4
 """Voltage bands of equal width."""
 ORDERS = range(1, 8)
+"""Harmonics of a sine that drives the record."""
 STEP_SHARE = 0.05
-"""Of its span: a change of voltage between two rows that starts the clock of a step."""
+"""A change of voltage between two rows, as a share of its span, that counts as a step."""
 FREQUENCY, AMPLITUDE, STEP, DIRECTION, HARMONIC, AXIS = (
     "frequency", "amplitude", "time since a step", "direction", "harmonic order", "axis",
 )  # fmt: skip
@@ -30,30 +31,32 @@ FREQUENCY, AMPLITUDE, STEP, DIRECTION, HARMONIC, AXIS = (
 
 @dataclass(frozen=True)
 class Powers:
-    """Sums over each block of one record, um^2, for k residuals: of additive cells (k, blocks, cells), of all
-    (k, blocks); and the amplitudes (k, blocks, orders) whose squares only add up over the whole record."""
+    """Power of k residuals of one record, summed over the rows of each block."""
 
     additive: Samples
+    """(k, blocks, cells) in um^2, of cells whose powers add up over blocks."""
     total: Samples
+    """(k, blocks) in um^2."""
     coherent: Complex
+    """(k, blocks, orders) in um: amplitudes of the harmonics, to be added over blocks before they are squared."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """How one record is cut into blocks of ``length`` rows; fewer rows than there are blocks stay out at its end. All
-    records of an axis have the same cells in the same order."""
+    """How one record is cut. All records of an axis have the same cells in the same order."""
 
     length: int
+    """Rows of a block; the few rows that are left over at the end of the record stay out."""
     masks: NDArray[np.float32]
-    """(cells, blocks, length), 1 inside."""
+    """(cells, blocks, length), 1 where a row belongs to a cell."""
     octaves: Samples
-    """Edges in Hz of the frequency cells; what is slower than the first lies in the first cell."""
+    """Edges (Hz) of the frequency cells; slower motion counts in the first cell."""
     step_s: float
     turn: Samples | None
-    """Phase (n,) of the sine that drives it."""
+    """Phase (n,) of the sine that drives the record, in radians; None where no single sine does."""
 
     def powers(self, errors_um: Samples) -> Powers:
-        """Of residuals (k, n), or simulations of one."""
+        """Powers of k residuals (k, n) in um."""
         blocks = errors_um[:, : BLOCKS * self.length].reshape(len(errors_um), BLOCKS, self.length)
         squares = (blocks**2).astype(np.float32)
         by_time = np.einsum("cbl,kbl->kbc", self.masks, squares, optimize=True)
@@ -61,7 +64,7 @@ class Cut:
         return Powers(additive, np.asarray((blocks**2).sum(axis=2)), self._orders(blocks))
 
     def _octaves(self, blocks: Samples) -> Samples:
-        """Power per octave of each block; a straight line through it counts as slower than all of them."""
+        """(k, blocks, octaves) in um^2. The mean and slope of a block count in the first octave."""
         line = np.linspace(-1, 1, self.length)
         line /= float(np.sqrt(np.sum(line**2)))
         mean, slope = blocks.mean(axis=2), blocks @ line
@@ -74,6 +77,7 @@ class Cut:
         return np.asarray(found)
 
     def _orders(self, blocks: Samples) -> Complex:
+        """(k, blocks, orders) in um; zeros where no single sine drives the record."""
         if self.turn is None:
             return np.zeros((*blocks.shape[:2], len(ORDERS)), np.complex128)
         turn = self.turn[: BLOCKS * self.length].reshape(BLOCKS, self.length)
@@ -82,7 +86,7 @@ class Cut:
 
 
 def cut(runs: Sequence[Run]) -> tuple[list[Cut], list[tuple[str, str]]]:
-    """Every record cut, and the names of the cells: kind and cell, additive ones first, then the orders."""
+    """Every record cut, and the kind and name of each cell: additive cells first, then the harmonic orders."""
     masks = _masks(runs)
     lengths = [(r.stop - r.start) // BLOCKS for r in runs]
     longest_s = max(length * r.step_s for length, r in zip(lengths, runs, strict=True))
@@ -102,6 +106,7 @@ def _pairs(octaves: Samples) -> list[tuple[float, float]]:
 
 
 def _masks(runs: Sequence[Run]) -> list[tuple[str, str, Callable[[Run], Mask]]]:
+    """Kind, name and scored rows of the cells by direction, voltage and time since a step."""
     found: list[tuple[str, str, Callable[[Run], Mask]]] = [
         (DIRECTION, "rising", lambda r: _slope(r) > 0),
         (DIRECTION, "falling", lambda r: _slope(r) < 0),

@@ -1,0 +1,33 @@
+"""Spectra of the residual in which disturbances were found, with those of the reference records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
+from phaselead.gap.result import Spectrum
+from phaselead.record import Samples
+
+SEGMENT = 4096
+
+
+def disturbance_spectra(
+    found: Sequence[Disturbance], holdout: Residuals, reference: Residuals, axis: str
+) -> list[Spectrum]:
+    """One spectrum for each disturbance, over the held-out records at rest or, without any, all held-out ones."""
+    if not found:
+        return []
+    f, seen = _density(holdout)
+    before = np.interp(f, *_density(reference)) if reference else None
+    return [Spectrum(one.name, axis, f, seen, before) for one in found]
+
+
+def _density(lefts: Residuals) -> tuple[Samples, Samples]:
+    """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz)."""
+    idle = [left for left in lefts if left.run.idle] or list(lefts)
+    length = min(SEGMENT, *(len(left.error_um) for left in idle))
+    parts = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in idle]
+    return parts[0][0], np.sqrt(np.mean([s for _, s in parts], axis=0))

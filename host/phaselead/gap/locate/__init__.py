@@ -1,0 +1,18 @@
+"""Where the residual lies: its power in cells, which of them stand out, and a sentence about each."""
+
+from __future__ import annotations
+
+from phaselead.gap.locate.ranking import ResidualAndNoise, axis_cells, rank_cells
+from phaselead.gap.locate.sentences import LEVEL, excludes, headline, percent, typical_of, unit_of
+
+__all__ = [
+    "LEVEL",
+    "ResidualAndNoise",
+    "axis_cells",
+    "excludes",
+    "headline",
+    "percent",
+    "rank_cells",
+    "typical_of",
+    "unit_of",
+]

@@ -1,0 +1,76 @@
+"""Cells of a residual and bounds on effects in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from phaselead.gap.locate.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP
+from phaselead.gap.locate.steps import ALL
+from phaselead.gap.result import Bound, Cell
+from phaselead.model import catalogue
+
+LEVEL = 0.01
+"""Family-wise error rate at which a cell stands out."""
+HEADLINE_SHARE = 0.25
+"""Of the unexplained power, from which a cell may be the headline."""
+KINDS = (HARMONIC, FREQUENCY, STEP, AXIS, AMPLITUDE, DIRECTION)
+"""Kinds of cells, the one that points at a cause most directly first."""
+
+DIRECTIONS = {
+    "rising": "occurs while the voltage rises",
+    "falling": "occurs while the voltage falls",
+    "still": "occurs while the voltage is constant",
+}
+ORDERS = {
+    "1": "is at the frequency of the drive: a wrong gain or phase",
+    "2": "is at the second harmonic of the drive: one half of the loop differs from the other",
+    "3": "is at the third harmonic of the drive: both halves of the loop are wrong in the same way",
+}
+
+
+def sentence_of(by: str, cell: str, share: float) -> str:
+    """One cell, of kind ``by`` with this share of the power, as a sentence without its full stop."""
+    words = {
+        FREQUENCY: f"lies between {_words(cell)}",
+        AMPLITUDE: f"occurs while the voltage is between {_words(cell)}",
+        STEP: f"comes {_words(cell, ' to ')} after a step",
+        DIRECTION: DIRECTIONS.get(cell, ""),
+        HARMONIC: ORDERS.get(cell, f"is at harmonic {cell} of the drive"),
+        AXIS: f"is on axis {cell}",
+    }[by]
+    return f"{100 * share:.0f} % of the unexplained power {words}"
+
+
+def unit_of(unit: str) -> str:
+    """A unit as it is printed: empty for a plain number."""
+    return "" if unit == "1" else unit
+
+
+def percent(share: float) -> str:
+    """A share of the power in per cent; a small one is never printed as 0."""
+    return "less than 1 %" if 0 < share < 0.005 else f"{100 * share:.0f} %"
+
+
+def typical_of(bound: Bound) -> float | None:
+    """The typical size of the bounded effect in the unit of the bound; None where the catalogue has none."""
+    entry = catalogue().get(bound.name)
+    return next((p.typical for p in entry.sizes if p.unit == bound.unit), None) if entry else None
+
+
+def excludes(bound: Bound) -> bool:
+    """Whether the bound excludes the effect at its typical size; otherwise it may be present after all."""
+    typical = typical_of(bound)
+    return typical is None or bound.upper_95 <= typical
+
+
+def headline(cells: Sequence[Cell]) -> str | None:
+    """The sentence of the cell that says most: it stands out, holds a good part of the power, and is of the kind that
+    points at a cause most directly. None where no cell does."""
+    telling = [c for c in cells if c.p <= LEVEL and c.share >= HEADLINE_SHARE]
+    if not telling:
+        return None
+    return min(telling, key=lambda c: (c.cell != ALL, KINDS.index(c.by), -c.share)).sentence
+
+
+def _words(cell: str, between: str = " and ") -> str:
+    return cell.replace("..", between)

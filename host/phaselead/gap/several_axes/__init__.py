@@ -1,0 +1,7 @@
+"""Records in which the axes of a stage move together: the modes that the axes share, and what couples them."""
+
+from __future__ import annotations
+
+from phaselead.gap.several_axes.search import has_common_modes, search_together
+
+__all__ = ["has_common_modes", "search_together"]

@@ -1,0 +1,123 @@
+"""Common modes as effects of a stage file: for each axis its own path, its coupling to the others and its softening."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phaselead.gap.adopt import stage_file_entry
+from phaselead.gap.result import NamedEffect, Value, Values
+from phaselead.gap.several_axes.common_modes import CommonModes
+from phaselead.gap.several_axes.joint_records import softening_params
+from phaselead.model import AxisModel, TimeView, rest_position_um
+from phaselead.record import Samples
+
+Z_95 = 1.96
+"""Half-width of a 95 % interval in standard deviations."""
+LEAST_GAIN = 1e-3
+"""Smallest static gain of an axis' own path, as a share of that of the base."""
+
+
+def own_gains(fit: CommonModes) -> Samples:
+    """(axes,) static gain of each axis' own path, as a multiple of the base's."""
+    gains = np.diag(fit.model.static).copy()
+    gains[np.abs(gains) < LEAST_GAIN] = LEAST_GAIN
+    return np.asarray(gains)
+
+
+def resonance_params(fit: CommonModes, axis: int) -> dict[str, Value | Values]:
+    """Modes of one axis' own path, as shares of its static motion."""
+    model, gain = fit.model, own_gains(fit)[axis]
+    f_std, zeta_std, c_std, v_std = _stds(fit, axis)
+    c, v = model.displacement[axis, axis] / gain, model.velocity[axis, axis] / gain
+    return {
+        "f_Hz": _with_intervals(model.f_Hz, f_std, "Hz"),
+        "zeta": _with_intervals(model.zeta, zeta_std, "1"),
+        "c": _with_intervals(c, c_std / abs(gain), "1"),
+        "velocity": _with_intervals(v, v_std / abs(gain), "1"),
+    }
+
+
+def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[str, Value | Values]:
+    """What the other actuators do at one axis, per um of their own static motion."""
+    model, gains = fit.model, own_gains(fit)
+    f_std, zeta_std, _, _ = _stds(fit, axis)
+    found: dict[str, Value | Values] = {
+        "f_Hz": _with_intervals(model.f_Hz, f_std, "Hz"),
+        "zeta": _with_intervals(model.zeta, zeta_std, "1"),
+    }
+    for j, other in enumerate(axes):
+        if j == axis:
+            continue
+        _, _, c_std, v_std = _stds(fit, j)
+        gain = gains[j]
+        found[f"from_{other}"] = _with_intervals(model.displacement[axis, j] / gain, c_std / abs(gain), "um/um")
+        found[f"velocity_{other}"] = _with_intervals(model.velocity[axis, j] / gain, v_std / abs(gain), "um/um")
+        direct, std = float(model.direct[axis, j] / gain), float(fit.fit.share_std[j] / abs(gain))
+        found[f"direct_{other}"] = (direct, "um/um", (direct - Z_95 * std, direct + Z_95 * std))
+    return found
+
+
+def softening_values(fit: CommonModes, axis: int) -> dict[str, Value | Values]:
+    """What the level of one actuator does to its gain and to the modes."""
+    shift = fit.fit.shift
+    assert shift is not None
+    eta, split = np.sqrt(1 - fit.model.zeta**2), fit.split[:, axis]
+    params = softening_params(list(fit.entries.values())[axis])
+    assert params is not None
+    kappa, std = float(params["kappa"]), float(fit.fit.value_std[axis])  # type: ignore[arg-type]
+    low, high = fit.taus_s or (0.0, np.inf)
+    return {
+        "kappa": (kappa, "1", (kappa - Z_95 * std, kappa + Z_95 * std)),
+        "tau_s": (float(params["tau_s"]), "s", (low, high)),  # type: ignore[arg-type]
+        "about_mean": (0.0, "1", (0.0, 0.0)),
+        "f_drop": _with_intervals(shift.real * split, fit.fit.shift_std[0::2] * split, "1"),
+        "zeta_rise": _with_intervals(-shift.imag * split * eta, fit.fit.shift_std[1::2] * split * eta, "1"),
+    }
+
+
+def _stds(fit: CommonModes, source: int) -> tuple[Samples, Samples, Samples, Samples]:
+    """Standard deviations (m,) of f_Hz, zeta, displacement and velocity for one actuator, correlations left out."""
+    model = fit.model
+    m, inputs = len(model.poles), model.inputs
+    real, imaginary = fit.fit.pole_std[0::2], fit.fit.pole_std[1::2]
+    eta = np.sqrt(1 - model.zeta**2)
+    along = np.hypot(model.zeta * real, eta * imaginary)
+    across = np.hypot(eta * real, model.zeta * imaginary)
+    weights = fit.fit.share_std[inputs:].reshape(inputs, m, 2)[source]
+    velocity, turning = weights.T
+    return model.f_Hz * along, eta * across, np.hypot(eta * turning, model.zeta * velocity), velocity
+
+
+def _with_intervals(values: Samples, std: Samples, unit: str) -> Values:
+    """A list parameter with its unit and 95 % intervals."""
+    pairs = tuple((float(v - Z_95 * s), float(v + Z_95 * s)) for v, s in zip(values, std, strict=True))
+    return tuple(float(v) for v in values), unit, pairs
+
+
+def adopted_axis(model: AxisModel, gain: float, found: Sequence[NamedEffect]) -> AxisModel:
+    """The axis with its base scaled by ``gain``, and the effects in place of those of the same name."""
+    view = model.time
+    assert view is not None
+    names = {one.name for one in found}
+    kept = [e for e in model.effects if e.name not in names]
+    effects = (*kept, *map(stage_file_entry, found))
+    return model.model_copy(update={"time": _scaled(view, gain), "effects": effects})
+
+
+def _scaled(view: TimeView, gain: float) -> TimeView:
+    """The view with all slopes times ``gain`` and the same position at rest. A negative gain reverses the axis.
+
+    Raises ValueError for a negative gain where the view has plays.
+    """
+    if gain < 0 and view.play_r_V:
+        raise ValueError("plays cannot be reversed")
+    scaled = view.model_copy(
+        update={
+            "gain_um_per_V": gain * view.gain_um_per_V,
+            "play_w_um_per_V": tuple(gain * w for w in view.play_w_um_per_V),
+            "deadzone_s_um_per_V": tuple(gain * s for s in view.deadzone_s_um_per_V),
+        }
+    )
+    return scaled.model_copy(update={"offset_um": scaled.offset_um + rest_position_um(view) - rest_position_um(scaled)})
