@@ -180,7 +180,8 @@ class Effect:
     becomes_plays: bool = False
     """Whether a base model without memory takes it up as plays of its own, fitted anew."""
     slow: bool = False
-    """Whether it moves the position by itself over whole records, and did so before they began."""
+    """Whether it moves the position for seconds to hours after the voltage has stopped: over whole records, and before
+    they began."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None
