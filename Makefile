@@ -27,6 +27,7 @@ test: $(STAMP)
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
 
 bench: $(STAMP)
+	@$(BIN)/python benchmarks/start_up.py
 	@$(BIN)/python benchmarks/speed.py
 
 # The blind trial behind docs/gap-campaign.md. SCALE=1 tries 608 cases; a run that was cut short goes on.
@@ -49,9 +50,9 @@ generate: $(STAMP)
 
 setup: $(STAMP)
 
-# The wheel is built from the sdist, in a folder of its own.
+# The wheel is built from the sdist, in a folder of its own, with the locked setuptools.
 package: $(STAMP)
-	@$(BIN)/python -m build
+	@$(BIN)/python -m build --no-isolation
 
 # Keeps the versions that are there as far as the ranges allow; remove a line, or the file, to renew them.
 lock: $(STAMP)

@@ -81,7 +81,8 @@ def load_truth(folder: str | Path) -> Truth:
     path = Path(folder).resolve() / "__init__.py"
     if not path.is_file():
         raise BadInput(
-            f"{folder}: holds no generator of hidden truths; it needs an __init__.py with cases() and case()"
+            f"{folder}: holds no generator of hidden truths; it needs an __init__.py with cases() and case(); "
+            "the source tree has one in tests/gap/truth"
         )
     loaded = sys.modules.get(MODULE)
     if loaded is not None and loaded.__file__ == str(path):
