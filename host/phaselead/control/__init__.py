@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from phaselead.control.controller import Controller, Upload, connect, default_port
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.gains import PAPER_GAINS, parse_gains
 from phaselead.control.journal import journalled_listen, journalled_track, recover_run
-from phaselead.control.tracking import JUDGED_PERIODS, MODES, SETTLE_S, Run, assumed_limits, track
+from phaselead.control.run import Run
+from phaselead.control.tracking import JUDGED_PERIODS, MODES, SETTLE_S, assumed_limits, track
 
 __all__ = [
     "JUDGED_PERIODS",
     "MODES",
     "PAPER_GAINS",
     "SETTLE_S",
+    "Controller",
     "Run",
     "TrackingError",
+    "Upload",
     "assumed_limits",
+    "connect",
+    "default_port",
     "journalled_listen",
     "journalled_track",
     "parse_gains",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.native import keep_freed_memory
-from phaselead.gap.perform import excitation_of, perform, read_proposal
+from phaselead.gap.perform import excitation_of, perform, proposal_of, read_proposal
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
 from phaselead.gap.run import run_gap
 from phaselead.gap.told import LEVEL, excludes, headline, percent, typical_of, unit_of
@@ -29,6 +29,7 @@ __all__ = [
     "lines",
     "percent",
     "perform",
+    "proposal_of",
     "reachable",
     "read_proposal",
     "run_gap",

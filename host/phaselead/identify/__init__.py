@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.identify.checks import STILL_V, AxisRun, Sine
 from phaselead.identify.experiment import Identified, identify_device, parse_axes, run_experiment
+from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, FitReport, fit
 from phaselead.identify.modal_fit import Drives, ModalFit, Shaping, explained, fit_modes
 from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
@@ -14,6 +15,7 @@ from phaselead.identify.operator_solve import Solved, solved_at
 from phaselead.identify.plan import HELD_OUT, Experiment
 from phaselead.identify.table_fit import beside_table_1
 from phaselead.identify.verification import Verification, View, verification_dict, verify
+from phaselead.identify.verifications import Verifications
 
 __all__ = [
     "HELD_OUT",
@@ -27,6 +29,7 @@ __all__ = [
     "Drives",
     "Experiment",
     "FitReport",
+    "FitResult",
     "FitRun",
     "Identified",
     "JointExperiment",
@@ -37,6 +40,7 @@ __all__ = [
     "Sine",
     "Solved",
     "Verification",
+    "Verifications",
     "View",
     "beside_table_1",
     "common_period",
