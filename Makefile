@@ -44,6 +44,7 @@ lint: $(STAMP)
 generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py
 	@$(BIN)/python -m phaselead.report.catalogue_page
+	@$(BIN)/python -m phaselead.api.page
 
 setup: $(STAMP)
 
