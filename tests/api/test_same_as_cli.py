@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +196,38 @@ def test_gap(tmp_path: Path) -> None:
     result.save_json(tmp_path / "gap.json")
     assert json.loads((tmp_path / "gap.json").read_text()) == printed
     shows_itself(result)
+
+
+PROPOSAL = {
+    "ties": [["creep", "delay"]],
+    "next_experiment": {
+        "waveform": "sine", "level": 2.0, "band": [5.0, 5.0], "bias": 1.0, "axis": None, "seconds": 0.4,
+        "separation": 9.0, "needs_sensor": None,
+    },
+}  # fmt: skip
+
+
+def test_gap_next(tmp_path: Path) -> None:
+    (tmp_path / "gap.json").write_text(json.dumps(PROPOSAL))
+    result = CliRunner().invoke(main, ["gap", "next", str(tmp_path / "gap.json"), "-o", str(tmp_path / "cli.h5")])
+    assert result.exit_code == 0, result.stderr
+    record = pl.gap_next(tmp_path / "gap.json", output=tmp_path / "here.h5")
+    written = pl.read(tmp_path / "cli.h5")[0]
+    assert all(np.array_equal(record.columns[name], written.columns[name]) for name in ("t_s", "u_V", "x_um"))
+
+
+def test_recover(tmp_path: Path) -> None:
+    """Of a program that ended without a word in the middle of a run."""
+    program = (
+        "import os, phaselead as pl; dev = pl.connect(); "
+        f"dev.track('sine:60um@5Hz', mode='pid', output={str(tmp_path / 'run.h5')!r}, "
+        "on_progress=lambda done: done > 0.5 and os._exit(9))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 9
+    recording = pl.recover(tmp_path / "run.h5.journal", tmp_path / "run.h5")
+    assert recording.meta["mode"] == "pid"
+    assert 0 < len(recording.t_s) < 10000
+    assert not (tmp_path / "run.h5.journal").exists()
 
 
 def shows_itself(result: Any) -> None:
