@@ -70,7 +70,8 @@ class FitResult(Result):
         return self.model._repr_html_() + "".join(found._repr_html_() for found in self.held_out.values())
 
     def plot(self) -> Figure:
-        """Measurement, model and what the model leaves of the record that it fits worst; without records, its loop."""
+        """Measurement, model and what the model leaves over the scored rows of the record that it fits worst; without
+        records, the model's loop."""
         from phaselead.identify.pictures import against_model  # matplotlib is slow to load and is needed here only
 
         worst = self._worst()
@@ -81,7 +82,8 @@ class FitResult(Result):
         assert measured_um is not None
         assert model_um is not None
         name = f"{PurePath(record.source).name} ({axis})"
-        return against_model(name, record.t_s, measured_um, model_um)
+        rows = record.scored
+        return against_model(name, record.t_s[rows], measured_um[rows], model_um[rows])
 
     def _worst(self) -> tuple[Recording, str] | None:
         """The record and axis with the largest residual, in parts of its range."""
