@@ -47,6 +47,7 @@ generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py
 	@$(BIN)/python -m phaselead.report.catalogue_page
 	@$(BIN)/python -m phaselead.report.waveform_table
+	@$(BIN)/python -m phaselead.api.page
 
 setup: $(STAMP)
 

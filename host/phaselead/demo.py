@@ -11,12 +11,11 @@ import numpy as np
 
 from phaselead.control import PAPER_GAINS, Run, track
 from phaselead.device import Device, device_model, read_capture, write_run
-from phaselead.drawing import save_png
 from phaselead.errors import PhaseleadError
 from phaselead.identify import HELD_OUT, Experiment, Verification, identify_device, run_experiment, verify
 from phaselead.model import Stage, predict, save_stage
 from phaselead.record import Recording
-from phaselead.report import DemoResults, HeldOut, figures, tracked, write_demo_report
+from phaselead.report import DemoResults, HeldOut, figures, save_png, tracked, write_demo_report
 from phaselead.sim import replay
 from phaselead.waveforms import parse_wave
 

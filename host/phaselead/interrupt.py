@@ -7,7 +7,10 @@ would then run on, so the handler also leaves a mark, and whoever waits for the 
 from __future__ import annotations
 
 import signal
+import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 _asked = False
@@ -38,3 +41,25 @@ def clear() -> None:
     """From here on the interrupt is being dealt with; the device can be talked to again."""
     global _asked
     _asked = False
+
+
+@contextmanager
+def exit_on_signals() -> Iterator[None]:
+    """While it lasts, SIGTERM and SIGHUP end the program as ``sys.exit`` does, so that what is open is closed.
+
+    Only in the main thread, and only where nobody else has asked for these signals.
+    """
+    taken = []
+    if threading.current_thread() is threading.main_thread():
+        taken = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, _exit)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _exit(number: int, _frame: FrameType | None) -> None:
+    sys.exit(128 + number)

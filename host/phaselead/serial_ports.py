@@ -14,6 +14,7 @@ import serial
 from serial.tools import list_ports as serial_list_ports
 
 from phaselead.errors import LinkError, PhaseleadError
+from phaselead.result import Result, Table
 
 BAUD = 2_000_000
 READ_TIMEOUT_S = 0.05
@@ -40,10 +41,22 @@ class PortInfo:
     serial_number: str
 
 
-def list_ports() -> list[PortInfo]:
+class Ports(Result, list[PortInfo]):
+    """Serial ports: a list that prints as a table. Each has ``url``, ``description`` and ``serial_number``."""
+
+    @property
+    def columns(self) -> dict[str, list[str]]:
+        """One entry for each port: url, description, serial_number."""
+        return {name: [getattr(port, name) for port in self] for name in ("url", "description", "serial_number")}
+
+    def tables(self) -> list[Table | str]:
+        return [Table(("port", "what it is"), tuple((port.url, port.description) for port in self))]
+
+
+def list_ports() -> Ports:
     """Serial ports of this machine. Looks them up without opening any."""
     found = sorted(serial_list_ports.comports(), key=lambda p: p.device)
-    return [PortInfo(p.device, p.description or "", p.serial_number or "") for p in found]
+    return Ports(PortInfo(p.device, p.description or "", p.serial_number or "") for p in found)
 
 
 def open_port(url: str, *, baud: int = BAUD, timeout_s: float = READ_TIMEOUT_S) -> Port:

@@ -12,8 +12,8 @@ import h5py
 import numpy as np
 import pytest
 
-from phaselead.cli.board import check_before_upload
 from phaselead.device.capture import DeviceFault, capture
+from phaselead.device.flash import check_before_upload
 from phaselead.errors import BadInput, DeviceRefused
 
 RATE_HZ = 1000.0

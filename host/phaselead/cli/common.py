@@ -5,7 +5,6 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -17,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from phaselead.errors import BadInput
+from phaselead.result import json_text
 
 if TYPE_CHECKING:
     from phaselead.record import Recording
@@ -91,18 +91,6 @@ def read_recordings(
     return [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
 
 
-def jsonable(value: Any) -> Any:
-    """Plain JSON types; what is not finite becomes null, so that every reader can parse it."""
-    if isinstance(value, dict):
-        return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [jsonable(item) for item in value]
-    if isinstance(value, float) or hasattr(value, "dtype"):
-        number = value.item() if hasattr(value, "item") else value
-        return number if not isinstance(number, float) or math.isfinite(number) else None
-    return value
-
-
 def emit(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
     """Prints for a person, or JSON alone when ``--json -``; writes the JSON file otherwise."""
     if json_to and json_to != "-":
@@ -110,11 +98,6 @@ def emit(figures: dict[str, Any], json_to: str | None, human: Callable[[Console]
 
         write_text(json_to, json_text(figures))
     tell(figures, json_to, human)
-
-
-def json_text(figures: dict[str, Any]) -> str:
-    """Figures as a JSON file."""
-    return json.dumps(jsonable(figures), indent=2) + "\n"
 
 
 def tell(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:

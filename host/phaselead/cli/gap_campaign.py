@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -63,35 +60,29 @@ def campaign(
 
     Finished cases are kept in DIR/cases.jsonl: run the same command again to go on after an interrupt.
     """
-    from phaselead.validation import Plan
-
-    plan = Plan(Path(folder), set_name, kinds, sizes, scale, limit)
-    _run(plan, Path(output), jobs or os.cpu_count() or 1, scheduler, mix, table)
-
-
-def _run(plan: Any, output: Path, jobs: int, scheduler: str | None, mix: bool, table: str | None) -> None:
     from rich.console import Console
 
-    from phaselead.cli.common import jsonable, progress
-    from phaselead.errors import BadInput
-    from phaselead.record import check_output, write_text
-    from phaselead.report import write_campaign_report
-    from phaselead.validation import reached, run_campaign, write_table
+    from phaselead.api import campaign as run_campaign
+    from phaselead.cli.common import progress
+    from phaselead.validation import reached
 
-    plan.cases()
-    check_output(table)
-    if output.exists() and not output.is_dir():
-        raise BadInput(f"{output}: is a file; give a folder")
-    output.mkdir(parents=True, exist_ok=True)
     with progress("trying", 1.0) as advance:
         result = run_campaign(
-            plan, output / "cases.jsonl", jobs=jobs, scheduler=scheduler, mix=mix, on_progress=advance
+            folder,
+            output,
+            set=set_name,
+            kinds=kinds,
+            sizes=sizes,
+            scale=scale,
+            limit=limit,
+            jobs=jobs,
+            scheduler=scheduler,
+            mix=mix,
+            table=table,
+            on_progress=advance,
         )
-    write_text(output / "campaign.json", json.dumps(jsonable(result), indent=2) + "\n")
-    write_campaign_report(output / "campaign.html", result)
-    if table:
-        write_table(Path(table), result)
+    written = [Path(output) / name for name in ("cases.jsonl", "campaign.json", "campaign.html")]
     console = Console(highlight=False)
     for row in result["numbers"]:
         console.print(f"{row['what']}: {reached(row)}; target {row['target']}")
-    console.print(f"wrote {output / 'cases.jsonl'}, {output / 'campaign.json'}, {output / 'campaign.html'}")
+    console.print(f"wrote {', '.join(map(str, written))}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from phaselead.cli.common import json_text, progress, read_recordings, record_files, tell
+from phaselead.cli.common import progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
 from phaselead.gap import (
     GapResult,
@@ -26,6 +26,7 @@ from phaselead.gap import (
 from phaselead.gap import verify_on as verify
 from phaselead.model import load_stage, stage_text
 from phaselead.record import RUN_SUFFIXES, check_output, is_special, write_texts
+from phaselead.result import json_text
 
 
 def compare(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 
 import click
-from rich.console import Console
 
 from phaselead.cli.common import (
     axis_option,
@@ -115,19 +114,8 @@ def replay(run: str, json_to: str | None) -> None:
     Exit status 0: every code is the same. 1: prints the first tick that differs. 2: the recording lacks what a replay
     needs (it is gapped, decimated, or was not taken from a device).
     """
-    from phaselead.device import read_capture
-    from phaselead.sim import replay as replay_capture
+    from phaselead.api import replay as execute_again
 
-    capture = read_capture(run)
-    first_difference = replay_capture(capture)
-    equal = first_difference is None
-    figures = {"run": run, "ticks": len(capture.ticks), "equal": equal, "first_difference": first_difference}
-
-    def human(console: Console) -> None:
-        if equal:
-            console.print(f"{run}: {len(capture.ticks)} ticks executed again, every DAC code is the same")
-        else:
-            console.print(f"{run}: the DAC code of tick {first_difference} differs; it is the first that does")
-
-    emit(figures, json_to, human)
-    sys.exit(0 if equal else 1)
+    replayed = execute_again(run)
+    emit(replayed.as_dict(), json_to, lambda console: console.print(str(replayed)))
+    sys.exit(0 if replayed else 1)

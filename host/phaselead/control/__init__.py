@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from phaselead.control.controller import Controller, Upload, connect, default_port
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.gains import PAPER_GAINS, parse_gains
 from phaselead.control.journal import journalled_listen, journalled_track, recover_run
-from phaselead.control.tracking import MODES, Run, assumed_limits, track
+from phaselead.control.run import Run
+from phaselead.control.tracking import MODES, assumed_limits, track
 
 __all__ = [
     "MODES",
     "PAPER_GAINS",
+    "Controller",
     "Run",
     "TrackingError",
+    "Upload",
     "assumed_limits",
+    "connect",
+    "default_port",
     "journalled_listen",
     "journalled_track",
     "parse_gains",

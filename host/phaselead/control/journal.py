@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from phaselead.control.tracking import MODES, Run, run_recording, track
+from phaselead.control.run import Run
+from phaselead.control.tracking import MODES, run_recording, track
 from phaselead.device import (
     TICK_HZ,
     Capture,
@@ -166,9 +167,9 @@ def journalled_track(
 
 
 def journalled_listen(
-    device: Device, axes: str, duration_s: float, *, output: str, on_progress: Progress | None = None
+    device: Device, axes: str, duration_s: float, *, output: str | None, on_progress: Progress | None = None
 ) -> Recording:
-    """Records what the device does without driving it, and writes ``output``."""
+    """Records what the device does without driving it, and writes ``output`` if there is one."""
     ticks = round(duration_s * TICK_HZ)
     if ticks < 1:
         raise BadInput(f"a duration of {duration_s:g} s is shorter than one tick of 0.2 ms; use a longer one")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from phaselead.control.errors import tracking_error
+from phaselead.control.run import Run
 from phaselead.device import (
     LARGEST_STEP,
     TICK_HZ,
@@ -22,7 +22,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
-from phaselead.record import Recording, Samples
+from phaselead.record import Recording
 from phaselead.waveforms import Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
@@ -31,17 +31,6 @@ INVERTS = ("inverse", "inverse+pid")
 NEEDS_MODEL = (*USES_TABLES, *INVERTS)
 REMANENCE_um = 15.0
 """How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """One tracking run: the recording, the capture behind it, and its figures (the JSON of DESIGN 8)."""
-
-    recording: Recording
-    capture: Capture
-    figures: dict[str, Any]
-    true_um: dict[str, Samples] | None = None
-    """Where a virtual stage truly was, shape (n,) per axis; None on a real port."""
 
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:

@@ -29,7 +29,16 @@ Sink = Callable[[bytes], None]
 
 
 class DeviceFault(DeviceRefused):
-    """The device latched a fault during a capture; ``capture`` holds what was recorded."""
+    """The device latched a fault during a capture; ``capture`` holds what was recorded.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     try:
+    ...         dev.track("sine:20um@5Hz", mode="pid", gains=(0.017, 8.62, 0))  # unstable without its derivative
+    ...     except pl.DeviceFault as fault:
+    ...         print(fault, len(fault.capture.ticks) > 0)
+    fault adc_rail on axis x at tick ...; docs/faults.md says why, `phaselead park` clears it True
+    """
 
     def __init__(self, message: str, capture: Capture) -> None:
         super().__init__(message)

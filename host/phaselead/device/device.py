@@ -28,6 +28,7 @@ from phaselead.device.quantities import TICK_HZ, Converters, axis_request, conve
 from phaselead.device.session import FLASH_WAITS_S, Refused, Session
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
+from phaselead.result import Result, Table, pairs_table
 from phaselead.serial_ports import BAUD, open_port
 
 MODEL_CHUNK = 512
@@ -36,8 +37,8 @@ NO_AXIS = 255
 
 
 @dataclass(frozen=True)
-class DeviceStatus:
-    """STATUS in words. Axis letters stand for masks; tuples are x, y, z."""
+class DeviceStatus(Result):
+    """STATUS in words; prints as a table. Axis letters stand for masks; tuples are x, y, z."""
 
     tick: int
     state: str
@@ -58,6 +59,14 @@ class DeviceStatus:
     def as_dict(self) -> dict[str, Any]:
         """For printing and for JSON."""
         return asdict(self)
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One row."""
+        return {name: [value] for name, value in self.as_dict().items()}
+
+    def tables(self) -> list[Table | str]:
+        return [pairs_table(self.as_dict())]
 
 
 def _name(kind: type[IntEnum], value: int) -> str:

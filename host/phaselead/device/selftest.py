@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from phaselead.device import wire
 from phaselead.device.device import Device
 from phaselead.errors import PhaseleadError
+from phaselead.result import Result, Table
 
 LEVELS_V = (0.0, 2.0, 4.0, 6.0, 8.0, 9.5, 0.0)
 SETTLE_TICKS = 500
@@ -49,6 +51,32 @@ class LoopResult:
             "misfit_mV": round(1e3 * self.misfit_V, 3),
             "noise_codes": round(self.noise_codes, 2),
         }
+
+
+class SelfTest(Result, dict[str, LoopResult]):
+    """How the ADC of each axis saw its DAC, keyed "x", "y", "z"; prints as a table."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every axis did."""
+        return all(result.passed for result in self.values())
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``phaselead selftest --json`` writes it."""
+        return {"axes": {axis: result.as_dict() for axis, result in self.items()}}
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One entry for each axis: axis, passed, gain, offset_mV, misfit_mV, noise_codes."""
+        rows = [{"axis": axis} | result.as_dict() for axis, result in self.items()]
+        return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
+
+    def tables(self) -> list[Table | str]:
+        headings = tuple(name.replace("_", " ") for name in self.columns)
+        return [Table(headings, tuple(tuple(map(str, row)) for row in zip(*self.columns.values(), strict=True)))]
+
+    def __repr__(self) -> str:
+        return f"<SelfTest: {'passed' if self.passed else 'not passed'}, axes {''.join(self)}>"
 
 
 def loop_result(axis: str, dac_codes: list[float], adc_codes: list[float], noise_codes: float) -> LoopResult:

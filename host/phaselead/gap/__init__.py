@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design import excitation_of, read_proposal, run_proposal
+from phaselead.gap.design import excitation_of, proposal_of, read_proposal, run_proposal
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
 from phaselead.gap.run import keep_freed_memory, run_gap
@@ -27,6 +27,7 @@ __all__ = [
     "keep_freed_memory",
     "lines",
     "percent",
+    "proposal_of",
     "reachable",
     "read_proposal",
     "run_gap",

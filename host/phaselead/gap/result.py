@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from phaselead.gap.summary import GapSummary
+from phaselead.gap.verify_on import Verification
 from phaselead.model import Stage
 from phaselead.record import Samples
 
@@ -121,9 +123,29 @@ class Spectrum:
     reference: Samples | None
 
 
-@dataclass(frozen=True)
-class GapResult:
-    """Verdicts and all that led to them. ``stage`` is the next stage; the input is untouched."""
+@dataclass(frozen=True, repr=False)
+class GapResult(GapSummary):
+    """Verdicts and all that led to them. ``stage`` is the next stage; the input is untouched.
+
+    ``effects`` are what the data demand, strongest first; ``gap`` the held-out rms ``before`` and ``after`` and its
+    ``floor``, in um; ``next_model`` the model with what was found.
+
+    >>> import numpy as np
+    >>> import phaselead as pl
+    >>> def made(f_Hz, seed):
+    ...     t_s = np.arange(300) / 200
+    ...     u_V = 2.5 - 2.5 * np.cos(2 * np.pi * f_Hz * t_s)
+    ...     noise_um = np.random.default_rng(seed).normal(0, 0.01, 300)
+    ...     return pl.recording(t_s=t_s, u_V=u_V, x_um=20 * u_V + noise_um)
+    >>> model = pl.fit(made(2, seed=0), base="linear")
+    >>> gap = pl.gap(model, train=made(2, seed=1), holdout=made(3, seed=2))
+    >>> gap.gap.after <= gap.gap.before
+    True
+    >>> gap.next_model.save("next.toml")
+    >>> print(gap)  # doctest: +ELLIPSIS
+    verdict: none
+    held-out gap ...
+    """
 
     stage: Stage
     verdicts: tuple[str, ...]
@@ -143,6 +165,10 @@ class GapResult:
     """Which member stands in the next stage for each tie, by the tie's names joined with " | "."""
     messages: tuple[str, ...] = ()
     seconds: float = 0.0
+    base: Stage | None = None
+    """The model that was compared."""
+    verification: Verification | None = None
+    """What tracking on a device came to, where that was asked for."""
 
     def as_json(self) -> dict[str, Any]:
         """gap.json."""

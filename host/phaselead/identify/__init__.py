@@ -10,6 +10,7 @@ from phaselead.identify.experiment import (
     parse_axes,
     run_experiment,
 )
+from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, FitReport, fit
 from phaselead.identify.modal import (
     Complex,
@@ -29,6 +30,7 @@ from phaselead.identify.operator import fit_plays, play_thresholds, starting_mem
 from phaselead.identify.runs import STILL_V, AxisRun, Sine
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verification_dict, verify
+from phaselead.identify.verifications import Verifications
 
 __all__ = [
     "HELD_OUT",
@@ -40,6 +42,7 @@ __all__ = [
     "Drives",
     "Experiment",
     "FitReport",
+    "FitResult",
     "Identified",
     "JointExperiment",
     "ModalFit",
@@ -47,6 +50,7 @@ __all__ = [
     "Shaping",
     "Sine",
     "Verification",
+    "Verifications",
     "View",
     "common_period",
     "common_poles",

@@ -26,6 +26,7 @@ from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation,
 from phaselead.model.operator import ends_um, plays, predict_time_view, respond, rest_plays, rest_position_um
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
+from phaselead.model.stage_argument import StageLike, as_stage
 from phaselead.model.stage_file import DataSource, Provenance, Stage, load_stage, parse_stage, save_stage, stage_text
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
@@ -61,10 +62,12 @@ __all__ = [
     "Sensor",
     "Signal",
     "Stage",
+    "StageLike",
     "TablePoint",
     "TableView",
     "TimeView",
     "VirtualAxis",
+    "as_stage",
     "behind_modes",
     "catalogue",
     "compensation",

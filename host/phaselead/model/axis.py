@@ -111,7 +111,13 @@ class TimeView(Part):
 
 
 class Gains(Part):
-    """PID gains (Xu & Li 2010, eq. 13)."""
+    """PID gains (Xu & Li 2010, eq. 13), as ``track`` takes them.
+
+    >>> import phaselead as pl
+    >>> gains = pl.Gains(kp_V_per_um=0, ki_V_per_um_s=2.0, kd_V_s_per_um=0)
+    >>> with pl.connect() as dev:
+    ...     run = dev.track("sine:20um@5Hz", mode="pid", gains=gains, duration=0.4)
+    """
 
     kp_V_per_um: Number = Field(description="proportional, V/um")
     ki_V_per_um_s: Number = Field(description="integral, V/(um s)")

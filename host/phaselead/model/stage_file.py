@@ -11,7 +11,7 @@ import hashlib
 import json
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError, field_validator, model_validator
 
@@ -20,8 +20,13 @@ from phaselead.model.axis import AxisModel
 from phaselead.model.effects import catalogue
 from phaselead.model.fields import Matrix3, Part
 from phaselead.model.stage_toml import toml_text
+from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
 from phaselead.model.validation_errors import explain, fault
 from phaselead.record import write_text
+from phaselead.result import Result, Table, pairs_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMAT: Literal["phaselead-stage"] = "phaselead-stage"
 VERSION: Literal[1] = 1
@@ -59,8 +64,22 @@ class Provenance(Part):
         return None if value == "" else value
 
 
-class Stage(Part):
-    """A stage file. ``axes`` is keyed "x", "y", "z"; ``cross_coupling[i][j]`` is what i sees of j."""
+class Stage(Result, Part):
+    """The model of a stage, as a stage file holds it.
+
+    ``axes`` is keyed "x", "y", "z"; ``cross_coupling[i][j]`` is what i sees of j.
+    Nothing in it can be changed; ``model_copy(update=...)`` gives a changed copy. Raises pydantic's ValidationError for
+    values that make no sense.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     model = pl.fit(dev.record("sine:5V@5Hz", duration=1)).model
+    >>> model.save("stage.toml")
+    >>> pl.load("stage.toml") == model
+    True
+    >>> sorted(model.axes), model.axis("x").time.gain_um_per_V > 10
+    (['x'], True)
+    """
 
     format: Literal["phaselead-stage"] = FORMAT
     version: Literal[1] = VERSION
@@ -94,6 +113,30 @@ class Stage(Part):
         content = self.model_dump(mode="json", exclude_none=True)
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One entry for each parameter: axis, part, parameter, value, low_95, high_95 (nan where not known)."""
+        return parameter_columns(self.axes)
+
+    def tables(self) -> list[Table | str]:
+        about: dict[str, Any] = {"stage": self.name, "sha256": self.sha256[:12], "records": len(self.provenance.data)}
+        about |= {
+            key: text for key, text in (("made by", self.provenance.tool), ("on", self.provenance.created)) if text
+        }
+        return [pairs_table(about), axis_table(self.axes), parameter_table(self.axes)]
+
+    def plot(self) -> Figure:
+        """The steady loop of every axis over the voltages it was fitted on, without the adopted effects."""
+        return stage_figure(self.axes)
+
+    def save(self, path: str | Path, *, overwrite: bool = True) -> None:
+        """Writes a commented stage file, whole or not at all. Raises BadInput where it exists and ``overwrite`` is
+        False, OSError where it cannot be written."""
+        save_stage(path, self, overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        return f"<Stage {self.name!r}: axes {', '.join(sorted(self.axes))}, {self.sha256[:12]}>"
 
     def axis(self, name: str) -> AxisModel:
         """The model of one axis; BadInput when the stage has none."""

@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
+from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import parse_column_map, parse_rate
 from phaselead.record.export import SUFFIXES, export, write_csv
+from phaselead.record.gather import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
-from phaselead.record.info import recording_facts
 from phaselead.record.journal import JournalWriter, read_journal
 from phaselead.record.read import read_recording, split_argument
-from phaselead.record.recording import AxisRecord, Recording, Samples
+from phaselead.record.recording import Recording, Recordings, recording_facts
+from phaselead.record.sampled import SampledResult
 
 __all__ = [
     "RUN_SUFFIXES",
     "SUFFIXES",
     "AxisRecord",
     "JournalWriter",
+    "MapLike",
+    "RecordLike",
     "Recording",
+    "Recordings",
+    "RecordsLike",
+    "SampledResult",
     "Samples",
     "atomic_path",
     "check_output",
     "export",
+    "from_columns",
+    "gather",
+    "gather_one",
     "is_special",
     "parse_column_map",
     "parse_rate",

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.record.recording import AxisRecord, Recording, Samples
+from phaselead.record.axis_record import AxisRecord, Samples
+from phaselead.record.recording import Recording
 
 UNIFORM_WITHIN = 0.01
 MISSING_FROM = 1.5 * (1 + 1e-6)

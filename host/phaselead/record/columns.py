@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from phaselead.errors import BadInput
-from phaselead.record.recording import AxisRecord, Samples
+from phaselead.record.axis_record import AxisRecord, Samples
 
 AXES = ("x", "y", "z")
 UNITS = {"t_s": "s", "u_V": "V", "r_um": "um"}

@@ -25,9 +25,10 @@ import numpy as np
 
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.record.atomic import atomic_path
+from phaselead.record.axis_record import Samples
 from phaselead.record.checks import require_finite, require_uniform
 from phaselead.record.columns import UNITS, axes_of, columns_of
-from phaselead.record.recording import Recording, Samples
+from phaselead.record.recording import Recording
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT, VERSION = "phaselead-recording", 1

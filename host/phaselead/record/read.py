@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from phaselead.errors import BadInput
+from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.columns import ColumnMap, axes_of
 from phaselead.record.hdf5 import SIGNATURE, read_hdf5
 from phaselead.record.journal import is_journal
-from phaselead.record.recording import AxisRecord, Recording, Samples
+from phaselead.record.recording import Recording
 from phaselead.record.text import read_text
 
 Window = tuple[float, float]

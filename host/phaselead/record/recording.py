@@ -2,34 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Samples = NDArray[np.float64]
+from phaselead.record.axis_record import AxisRecord, Samples
+from phaselead.record.columns import columns_of
+from phaselead.record.sampled import SampledResult
+from phaselead.result import Result, Table, pairs_table
 
-
-@dataclass(frozen=True)
-class AxisRecord:
-    """One axis of a recording. All arrays have shape (n,)."""
-
-    u_V: Samples | None
-    """Applied control voltage; None in a record of positions alone."""
-    x_um: Samples | None
-    """Measured position; None when only the voltage is known."""
-    r_um: Samples | None = None
-    """Reference position, closed loop only."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(SampledResult):
     """A uniformly sampled recording of one or three axes.
 
     ``axes`` is keyed "x", "y", "z"; a single-axis file without a note of its axis is "x".
     ``scored`` are the samples to judge: all of them unless the argument carried a window, in which case the
     rows before it only warm the model's memory (and rows after it have been cut off).
+
+    The columns are attributes too, float64 arrays of shape (n,): ``t_s``, ``u_V``, ``x_um``, in closed loop ``r_um``
+    (several axes: ``ux_V``, ``y_um``, ``rz_um`` ...). A column that is not there raises AttributeError.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     recording = dev.record("sine:5V@5Hz", duration=0.4)
+    >>> recording.x_um.shape
+    (2000,)
+    >>> list(recording.columns)
+    ['t_s', 'u_V', 'x_um']
+    >>> print(recording)  # doctest: +ELLIPSIS
+    source         sine:5V@5Hz
+    samples        2000
+    ...
     """
 
     t_s: Samples
@@ -44,9 +54,103 @@ class Recording:
 
     @property
     def rate_Hz(self) -> float:
+        """Samples a second, from the first row to the last."""
         return (len(self.t_s) - 1) / float(self.t_s[-1] - self.t_s[0])
 
     @property
     def from_rest(self) -> bool:
         """Whether the memory starts from rest: no warm-up rows precede the scored ones."""
         return (self.scored.start or 0) == 0
+
+    @property
+    def columns(self) -> Mapping[str, Samples]:
+        """The samples by column, in the order of a CSV header: arrays of shape (n,)."""
+        return columns_of(self.t_s, self.axes)
+
+    def facts(self) -> dict[str, Any]:
+        """Length, rate, axes and ranges, and what its file says of where it came from: what ``log info`` prints."""
+        return recording_facts(self)
+
+    def tables(self) -> list[Table | str]:
+        return [pairs_table(self.facts())]
+
+    def plot(self) -> Figure:
+        """Voltage and position over time, and position over voltage; the reference dashed."""
+        from phaselead.drawing import samples_figure  # matplotlib is slow to load and is needed here only
+
+        return samples_figure(self.columns)
+
+    def __repr__(self) -> str:
+        name = PurePath(self.source).name or "recording"
+        return f"<Recording {name}: {len(self.t_s)} samples, axes {''.join(self.axes)}>"
+
+
+class Recordings(Result, list[Recording]):
+    """Recordings in the order they were given: a list that prints as a table, one line each.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     first = dev.record("sine:5V@5Hz", duration=0.4)
+    ...     second = dev.record("sine:3V@5Hz", duration=0.4)
+    >>> print(pl.read([first, second]))
+    recording    samples  rate (Hz)  from (s)  to (s)  axes  scored
+    sine:5V@5Hz     2000       5000         0  0.3998  x       2000
+    sine:3V@5Hz     2000       5000         0  0.3998  x       2000
+    """
+
+    def __init__(self, recordings: Iterable[Recording] = ()) -> None:
+        list.__init__(self, recordings)
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One entry for each recording: name, samples, rate, first and last time, axes, rows to score."""
+        return {
+            "recording": [PurePath(r.source).name or f"{i}" for i, r in enumerate(self, 1)],
+            "samples": [len(r.t_s) for r in self],
+            "rate_Hz": [recording_facts(r)["rate_Hz"] for r in self],
+            "from_s": [float(r.t_s[0]) for r in self],
+            "to_s": [float(r.t_s[-1]) for r in self],
+            "axes": ["".join(r.axes) for r in self],
+            "scored": [len(r.t_s[r.scored]) for r in self],
+        }
+
+    def tables(self) -> list[Table | str]:
+        headings = ("recording", "samples", "rate (Hz)", "from (s)", "to (s)", "axes", "scored")
+        rows = zip(*self.columns.values(), strict=True)
+        cells = (tuple(f"{c:.6g}" if isinstance(c, float) else str(c) for c in row) for row in rows)
+        return [Table(headings, tuple(cells))]
+
+    def plot(self) -> Figure:
+        """Position over voltage of every recording, one panel for each axis."""
+        from phaselead.drawing import loops_figure  # matplotlib is slow to load and is needed here only
+
+        return loops_figure([(name, r.axes) for name, r in zip(self.columns["recording"], self, strict=True)])
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} recordings: {', '.join(self.columns['recording'])}>"
+
+
+def recording_facts(recording: Recording) -> dict[str, Any]:
+    """Length, rate, axes and ranges of a recording, and what its file says of where it came from."""
+    facts: dict[str, Any] = {
+        **({"source": recording.source} if recording.source else {}),
+        "samples": len(recording.t_s),
+        "rate_Hz": round(_rate_Hz(recording), 6) if len(recording.t_s) > 1 else None,
+        "from_s": float(recording.t_s[0]),
+        "to_s": float(recording.t_s[-1]),
+        "axes": "".join(recording.axes),
+    }
+    for name, axis in recording.axes.items():
+        for label, unit, values in (("u", "V", axis.u_V), ("x", "um", axis.x_um), ("r", "um", axis.r_um)):
+            if values is not None:
+                facts[f"{name}_{label}_min_{unit}"] = float(np.min(values))
+                facts[f"{name}_{label}_max_{unit}"] = float(np.max(values))
+    for key in ("target", "build_id", "mode", "dropped_ticks", "gaps"):
+        if key in recording.meta:
+            facts[key] = recording.meta[key]
+    return facts
+
+
+def _rate_Hz(recording: Recording) -> float:
+    """The rate between gaps: the mean over the record counts lost samples as time without any."""
+    return 1 / float(np.median(np.diff(recording.t_s))) if recording.meta.get("gaps") else recording.rate_Hz

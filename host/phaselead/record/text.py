@@ -15,6 +15,7 @@ from itertools import islice
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.record.axis_record import Samples
 from phaselead.record.checks import MISSING_FROM, Where, missing_samples, require_finite, require_uniform
 from phaselead.record.columns import (
     MAP_EXAMPLE,
@@ -25,7 +26,6 @@ from phaselead.record.columns import (
     own_header,
     shown,
 )
-from phaselead.record.recording import Samples
 
 COMMENTS = (b"#", b"%")
 MOST_HEADING_LINES = 1000

@@ -10,12 +10,11 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
+from phaselead.drawing import AXIS_COLOURS, BLUE, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
 from phaselead.model import TableView
 
 Samples = NDArray[np.float64]
 
-AXIS_COLOURS = {"x": BLUE, "y": ORANGE, "z": GREEN}
 MODE_COLOURS = {"pid": RED, "ff": ORANGE, "ff+pid": BLUE}
 MODE_NAMES = {"pid": "PID", "ff": "FF", "ff+pid": "FF + PID"}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from phaselead import __version__
-from phaselead.drawing import to_svg
-from phaselead.record import write_text
+from phaselead.drawing import DPI, to_svg
+from phaselead.record import atomic_path, write_text
+from phaselead.version import VERSION
 
 _environment = Environment(
     loader=PackageLoader("phaselead.report", "templates"), autoescape=True, undefined=StrictUndefined
@@ -21,7 +22,7 @@ _environment.filters["svg"] = lambda figure: Markup(to_svg(figure))
 
 def render(template: str, **values: Any) -> str:
     """The template with the values in it; a ``Figure`` is placed by the filter ``svg``."""
-    return _environment.get_template(template).render(version=__version__, **values)
+    return _environment.get_template(template).render(version=VERSION, **values)
 
 
 def write_page(path: str | Path, template: str, **values: Any) -> None:
@@ -29,4 +30,10 @@ def write_page(path: str | Path, template: str, **values: Any) -> None:
     write_text(path, render(template, **values))
 
 
-__all__ = ["Figure", "render", "write_page"]
+def save_png(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """The figure as a picture for a page that takes no SVG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
+
+
+__all__ = ["Figure", "render", "save_png", "write_page"]

@@ -7,11 +7,13 @@ from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
 from phaselead.sim.plant import built_in, plant_parameters
 from phaselead.sim.pty import serve
 from phaselead.sim.replay import replay
+from phaselead.sim.replayed import Replay
 from phaselead.sim.stack_use import worst_stack
 
 __all__ = [
     "Counts",
     "EmulatedDevice",
+    "Replay",
     "built_in",
     "find_firmware",
     "load_library",

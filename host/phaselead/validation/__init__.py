@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.validation.campaign import Plan, run_campaign
+from phaselead.validation.result import CampaignResult
 from phaselead.validation.summary import FAILED, NOTHING, UNKNOWN
 from phaselead.validation.table import reached, write_table
 from phaselead.validation.truth import KINDS
@@ -12,6 +13,7 @@ __all__ = [
     "KINDS",
     "NOTHING",
     "UNKNOWN",
+    "CampaignResult",
     "Plan",
     "reached",
     "run_campaign",

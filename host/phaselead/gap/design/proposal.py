@@ -23,10 +23,18 @@ def read_proposal(path: str) -> Mapping[str, Any]:
     """The field ``next_experiment`` of a gap.json. Raises BadInput where it has none or cannot be run."""
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
-        ties, proposed = content["ties"], content["next_experiment"]
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); make it with phaselead gap --json") from None
-    except (ValueError, KeyError, TypeError):
+    except ValueError:
+        raise BadInput(f"{path}: is not a gap.json; make one with phaselead gap --json") from None
+    return proposal_of(content, path)
+
+
+def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
+    """The next experiment in the content of a gap.json; ``path`` names it in messages. Raises BadInput."""
+    try:
+        ties, proposed = content["ties"], content["next_experiment"]
+    except (KeyError, TypeError):
         raise BadInput(f"{path}: is not a gap.json; make one with phaselead gap --json") from None
     if not ties:
         raise BadInput(f"{path}: holds no tie, so there is no experiment to run")

@@ -1,0 +1,30 @@
+"""The functions of ``import phaselead``, by the words of the command line; each imports what it needs when called."""
+
+from __future__ import annotations
+
+from phaselead.api.devices import flash, ports, replay, sim, stop
+from phaselead.api.gaps import gap, gap_next, write_report
+from phaselead.api.models import fit, load, predict, verify
+from phaselead.api.recordings import export, read, recording, recover
+from phaselead.api.trials import campaign, demo
+
+__all__ = [
+    "campaign",
+    "demo",
+    "export",
+    "fit",
+    "flash",
+    "gap",
+    "gap_next",
+    "load",
+    "ports",
+    "predict",
+    "read",
+    "recording",
+    "recover",
+    "replay",
+    "sim",
+    "stop",
+    "verify",
+    "write_report",
+]

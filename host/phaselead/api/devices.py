@@ -1,0 +1,97 @@
+"""Devices without a session: ports, stop, flash, replay, and serving a virtual one."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from phaselead.control import Run
+    from phaselead.device import Ports
+    from phaselead.result import Facts
+    from phaselead.sim import Replay
+
+
+def ports() -> Ports:
+    """Serial ports of this machine, without opening any. The virtual stage sim://xyz250 is always there.
+
+    >>> import phaselead as pl
+    >>> [port.url for port in pl.ports()]  # doctest: +ELLIPSIS
+    [...]
+    """
+    from phaselead.device import list_ports
+
+    return list_ports()
+
+
+def stop(port: str | None = None) -> int:
+    """Ramps every axis to its safe value at once, whoever armed the device. Returns the device's tick.
+
+    It opens the port (default as for ``connect``); within a session use the controller's ``stop``. Raises LinkError
+    when the port is in use, missing or silent.
+
+    >>> import phaselead as pl
+    >>> pl.stop("sim://xyz250")  # a virtual stage is a fresh one each time: its first tick
+    0
+    """
+    from phaselead.control import default_port
+    from phaselead.device import Device
+
+    return Device.stop_now(port or default_port()).tick
+
+
+def replay(run: Run | str | os.PathLike[str]) -> Replay:
+    """Executes a run again, from its converter codes, commands, model and first state, and compares every DAC code.
+
+    ``run`` is a run or its file (.h5). The result is true when every code is the same. Raises BadInput when the run
+    lacks what a replay needs: it is gapped, decimated, or was not taken from a device.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     run = dev.track("sine:60um@5Hz", mode="pid", duration=0.4)
+    >>> bool(pl.replay(run))
+    True
+    """
+    from phaselead.device import read_capture
+    from phaselead.sim import Replay
+    from phaselead.sim import replay as replay_capture
+
+    if isinstance(run, str | os.PathLike):
+        name, capture = os.fspath(run), read_capture(run)
+    else:
+        name, capture = run.recording.source, run.capture
+    return Replay(name, len(capture.ticks), replay_capture(capture))
+
+
+def sim(url: str = "sim://xyz250", *, link: str | os.PathLike[str] | None = None) -> None:
+    """Serves a virtual stage on a pseudo-terminal, at real time, until Ctrl-C or SIGTERM; prints the terminal's path.
+
+    ``url`` is sim://xyz250, sim://FILE.toml or a stage file; ``link`` a symbolic link to the terminal. In this process
+    a virtual stage needs no server: ``connect("sim://xyz250")``. Raises BadInput for a stage that cannot be used.
+
+    >>> import phaselead as pl
+    >>> pl.sim("nowhere.toml")
+    Traceback (most recent call last):
+    phaselead.errors.BadInput: nowhere.toml: cannot be read (No such file or directory); give a stage file (.toml)
+    """
+    from phaselead.sim import serve
+
+    serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link)
+
+
+def flash(port: str | None = None, *, env: str = "nucleo_f446re", check_only: bool = False) -> Facts:
+    """Builds the firmware, uploads it, then checks over the wire that the board runs it; from the source tree.
+
+    ``port`` is the board's serial line. ``check_only`` uploads nothing. Gives ``board``, ``build_id`` and ``runs_it``.
+    Raises BadInput outside a source tree or without a board, PhaseleadError when the build, the upload or the check
+    fails.
+
+    >>> import phaselead as pl
+    >>> pl.flash("sim://xyz250")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    phaselead.errors.BadInput: sim://xyz250 is no board; ...
+    """
+    from phaselead.control import default_port
+    from phaselead.device import flash_board
+
+    return flash_board(port or default_port(), env, check_only=check_only)

@@ -1,0 +1,114 @@
+"""Models: load, fit, verify, predict."""
+
+from __future__ import annotations
+
+import os
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from phaselead.identify import Base, FitResult, Verifications, View
+    from phaselead.model import Stage, StageLike
+    from phaselead.record import MapLike, Recording, RecordLike, RecordsLike
+
+
+def load(path: str | os.PathLike[str]) -> Stage:
+    """Reads a stage file. Raises BadInput with one line that names the file, the key and the fix.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     pl.fit(dev.record("sine:5V@5Hz", duration=1)).save("stage.toml")
+    >>> sorted(pl.load("stage.toml").axes)
+    ['x']
+    """
+    from phaselead.model import load_stage
+
+    return load_stage(os.fspath(path))
+
+
+def fit(
+    records: RecordsLike,
+    *,
+    base: Base = "operator",
+    name: str = "fitted",
+    parent: StageLike | None = None,
+    map: MapLike | None = None,
+    rate: str | float | None = None,
+) -> FitResult:
+    """Fits a model to recordings: the time view, and the table view where these are sines of several levels.
+
+    ``records`` as for ``read``, or recordings and runs. ``base="linear"`` is gain and offset only. ``parent`` gives
+    name, limits, calibration and gains. The result is taken wherever a model is.
+
+    Raises BadInput, one line, for data that cannot be used: too short, clipped, gapped, or rates mixed.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     fitted = pl.fit(dev.record("sine:5V@5Hz", duration=1))
+    >>> fitted.model.axis("x").time.gain_um_per_V > 10
+    True
+    """
+    from phaselead.identify import FitResult
+    from phaselead.identify import fit as fit_stage
+    from phaselead.model import as_stage
+    from phaselead.record import gather
+
+    found = gather(records, map, rate)
+    stage, report = fit_stage(found, base, name=name, parent=None if parent is None else as_stage(parent))
+    return FitResult(stage, report, found)
+
+
+def verify(
+    model: StageLike,
+    records: RecordsLike,
+    *,
+    view: View = "time",
+    refit_offset: bool = False,
+    map: MapLike | None = None,
+    rate: str | float | None = None,
+) -> Verifications:
+    """Judges a model on recordings that it was not fitted on; nothing is refitted but, if asked, the offset.
+
+    ``model``: a stage, the result of a fit, or a stage file's name. ``view`` "time" starts from rest at 0 V before the
+    first row; "table" answers the sine that the voltage is. Errors in um and in per cent of the measured range.
+
+    Raises BadInput when the model lacks that view or a record cannot be used.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     fitted = pl.fit(dev.record("sine:5V@5Hz", duration=1))
+    ...     other = dev.record("sine:4V@5Hz", duration=1)
+    >>> pl.verify(fitted, other)[0].mean_pct < 5
+    True
+    """
+    from phaselead.identify import Verifications
+    from phaselead.identify import verify as verify_stage
+    from phaselead.model import as_stage
+    from phaselead.record import gather
+
+    stage = as_stage(model)
+    given = PurePath(model).name if isinstance(model, str | os.PathLike) else stage.name
+    found = verify_stage(stage, gather(records, map, rate), view, refit_offset=refit_offset)
+    return Verifications(found, view, given)
+
+
+def predict(
+    model: StageLike, record: RecordLike, *, map: MapLike | None = None, rate: str | float | None = None
+) -> Recording:
+    """The model's answer to the voltage of one recording, from rest at 0 V before the first row.
+
+    Gives a recording of the same times and voltages, with the predicted positions, shape (n,). Raises BadInput when
+    voltage or time view is missing, and for several recordings.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     record = dev.record("sine:5V@5Hz", duration=1)
+    >>> predicted = pl.predict(pl.fit(record), record)
+    >>> bool(abs(predicted.x_um - record.x_um).mean() < 1)
+    True
+    """
+    from phaselead.model import as_stage
+    from phaselead.model import predict as predict_position
+    from phaselead.record import gather_one
+
+    return predict_position(as_stage(model), gather_one(record, map, rate))

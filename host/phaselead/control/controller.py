@@ -1,0 +1,347 @@
+"""A device from Python: every command of the command line that needs one, as a method; parked on the way out."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from phaselead import interrupt
+from phaselead.control.gains import parse_gains
+from phaselead.control.journal import journalled_listen, journalled_track
+from phaselead.control.run import Run
+from phaselead.control.tracking import assumed_limits
+from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model
+from phaselead.device import selftest as test_axis
+from phaselead.errors import BadInput, PhaseleadError
+from phaselead.model import Gains, Stage, StageLike, as_stage
+from phaselead.record import RUN_SUFFIXES, Recording, check_output
+from phaselead.result import Facts, Result, Table, pairs_table
+from phaselead.waveforms import Waveform, parse_wave, parse_waves
+
+if TYPE_CHECKING:
+    from phaselead.identify import FitResult, Verification, View
+
+DEFAULT_PORT = "sim://xyz250"
+PORT_VARIABLE = "PHASELEAD_PORT"
+LISTEN_S = 1.0
+
+Progress = Callable[[float], None]
+"""Is given the fraction done, now and then."""
+WaveLike = str | Waveform
+WavesLike = WaveLike | Mapping[str, WaveLike]
+GainsLike = str | Gains | tuple[float, float, float]
+"""``"paper"``, ``"KP,KI,KD"`` or three numbers in V/um, V/(um s), V s/um, or ``Gains``."""
+
+
+def default_port() -> str:
+    """``$PHASELEAD_PORT`` as it is now, else the built-in virtual stage."""
+    return os.environ.get(PORT_VARIABLE) or DEFAULT_PORT
+
+
+def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:
+    """Opens a port and a session on the device there; use it with ``with``, so that it is parked whatever happens.
+
+    ``url`` is a serial port ("/dev/ttyACM0"), "sim://xyz250", "sim://STAGE.toml" or "qemu://BOARD"; without one it is
+    ``$PHASELEAD_PORT``, else "sim://xyz250". Each opening of a virtual stage is a fresh one at rest.
+    ``park_on_exit=False`` leaves the device as it is, as ``phaselead arm`` does.
+
+    Raises LinkError (the port is missing, busy or silent), DeviceRefused (another host drives the device) or BadInput
+    (the URL makes no sense).
+
+    >>> import phaselead as pl
+    >>> with pl.connect("sim://xyz250") as dev:
+    ...     print(dev.status().state)
+    parked
+    """
+    return Controller(Device.open(url or default_port(), baud=baud, park_on_exit=park_on_exit))
+
+
+@dataclass(frozen=True)
+class Upload(Result):
+    """A model that was uploaded and read back: bytes, CRC-32, and the number of its flash record if it was kept."""
+
+    model: Stage
+    bytes: int
+    crc: str
+    flash_record: int | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures that ``phaselead upload`` prints, without the file's name."""
+        figures: dict[str, Any] = {"bytes": self.bytes, "crc": self.crc, "read_back": "equal"}
+        return figures | ({} if self.flash_record is None else {"flash_record": self.flash_record})
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One row."""
+        return {name: [value] for name, value in self.as_dict().items()}
+
+    def tables(self) -> list[Table | str]:
+        return [pairs_table({"model": self.model.name} | self.as_dict())]
+
+
+class Controller:
+    """A device and the model it was given. ``connect`` makes one.
+
+    In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
+    when the program is asked to end (SIGTERM, SIGHUP). One that is open when the interpreter ends is parked too. When
+    the program is killed outright during a run, the device parks by itself after one second without a command.
+
+    ``device`` is the ``Device`` below, for what has no method here. All methods raise DeviceRefused when the device
+    says no, LinkError when it does not answer, and BadInput, before anything moves, for what makes no sense.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     fitted = pl.fit(dev.record("sine:5V@5Hz", duration=1))
+    ...     uploaded = dev.upload(fitted)
+    ...     run = dev.track("sine:40um@5Hz", mode="inverse", duration=0.8)
+    >>> run.mode, uploaded.bytes > 0
+    ('inverse', True)
+    """
+
+    def __init__(self, device: Device) -> None:
+        """Takes over an open device."""
+        self.device = device
+        self.model: Stage | None = None
+        """The model last uploaded: ``track`` uses it unless it is given another."""
+        self._signals = contextlib.ExitStack()
+        self._open = True
+        atexit.register(self._at_exit)
+
+    def __enter__(self) -> Self:
+        self._signals.enter_context(interrupt.exit_on_signals())
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._signals:
+            self._leave(kind, error, trace)
+
+    def close(self) -> None:
+        """Parks the device and closes the port; a second time does nothing."""
+        self._leave(None, None, None)
+
+    def _leave(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._open:
+            self._open = False
+            atexit.unregister(self._at_exit)
+            self.device.__exit__(kind, error, trace)
+
+    def _at_exit(self) -> None:
+        with contextlib.suppress(PhaseleadError, OSError):
+            self.close()
+
+    def __repr__(self) -> str:
+        return f"<Controller of {self.device.session.name}{'' if self._open else ', closed'}>"
+
+    # ---------------------------------------------------------------- what it is and does
+
+    def status(self) -> DeviceStatus:
+        """What the device is doing; prints as a table."""
+        return self.device.status()
+
+    def info(self) -> Facts:
+        """What the device is: build, wire, model, timing of its tick, last fault."""
+        return Facts(self.device.info())
+
+    def arm(self, model_crc: int | str = 0) -> DeviceStatus:
+        """Output live at the safe value, until another command. A fallback model must be named by its CRC, as ``info``
+        gives it."""
+        try:
+            crc = int(model_crc, 16) if isinstance(model_crc, str) else model_crc
+        except ValueError:
+            raise BadInput(f"{model_crc!r} is no CRC; info()['model_crc'] gives the model's") from None
+        self.device.set_timeout(0)
+        self.device.arm(crc)
+        return self.device.status()
+
+    def park(self) -> DeviceStatus:
+        """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""
+        self.device.park()
+        return self.device.status()
+
+    def stop(self) -> int:
+        """Begins the ramp to the safe value at once and does not wait for it. Returns the device's tick."""
+        return self.device.stop()
+
+    def selftest(self, axes: str = "xyz") -> SelfTest:
+        """Tests a board whose DAC outputs are wired to its ADC inputs, the amplifier NOT connected: drives 0 to 9.5 V.
+
+        Raises BadInput for axes that make no sense, PhaseleadError when the device holds a model.
+        """
+        if not axes or any(axis not in "xyz" for axis in axes) or len(set(axes)) != len(axes):
+            raise BadInput(f"axes {axes!r}: letters of x, y and z, each once")
+        return SelfTest({axis: test_axis(self.device, axis) for axis in axes})
+
+    # ---------------------------------------------------------------- the model
+
+    def upload(self, model: StageLike, *, persist: bool = False) -> Upload:
+        """Uploads a model as one transaction, reads it back and compares; ``track`` uses it from then on.
+
+        ``model`` is a stage, the result of a fit or a stage file's name. ``persist`` also writes it to flash, so that
+        it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold.
+        """
+        stage = as_stage(model)
+        blob = device_model(stage)
+        crc = self.device.upload(blob)
+        self.model = stage
+        return Upload(stage, len(blob), f"{crc:08x}", self.device.persist() if persist else None)
+
+    def identify(
+        self,
+        axes: str = "x",
+        *,
+        model: StageLike | None = None,
+        save: str | os.PathLike[str] | None = None,
+        on_progress: Progress | None = None,
+    ) -> FitResult:
+        """Runs the identification experiment, fits both views, and verifies on held-out inputs.
+
+        ``axes`` are letters, with or without commas ("xyz", "x,y"). Limits and calibration are those of ``model``,
+        which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
+        Raises BadInput when the limits leave the experiment out or a record cannot be used.
+        """
+        from phaselead.identify import FitResult, Verifications, identify_device  # slow to load, needed here only
+
+        letters = tuple(axes.replace(",", "").replace(" ", ""))
+        if not letters or not set(letters) <= set("xyz") or len(set(letters)) != len(letters):
+            raise BadInput(f"axes {axes!r}: name each of x, y, z at most once, e.g. x or xyz")
+        stage = None if model is None else as_stage(model)
+        if stage is None and (warning := assumed_limits(self.device)) is not None:
+            warnings.warn(warning, stacklevel=2)
+        folder = None if save is None else os.fspath(save)
+        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage)
+        judged: list[tuple[View, list[Verification]]] = [(v, found.verifications[v]) for v in ("time", "table")]
+        held_out = {view: Verifications(errors, view, found.stage.name) for view, errors in judged}
+        return FitResult(found.stage, found.report, found.recordings, held_out)
+
+    # ---------------------------------------------------------------- running
+
+    def track(
+        self,
+        wave: WavesLike | None = None,
+        *,
+        mode: str = "ff+pid",
+        axis: str = "x",
+        x: WaveLike | None = None,
+        y: WaveLike | None = None,
+        z: WaveLike | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        duration: float | None = None,
+        output: str | os.PathLike[str] | None = None,
+        on_progress: Progress | None = None,
+    ) -> Run:
+        """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
+
+        ``wave`` is "sine:60um@5Hz", "triangle:100um@20Hz", "file:path.csv@10Hz", "goto:120um", or in volts for mode
+        open; amplitudes are peak-to-peak. It is for ``axis``; several axes run together as ``track(x="...", y="...")``
+        or ``track({"x": "...", "y": "..."})``.
+
+        ``mode``: open, pid, ff, ff+pid, inverse, inverse+pid. ``model``: default is the one last uploaded; one that the
+        device does not hold is uploaded. ``gains``: "paper", (KP, KI, KD) in V/um, V/(um s), V s/um, or these by axis;
+        default the model's own, else the paper's. ``duration`` in s; default ten periods, or a move and a second.
+        ``output`` (.h5) keeps the run on disk from the first tick on.
+
+        Raises BadInput for a path that mode, limits or model do not allow, DeviceFault (its ``capture`` holds what was
+        recorded) when the device latches a fault.
+        """
+        waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
+        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
+        path = _output(output)
+        run = journalled_track(
+            self.device,
+            waveforms,
+            mode,
+            output=path,
+            stage=stage,
+            gains={name: _gains(gains, stage, name) for name in waveforms},
+            duration_s=duration,
+            on_progress=on_progress,
+        )
+        return replace(run, recording=_named(run.recording, path or _text(wave, x, y, z)))
+
+    def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
+        """The model last uploaded, but for axes that it lacks in modes that do without one."""
+        lacks = self.model is not None and not set(waveforms) <= set(self.model.axes)
+        return None if lacks and mode in ("open", "pid") else self.model
+
+    def record(
+        self,
+        drive: WavesLike | None = None,
+        *,
+        axis: str = "x",
+        duration: float | None = None,
+        output: str | os.PathLike[str] | None = None,
+        on_progress: Progress | None = None,
+    ) -> Recording:
+        """Records what the device does, open loop; needs no model.
+
+        ``drive`` is played in volts meanwhile ("sine:5V@5Hz"); without one it only listens on ``axis``. ``duration`` in
+        s; default ten periods, or 1 s when only listening. ``output`` (.h5) keeps the record on disk, with the raw
+        codes that a replay needs. Raises as ``track`` does.
+        """
+        path = _output(output)
+        if drive is not None:
+            run = self.track(drive, mode="open", axis=axis, duration=duration, output=output, on_progress=on_progress)
+            return run.recording
+        seconds = LISTEN_S if duration is None else duration
+        recording = journalled_listen(self.device, axis, seconds, output=path, on_progress=on_progress)
+        return _named(recording, path or f"{axis} at rest")
+
+
+def _named(recording: Recording, name: str) -> Recording:
+    return replace(recording, source=name)
+
+
+def _text(*waves: WavesLike | None) -> str:
+    """What a run without a file is called."""
+    given = [wave for wave in waves if wave is not None]
+    parts = given[0].values() if len(given) == 1 and isinstance(given[0], Mapping) else given
+    return ",".join(wave if isinstance(wave, str) else getattr(wave, "kind", "run") for wave in parts)
+
+
+def _output(output: str | os.PathLike[str] | None) -> str | None:
+    path = None if output is None else os.fspath(output)
+    check_output(path, suffixes=RUN_SUFFIXES)
+    return path
+
+
+def _waves(wave: WavesLike | None, axis: str, by_axis: Mapping[str, WaveLike | None]) -> dict[str, Waveform]:
+    """The waveform of each axis. Raises BadInput when there is none, or one is given twice."""
+    found: dict[str, Waveform] = {}
+    if isinstance(wave, str):
+        found = parse_waves(wave, axis)
+    elif wave is not None:
+        given: Mapping[str, WaveLike] = wave if isinstance(wave, Mapping) else {axis: wave}
+        found = {name: _waveform(one) for name, one in given.items()}
+    for name, one in by_axis.items():
+        if one is not None:
+            if name in found:
+                raise BadInput(f"axis {name} is given two waveforms; give it one")
+            found[name] = _waveform(one)
+    if not found or not set(found) <= set("xyz"):
+        raise BadInput('which path? e.g. track("sine:60um@5Hz") or track(x="sine:60um@5Hz", y="sine:30um@5Hz")')
+    return found
+
+
+def _waveform(one: WaveLike) -> Waveform:
+    return parse_wave(one) if isinstance(one, str) else one
+
+
+def _gains(given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | None, axis: str) -> Gains:
+    """The gains of one axis. Raises BadInput."""
+    own = given.get(axis) if isinstance(given, Mapping) else given
+    if isinstance(own, Gains):
+        return own
+    if isinstance(own, tuple | list):
+        own = ",".join(repr(float(number)) for number in own)
+    return parse_gains(own, stage, axis)

@@ -1,0 +1,27 @@
+"""The figure of a tracking run."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from phaselead.drawing import AXIS_COLOURS, GREY, figure_style, new_figure, thin
+from phaselead.record import Recording
+
+
+def tracking_figure(recording: Recording) -> Figure:
+    """Reference and position above, error = reference - position below; axes without a reference are left out."""
+    with figure_style():
+        figure = new_figure(9.4, 4.6)
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.2, 1])
+        for axis, record in recording.axes.items():
+            if record.r_um is None or record.x_um is None:
+                continue
+            t, r, x = thin(recording.t_s, record.r_um, record.x_um)
+            upper.plot(t, r, color=GREY, linewidth=2.4, alpha=0.6, label=f"{axis}, reference")
+            upper.plot(t, x, color=AXIS_COLOURS[axis], linewidth=1.0, label=f"{axis}, measured")
+            lower.plot(t, r - x, color=AXIS_COLOURS[axis], linewidth=0.9)
+        upper.set(ylabel="position (µm)")
+        lower.set(xlabel="time (s)", ylabel="reference − measured (µm)")
+        if upper.lines:
+            upper.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=6)
+        return figure

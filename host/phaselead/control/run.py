@@ -1,0 +1,103 @@
+"""One tracking run as a result: samples, figures, a table, a figure, a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from phaselead.device import Capture, write_run
+from phaselead.record import RUN_SUFFIXES, Recording, SampledResult, Samples, export
+from phaselead.result import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class Run(SampledResult):
+    """One tracking run: the recording, the capture behind it, and its figures.
+
+    ``figures`` are those of ``phaselead track --json``: ``mode``, ``max_um``, ``rms_um``, ``range_um``, ``max_pct``,
+    ``max_um_mean_removed`` over the last four periods, ``from_rest`` over every sample, ``ticks``, ``dropped``; with
+    several axes they are under ``axes``. Error = reference - measured position.
+
+    The columns of the recording are attributes, float64 arrays of shape (n,): ``t_s``, ``u_V``, ``x_um``, ``r_um``
+    (several axes: ``ux_V``, ``y_um``, ``rz_um`` ...).
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     run = dev.track("sine:60um@5Hz", mode="pid", duration=1)
+    >>> run.x_um.shape, bool(abs(run.r_um - run.x_um).max() < 6)
+    ((5000,), True)
+    >>> round(run.figures["max_um"], 1)
+    5.6
+    >>> run.save("run.h5")
+    >>> print(run)  # doctest: +ELLIPSIS
+    mode pid
+    axis                     max (um)  max (%)  rms (um)  mean removed (um)
+    x     last four periods  ...
+    """
+
+    recording: Recording
+    capture: Capture
+    figures: dict[str, Any]
+    true_um: dict[str, Samples] | None = None
+    """Where a virtual stage truly was, shape (n,) per axis; None on a real port."""
+
+    @property
+    def t_s(self) -> Samples:
+        """Times, shape (n,); 0 is the first tick of the path."""
+        return self.recording.t_s
+
+    @property
+    def columns(self) -> Mapping[str, Samples]:
+        """The samples by column, in the order of a CSV header: arrays of shape (n,)."""
+        return self.recording.columns
+
+    @property
+    def mode(self) -> str:
+        """The mode it was driven in."""
+        return str(self.figures["mode"])
+
+    def of_axes(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """The figures of each axis."""
+        several: Mapping[str, dict[str, Any]] | None = self.figures.get("axes")
+        yield from several.items() if several else ((axis, self.figures) for axis in self.recording.axes)
+
+    def tables(self) -> list[Table | str]:
+        headings = ("axis", "", "max (um)", "max (%)", "rms (um)", "mean removed (um)")
+        rows, said = [], [f"mode {self.mode}"]
+        for axis, figures in self.of_axes():
+            if figures["max_um"] is None:
+                moved = f"{figures['measured_range_um']:.4g} um peak-to-peak"
+                said.append(f"{axis} moved {moved} (open loop: no error to judge)")
+                continue
+            for label, part in (("last four periods", figures), ("from rest", figures["from_rest"])):
+                numbers = (part["max_um"], part["max_pct"], part["rms_um"], part["max_um_mean_removed"])
+                rows.append((axis, label, *(f"{number:.4g}" for number in numbers)))
+        counted = f"{self.figures['ticks']} ticks, {self.figures['dropped']} dropped"
+        return [*said, *([Table(headings, tuple(rows))] if rows else []), counted]
+
+    def plot(self) -> Figure:
+        """Reference, position and error of every axis; in mode open voltage and position."""
+        if self.mode == "open":
+            return self.recording.plot()
+        from phaselead.control.pictures import tracking_figure  # matplotlib is slow to load and is needed here only
+
+        return tracking_figure(self.recording)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+        """Writes .h5 with all that a replay needs, or .csv, .mat or .parquet with the columns alone.
+
+        Raises BadInput for another suffix, and where the file exists and ``overwrite`` is False.
+        """
+        if Path(path).suffix.lower() in RUN_SUFFIXES and (overwrite or not Path(path).exists()):
+            write_run(path, self.capture, self.recording)
+        else:
+            export(self.recording, path, overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        return f"<Run {self.mode}: {len(self.t_s)} ticks, axes {''.join(self.recording.axes)}>"

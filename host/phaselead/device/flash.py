@@ -1,0 +1,87 @@
+"""Putting the firmware on a board with PlatformIO, from the source tree, and seeing that it runs there."""
+
+from __future__ import annotations
+
+import os
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from phaselead.device.device import Device
+from phaselead.errors import BadInput, PhaseleadError
+from phaselead.result import Facts
+from phaselead.source_tree import boards, source_tree
+
+PREPARED = ".pio-core"
+"""What `make toolchain` leaves."""
+
+
+def source_root() -> Path:
+    """The source tree, which PlatformIO builds from. Raises BadInput when this package is not in one."""
+    root = source_tree()
+    if root is None:
+        raise BadInput("flash needs phaselead's source tree; run it there")
+    return root
+
+
+def pio() -> str:
+    beside = Path(sys.executable).with_name("pio")
+    found = str(beside) if beside.exists() else shutil.which("pio")
+    if found is None:
+        raise BadInput("PlatformIO is not installed; `make toolchain`, or pip install platformio==6.2.0")
+    return found
+
+
+def check_before_upload(root: Path, port: str) -> None:
+    """Before anything is built. Raises BadInput when there is no board at this port, or nothing to upload with."""
+    if port.startswith(("sim://", "qemu://")):
+        raise BadInput(f"{port} is no board; give --port its serial line (see `phaselead ports`), or --check-only")
+    if port.startswith("/") and not Path(port).exists():
+        raise BadInput(f"{port}: there is no such port; is the board plugged in? `phaselead ports` lists what is")
+    if (root / PREPARED).is_dir() and shutil.which("openocd") is None:
+        raise BadInput("openocd is missing, which uploads where there is no registry; sudo apt install openocd")
+
+
+def build_and_upload(root: Path, environment: str) -> str:
+    """Runs PlatformIO; gives the build id of what it put on the board. Raises PhaseleadError when it fails."""
+    prepared = root / PREPARED
+    variables = os.environ | ({"PLATFORMIO_CORE_DIR": str(prepared)} if prepared.is_dir() else {})
+    command = [pio(), "run", "-d", str(root), "-e", environment, "-t", "upload"]
+    done = subprocess.run(command, env=variables, stdout=sys.stderr, check=False)
+    if done.returncode != 0:
+        raise PhaseleadError(f"PlatformIO could not build or upload {environment}; see its output above")
+    build_id: str = runpy.run_path(str(root / "firmware" / "build_id.py"))["build_id"](root)
+    return build_id
+
+
+def check_board(device: Device, environment: str, build_id: str) -> None:
+    """Raises PhaseleadError when the board does not run that build."""
+    target, runs = device.hello.target.rstrip(b"\0").decode("ascii", "replace"), device.hello.build_id.hex()
+    if target != environment:
+        raise PhaseleadError(f"the device is a {target}, not a {environment}; is --port the board's?")
+    if runs != build_id:
+        raise PhaseleadError(f"the board runs build {runs[:12]}, not {build_id[:12]}; press its reset, then try again")
+
+
+def flash_board(port: str, environment: str | None = None, *, check_only: bool = False) -> Facts:
+    """Builds and uploads unless ``check_only``, then asks the board for its build id: board, build_id, runs_it.
+
+    ``environment`` is a board of platformio.ini, the first by default.
+
+    Raises BadInput outside a source tree, without a board at this port or for an unknown one; PhaseleadError when the
+    build, the upload or the check fails.
+    """
+    root, known = source_root(), boards()
+    environment = environment or known[0]
+    if environment not in known:
+        raise BadInput(f"there is no board {environment}; there are {', '.join(known)}")
+    if check_only:
+        build_id: str = runpy.run_path(str(root / "firmware" / "build_id.py"))["build_id"](root)
+    else:
+        check_before_upload(root, port)
+        build_id = build_and_upload(root, environment)
+    with Device.open(port) as device:
+        check_board(device, environment, build_id)
+    return Facts({"board": environment, "build_id": build_id, "runs_it": True})

@@ -1,0 +1,147 @@
+"""Results are for people: every one prints, shows itself as HTML, draws itself and becomes a data frame."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import phaselead as pl
+from phaselead.device import Ports
+from phaselead.result import Facts, Table
+
+
+@pytest.fixture(scope="module")
+def device_results(fitted: pl.FitResult) -> dict[str, Any]:
+    with pl.connect() as dev:
+        found: dict[str, Any] = {"info": dev.info(), "status": dev.status(), "upload": dev.upload(fitted)}
+        found["closed"] = dev.track("sine:40um@5Hz", mode="inverse", duration=0.4)
+        found["open"] = dev.track(x="sine:2V@5Hz", y="sine:2V@5Hz", mode="open", duration=0.4)
+        found["listened"] = dev.record(duration=0.1)
+        found["replay"] = pl.replay(found["closed"])
+    with pl.connect() as dev:
+        found["selftest"] = dev.selftest("xy")
+    return found
+
+
+@pytest.fixture(scope="module")
+def results(records: pl.Recordings, fitted: pl.FitResult, device_results: dict[str, Any]) -> dict[str, Any]:
+    return device_results | {
+        "recording": records[0],
+        "recordings": records,
+        "none": pl.Recordings(),
+        "fit": fitted,
+        "linear": pl.fit(records[0], base="linear"),
+        "stage": fitted.model,
+        "verify": pl.verify(fitted, records),
+        "nothing verified": pl.Verifications(),
+        "voltage alone": pl.recording(t_s=[0, 0.1, 0.2], u_V=[0, 1, 2]),
+        "ports": Ports(),
+        "facts": Facts({"a<b": 1}),
+    }
+
+
+NAMES = [
+    "info", "status", "upload", "closed", "open", "listened", "replay", "selftest", "recording", "recordings", "none",
+    "fit", "linear", "stage", "verify", "nothing verified", "voltage alone", "ports", "facts",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_shows_itself(results: dict[str, Any], name: str) -> None:
+    assert sorted(NAMES) == sorted(results)
+    result = results[name]
+    assert isinstance(str(result), str)
+    assert "\n" not in repr(result)
+    assert result._repr_html_().startswith("<")
+    assert list(result.to_pandas().columns) == list(result.columns)
+    if hasattr(result, "plot"):
+        assert result.plot()._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", ["closed", "open", "recording", "voltage alone"])
+def test_columns_are_those_of_the_csv(results: dict[str, Any], name: str, tmp_path: Path) -> None:
+    pl.export(results[name], tmp_path / "out.csv")
+    header = (tmp_path / "out.csv").read_text().splitlines()[0].split(",")
+    frame = results[name].to_pandas()
+    assert list(frame.columns) == header
+    again = pl.read(tmp_path / "out.csv")[0]
+    for column in header:
+        assert np.array_equal(frame[column], again.columns[column])
+        assert np.array_equal(getattr(results[name], column), again.columns[column])
+
+
+def test_a_column_that_is_not_there(records: pl.Recordings) -> None:
+    assert not hasattr(records[0], "r_um")
+    with pytest.raises(AttributeError, match="there is no column y_um; there are t_s, u_V, x_um"):
+        _ = records[0].y_um
+
+
+def test_without_pandas(records: pl.Recordings, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(
+        pl.PhaseleadError, match=r"^to_pandas needs pandas, which is not installed; pip install pandas$"
+    ):
+        records.to_pandas()
+
+
+def test_a_run_is_saved_so_that_it_replays(results: dict[str, Any], tmp_path: Path) -> None:
+    results["closed"].save(tmp_path / "run.h5")
+    assert pl.replay(tmp_path / "run.h5")
+    with pytest.raises(pl.BadInput, match="exists"):
+        results["closed"].save(tmp_path / "run.h5", overwrite=False)
+
+
+def test_a_model_is_taken_however_it_is_given(fitted: pl.FitResult, records: pl.Recordings, tmp_path: Path) -> None:
+    fitted.save(tmp_path / "stage.toml")
+    given = (fitted, fitted.model, tmp_path / "stage.toml", str(tmp_path / "stage.toml"))
+    assert len({str(pl.verify(model, records[2]).columns) for model in given}) == 1
+
+
+@pytest.mark.parametrize(
+    "call", [lambda: pl.verify(3, []), lambda: pl.fit(3), lambda: pl.fit([3]), lambda: pl.read("*.no")]
+)
+def test_what_is_no_model_or_record_is_refused(call: Callable[[], Any]) -> None:
+    with pytest.raises(pl.BadInput):
+        call()
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"t_s": [0, 1], "u_V": [0]},
+        {"t_s": [0, 1, 3], "u_V": [0, 1, 2]},
+        {"t_s": [0, 1], "u_V": [0, float("nan")]},
+        {"t_s": [0, 1], "v": [0, 1]},
+        {"u_V": [0, 1]},
+        {"t_s": [0, 1]},
+    ],
+)
+def test_arrays_that_are_no_recording_are_refused(columns: dict[str, Any]) -> None:
+    with pytest.raises(pl.BadInput):
+        pl.recording(**columns)
+
+
+cells = st.text(st.characters(blacklist_categories=["Cc", "Cs", "Zl", "Zp"]), max_size=8)
+
+
+def rows_of(columns: int) -> st.SearchStrategy[tuple[list[str], list[list[str]]]]:
+    row = st.lists(cells, min_size=columns, max_size=columns)
+    return st.tuples(row, st.lists(row))
+
+
+@given(st.integers(1, 4).flatmap(rows_of))
+def test_a_table_has_a_line_for_each_row(drawn: tuple[list[str], list[list[str]]]) -> None:
+    """Whatever the cells hold: every row is a line, and markup in a cell stays text."""
+    headings, rows = drawn
+    table = Table(tuple(headings), tuple(map(tuple, rows)))
+    assert str(table).count("\n") == max(len(rows) + any(headings) - 1, 0)
+    assert table.html().count("<td>") == len(rows) * len(headings)
+    if any("<" in cell for row in rows for cell in row):
+        assert "&lt;" in table.html()
