@@ -7,7 +7,7 @@ from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of,
 from phaselead.gap.native import keep_freed_memory
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
 from phaselead.gap.run import run_gap
-from phaselead.gap.verify_on import Tracked, Verification, reachable, verify_on
+from phaselead.gap.verify_on import Tracked, Verification, check_port, verify_on
 
 __all__ = [
     "LEVEL",
@@ -22,13 +22,13 @@ __all__ = [
     "Tracked",
     "Verification",
     "brief",
+    "check_port",
     "excitation_of",
     "excludes",
     "headline",
     "keep_freed_memory",
     "lines",
     "percent",
-    "reachable",
     "read_proposal",
     "run_gap",
     "run_proposal",

@@ -27,7 +27,7 @@ def read_proposal(path: str) -> Mapping[str, Any]:
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); make it with phaselead gap --json") from None
     except (ValueError, KeyError, TypeError):
-        raise BadInput(f"{path}: is not a gap.json; make one with phaselead gap --json") from None
+        raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
     if not ties:
         raise BadInput(f"{path}: holds no tie, so there is no experiment to run")
     if proposed is None:
