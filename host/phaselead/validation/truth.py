@@ -17,6 +17,10 @@ KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", 
 """Kinds of cases; docs/gap-campaign.md describes them."""
 
 
+UNDER_TEST = tuple(Path(__file__).parents[1] / room for room in ("gap", "identify", "model"))
+"""Folders of the package whose code a campaign tries."""
+
+
 class Hidden(Protocol):
     """One hidden effect: ``size`` is a multiple of the typical one, ``value`` is in ``unit``, that of the first size
     parameter in the catalogue."""
@@ -108,10 +112,8 @@ def load_truth(folder: str | Path) -> Truth:
 
 def fingerprint(folder: str | Path) -> str:
     """Twelve digits that change with any line of the generator or of the rooms of the package under test."""
-    package = Path(__file__).parents[1]
-    tried = [package / room for room in ("gap", "identify", "model")]
     digest = hashlib.sha256()
-    for root in [Path(folder).resolve(), *tried]:
+    for root in [Path(folder).resolve(), *UNDER_TEST]:
         for file in sorted(root.rglob("*")):
             if file.suffix in (".py", ".c", ".h"):
                 digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
