@@ -1,19 +1,20 @@
 # make demo   the whole story on the built-in stage        make test   everything CI runs
 # make toolchain   PlatformIO without its registry         make firmware   the boards' ELF files
+# make package   sdist and wheel in dist/                  make lock   requirements*.lock from the ranges in pyproject.toml
 # Each sets up what it needs: a virtual environment in .venv with pinned packages, and the compiled parts.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phaselead/*/kernel/*.[ch] host/phaselead/sim/emulator/*.[ch])
+NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phaselead/*/*.[ch] host/phaselead/*/*/*.[ch])
 
 # Where PlatformIO finds what it would otherwise download; `pio run` by itself uses the registry.
 PIO_CORE := .pio-core
 PIO_STAMP := $(PIO_CORE)/.prepared
-BOARD_EXTRA = $$($(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))\
-['project']['optional-dependencies']['board'])")
+LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
+	--custom-compile-command "make lock"
 
-.PHONY: demo test bench campaign lint generate setup toolchain firmware budget clean
+.PHONY: demo test bench campaign lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -44,8 +45,19 @@ lint: $(STAMP)
 generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py
 	@$(BIN)/python -m phaselead.report.catalogue_page
+	@$(BIN)/python -m phaselead.report.waveform_table
 
 setup: $(STAMP)
+
+# The wheel is built from the sdist, in a folder of its own.
+package: $(STAMP)
+	@$(BIN)/python -m build
+
+# Keeps the versions that are there as far as the ranges allow; remove a line, or the file, to renew them.
+lock: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q uv
+	@$(LOCK) --extra test -o requirements.lock pyproject.toml
+	@$(LOCK) --extra board -c requirements.lock -o requirements-board.lock pyproject.toml
 
 toolchain: $(PIO_STAMP)
 
@@ -55,14 +67,14 @@ firmware: $(PIO_STAMP)
 budget: firmware
 	@$(BIN)/python benchmarks/budget.py
 
-$(PIO_STAMP): $(STAMP) $(wildcard firmware/port/stm32f4/offline/*.py firmware/port/stm32f4/offline/platform/*/*)
-	@$(BIN)/python -m pip install --disable-pip-version-check -q $(BOARD_EXTRA)
+$(PIO_STAMP): $(STAMP) platformio.ini requirements-board.lock $(wildcard firmware/port/stm32f4/offline/*.py firmware/port/stm32f4/offline/platform/*/*)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-board.lock
 	@$(BIN)/python firmware/port/stm32f4/offline/prepare.py $(PIO_CORE)
 	@touch $@
 
-$(STAMP): pyproject.toml setup.py $(NATIVE_SOURCES)
+$(STAMP): pyproject.toml requirements.lock setup.py setup.sh $(NATIVE_SOURCES)
 	@sh setup.sh $(PYTHON) $(VENV)
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build out .pio $(PIO_CORE) host/*.egg-info host/phaselead/*/*.so
+	rm -rf $(VENV) build dist out .pio $(PIO_CORE) host/*.egg-info host/phaselead/*/*.so

@@ -34,7 +34,8 @@ if [ ! -x "$venv/bin/python" ]; then
 fi
 echo "setup: installing pinned packages and compiling"
 log=$(mktemp)
-"$venv/bin/python" -m pip install --disable-pip-version-check -q -e '.[test]' >"$log" 2>&1 || {
+pip="$venv/bin/python -m pip install --disable-pip-version-check -q"
+{ $pip -r requirements.lock && $pip --no-build-isolation --no-deps -e .; } >"$log" 2>&1 || {
     cat "$log" >&2
     echo "setup: installing failed, see above; a network connection to a package index is needed once" >&2
     exit 1

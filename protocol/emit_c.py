@@ -25,6 +25,7 @@ def header(schema: Schema) -> str:
         "",
         *_message_numbers(schema),
         *_enums(schema),
+        *_commands(schema),
         *_structs(schema),
         "/* Exact size, or the least for a message that ends in bytes. */",
         "struct wire_message_size {\n    uint16_t fixed;\n    bool has_tail;\n};\n",
@@ -60,6 +61,20 @@ def _enums(schema: Schema) -> list[str]:
         out += [f"    WIRE_{enum.name.upper()}_{k.upper()} = {v}," for k, v in enum.values.items()]
         out += ["};", f"#define WIRE_{enum.name.upper()}_COUNT {len(enum.values)}", ""]
     return out
+
+
+def _commands(schema: Schema) -> list[str]:
+    out = [
+        "/* Every command as COMMAND(name, number, mask of the states it is allowed in, whether it locks the device",
+        " * itself); app/commands.c makes its table of them. */",
+        "#define WIRE_ANY_STATE ((1u << WIRE_STATE_COUNT) - 1)",
+    ]
+    rows = []
+    for m in schema.messages:
+        if m.kind == "request":
+            states = " | ".join(f"1u << WIRE_STATE_{state.upper()}" for state in m.states) or "WIRE_ANY_STATE"
+            rows.append(f"    COMMAND({m.name}, WIRE_{m.name.upper()}, {states}, {str(m.locks_itself).lower()})")
+    return [*out, " \\\n".join(["#define WIRE_COMMANDS(COMMAND)", *rows]), ""]
 
 
 def _structs(schema: Schema) -> list[str]:

@@ -80,10 +80,11 @@ R = TypeVar("R", bound=Reply)
 
 
 class Command(Message, Generic[R]):
-    """A request; ``REPLY`` is the class of its answer."""
+    """A request; ``REPLY`` is the class of its answer, ``REFUSALS`` what a status means for this one alone."""
 
     __slots__ = ()
     REPLY: ClassVar[type[Any]]
+    REFUSALS: ClassVar[dict[int, str]] = {{}}
 
 
 def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
@@ -151,6 +152,9 @@ def _message(schema: Schema, message: Message) -> str:
     extra = [f"NUMBER: ClassVar[int] = 0x{message.number:02X}"]
     if message.kind == "request":
         extra.append(f"REPLY: ClassVar[type[Any]] = {class_name(message.name)}Reply")
+    if message.refusals:
+        rows = [f'    Status.{status.upper()}: "{words}",' for status, words in message.refusals]
+        extra += ["REFUSALS: ClassVar[dict[int, str]] = {", *rows, "}"]
     doc = f"The answer to {message.name}" if message.kind == "reply" else message.doc
     name = message.full_name.replace("_request", "").replace("_reply", " reply")
     return _dataclass(schema, class_name(message.full_name), base, name, doc, message.fields, extra)

@@ -12,6 +12,9 @@ from typing import Any
 
 SCALARS = {"u8": 1, "i8": 1, "u16": 2, "i16": 2, "u32": 4, "i32": 4, "u64": 8, "i64": 8}
 REPLY_BIT = 0x80
+NOT_ON_THE_LINE = ("doc", "platform", "states", "locks_itself", "refusals")
+"""Keys that do not change what the bytes mean."""
+LONGEST_REFUSAL = 90
 CRC_SIZE = 4
 
 
@@ -53,6 +56,12 @@ class Message:
     number: int
     doc: str
     fields: tuple[Field, ...]
+    states: tuple[str, ...] = ()
+    """Of a request: the supervisor's states it is allowed in; empty: all."""
+    locks_itself: bool = False
+    """Of a request: it is slow, and the device's tick runs on meanwhile."""
+    refusals: tuple[tuple[str, str], ...] = ()
+    """Of a request: status and what it means for this one, where more can be said than for all."""
 
     @property
     def full_name(self) -> str:
@@ -129,7 +138,8 @@ def load(path: Path) -> Schema:
     reply_head = _fields(raw["reply"]["fields"])
     messages = []
     for c in raw["commands"]:
-        messages.append(Message(c["name"], "request", c["number"], c["doc"], _fields(c["request"])))
+        how = tuple(c.get("states", ())), c.get("locks_itself", False), tuple(c.get("refusals", {}).items())
+        messages.append(Message(c["name"], "request", c["number"], c["doc"], _fields(c["request"]), *how))
         reply = reply_head + _fields(c["reply"])
         messages.append(Message(c["name"], "reply", c["number"] + REPLY_BIT, c["doc"], reply))
     for s in raw["streams"]:
@@ -166,7 +176,7 @@ def _fingerprint(raw: dict[str, Any]) -> int:
 
     def layout(node: Any) -> Any:
         if isinstance(node, dict):
-            return {k: layout(v) for k, v in node.items() if k not in ("doc", "platform")}
+            return {k: layout(v) for k, v in node.items() if k not in NOT_ON_THE_LINE}
         return [layout(v) for v in node] if isinstance(node, list) else node
 
     return zlib.crc32(json.dumps(layout(raw), sort_keys=True).encode())
@@ -188,9 +198,23 @@ def _check(schema: Schema) -> None:
                 raise SchemaError(f"{where}: field {f.name} names unknown enum {f.enum}")
         if where.startswith("message") and schema.size(fields) > schema.max_payload:
             raise SchemaError(f"{where}: {schema.size(fields)} bytes exceed max_payload {schema.max_payload}")
+    for m in schema.messages:
+        _check_handling(schema, m)
     for what in ("number", "full_name"):
         seen = [getattr(m, what) for m in schema.messages]
         if len(set(seen)) != len(seen):
             raise SchemaError(f"two messages share a {what}")
     if {f.name: 1 << i for i, f in enumerate(schema.tick)} != schema.enums["channel"].values:
         raise SchemaError("enum channel must have one bit per field of [tick], in its order")
+
+
+def _check_handling(schema: Schema, message: Message) -> None:
+    """What is said about a command beside its bytes."""
+    for state in message.states:
+        if state not in schema.enums["state"].values:
+            raise SchemaError(f"command {message.name}: unknown state {state}")
+    for status, words in message.refusals:
+        if status not in schema.enums["status"].values:
+            raise SchemaError(f"command {message.name}: unknown status {status}")
+        if len(words) > LONGEST_REFUSAL:
+            raise SchemaError(f"command {message.name}: refusal {status} is longer than {LONGEST_REFUSAL} characters")

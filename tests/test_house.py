@@ -13,7 +13,7 @@ import pytest
 HOST = Path(__file__).parents[1] / "host"
 ROOMS = (
     "cli", "demo", "report", "validation", "gap", "control", "identify", "sim", "device", "waveforms", "model",
-    "drawing", "record", "compiled", "interrupt", "errors",
+    "drawing", "record", "serial_ports", "compiled", "interrupt", "source_tree", "errors",
 )  # fmt: skip
 """From the top floor down: each may import only what stands after it. docs/design.md draws the same order."""
 FACE = {"", "__main__"}

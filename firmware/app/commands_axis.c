@@ -1,14 +1,13 @@
 /* Mode, gains, path and waveform of an axis. */
 #include <string.h>
 
-#include "app/commands.h"
+#include "app/command.h"
 #include "app/crc32.h"
 #include "core/fixed.h"
+#include "core/inverse_make.h"
 
 #define WAVE_ONE_Q30 (1 << 30)
 #define HALF_TURN64 ((uint64_t)1 << 63)
-
-_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "waveforms lie in memory as on the wire");
 
 enum wire_status command_set_axis(struct device *device, const struct request *request, struct answer *answer)
 {
@@ -28,7 +27,7 @@ enum wire_status command_set_axis(struct device *device, const struct request *r
     memset(&config->path, 0, sizeof config->path); /* its unit may have changed with the mode */
     memset(&config->point, 0, sizeof config->point);
     axis_set_reference(config, &device->model_of[set.axis], &device->control.axis[set.axis]);
-    device_stir(device, set.axis);
+    device_wake(device, set.axis);
     device->control.path_mask &= ~(1u << set.axis);
     return WIRE_STATUS_OK;
 }
@@ -154,7 +153,7 @@ enum wire_status command_set_path(struct device *device, const struct request *r
         .kind = set.path, .swing = set.swing, .offset = set.offset, .step_turn64 = set.step_turn64, .ticks = set.ticks};
     config->point = point;
     axis_set_reference(config, &device->model_of[set.axis], &device->control.axis[set.axis]);
-    device_stir(device, set.axis);
+    device_wake(device, set.axis);
     device->control.path_mask |= 1u << set.axis;
     struct wire_set_path_reply reply = {.inverse_gain_q28 = point.inverse_gain_q28, .lead_turn32 = point.lead_turn32};
     wire_pack_set_path_reply(&reply, answer->payload, answer->size);

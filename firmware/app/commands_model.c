@@ -1,6 +1,8 @@
 /* The model transaction, its read-back and its place in flash. */
-#include "app/commands.h"
+#include "app/command.h"
 #include "app/model_fields.h"
+#include "app/reaction.h"
+#include "core/fixed.h"
 
 enum wire_status command_model_begin(struct device *device, const struct request *request, struct answer *answer)
 {
@@ -44,7 +46,7 @@ static uint16_t would_jump(struct device *device)
                                              .dac_codes_per_V_q16 = model->dac_codes_per_V_q16};
         int32_t u_q24 = device->control.axis[axis].u_q24;
         int64_t jump = (int64_t)converter_dac_code(&converter, u_q24, &saturated) - device->dac_codes[axis];
-        int64_t tolerated = ((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16 >> 40) + 1;
+        int64_t tolerated = floor_shift_i64((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16, 40) + 1;
         if (jump > tolerated || jump < -tolerated)
             return (uint16_t)(100 * axis + (u_q24 == 0 ? FIELD_DAC_ZERO : FIELD_DAC_SCALE));
     }

@@ -1,7 +1,8 @@
 /* Session, supervisor and what the device says about itself. */
 #include <string.h>
 
-#include "app/commands.h"
+#include "app/command.h"
+#include "app/reaction.h"
 #include "core/fixed.h"
 
 #define MODEL_LOADED 1u

@@ -1,6 +1,5 @@
 /* The recorder's stream, and what a replay starts from. */
-#include "app/commands.h"
-#include "app/service.h"
+#include "app/command.h"
 
 enum wire_status command_stream_start(struct device *device, const struct request *request, struct answer *answer)
 {
@@ -10,7 +9,7 @@ enum wire_status command_stream_start(struct device *device, const struct reques
     if (!recorder_format(&format, start.channels, start.axis_mask, start.decimation))
         return WIRE_STATUS_BAD_VALUE;
     struct wire_stream_start_reply reply = {.bytes_per_s = recorder_bytes_per_s(&format),
-                                            .budget_bytes_per_s = service_budget_bytes_per_s(device),
+                                            .budget_bytes_per_s = line_budget_bytes_per_s(device->port.baud),
                                             .state_size = sizeof device->latched};
     wire_pack_stream_start_reply(&reply, answer->payload, answer->size);
     if (reply.bytes_per_s > reply.budget_bytes_per_s)

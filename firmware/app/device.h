@@ -1,22 +1,22 @@
-/* One device: control of three axes, the model, the recorder and the line. A port owns one, calls device_tick() at
- * TICK_RATE_HZ and moves bytes between the line and service.h. Nothing here allocates, blocks or keeps globals.
+/* One device: control of three axes, the model, the recorder and the line. A port owns one, makes it (device_init.h),
+ * calls device_tick() at TICK_RATE_HZ (device_tick.h) and moves bytes between the line and service.h. Nothing here
+ * allocates, blocks or keeps globals.
  */
 #ifndef PHASELEAD_APP_DEVICE_H
 #define PHASELEAD_APP_DEVICE_H
 
 #include "app/events.h"
-#include "app/frame.h"
+#include "app/line.h"
 #include "app/model_store.h"
 #include "app/recorder.h"
 #include "app/supervisor.h"
 #include "core/axis.h"
 
 #define AXES 3
+#define ALL_AXES ((1u << AXES) - 1)
 #define NO_AXIS 255
 #define HOST_TIMEOUT_TICKS 5000 /* 1 s until SET_TIMEOUT says otherwise */
 #define RAIL_TICKS 3            /* consecutive samples at a rail that count as clipped */
-#define REPLIES_KEPT 8
-#define REPLY_KEPT_SIZE 128 /* bytes of header and payload; longer replies are reads, which may be done twice */
 #define RAM_BUDGET (100 * 1024)
 
 /* Everything that the next tick depends on, besides model and waveforms: what SNAPSHOT_READ gives and a replay starts
@@ -51,28 +51,6 @@ struct device_port {
     uint8_t build_id[20];
 };
 
-struct reply_kept { /* what a repeated request is answered with */
-    uint64_t session;
-    uint32_t request_crc;
-    uint16_t id;
-    uint16_t size; /* of header and payload; 0: none */
-    uint8_t body[REPLY_KEPT_SIZE];
-};
-
-struct line {
-    struct cobs_decoder decoder;
-    uint32_t rx_errors;
-    uint32_t reply_size; /* payload of the reply waiting in reply_body; 0: none */
-    uint32_t frame_size, frame_sent;
-    struct wire_header reply_header;
-    struct reply_kept kept[REPLIES_KEPT];
-    uint32_t kept_next;
-    uint8_t rx[WIRE_MAX_BODY];
-    uint8_t reply_body[WIRE_MAX_BODY];
-    uint8_t event_body[WIRE_HEADER_SIZE + WIRE_EVENT_SIZE + WIRE_CRC_SIZE];
-    uint8_t frame[FRAME_MAX];
-};
-
 struct device {
     struct control control;
     struct device_port port;
@@ -84,9 +62,9 @@ struct device {
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
     bool rare; /* a tick did what few do: what can wait for the next one should. The port takes it back */
-    _Atomic uint32_t path_done; /* axes whose path has ended, at these ticks: events that device_tell() puts */
+    _Atomic uint32_t path_done; /* axes whose path has ended, at these ticks: for device_put_path_events() */
     uint64_t path_done_tick[AXES];
-    uint32_t still; /* axes at rest whose last tick was like any that follows: they need no step, their trace stays */
+    uint32_t resting; /* axes whose next tick would be like their last one: they need no step, their trace stays */
     struct model_store models;
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
@@ -105,28 +83,6 @@ _Static_assert(sizeof(struct control) == 48 + AXES * (sizeof(struct axis_config)
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 
-/* Fresh from reset: output at its safe value, the newest model from flash, no session. */
-void device_init(struct device *device, const struct device_port *port);
-
-/* One control tick: codes in, codes out. */
-void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES]);
-
-/* Outside the tick, whose worst would have to hold it: puts the events of paths that have ended. */
-void device_tell(struct device *device);
-
-/* For ports: so many ticks went by without device_tick(), at rest, because flash was busy. They count, and a stream
- * says that it lacks them. */
-void device_miss_ticks(struct device *device, uint32_t ticks);
-
-/* For ports, from any context: this fault was detected; the next tick reacts to it. */
-void device_raise(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail);
-
-/* Posts an event to the supervisor and does what its table says. Returns ok, wrong_state or fault_latched. */
-enum wire_status device_event(struct device *device, enum supervisor_event event, uint8_t axis_mask);
-
-/* Latches a fault and begins its reaction. */
-void device_fault(struct device *device, enum wire_fault fault, unsigned axis, uint32_t detail);
-
 /* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. */
 void device_reset_axes(struct device *device);
 
@@ -134,7 +90,7 @@ void device_reset_axes(struct device *device);
 void device_rest(struct device *device);
 
 /* After the configuration or the state of an axis was changed by other than a tick. */
-void device_stir(struct device *device, unsigned axis);
+void device_wake(struct device *device, unsigned axis);
 
 /* After a model or a waveform came or went. */
 void device_link_models(struct device *device);

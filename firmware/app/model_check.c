@@ -1,8 +1,9 @@
-#include "app/model_store.h"
+#include "app/model_check.h"
 
 #include <string.h>
 
 #include "app/model_inverse.h"
+#include "core/feedforward_tables.h"
 #include "core/fixed.h"
 
 #define FLAG_TABLE 1u

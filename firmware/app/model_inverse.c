@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/fixed.h"
+#include "core/inverse_make.h"
 
 #define PREVIEW_MOST_Q16 (1024u << 16)
 #define OFFSET_MOST_Q16 (1 << 30)         /* 16384 um */

@@ -3,8 +3,7 @@
 #include <string.h>
 
 #include "app/crc32.h"
-
-#define AXES_OFFSET (WIRE_MODEL_SIZE - MODEL_AXES * WIRE_AXIS_MODEL_SIZE)
+#include "app/model_check.h"
 
 /* A flash record: magic, sequence, size of the blob, CRC over sequence, size and blob; then the blob. */
 #define RECORD_MAGIC 0x52304C50u
@@ -25,12 +24,6 @@ const struct model_slot *model_store_prepared(const struct model_store *store)
 static struct model_slot *shadow(struct model_store *store)
 {
     return &store->slots[1 - store->active];
-}
-
-const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room)
-{
-    wire_unpack_axis_model(room, slot->blob + AXES_OFFSET + axis * WIRE_AXIS_MODEL_SIZE, WIRE_AXIS_MODEL_SIZE);
-    return room;
 }
 
 enum wire_status model_store_begin(struct model_store *store, uint32_t size, uint32_t crc)

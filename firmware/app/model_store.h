@@ -6,14 +6,8 @@
 #ifndef PHASELEAD_APP_MODEL_STORE_H
 #define PHASELEAD_APP_MODEL_STORE_H
 
-#include "app/wire.h"
-#include "core/compensation.h"
-#include "core/decouple.h"
-#include "core/feedforward.h"
+#include "app/model_slot.h"
 
-#define MODEL_AXES 3
-#define MODEL_MAGIC 0x314C4850u
-#define MODEL_FIELD_MAGIC 1000 /* the field number of the magic; those of an axis count from 1: 100 axis + number */
 #define FLASH_SLOTS 2
 #define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE)
 
@@ -24,16 +18,6 @@ struct flash_port {
     bool (*program)(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size);
     void (*read)(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size);
     void *context;
-};
-
-struct model_slot {
-    uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */
-    uint32_t crc;
-    uint32_t table_mask;   /* axes with a table view */
-    uint32_t inverse_mask; /* axes with a time view that can be inverted */
-    struct feedforward_tables tables[MODEL_AXES];
-    struct compensation compensation[MODEL_AXES];
-    struct decoupling decoupling;
 };
 
 struct model_store {
@@ -54,9 +38,6 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
 
 const struct model_slot *model_store_active(const struct model_store *store); /* NULL: no model */
 
-/* One axis of a slot's blob, unpacked into `room`. */
-const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room);
-
 enum wire_status model_store_begin(struct model_store *store, uint32_t size, uint32_t crc);
 enum wire_status model_store_chunk(struct model_store *store, uint32_t offset, const uint8_t *data, size_t size);
 
@@ -66,9 +47,5 @@ const struct model_slot *model_store_prepared(const struct model_store *store);
 void model_store_swap(struct model_store *store);
 
 enum wire_status model_store_persist(struct model_store *store, const struct flash_port *flash, uint32_t *sequence);
-
-/* 0, or the number of the first field that is not usable. Fills the slot's tables, compensation, decoupling and
- * masks. */
-uint16_t model_expand(struct model_slot *slot, struct wire_axis_model *room);
 
 #endif

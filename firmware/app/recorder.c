@@ -97,41 +97,21 @@ static int16_t volts_q11(int32_t u_q24)
     return sat_i16(round_shift_i32(u_q24, Q24_TO_Q11));
 }
 
-_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ && sizeof(struct wire_tick) == 12,
-               "all channels of an axis lie in memory as on the wire");
-
-/* As a word: the linker's view of all files does not put two halves together. */
-static inline uint8_t *put_halves(uint8_t *to, uint16_t low, uint16_t high)
+static uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
 {
-    uint32_t word = low | (uint32_t)high << 16;
-    memcpy(to, &word, sizeof word);
-    return to + sizeof word;
+    const struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
+                                   volts_q11(trace->feedback_q24)};
+    return wire_put_tick(to, channels, &tick);
 }
 
-static inline uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
+static void put_traces(const struct recorder_format *format, struct recorder_batch *batch, const uint16_t *adc_codes,
+                       const struct axis_trace *traces)
 {
-    if (channels != ALL_CHANNELS) {
-        struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
-                                 volts_q11(trace->feedback_q24)};
-        return wire_put_tick(to, channels, &tick);
-    }
-    memcpy(to, &trace->reference, sizeof trace->reference);
-    to = put_halves(to + sizeof trace->reference, adc_code, trace->dac_code);
-    return put_halves(to, (uint16_t)volts_q11(trace->feedforward_q24), (uint16_t)volts_q11(trace->feedback_q24));
-}
-
-/* Bytes that the batch then has. */
-static uint32_t put_traces(struct recorder *recorder, struct recorder_batch *batch, const uint16_t *adc_codes,
-                           const struct axis_trace *traces)
-{
-    const struct recorder_format format = recorder->format; /* what is put might be it, for all the compiler knows */
-    const uint32_t size = batch->size;
-    uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + size;
+    uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
     for (unsigned i = 0; i < RECORDER_AXES; i++)
-        if ((format.axis_mask >> i & 1u) != 0)
-            to = put_axis(to, format.channels, adc_codes[i], &traces[i]);
-    batch->size = size + format.tick_size;
-    return size + format.tick_size;
+        if ((format->axis_mask >> i & 1u) != 0)
+            to = put_axis(to, format->channels, adc_codes[i], &traces[i]);
+    batch->size += format->tick_size;
 }
 
 enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
@@ -158,7 +138,8 @@ enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const
         }
         took = RECORDER_TURNED;
     }
-    if (put_traces(recorder, recorder->open, adc_codes, traces) == recorder->format.batch_size) {
+    put_traces(&recorder->format, recorder->open, adc_codes, traces);
+    if (recorder->open->size == recorder->format.batch_size) {
         close_batch(recorder);
         took = RECORDER_TURNED;
     }

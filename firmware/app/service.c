@@ -3,19 +3,7 @@
 #include <string.h>
 
 #include "app/commands.h"
-
-#define LINE_BITS_PER_BYTE 10
-
-uint32_t service_budget_bytes_per_s(const struct device *device)
-{
-    uint32_t line = device->port.baud / LINE_BITS_PER_BYTE;
-    return line - line / 20;
-}
-
-void service_init(struct device *device)
-{
-    cobs_decoder_init(&device->line.decoder, device->line.rx, sizeof device->line.rx);
-}
+#include "app/device_tick.h"
 
 static struct reply_kept *find_kept(struct line *line, const struct wire_header *header, uint32_t request_crc)
 {
@@ -74,7 +62,7 @@ static void obey(struct device *device, const struct request *request, bool in_s
     struct line *line = &device->line;
     const struct command *command = command_find(request->header->type);
     struct answer answer = {.payload = line->reply_body + WIRE_HEADER_SIZE, .size = WIRE_REPLY_HEAD_SIZE};
-    device_tell(device); /* before the command can begin another path */
+    device_put_path_events(device); /* before the command can begin another path */
     if (command->handler)
         answer.size = wire_message_size(request->header->type | WIRE_REPLY_BIT)->fixed;
     memset(answer.payload, 0, answer.size);
@@ -141,7 +129,7 @@ static size_t seal_event(struct device *device)
     struct line *line = &device->line;
     struct wire_event event;
     struct wire_header header = {.type = WIRE_EVENT, .session = device->session};
-    device_tell(device);
+    device_put_path_events(device);
     while (events_take(&device->events, &event, &header.id)) {
         if (device->session == 0)
             continue; /* nobody to tell */

@@ -4,11 +4,6 @@
 
 #include "app/device.h"
 
-/* 5 % of the line is kept for replies and events. */
-uint32_t service_budget_bytes_per_s(const struct device *device);
-
-void service_init(struct device *device);
-
 /* Takes bytes from the line and does the commands among them. Returns how many it took: it stops behind a command
  * until that one's reply is on its way; offer the rest again. */
 size_t service_receive(struct device *device, const uint8_t *bytes, size_t size);

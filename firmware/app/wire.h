@@ -162,6 +162,32 @@ enum wire_event_kind {
 };
 #define WIRE_EVENT_KIND_COUNT 4
 
+/* Every command as COMMAND(name, number, mask of the states it is allowed in, whether it locks the device
+ * itself); app/commands.c makes its table of them. */
+#define WIRE_ANY_STATE ((1u << WIRE_STATE_COUNT) - 1)
+#define WIRE_COMMANDS(COMMAND) \
+    COMMAND(hello, WIRE_HELLO, WIRE_ANY_STATE, false) \
+    COMMAND(stop, WIRE_STOP, WIRE_ANY_STATE, false) \
+    COMMAND(status, WIRE_STATUS, WIRE_ANY_STATE, false) \
+    COMMAND(arm, WIRE_ARM, WIRE_ANY_STATE, false) \
+    COMMAND(start, WIRE_START, WIRE_ANY_STATE, false) \
+    COMMAND(park, WIRE_PARK, WIRE_ANY_STATE, false) \
+    COMMAND(clear_fault, WIRE_CLEAR_FAULT, WIRE_ANY_STATE, false) \
+    COMMAND(set_axis, WIRE_SET_AXIS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
+    COMMAND(set_path, WIRE_SET_PATH, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
+    COMMAND(wave_chunk, WIRE_WAVE_CHUNK, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(wave_commit, WIRE_WAVE_COMMIT, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(model_begin, WIRE_MODEL_BEGIN, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(model_chunk, WIRE_MODEL_CHUNK, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(model_commit, WIRE_MODEL_COMMIT, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(model_read, WIRE_MODEL_READ, WIRE_ANY_STATE, true) \
+    COMMAND(model_persist, WIRE_MODEL_PERSIST, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(stream_start, WIRE_STREAM_START, WIRE_ANY_STATE, false) \
+    COMMAND(stream_stop, WIRE_STREAM_STOP, WIRE_ANY_STATE, false) \
+    COMMAND(snapshot_read, WIRE_SNAPSHOT_READ, WIRE_ANY_STATE, true) \
+    COMMAND(set_timeout, WIRE_SET_TIMEOUT, WIRE_ANY_STATE, false) \
+    COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false)
+
 /* Before every payload */
 #define WIRE_HEADER_SIZE 11
 struct wire_header {

@@ -13,12 +13,13 @@
 #include "core/inverse.h"
 
 #define SHAPE_SECTIONS 6
+#define DRIVE_IN_USE (1u << SHAPE_SECTIONS)
 
 struct compensation { /* of one axis, made when a model is committed */
     uint32_t preview_ticks_q16;
-    int32_t rest_q16; /* position at rest at 0 V */
-    int64_t rest_q40; /* the same; like steps made by compensation_make() */
-    uint32_t steps;   /* sections that change anything: bit i for shape[i], the next for drive */
+    int32_t rest_q16;         /* position at rest at 0 V */
+    int64_t rest_q40;         /* the same */
+    uint32_t sections_in_use; /* those that change anything: bit i for shape[i], and DRIVE_IN_USE */
     uint32_t reserved;
     struct biquad_config shape[SHAPE_SECTIONS];
     struct biquad_config drive;
@@ -35,8 +36,8 @@ struct compensation_state {
     uint32_t reserved;
 };
 
-/* What follows from sections, creep and inverse. False when the position at rest does not fit. Like the next two not
- * for the tick. */
+/* Works out rest_q16, rest_q40 and sections_in_use from the others. False when the position at rest does not fit. Like
+ * the next two not for the tick. */
 bool compensation_make(struct compensation *compensation);
 
 /* A stage at rest at 0 V that begins to follow u. */

@@ -6,13 +6,18 @@ uint16_t converter_dac_code(const struct converter_config *config, int32_t u_q24
 {
     /* At most 2^22 codes from the zero. */
     int32_t code = add_i32((int32_t)mul_shift_wide_i32(u_q24, config->dac_codes_per_V_q16, 40), config->dac_zero_code);
-    if ((code & ~UINT16_MAX) != 0)
-        *saturated = true;
-    return (uint16_t)clamp_i32(code, 0, UINT16_MAX);
+    return (uint16_t)sat_between_i64(code, 0, UINT16_MAX, saturated);
 }
 
 int32_t converter_position_q16(const struct converter_config *config, uint16_t adc_code, bool *saturated)
 {
     int32_t from_zero = (int32_t)(adc_code - (uint32_t)config->adc_zero_code);
     return mul_shift_i32(from_zero, config->adc_um_per_code_q32, 16, saturated);
+}
+
+uint32_t converter_rail_ticks(uint16_t adc_code, uint32_t ticks)
+{
+    if (adc_code != 0 && adc_code != UINT16_MAX)
+        return 0;
+    return ticks == UINT32_MAX ? ticks : ticks + 1;
 }

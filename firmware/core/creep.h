@@ -16,7 +16,7 @@
 struct creep_config { /* terms of no effect have k = 0 */
     int64_t alpha_q64[CREEP_TERMS];
     int32_t k_q30[CREEP_TERMS];
-    uint32_t fours; /* bit i: of the four terms from 4 i on some have an effect. creep_make() */
+    uint32_t in_use; /* 1: some term has an effect. creep_make() */
     uint32_t reserved;
 };
 
@@ -24,8 +24,10 @@ struct creep_state {
     int64_t lag_q40[CREEP_TERMS]; /* um from rest */
 };
 
-/* False when it is not usable. Like creep_admit() not for the tick. */
+/* Works out in_use. False when the terms are not usable. Like creep_admit() not for the tick. */
 bool creep_make(struct creep_config *config);
+
+bool creep_is_in_use(const struct creep_config *config);
 
 /* A state that came from elsewhere may hold anything: brings it within what a step takes. */
 void creep_admit(struct creep_state *state);

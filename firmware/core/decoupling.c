@@ -1,5 +1,5 @@
-/* decoupling_make(): the inverse for every set of axes, when a model is committed. Never called in a tick. */
-#include "core/decouple.h"
+#include "core/decoupling.h"
+
 #include "core/fixed.h"
 
 #define N DECOUPLE_AXES
@@ -41,7 +41,7 @@ bool decoupling_takes(const int32_t row_q28[N], unsigned axis)
 }
 
 /* The coupling of a set of axes; of those that stand still nothing is seen. */
-static void among(const int32_t coupling_q28[N][N], unsigned set, int64_t m_q28[N][N])
+static void coupling_among(const int32_t coupling_q28[N][N], unsigned set, int64_t m_q28[N][N])
 {
     for (unsigned i = 0; i < N; i++)
         for (unsigned j = 0; j < N; j++) {
@@ -66,7 +66,7 @@ bool decoupling_make(const int32_t coupling_q28[N][N], struct decoupling *decoup
             return false;
     for (unsigned set = 0; set < 1u << N; set++) {
         int64_t m_q28[N][N];
-        among(coupling_q28, set, m_q28);
+        coupling_among(coupling_q28, set, m_q28);
         if (!invert((const int64_t (*)[N])m_q28, decoupling->share_q28[set]))
             return false;
         leave_others(set, decoupling->share_q28[set]);

@@ -1,9 +1,9 @@
 /* The paper's feed-forward (Xu & Li 2010, eq. 11): the desired position, seen early by the phase lead and divided by
  * the gain.
  *
- * K(um), theta(um, f) are given on the voltage swing; a path asks for a position range R. feedforward_expand() solves
- * K(um) um = R on a grid of R and tabulates 1/K and theta there, once, when a model is committed. Nothing here divides
- * or solves in the tick.
+ * K(um), theta(um, f) are given on the voltage swing; a path asks for a position range R. feedforward_expand() of
+ * feedforward_tables.h solves K(um) um = R on a grid of R and tabulates 1/K and theta there, once, when a model is
+ * committed. Nothing here divides or solves.
  *
  * At its nodes a table is exact to: um, half an LSB of q24 (in K(um) um); 1/K, 0.51 LSB of q28 and what the rounding of
  * K to (2 + um) LSB of q32 makes of it; theta, 0.51 + (1 + um + 2 f)/256 LSB of turn32. Between nodes it is the
@@ -19,13 +19,6 @@
 #define FF_RANGE_NODES 65
 #define FF_FREQUENCY_NODES 17
 
-struct feedforward_model {
-    int64_t a_q32[3]; /* um/V, um/V^2, um/V^3 */
-    int64_t b_q40[6]; /* turns, per V, per Hz, per V Hz, per V^2, per Hz^2 */
-    int32_t swing_min_q24, swing_max_q24;
-    int32_t f_min_q16, f_max_q16;
-};
-
 struct feedforward_tables {
     int32_t range_min_q16, range_max_q16; /* K(um) um at the ends of the rectangle */
     int32_t f_min_q16, f_max_q16;
@@ -40,13 +33,6 @@ struct feedforward_point { /* the tables at one range and frequency */
     int32_t inverse_gain_q28;
     int32_t lead_turn32;
 };
-
-enum feedforward_verdict { FF_OK, FF_NOT_MONOTONE, FF_GAIN_OUT_OF_RANGE, FF_RECTANGLE_EMPTY, FF_LEAD_OUT_OF_RANGE };
-
-/* Fills the tables; with any verdict but FF_OK they are not to be used. K within 1/8 .. 4096 um/V, K(um) um rising and
- * below 32768 um on the whole rectangle, the lead within half a turn at every node. Bounded time (0.7 million
- * instructions on a Cortex-M4), integers only. */
-enum feedforward_verdict feedforward_expand(const struct feedforward_model *model, struct feedforward_tables *tables);
 
 /* False when (range, f) lies outside the identified rectangle. */
 bool feedforward_lookup(const struct feedforward_tables *tables, int32_t range_q16, int32_t f_q16,

@@ -27,7 +27,7 @@
 #define INVERSE_UNUSED INT32_MAX              /* threshold of a place that is not in use */
 #define INVERSE_THRESHOLD_MOST_Q24 (64 << 24) /* of a play that is: half of what a voltage can be away from another */
 
-struct inverse_play { /* side by side, as they are walked along; all but r made by inverse_make() */
+struct inverse_play { /* all but r made by inverse_make() */
     int32_t r_q24;    /* never falling; those not in use: INVERSE_UNUSED */
     int32_t sum_q20;  /* um/V, what those before it move together */
     int32_t rest_q24; /* where it stands in a stage at rest */
@@ -60,33 +60,6 @@ struct inverse_state {
         turn_q24[INVERSE_PLAYS]; /* at this voltage. Plays above all turns never moved since the stage was at rest */
     uint32_t reserved;           /* explicit padding */
 };
-
-enum inverse_verdict {
-    INVERSE_EXISTS,
-    INVERSE_REST_BEYOND_THRESHOLDS,
-    INVERSE_PLAYS_OUT_OF_ORDER, /* or a threshold too large */
-    INVERSE_WEIGHT_NEGATIVE,
-    INVERSE_KNOTS_OUT_OF_ORDER,
-    INVERSE_TOO_STEEP, /* all slopes together reach 1024 um/V */
-    INVERSE_FALLS,     /* somewhere within the limits the position rises by less than 2^-10 um/V after a turn */
-};
-
-/* Makes what is not given, from the plays' weights (um/V, not negative); usable when the inverse exists. Like
- * everything down to inverse_reach_q16() not for the tick. */
-enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS]);
-
-/* The memory of a stage at rest at 0 V that begins to follow v. Short enough for a moment without ticks. */
-void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
-
-/* Where a play stands. */
-int64_t inverse_play_q24(const struct inverse_config *config, const struct inverse_state *state, unsigned play);
-
-/* A state that came from elsewhere may hold anything: one that is no memory of this operator becomes that of a stage at
- * rest. */
-void inverse_admit(const struct inverse_config *config, struct inverse_state *state);
-
-/* What can be reached whatever the memory: from everything drawn down to u_min, to everything pushed up to u_max. */
-void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16);
 
 /* The memory when the voltage has gone straight to v (or the limit before it), or to the last bend of this tick before
  * that. */

@@ -15,4 +15,7 @@ struct output_config {
 /* `previous` is the output of the tick before. Returns the output; *limited is set when it is not `wanted`. */
 int32_t output_limit_q24(const struct output_config *config, int32_t previous_q24, int32_t wanted_q24, bool *limited);
 
+/* One tick nearer to the goal, by at most a step. */
+int32_t output_ramp_q24(int32_t present_q24, int32_t goal_q24, int32_t step_q24);
+
 #endif

@@ -7,6 +7,7 @@
 
 #define ONE_Q30 ((int64_t)1 << 30)
 #define ONE_Q31 ((int64_t)1 << 31)
+#define QUARTER_TURN32 0x40000000u
 #define HALF_TURN32 0x80000000u /* rounds turn64 to turn32 */
 
 void path_start(struct path_state *state)
@@ -18,20 +19,10 @@ void path_start(struct path_state *state)
 }
 
 /* offset + swing x share / 2^bits. |share| <= 2^31, so the product stays within 2^62. */
-static inline int32_t part_of_swing(const struct path_config *config, int64_t share, unsigned bits, bool *saturated)
+static int32_t part_of_swing(const struct path_config *config, int64_t share, unsigned bits, bool *saturated)
 {
     return sat_i32(config->offset + floor_shift_i64(config->swing * share + ((int64_t)1 << (bits - 1)), bits),
                    saturated);
-}
-
-/* offset + swing (1 + sine) / 2, rounded as above: the upper mean of the swing and its product with the sine. */
-static inline int32_t part_by_sine(const struct path_config *config, int32_t sine_q30, bool *saturated)
-{
-    const int32_t swing = config->swing;
-    if (swing == INT32_MIN) /* -swing does not fit */
-        return part_of_swing(config, ONE_Q30 + sine_q30, 31, saturated);
-    int32_t product = (int32_t)floor_shift_i64((int64_t)swing * sine_q30, 30);
-    return sat_add_i32(config->offset, upper_mean_i32(swing, product), saturated);
 }
 
 static int32_t wave_q30_at(const int32_t *wave_q30, uint32_t phase_turn32)
@@ -55,23 +46,15 @@ static int64_t least_jerk_q31(uint64_t phase_turn64)
     return share_q31 < ONE_Q31 ? share_q31 : ONE_Q31;
 }
 
-static inline uint32_t rounded_turn32(uint64_t phase_turn64)
+static uint32_t rounded_turn32(uint64_t phase_turn64)
 {
     return (uint32_t)((phase_turn64 + HALF_TURN32) >> 32);
 }
 
-/* It begins at its lowest, a quarter turn behind a sine. */
-static inline int32_t sine_at(const struct path_config *config, uint32_t phase_turn32, bool *saturated)
+/* 0 .. 2^31: it begins at its lowest, a quarter turn behind a sine. */
+static int64_t sine_share_q31(uint32_t phase_turn32)
 {
-    return part_by_sine(config, sine_q30(phase_turn32 - 0x40000000u), saturated);
-}
-
-static inline int32_t wave_at(const struct path_config *config, uint32_t phase_turn32, const int32_t *wave_q30,
-                              bool *saturated)
-{
-    if (wave_q30 == NULL)
-        return config->offset;
-    return part_of_swing(config, wave_q30_at(wave_q30, phase_turn32), 30, saturated);
+    return ONE_Q30 + sine_q30(phase_turn32 - QUARTER_TURN32);
 }
 
 static int32_t value_at(const struct path_config *config, uint64_t phase_turn64, const int32_t *wave_q30,
@@ -79,9 +62,11 @@ static int32_t value_at(const struct path_config *config, uint64_t phase_turn64,
 {
     switch (config->kind) {
     case PATH_SINE:
-        return sine_at(config, rounded_turn32(phase_turn64), saturated);
+        return part_of_swing(config, sine_share_q31(rounded_turn32(phase_turn64)), 31, saturated);
     case PATH_WAVE:
-        return wave_at(config, rounded_turn32(phase_turn64), wave_q30, saturated);
+        if (wave_q30 == NULL)
+            return config->offset;
+        return part_of_swing(config, wave_q30_at(wave_q30, rounded_turn32(phase_turn64)), 30, saturated);
     case PATH_MOVE:
         return part_of_swing(config, least_jerk_q31(phase_turn64), 31, saturated);
     default:
@@ -108,19 +93,6 @@ int32_t path_now(const struct path_config *config, const struct path_state *stat
     return value_at(config, state->phase_turn64, wave_q30, saturated);
 }
 
-/* The lead has no part of a turn32, so that both are rounded alike. Flat: it is what the tables' tick is made of. */
-__attribute__((flatten)) struct path_pair path_now_and_led(const struct path_config *config,
-                                                           const struct path_state *state, const int32_t *wave_q30,
-                                                           int32_t lead_turn32, bool *saturated)
-{
-    uint32_t now_turn32 = rounded_turn32(state->phase_turn64);
-    uint32_t led_turn32 = now_turn32 + (state->running != 0 ? (uint32_t)lead_turn32 : 0);
-    if (config->kind == PATH_SINE)
-        return (struct path_pair){sine_at(config, now_turn32, saturated), sine_at(config, led_turn32, saturated)};
-    return (struct path_pair){wave_at(config, now_turn32, wave_q30, saturated),
-                              wave_at(config, led_turn32, wave_q30, saturated)};
-}
-
 int32_t path_ahead(const struct path_config *config, const struct path_state *state, const int32_t *wave_q30,
                    int32_t lead_turn32, uint32_t lead_ticks_q16, bool *saturated)
 {
@@ -134,24 +106,18 @@ int32_t path_ahead(const struct path_config *config, const struct path_state *st
     return value_at(config, phase_turn64, wave_q30, saturated);
 }
 
-static bool ends(struct path_state *state, bool ended)
-{
-    if (ended)
-        state->running = 0;
-    return ended;
-}
-
 bool path_advance(const struct path_config *config, struct path_state *state)
 {
     if (state->running == 0)
         return false;
-    const uint64_t elapsed = state->elapsed + 1, phase_turn64 = state->phase_turn64;
-    const bool in_time = config->ticks != 0 && elapsed >= config->ticks;
-    state->elapsed = elapsed;
-    if (config->kind == PATH_MOVE) {
-        state->phase_turn64 = add_up_to_end(phase_turn64, config->step_turn64);
-        return ends(state, config->ticks != 0 ? in_time : state->phase_turn64 == UINT64_MAX);
-    }
-    state->phase_turn64 = phase_turn64 + config->step_turn64;
-    return ends(state, in_time);
+    state->elapsed++;
+    if (config->kind == PATH_MOVE)
+        state->phase_turn64 = add_up_to_end(state->phase_turn64, config->step_turn64);
+    else
+        state->phase_turn64 += config->step_turn64;
+    const bool arrived = config->kind == PATH_MOVE && state->phase_turn64 == UINT64_MAX;
+    const bool ended = config->ticks != 0 ? state->elapsed >= config->ticks : arrived;
+    if (ended)
+        state->running = 0;
+    return ended;
 }

@@ -47,14 +47,6 @@ int32_t path_now(const struct path_config *config, const struct path_state *stat
 int32_t path_ahead(const struct path_config *config, const struct path_state *state, const int32_t *wave_q30,
                    int32_t lead_turn32, uint32_t lead_ticks_q16, bool *saturated);
 
-struct path_pair {
-    int32_t now, led;
-};
-
-/* Both for a sine or a wave, whose lead is a phase. */
-struct path_pair path_now_and_led(const struct path_config *config, const struct path_state *state,
-                                  const int32_t *wave_q30, int32_t lead_turn32, bool *saturated);
-
 /* One tick on. Returns true at the tick in which the path ends. */
 bool path_advance(const struct path_config *config, struct path_state *state);
 

@@ -15,9 +15,9 @@ void pid_reset(struct pid_state *state)
 static int64_t low_pass_q40(int64_t value_q40, int64_t target_q40, int32_t alpha_q31)
 {
     int64_t difference_q40 = target_q40 - value_q40;
-    int64_t low_q71 = (int64_t)alpha_q31 * signed_low_i64(difference_q40) + (1 << 30); /* the half that rounds */
+    int64_t low_q71 = (int64_t)alpha_q31 * signed_low_i64(difference_q40);
     int64_t high_q39 = (int64_t)alpha_q31 * signed_high_i64(difference_q40);
-    return value_q40 + 2 * high_q39 + floor_shift_i64(low_q71, 31);
+    return value_q40 + 2 * high_q39 + round_shift_i64(low_q71, 31);
 }
 
 static int64_t derivative_q40(const struct pid_config *config, struct pid_state *state, int32_t error_q16,
@@ -43,14 +43,15 @@ int32_t pid_step_q24(const struct pid_config *config, struct pid_state *state, i
 
     int64_t proportional_q40 = (int64_t)config->kp_q24 * error_q16;
     int64_t sum_q40 = proportional_q40 + state->derivative_q40 + floor_shift_i64(state->integral_q48, 8);
-    return sat_i32(floor_shift_i64(sum_q40 + (1 << 15), 16), saturated); /* below 2^63 whatever the parts */
+    return sat_i32(round_shift_i64(sum_q40, 16), saturated); /* below 2^63 whatever the parts */
 }
 
-/* Of opposite signs: deeper. Where nothing was added, nothing is taken back. */
 void pid_unwind(struct pid_state *state, int64_t cut_q24)
 {
-    if ((cut_q24 ^ state->integral_step_q48) < 0 && cut_q24 != 0)
-        state->integral_q48 -= state->integral_step_q48;
+    const int64_t step_q48 = state->integral_step_q48;
+    const bool deeper = (cut_q24 < 0 && step_q48 > 0) || (cut_q24 > 0 && step_q48 < 0);
+    if (deeper)
+        state->integral_q48 -= step_q48;
 }
 
 void pid_preset(const struct pid_config *config, struct pid_state *state, int32_t error_q16, int32_t output_q24,

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import ctypes
-from importlib.util import find_spec
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
 
 from phaselead.errors import PhaseleadError
+
+SUFFIX = EXTENSION_SUFFIXES[-1]
+"""The plain one, .so or .pyd, as setup.py names them: one library serves every version of Python."""
+
+
+def library_path(module: str) -> Path | None:
+    """The file of a shared library of the package, e.g. "phaselead.model._kernel"; None where it is not built."""
+    path = Path(__file__).parent.joinpath(*module.split(".")[1:]).with_suffix(SUFFIX)
+    return path if path.is_file() else None
 
 
 def kernel_of(module: str, *functions: str) -> ctypes.CDLL:
     """The shared library of a room, e.g. "phaselead.model._kernel". Raises PhaseleadError where it is not built, or was
     built before it had these ``functions``."""
-    room, spec = module.split(".")[1], find_spec(module)
-    if spec is None or spec.origin is None:
+    room, path = module.split(".")[1], library_path(module)
+    if path is None:
         raise PhaseleadError(f"the {room} kernel is not built; run: python setup.py build_ext --inplace")
-    kernel = ctypes.CDLL(spec.origin)
+    kernel = ctypes.CDLL(str(path))
     if not all(hasattr(kernel, name) for name in functions):
         raise PhaseleadError(f"the {room} kernel is of an older build; run: python setup.py build_ext --inplace")
     return kernel

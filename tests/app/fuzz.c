@@ -6,6 +6,10 @@
 #include <string.h>
 
 #include "app/crc32.h"
+#include "app/device_init.h"
+#include "app/device_tick.h"
+#include "app/model_check.h"
+#include "app/reaction.h"
 #include "app/service.h"
 #include "port/host/flash.h"
 

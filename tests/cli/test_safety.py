@@ -14,11 +14,10 @@ from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.errors import BadInput
-from phaselead.identify.experiment import identify_device
-from phaselead.identify.plan import Experiment
+from phaselead.identify.experiment import Experiment, identify_device
 from phaselead.model.axis import AxisModel, Gains, Limits, Sensor
 from phaselead.model.stage_file import Stage, save_stage
-from phaselead.waveforms.waveform import parse_wave
+from phaselead.waveforms.catalogue import parse_wave
 
 
 @pytest.mark.parametrize(("wave", "mode"), [("sine:1V+6V@5Hz", "open"), ("sine:60um+20um@5Hz", "pid")])

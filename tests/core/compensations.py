@@ -44,7 +44,7 @@ creeps = st.builds(
 
 def creep_made(creep):
     """As creep_make() leaves it."""
-    creep.fours = sum(any(creep.k_q30[4 * i : 4 * i + 4]) << i for i in range(2))
+    creep.in_use = any(creep.k_q30)
     creep.alpha_q64 = tuple(alpha if k else 0 for alpha, k in zip(creep.alpha_q64, creep.k_q30, strict=True))
     return creep
 
@@ -98,8 +98,8 @@ inverses = _inverses()
 def compensation_of(preview_ticks_q16, rest_q16, shape, drive, creep, inverse):
     """As compensation_make() leaves it, but for any position at rest."""
     changing = [bool(s.b1_q26 or s.b2_q26 or s.a1_q26 or s.a2_q26) for s in (*shape, drive)]
-    steps = sum(changes << i for i, changes in enumerate(changing))
-    known = preview_ticks_q16, rest_q16, rest_q16 << 24, steps, 0
+    in_use = sum(changes << i for i, changes in enumerate(changing))
+    known = preview_ticks_q16, rest_q16, rest_q16 << 24, in_use, 0
     return Compensation(*known, (Biquad * 6)(*shape), drive, creep_made(creep), inverse)
 
 

@@ -13,12 +13,12 @@ ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
-STRAIGHT = ["axis", "biquad", "converter", "decouple", "feedforward", "output", "path", "pid", "sine"]
-COUNTED = ["compensation", "creep", "inverse"]
+STRAIGHT = ["axis", "axis_mode", "biquad", "converter", "feedforward", "output", "path", "pid", "sine"]
+COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
 """Sources whose every function may run in a tick."""
-AT_COMMIT = ["compensable", "decoupling", "expand", "invertible"]
+AT_COMMIT = ["decoupling", "feedforward_tables", "inverse_make", "inverse_memory"]
 """What runs when a model is committed or a path is set."""
 
 BENDS_A_TICK = int(re.search(r"BENDS_A_TICK (\d+)", (CORE / "inverse.h").read_text())[1])
@@ -164,7 +164,7 @@ class Creep(ct.Structure):
     _fields_ = [
         ("alpha_q64", ct.c_int64 * 8),
         ("k_q30", ct.c_int32 * 8),
-        ("fours", ct.c_uint32),
+        ("in_use", ct.c_uint32),
         ("reserved", ct.c_uint32),
     ]
 
@@ -215,7 +215,7 @@ class Compensation(ct.Structure):
         ("preview_ticks_q16", ct.c_uint32),
         ("rest_q16", ct.c_int32),
         ("rest_q40", ct.c_int64),
-        ("steps", ct.c_uint32),
+        ("sections_in_use", ct.c_uint32),
         ("reserved", ct.c_uint32),
         ("shape", Biquad * 6),
         ("drive", Biquad),
@@ -235,7 +235,7 @@ class CompensationState(ct.Structure):
     ]
 
 
-class AxisAim(ct.Structure):
+class AxisTarget(ct.Structure):
     _fields_ = [
         ("reference", ct.c_int32),
         ("ahead_q16", ct.c_int32),
@@ -247,7 +247,7 @@ class AxisAim(ct.Structure):
 class AxisState(ct.Structure):
     _fields_ = [
         ("path", PathState),
-        ("aim", AxisAim),
+        ("target", AxisTarget),
         ("pid", PidState),
         ("compensation", CompensationState),
         ("u_q24", ct.c_int32),
@@ -318,7 +318,9 @@ PROTOTYPES = {
     "h_sat_add_i32": (I32, [I32, I32, FLAG]),
     "h_sat_sub_i32": (I32, [I32, I32, FLAG]),
     "h_sat_i16": (I32, [I32]),
-    "h_upper_mean_i32": (I32, [I32, I32]),
+    "h_leading_zeros_u32": (ct.c_uint, [ct.c_uint32]),
+    "h_leading_zeros_portable_u32": (ct.c_uint, [ct.c_uint32]),
+    "h_trailing_zeros_u32": (ct.c_uint, [ct.c_uint32]),
     "h_mul_high_i32": (I32, [I32, I32]),
     "h_mul_high_round_i32": (I32, [I32, I32]),
     "h_mul_shift_i32": (I32, [I32, I32, ct.c_uint, FLAG]),
@@ -373,8 +375,8 @@ PROTOTYPES = {
     "feedforward_lookup": (ct.c_bool, [ct.POINTER(FeedforwardTables), I32, I32, ct.POINTER(Point)]),
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
-    "axis_start": (None, [ct.POINTER(AxisConfig), ct.POINTER(AxisState)]),
-    "axis_aim": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
+    "axis_start": (None, [ct.POINTER(AxisState)]),
+    "axis_set_target": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
     "axis_step": (
         ct.c_bool,
         [ct.POINTER(AxisConfig), ct.POINTER(AxisState), U16, I32, ct.POINTER(AxisTrace)],

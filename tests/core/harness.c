@@ -6,7 +6,9 @@
 
 #include "core/axis.h"
 #include "core/decouple.h"
+#include "core/feedforward_tables.h"
 #include "core/fixed.h"
+#include "core/inverse_make.h"
 #include "core/sine.h"
 
 int64_t h_floor_shift_i64(int64_t value, unsigned bits)
@@ -59,9 +61,19 @@ int32_t h_sat_i16(int32_t value)
     return sat_i16(value);
 }
 
-int32_t h_upper_mean_i32(int32_t a, int32_t b)
+unsigned h_leading_zeros_u32(uint32_t value)
 {
-    return upper_mean_i32(a, b);
+    return leading_zeros_u32(value);
+}
+
+unsigned h_leading_zeros_portable_u32(uint32_t value)
+{
+    return leading_zeros_portable_u32(value);
+}
+
+unsigned h_trailing_zeros_u32(uint32_t value)
+{
+    return trailing_zeros_u32(value);
 }
 
 int32_t h_mul_high_i32(int32_t a, int32_t b)
@@ -169,7 +181,7 @@ size_t h_sizeof(int which)
         sizeof(struct axis_config),        sizeof(struct axis_state),         sizeof(struct axis_trace),
         sizeof(struct feedforward_model),  sizeof(struct feedforward_tables), sizeof(struct path_config),
         sizeof(struct path_state),         sizeof(struct pid_state),          sizeof(struct compensation),
-        sizeof(struct compensation_state), sizeof(struct decoupling),         sizeof(struct axis_aim)};
+        sizeof(struct compensation_state), sizeof(struct decoupling),         sizeof(struct axis_target)};
     return sizes[which];
 }
 
@@ -179,10 +191,10 @@ struct tick {
     uint16_t command;
 };
 
-static void aim(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
+static void find_target(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
 {
-    if (axis_needs_aim(state) && axis_aim(config, model, state))
-        axis_feed(model, state, state->aim.ahead_q16);
+    if (axis_needs_target(state) && axis_set_target(config, model, state))
+        axis_invert(model, state, state->target.ahead_q16);
 }
 
 /* What a device does of an axis that is alone. */
@@ -193,11 +205,11 @@ void h_run(const struct axis_config *config, const struct axis_model *model, str
         if (ticks[i].command < 3)
             state->drive = ticks[i].command;
         else if (ticks[i].command == 3)
-            axis_start(config, state);
-        aim(config, model, state);
-        int32_t error_q16 = axis_closes(state) ? axis_error_q16(config, state, ticks[i].adc_code) : 0;
+            axis_start(state);
+        find_target(config, model, state);
+        int32_t error_q16 = axis_has_feedback(state) ? axis_error_q16(config, state, ticks[i].adc_code) : 0;
         axis_step(config, state, ticks[i].adc_code, error_q16, &traces[i]);
-        axis_settle(model, state, &traces[i]);
+        axis_follow_output(model, state, &traces[i]);
     }
 }
 

@@ -8,9 +8,9 @@ import pytest
 from compensations import any_compensation, memory_of
 from core_bindings import (
     INT32_MAX,
-    AxisAim,
     AxisConfig,
     AxisState,
+    AxisTarget,
     AxisTrace,
     Command,
     Compensation,
@@ -113,8 +113,8 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
     runs = config.mode in (Mode.OPEN, Mode.PID) or (config.mode in TABLE and (periodic or tables is not None))
     follows = state.drive == Command.PATH and (runs or (config.mode in INVERSE and compensation is not None))
     if state.drive == Command.PATH:
-        state.aim.reference = block("path_now", config.path, state.path, wave)
-    reference = state.aim.reference
+        state.target.reference = block("path_now", config.path, state.path, wave)
+    reference = state.target.reference
     ff = fb = error = 0
     asked = state.u_q24
     if follows:
@@ -122,8 +122,8 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
     if follows and config.mode in INVERSE:
         lead = config.point.lead_turn32, compensation.preview_ticks_q16
         ahead = block("path_ahead", config.path, state.path, wave, *lead)
-        state.aim.ahead_q16 = limited(ahead - compensation.rest_q16)
-        ahead = limited(state.aim.ahead_q16 + compensation.rest_q16)
+        state.target.ahead_q16 = limited(ahead - compensation.rest_q16)
+        ahead = limited(state.target.ahead_q16 + compensation.rest_q16)
     if follows and config.mode in CLOSED:
         error = limited(reference - block("converter_position_q16", config.converter, adc_code))
     if follows:
@@ -144,7 +144,7 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
     else:
         flags.clear()  # nothing came of it
     if state.drive == Command.PATH:
-        state.aim.feedforward_q24 = ff
+        state.target.feedforward_q24 = ff
     if state.drive == Command.RAMP:
         asked += max(-config.ramp_q24, min(config.ramp_q24, config.u_park_q24 - state.u_q24))
     state.u_q24 = block("output_limit_q24", config.output, state.u_q24, limited(asked))
@@ -174,7 +174,7 @@ def test_axis_is_its_blocks(core, tables, wave, mode, data, ticks, with_model):
         if command in DRIVES:
             expected.drive = command
         elif command == Command.START:
-            core.axis_start(config, expected)
+            core.axis_start(expected)
         wanted = composed_step(core, config, used, wave.ctypes.data, compensation, expected, adc_code)
         assert bytes(state) == bytes(expected)
         assert wanted == tuple(getattr(trace, name) for name, _ in AxisTrace._fields_)
@@ -182,19 +182,21 @@ def test_axis_is_its_blocks(core, tables, wave, mode, data, ticks, with_model):
 
 def test_struct_sizes_are_those_of_the_bindings(core):
     structs = [AxisConfig, AxisState, AxisTrace, FeedforwardModel, FeedforwardTables]
-    structs += [PathConfig, PathState, PidState, Compensation, CompensationState, Decoupling, AxisAim]
+    structs += [PathConfig, PathState, PidState, Compensation, CompensationState, Decoupling, AxisTarget]
     assert [core.h_sizeof(i) for i in range(len(structs))] == [ct.sizeof(s) for s in structs]
 
 
 def test_start_sets_the_whole_state(core):
-    state = AxisState(PathState(1, 2, 0, 4), AxisAim(1, 2, 3, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1))
+    state = AxisState(
+        PathState(1, 2, 0, 4), AxisTarget(1, 2, 3, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1)
+    )
     state.u_q24, state.drive, state.saturations, state.rail_ticks = 777, Command.RAMP, 8, 9
     state.compensation.inverse.v_q24 = 5
-    core.axis_start(AxisConfig(), state)
+    core.axis_start(state)
     assert bytes(state.path) == bytes(PathState(0, 0, 1, 0))
     assert bytes(state.pid) == bytes(PidState())
     assert (state.u_q24, state.drive, state.saturations, state.rail_ticks) == (777, Command.PATH, 8, 0)
-    assert state.aim.flags == 0
+    assert state.target.flags == 0
     assert (state.compensation.primed, state.compensation.inverse.v_q24) == (0, 5)
 
 

@@ -27,10 +27,7 @@ from core_bindings import (
 from test_feedforward import POWERS_OF_TWO, model_of
 
 SOURCES = sorted(CORE.glob("*.[ch]"))
-SHIFTING = {
-    "floor_shift_i32", "floor_shift_i64", "round_shift_i64", "round_shift_i32", "mul_shift_wide_i32",
-    "add_mul_shift64_i64", "signed_high_i64", "static assertion",
-}  # fmt: skip
+SHIFTING = {"floor_shift_i32", "floor_shift_i64", "static assertion"}
 """Where fixed.h does it, and asserts what C leaves open about it."""
 SCENARIOS, TICKS = 400, 300
 CORTEX_M4 = ["--target=thumbv7em-none-eabi", "-mcpu=cortex-m4", "-mfloat-abi=soft", "-ffreestanding"]
@@ -57,6 +54,22 @@ def test_signed_values_are_shifted_right_only_in_fixed_h(compiler, source):
             function = "static assertion" if "StaticAssertDecl" in line else top[1] or ""
         if shift := re.search(r"(?:Binary|CompoundAssign)Operator.*?> ('[^']*'(?::'[^']*')?) '>>=?'", line):
             assert "uint" in shift[1] or "unsigned" in shift[1] or function in SHIFTING, f"{function}: {line}"
+
+
+@pytest.mark.parametrize("source", [*SOURCES, *sorted((FIRMWARE / "app").glob("*.[ch]"))], ids=lambda p: p.name)
+def test_no_word_that_only_one_compiler_knows(source):
+    """Nothing beyond C11, but for the one builtin that fixed.h asks for and has a plain twin of."""
+    found = re.findall(r"__(?!VA_ARGS__)\w+|\b(?:asm|typeof)\b", code_without_comments(source))
+    assert set(found) <= {"fixed.h": {"__GNUC__", "__builtin_clz"}}.get(source.name, set())
+
+
+@pytest.mark.parametrize("compiler_name", ["gcc", "clang"])
+def test_the_device_compiles_without_warnings(compiler, compiler_name):
+    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+    command = [compiler(compiler_name), "-std=c11", "-O1", *warnings, f"-I{FIRMWARE}", '-DPHASELEAD_BUILD_ID="0"']
+    sources = [str(source) for source in sorted((FIRMWARE / "app").glob("*.c"))]
+    done = subprocess.run([*command, "-fsyntax-only", *sources], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("compiler_name", ["gcc", "clang"])
@@ -133,10 +146,10 @@ def loops(code):
     return re.findall(r"\b(?:for|while|do|goto|break|continue)\b", code)
 
 
-@pytest.mark.parametrize("name", [*COUNTED, "fixed"])
-def test_loops_of_the_tick_are_counted_by_a_constant(name):
+@pytest.mark.parametrize("source", [*(f"{name}.c" for name in COUNTED), "fixed.h"])
+def test_loops_of_the_tick_are_counted_by_a_constant(source):
     """Every loop goes from 0 to a constant, and nothing leaves it early or changes its counter."""
-    code = code_without_comments(CORE / f"{name}.{'h' if name == 'fixed' else 'c'}")
+    code = code_without_comments(CORE / source)
     counted = COUNTED_LOOP.findall(code)
     assert counted
     assert len(loops(code)) == len(counted)
@@ -151,9 +164,9 @@ def test_other_loops_would_be_seen(loop):
 
 
 def test_loops_and_divisions_would_be_seen(cortex_m4):
-    """expand.c, which never runs in a tick, has both."""
-    assert has_cycle(flow(cortex_m4["expand"]))
-    assert re.search(r"__aeabi_u?ldivmod", cortex_m4["expand"])
+    """feedforward_tables.c, which never runs in a tick, has both."""
+    assert has_cycle(flow(cortex_m4["feedforward_tables"]))
+    assert re.search(r"__aeabi_u?ldivmod", cortex_m4["feedforward_tables"])
 
 
 @pytest.mark.parametrize("name", IN_TICK)

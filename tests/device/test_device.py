@@ -17,10 +17,10 @@ from phaselead.device import wire
 from phaselead.device.capture import DeviceFault
 from phaselead.device.device import Device, model_field
 from phaselead.device.encode_compensation import NO_COMPENSATION
-from phaselead.device.ports import list_ports, open_port
 from phaselead.device.quantities import converters
 from phaselead.device.session import Refused
 from phaselead.errors import BadInput, DeviceRefused, LinkError, PhaseleadError
+from phaselead.serial_ports import list_ports, open_port
 from phaselead.sim.device import Firmware
 
 ROOT = Path(__file__).resolve().parents[2]

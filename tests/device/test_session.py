@@ -105,6 +105,20 @@ def test_every_status_has_words() -> None:
     assert "status 99" in str(Refused("arm", 99))
 
 
+@pytest.mark.parametrize(
+    ("command", "status", "words"),
+    [
+        (wire.StartRequest(1), wire.Status.BAD_VALUE, "no mode or no path yet; set both"),
+        (wire.SetPathRequest(0, 1, 1, 0, 1, 0), wire.Status.MODE_UNSUPPORTED, "the axis is idle; set its mode first"),
+        (wire.SetPathRequest(0, 1, 1, 0, 1, 0), wire.Status.NO_MODEL, "it holds no model"),
+    ],
+)
+def test_a_command_says_more_where_it_can(command, status, words) -> None:
+    session = open_session(FakeDevice(status_of={type(command): status}))
+    with pytest.raises(Refused, match=words):
+        session.request(command)
+
+
 def test_a_device_that_restarted_is_not_mistaken_for_the_old_one() -> None:
     device = FakeDevice()
     session = open_session(device)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from phaselead.gap.atoms import Freedom, base_columns
-from phaselead.gap.compare import MARGIN
+from phaselead.gap.comparison import MARGIN
 from phaselead.gap.records import Run
-from phaselead.gap.residual import track
+from phaselead.gap.regressors import Freedom, base_columns
+from phaselead.gap.residual import modelled_run
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.validation.trial import try_case
 
@@ -33,7 +33,7 @@ def a_track():
     )  # fmt: skip
     mode = AdoptedEffect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (150.0, 420.0), "zeta": (0.02, 0.05)})
     run = Run("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", "", {}, {})
-    return track(AxisModel(time=view, effects=(mode,)), run)
+    return modelled_run(AxisModel(time=view, effects=(mode,)), run)
 
 
 def test_every_number_of_the_base_has_its_tangent_where_a_reference_can_say_how_wrong_it_is():

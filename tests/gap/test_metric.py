@@ -12,14 +12,12 @@ from scipy.signal import lfilter
 from phaselead.gap.disturbances.jitter import find_jitter
 from phaselead.gap.disturbances.search import find_disturbances
 from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
-from phaselead.gap.evidence import evidence
-from phaselead.gap.left import Left
-from phaselead.gap.native import differences_factor, whitened
-from phaselead.gap.noise import Noise, as_idle, fit_noise
-from phaselead.gap.panel import Layout, Raw, panel
+from phaselead.gap.metric import metric_of, whitened_regressors
+from phaselead.gap.noise import Noise, as_idle, differences_factor, fit_noise, whitened
 from phaselead.gap.records import Run
-from phaselead.gap.residual import track
-from phaselead.gap.search import _inverse
+from phaselead.gap.regressors import Layout, SimulatedRegressors
+from phaselead.gap.residual import RunResidual, modelled_run
+from phaselead.gap.scan import _inverse
 from phaselead.model.axis import AxisModel, TimeView
 
 STEP_s = 1e-3
@@ -114,9 +112,9 @@ def test_a_records_own_nuisances_count_for_nothing():
         residual_um_rms=0.01,
     )  # fmt: skip
     u = wave(4000)
-    made = track(AxisModel(time=view), run_of(u, 8 * u))
+    made = modelled_run(AxisModel(time=view), run_of(u, 8 * u))
     noise = Noise(np.ones(1), 1e-4, 1e-4, 1.0, 0.0, np.ones(1))
-    metric = evidence([made], noise)
+    metric = metric_of([made], noise)
     offset = np.ones((4000, 1))
     rest = metric.whiteners[0](offset)
     assert np.sum(metric.project(0, offset) ** 2) < 1e-3 * np.sum(rest**2)
@@ -132,8 +130,8 @@ def ringing(rng: np.random.Generator, n: int, f_Hz: float, zeta: float) -> np.nd
     return np.asarray(0.01 * x / x.std())
 
 
-def left(error_um: np.ndarray) -> Left:
-    return Left(run_of(np.zeros(len(error_um)), error_um), error_um)
+def left(error_um: np.ndarray) -> RunResidual:
+    return RunResidual(run_of(np.zeros(len(error_um)), error_um), error_um)
 
 
 def test_a_column_that_is_nowhere_changes_no_other():
@@ -142,11 +140,11 @@ def test_a_column_that_is_nowhere_changes_no_other():
     view = TimeView(
         gain_um_per_V=1.0, play_r_V=(1.0, 2.0), play_w_um_per_V=(0.3, 0.2), u_range_V=(0.0, 8.0), rate_Hz=1000.0
     )
-    of = track(AxisModel(time=view), run_of(u, 5 + u + 0.1 * rng.normal(size=600)))
-    metric = evidence([of], Noise(np.ones(1), 0.1, 0.2, 2.0, 1e-3, np.ones(1)))
+    of = modelled_run(AxisModel(time=view), run_of(u, 5 + u + 0.1 * rng.normal(size=600)))
+    metric = metric_of([of], Noise(np.ones(1), 0.1, 0.2, 2.0, 1e-3, np.ones(1)))
     columns, fresh = rng.normal(size=(600, 4)).astype(np.float32), 30 + rng.normal(size=(600, 2))
     columns[:, 1] = 0.0
-    made = panel(metric, Layout((), 4), [Raw(of, of.answer(), columns)])
+    made = whitened_regressors(metric, Layout((), 4), [SimulatedRegressors(of, of.answer(), columns)])
     total = made.with_columns([fresh]).sum(axis=0)
     every = metric.project(0, np.concatenate([columns, fresh], axis=1).astype(np.float64))
     assert np.allclose(total, every.T @ every, rtol=1e-6, atol=1e-4)
@@ -194,13 +192,13 @@ def test_what_is_new_at_rest_is_noticed_whatever_it_is(f_Hz):
     assert not louder_at_rest(new[0], new[1], [])  # nobody knows what was there before
 
 
-def jittery(rng: np.random.Generator, f_Hz: float, rms_s: float, role: str) -> Left:
+def jittery(rng: np.random.Generator, f_Hz: float, rms_s: float, role: str) -> RunResidual:
     """A sine read at times that are off at random."""
     t = np.arange(6000) * STEP_s
     late = rms_s * rng.normal(size=len(t))
     ideal, speed = 20 * np.sin(2 * np.pi * f_Hz * t), 40 * np.pi * f_Hz * np.cos(2 * np.pi * f_Hz * t)
     error = 0.01 * rng.normal(size=len(t)) + late * speed
-    return Left(run_of(ideal / 10, ideal + error, role), error)
+    return RunResidual(run_of(ideal / 10, ideal + error, role), error)
 
 
 def test_a_clock_that_is_off_shows_on_all_records_alike():
@@ -222,14 +220,14 @@ def test_fast_noise_on_one_record_alone_is_no_clock():
     assert find_jitter("sampling_jitter", *odd, still) is None
 
 
-def fast(rng: np.random.Generator, rms_s: float, role: str, missed_um: float = 0.0) -> Left:
+def fast(rng: np.random.Generator, rms_s: float, role: str, missed_um: float = 0.0) -> RunResidual:
     """A sine of a fifth of the sampling rate whose amplitude swells, read by that clock, and a harmonic missed."""
     t = np.arange(6000) * STEP_s
     swell, w = 1 + np.sin(2 * np.pi * 0.7 * t), 2 * np.pi * 0.2 / STEP_s
     ideal, speed = 2 * swell * np.sin(w * t), 2 * swell * w * np.cos(w * t)
     error = 0.01 * rng.normal(size=len(t)) + rms_s * rng.normal(size=len(t)) * speed
     error += missed_um * swell * np.sin(w * t + 1)
-    return Left(run_of(ideal / 10, ideal + error, role), error)
+    return RunResidual(run_of(ideal / 10, ideal + error, role), error)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -265,10 +263,10 @@ def test_a_narrow_vibration_in_a_short_record_is_found(seed):
     rng = np.random.default_rng(seed)
     b, a = [1.0], np.poly(np.exp([(-0.05 + 1j) * 2 * np.pi * 17 * STEP_s, (-0.05 - 1j) * 2 * np.pi * 17 * STEP_s]))
 
-    def still(rms_um: float, role: str) -> Left:
+    def still(rms_um: float, role: str) -> RunResidual:
         shaken = lfilter(b, np.real(a), rng.normal(size=6500))[5000:]
         error = 0.01 * rng.normal(size=1500) + rms_um * shaken / shaken.std()
-        return Left(run_of(np.zeros(1500), error, role), error - error.mean())
+        return RunResidual(run_of(np.zeros(1500), error, role), error - error.mean())
 
     shaking = [[still(0.015, role)] for role in ("train", "holdout")]
     calm = [still(0.0, "reference")]

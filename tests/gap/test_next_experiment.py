@@ -20,7 +20,7 @@ from phaselead.model.stage_file import Stage
 from phaselead.record.recording import AxisRecord, Recording
 from phaselead.sim.device import Plant
 from phaselead.sim.plant import built_in, plant_parameters
-from phaselead.waveforms.waveform import POINTS, steepest
+from phaselead.waveforms.waveform import POINTS
 
 RATE_HZ = 5000
 RIVALS = {"delay", "sensor_lowpass", "amplifier_lowpass", "gain_change"}
@@ -96,7 +96,7 @@ def test_excitations_keep_to_voltage_and_slew(slew, u_max_V):
         assert low - 1e-9 <= u.min()
         assert u.max() <= high + 1e-9
         if not one.idle:
-            assert steepest(one.wave()) <= slew
+            assert one.wave().steepest() <= slew
             assert abs(np.diff(u)).max() * 5000 <= slew * (1 + 1e-6)
 
 

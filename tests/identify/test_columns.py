@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.checks import AxisRun
 from phaselead.identify.operator_design import FitRun, design, gram, nested_basis
+from phaselead.identify.runs import AxisRun
 from phaselead.model.operator import delayed, plays
 
 STEP_S = 1e-3

@@ -9,12 +9,11 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from phaselead.identify import in_turn
-from phaselead.identify.checks import AxisRun
 from phaselead.identify.in_turn import fit_in_turn
 from phaselead.identify.mode_fit import FittedModes
-from phaselead.identify.operator_design import period_s
 from phaselead.identify.operator_fit import fit_operator
 from phaselead.identify.operator_result import OperatorFit
+from phaselead.identify.runs import AxisRun, period_s
 
 RATE_HZ, F_HZ, ZETA = 5000.0, 260.0, 0.02
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.errors import BadInput
-from phaselead.identify.checks import axis_run, turning_points
-from phaselead.identify.lockin import LockIn, lock_in
+from phaselead.identify.runs import axis_run, turning_points
+from phaselead.identify.table import LockIn, lock_in
 from phaselead.record.recording import Recording
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from bench_stage import Array, record, rising_sine
 
-from phaselead.identify.checks import axis_run
 from phaselead.identify.memory import came_from, settled
 from phaselead.identify.operator_design import FitRun, fit_run
+from phaselead.identify.runs import axis_run
 from phaselead.record.recording import Recording
 
 

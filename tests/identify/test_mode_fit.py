@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lsim, lti
 
-from phaselead.identify.checks import AxisRun
 from phaselead.identify.mode_fit import fit_modes
+from phaselead.identify.runs import AxisRun
 from phaselead.model.axis import TimeView
 
 RATE_HZ = 5000.0

@@ -9,10 +9,10 @@ import pytest
 from bench_stage import Array, BenchStage, Grid, record, rising_sine, sine_record
 
 from phaselead.errors import BadInput
-from phaselead.identify.checks import AxisRun, axis_run
 from phaselead.identify.operator_fit import fit_linear, fit_operator
 from phaselead.identify.operator_result import effective_rows
 from phaselead.identify.operator_solve import solve
+from phaselead.identify.runs import AxisRun, axis_run
 from phaselead.model.axis import TimeView
 from phaselead.model.operator import predict_time_view
 from phaselead.record.recording import Recording

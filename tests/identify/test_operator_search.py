@@ -10,9 +10,9 @@ from bench_stage import BenchStage, Grid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phaselead.identify.checks import axis_run
 from phaselead.identify.operator_design import fit_run, nested_basis
 from phaselead.identify.operator_search import least_error, least_in_box
+from phaselead.identify.runs import axis_run
 
 NUMBER = st.floats(-5.0, 5.0)
 

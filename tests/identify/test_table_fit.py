@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from phaselead.errors import BadInput
-from phaselead.identify.table_fit import beside_table_1, comparison_text, distinct, regress, regressors, table_fit
+from phaselead.identify.runs import distinct
+from phaselead.identify.table import compare_with_table_1, comparison_text, regress, regressors, table_fit
 from phaselead.model.table import XU_LI_2010, TablePoint
 
 LEVELS, FREQUENCIES = (0.5, 1, 2, 4, 6, 8, 10), (1, 2, 5, 10, 15, 20)
@@ -34,7 +35,7 @@ def test_returns_table_1_from_its_own_points():
     view = table_fit(paper_points())
     assert view.swing_V == (0.5, 10.0)
     assert view.f_Hz == (1.0, 20.0)
-    for row in beside_table_1(view):
+    for row in compare_with_table_1(view):
         assert row.ours == pytest.approx(row.paper, abs=1e-8)
         assert row.std < 1e-6
 
@@ -44,7 +45,7 @@ def test_covariance_covers_the_truth(stated):
     """Whether the scatter of 0.2 is stated by the points, partly stated, or all lack of fit."""
     normalised = []
     for seed in range(150):
-        rows = beside_table_1(table_fit(paper_points(0.2, seed, stated)))
+        rows = compare_with_table_1(table_fit(paper_points(0.2, seed, stated)))
         normalised.append([(row.ours - row.paper) / row.std for row in rows])
     spread = np.sqrt(np.mean(np.square(normalised), axis=0))
     assert np.all((spread > 0.8) & (spread < 1.25)), spread

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +12,17 @@ from hypothesis import strategies as st
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel
 from phaselead.model.table import XU_LI_2010
-from phaselead.waveforms.waveform import POINTS, move_duration_s, parse_wave, parse_waves, refuse_out_of_range
+from phaselead.waveforms.catalogue import parse_wave, parse_waves
+from phaselead.waveforms.goto import move_duration_s
+from phaselead.waveforms.limits import refuse_out_of_range
+from phaselead.waveforms.waveform import POINTS
 
 from stages import assert_one_line  # isort: skip
 
 
 def parts(text: str) -> tuple[str, float, float, str, float]:
-    wave = asdict(parse_wave(text))
-    return wave["kind"], wave["swing"], wave["offset"], wave["unit"], wave["f_Hz"]
+    wave = parse_wave(text)
+    return wave.kind, wave.swing, wave.offset, wave.unit, wave.f_Hz
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from phaselead.device import wire
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model
-from phaselead.device.ports import open_port
 from phaselead.device.session import Session
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model.stage_file import save_stage
+from phaselead.serial_ports import open_port
 from phaselead.sim.plant import built_in
 from phaselead.sim.protocol_sim import open_device, parse_url
 

@@ -10,8 +10,8 @@ import pytest
 
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model
-from phaselead.device.ports import open_port
 from phaselead.errors import BadInput, PhaseleadError
+from phaselead.serial_ports import open_port
 from phaselead.sim.device import Firmware
 from phaselead.sim.plant import built_in
 from phaselead.sim.pty import serve

@@ -74,6 +74,9 @@ def fingerprint(tmp_path: Path, old: str, new: str) -> int:
 
 def test_fingerprint_follows_the_layout_and_not_the_words(tmp_path: Path, schema: Any) -> None:
     assert fingerprint(tmp_path, "lower clamp, V", "the lower clamp") == schema.fingerprint
+    assert fingerprint(tmp_path, 'states = ["parked"]', 'states = ["armed"]') == schema.fingerprint
+    assert fingerprint(tmp_path, "locks_itself = true\n", "") == schema.fingerprint
+    assert fingerprint(tmp_path, "the axis is idle; set", "the axis is idle: set") == schema.fingerprint
     assert fingerprint(tmp_path, "parked = 0", "parked = 9") != schema.fingerprint
     assert fingerprint(tmp_path, "max_payload = 1152", "max_payload = 1024") != schema.fingerprint
     assert fingerprint(tmp_path, "u_min_q24", "u_low_q24") != schema.fingerprint
@@ -87,6 +90,9 @@ def test_fingerprint_follows_the_layout_and_not_the_words(tmp_path: Path, schema
         ("max_payload = 1152", "max_payload = 40", "exceed max_payload"),
         ("feedback = 16", "feedback = 32", "one bit per field"),
         ('name = "u_max_q24"', 'name = "u_min_q24"', "occurs twice"),
+        ('states = ["parked"]', 'states = ["asleep"]', "unknown state asleep"),
+        ("refusals.bad_value", "refusals.bad_mood", "unknown status bad_mood"),
+        ("the axis is idle", "the axis is idle" + 80 * "!", "longer than 90"),
         ('{ name = "offset", type = "u16"', '{ name = "offset", type = "bytes"', "must be the last"),
     ],
 )

@@ -6,7 +6,9 @@
 #include <stdbool.h>
 
 #include "app/model_store.h"
-#include "port/host/host.h"
+
+#define HOST_FLASH_SLOT_SIZE 4096
+#define HOST_FLASH_SIZE (2 * HOST_FLASH_SLOT_SIZE)
 
 struct host_flash {
     uint8_t image[HOST_FLASH_SIZE];

@@ -5,7 +5,9 @@
 #include <string.h>
 
 #include "app/build_id.h"
-#include "app/device.h"
+#include "app/device_init.h"
+#include "app/device_tick.h"
+#include "app/reaction.h"
 #include "app/service.h"
 #include "core/fixed.h"
 #include "plant.h"

@@ -8,18 +8,20 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#if defined(__GNUC__)
 #define HOST_API __attribute__((visibility("default")))
+#else
+#define HOST_API
+#endif
 
-#define HOST_FLASH_SLOT_SIZE 4096
-#define HOST_FLASH_SIZE (2 * HOST_FLASH_SLOT_SIZE)
 /* What the other end of the line holds for a reader that is late; then the line stands still and the device's own
  * recorder begins to drop. */
 #define HOST_LINE_SIZE (1u << 20)
 
 struct host_device;
 
-/* A device fresh from power-on. flash: image of both slots (HOST_FLASH_SIZE bytes) or NULL for erased. NULL when the
- * image has another size or memory is short. */
+/* A device fresh from power-on. flash: image of both slots (HOST_FLASH_SIZE bytes, flash.h) or NULL for erased. NULL
+ * when the image has another size or memory is short. */
 HOST_API struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size);
 HOST_API void host_close(struct host_device *device);
 

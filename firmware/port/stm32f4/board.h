@@ -1,4 +1,4 @@
-/* What differs between the boards, and the wiring they share. docs/board.md has it as a table.
+/* The wiring that all boards share; what differs is in boards/. docs/board.md has it as a table.
  *
  * PA0 CONVST and PA1 LDAC are driven by TIM2 itself, so that sampling and latching do not wait for the program.
  */
@@ -7,17 +7,7 @@
 
 #include "port/stm32f4/registers.h"
 
-#if defined(BOARD_NUCLEO_F446RE)
-#define BOARD_NAME "nucleo_f446re"
-#define BOARD_HSE_BYPASS 1 /* the debugger's MCO gives 8 MHz */
-#define BOARD_USART 2      /* through the on-board debugger: PA2, PA3 */
-#elif defined(BOARD_GENERIC_F405)
-#define BOARD_NAME "generic_f405"
-#define BOARD_HSE_BYPASS 0 /* an 8 MHz crystal */
-#define BOARD_USART 1      /* PA9, PA10 */
-#else
-#error "define BOARD_NUCLEO_F446RE or BOARD_GENERIC_F405"
-#endif
+#include BOARD_FILE /* boards/NAME.h; the build gives this and BOARD_NAME, from the section of platformio.ini */
 
 #ifndef PHASELEAD_BAUD
 #define PHASELEAD_BAUD 2000000u

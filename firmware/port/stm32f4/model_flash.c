@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "app/device_tick.h"
 #include "core/fixed.h"
 #include "port/stm32f4/board.h"
 #include "port/stm32f4/start.h"

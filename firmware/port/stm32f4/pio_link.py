@@ -2,7 +2,6 @@
 
 # ruff: noqa: F821
 Import("env")
-board = env.subst("$PIOENV")
 env.Replace(
     LINKFLAGS=[
         "-mthumb",
@@ -13,9 +12,8 @@ env.Replace(
         "-Wl,--gc-sections,--fatal-warnings",
         "-Wl,-Map=${BUILD_DIR}/firmware.map",
         "-L${PROJECT_DIR}/firmware/port/stm32f4",
-        f"-T{board}.ld",
+        "-Tsections.ld",
     ],
     LIBS=[library for library in env["LIBS"] if library != "stdc++"],
 )
-for script in ("sections.ld", f"{board}.ld"):
-    env.Depends("$BUILD_DIR/${PROGNAME}.elf", f"$PROJECT_DIR/firmware/port/stm32f4/{script}")
+env.Depends("$BUILD_DIR/${PROGNAME}.elf", "$PROJECT_DIR/firmware/port/stm32f4/sections.ld")

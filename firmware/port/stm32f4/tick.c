@@ -2,6 +2,8 @@
 
 #include <stddef.h>
 
+#include "app/device_tick.h"
+#include "app/reaction.h"
 #include "core/fixed.h"
 #include "port/stm32f4/board.h"
 #include "port/stm32f4/converters.h"
@@ -37,7 +39,7 @@ static void watch_interlock(void)
 }
 
 /* It hears again: what it missed it is not told at once. */
-static __attribute__((noinline)) void dac_answered(bool answered)
+static void dac_answered(bool answered)
 {
     if (!answered) {
         dac = DAC_SILENT;
@@ -64,7 +66,7 @@ static void catch_up(const uint16_t codes[AXES])
 }
 
 /* What it is told that did not hear everything; NULL: nothing yet. */
-static __attribute__((noinline)) const uint16_t *codes_behind(const uint16_t codes[AXES])
+static const uint16_t *codes_behind(const uint16_t codes[AXES])
 {
     if (dac == DAC_SILENT)
         return NULL;
@@ -92,7 +94,7 @@ static void watch_dac(struct device *device)
 static void keep_time(struct device *device, uint32_t start)
 {
     uint32_t cycles = DWT->CYCCNT - start;
-    uint32_t bin = 31u - (uint32_t)__builtin_clz(cycles | 1u);
+    uint32_t bin = 31u - leading_zeros_u32(cycles | 1u);
     device->cycles_last = cycles;
     if (cycles > device->cycles_max)
         device->cycles_max = cycles;

@@ -4,49 +4,32 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 import click
 
 from phaselead import __version__, interrupt
+from phaselead.cli.listing import Listed, listed
 from phaselead.errors import PhaseleadError
 
-# Loaded when called: importing the numerical libraries costs more than most of these commands.
-COMMANDS = {
-    "demo": "phaselead.cli.demo:demo",
-    "identify": "phaselead.cli.model:identify",
-    "fit": "phaselead.cli.model:fit",
-    "verify": "phaselead.cli.model:verify",
-    "predict": "phaselead.cli.model:predict",
-    "upload": "phaselead.cli.device:upload",
-    "track": "phaselead.cli.track:track",
-    "arm": "phaselead.cli.device:arm",
-    "park": "phaselead.cli.device:park",
-    "stop": "phaselead.cli.device:stop",
-    "status": "phaselead.cli.device:status",
-    "info": "phaselead.cli.device:info",
-    "ports": "phaselead.cli.device:ports",
-    "log": "phaselead.cli.log:log",
-    "replay": "phaselead.cli.log:replay",
-    "gap": "phaselead.cli.gap:gap",
-    "sim": "phaselead.cli.sim:sim",
-    "flash": "phaselead.cli.board:flash",
-    "selftest": "phaselead.cli.board:selftest",
-}
 
-
-class LazyGroup(click.Group):
-    """Imports a command's module when the command is looked up, and turns our errors into one line and a status."""
+class CommandLine(click.Group):
+    """Imports a command's module when the command is run, and turns our errors into one line and a status."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return list(listed(tuple(__path__)))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
+        found = listed(tuple(__path__)).get(cmd_name)
+        if found is None:
             return None
-        module, attribute = COMMANDS[cmd_name].split(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
+        command: click.Command = getattr(importlib.import_module(f"{__name__}.{found.module}"), found.name)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of `phaselead --help`, without importing the commands."""
+        Contents(listed(tuple(__path__))).format_commands(ctx, formatter)
 
     def invoke(self, ctx: click.Context) -> Any:
         interrupt.install()
@@ -62,13 +45,23 @@ class LazyGroup(click.Group):
             fail(f"{error.filename or 'output'}: {error.strerror or error}; check the path and the space left", 2)
 
 
+class Contents(click.Group):
+    """Commands that only say what they are, in their order."""
+
+    def __init__(self, found: Mapping[str, Listed]) -> None:
+        super().__init__(commands={name: click.Command(name, help=one.help) for name, one in found.items()})
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+
 def fail(line: str, status: int) -> None:
     """Prints one line on stderr and leaves with this status."""
     click.echo(f"phaselead: {' '.join(line.split())}", err=True)
     sys.exit(status)
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=CommandLine, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="phaselead")
 def main() -> None:
     """Identify, drive and understand piezo stages.

@@ -14,12 +14,13 @@ from rich.console import Console
 
 from phaselead.cli.common import emit, json_option, port_option
 from phaselead.cli.device import emit_pairs, print_pairs
+from phaselead.cli.listing import top_level
 from phaselead.device import Device
 from phaselead.device import selftest as test_axis
 from phaselead.errors import BadInput, PhaseleadError
+from phaselead.source_tree import boards, source_tree
 
-ROOT = Path(__file__).resolve().parents[3]
-ENVIRONMENTS = ("nucleo_f446re", "generic_f405")
+BOARDS = boards()
 PREPARED = ".pio-core"
 """What `make toolchain` leaves."""
 FAILED = 1
@@ -27,10 +28,10 @@ FAILED = 1
 
 def source_root() -> Path:
     """The source tree, which PlatformIO builds from. Raises BadInput when this package is not in one."""
-    for root in (Path.cwd(), ROOT):
-        if (root / "platformio.ini").is_file() and (root / "firmware" / "build_id.py").is_file():
-            return root
-    raise BadInput("flash needs phaselead's source tree; run it there")
+    root = source_tree()
+    if root is None:
+        raise BadInput("flash needs phaselead's source tree; run it there")
+    return root
 
 
 def pio() -> str:
@@ -72,8 +73,15 @@ def check_board(device: Device, environment: str, build_id: str) -> None:
         raise PhaseleadError(f"the board runs build {runs[:12]}, not {build_id[:12]}; press its reset, then try again")
 
 
+@top_level(order=180)
 @click.command()
-@click.option("--env", "environment", type=click.Choice(ENVIRONMENTS), default=ENVIRONMENTS[0], help="Which board.")
+@click.option(
+    "--env",
+    "environment",
+    type=click.Choice(BOARDS) if BOARDS else str,
+    default=next(iter(BOARDS), ""),
+    help="Which board.",
+)
 @port_option
 @click.option("--check-only", is_flag=True, help="Upload nothing; only see whether the board runs this source.")
 @json_option
@@ -93,6 +101,7 @@ def flash(environment: str, port: str, check_only: bool, json_to: str | None) ->
     emit_pairs({"board": environment, "build_id": build_id, "runs_it": True}, json_to)
 
 
+@top_level(order=190)
 @click.command()
 @port_option
 @click.option("--axis", "axes", default="xyz", show_default=True, help="Which axes are looped.")

@@ -1,4 +1,7 @@
-"""Options and output that the commands share."""
+"""Options and output that the commands share.
+
+The room `record` is opened where it is needed: it loads numpy, which `phaselead ports` does without.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +10,16 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from phaselead.errors import BadInput
-from phaselead.record import (
-    Recording,
-    check_output,
-    parse_column_map,
-    parse_rate,
-    read_recording,
-    split_argument,
-    write_text,
-)
+
+if TYPE_CHECKING:
+    from phaselead.record import Recording
 
 SHORTEST_S = 0.0004
 
@@ -37,7 +34,10 @@ port_option = click.option(
 
 
 def _checked_output(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
-    check_output(path)
+    if path is not None and path != "-":
+        from phaselead.record import check_output
+
+        check_output(path)
     return path
 
 
@@ -75,6 +75,8 @@ rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a fi
 
 def record_files(arguments: tuple[str, ...] | list[str]) -> list[str]:
     """The files that recording arguments name, their windows taken off."""
+    from phaselead.record import split_argument
+
     return [split_argument(argument)[0] for argument in arguments]
 
 
@@ -82,6 +84,8 @@ def read_recordings(
     arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
 ) -> list[Recording]:
     """Reads every recording argument under one --map and --rate."""
+    from phaselead.record import parse_column_map, parse_rate, read_recording
+
     columns = parse_column_map(column_map) if column_map else None
     rate_Hz = parse_rate(rate) if rate else None
     return [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
@@ -102,6 +106,8 @@ def jsonable(value: Any) -> Any:
 def emit(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
     """Prints for a person, or JSON alone when ``--json -``; writes the JSON file otherwise."""
     if json_to and json_to != "-":
+        from phaselead.record import write_text
+
         write_text(json_to, json_text(figures))
     tell(figures, json_to, human)
 

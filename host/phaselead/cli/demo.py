@@ -5,8 +5,10 @@ from __future__ import annotations
 import click
 
 from phaselead.cli.common import emit, json_option, progress
+from phaselead.cli.listing import top_level
 
 
+@top_level(order=10)
 @click.command()
 @click.option("--out", metavar="DIR", default="phaselead-demo", show_default=True, help="Where everything is kept.")
 @json_option

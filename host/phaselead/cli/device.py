@@ -1,4 +1,4 @@
-"""arm, park, stop, status, info, ports, upload: talk to a device."""
+"""arm, park, stop, status, info, upload: talk to a device."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from phaselead.cli.common import emit, json_option, port_option
-from phaselead.device import Device, device_model, list_ports
+from phaselead.cli.listing import top_level
+from phaselead.device import Device, device_model
 from phaselead.model import load_stage
 
 
@@ -26,6 +27,7 @@ def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:
     emit(figures, json_to, lambda console: print_pairs(console, figures))
 
 
+@top_level(order=80)
 @click.command()
 @port_option
 @click.option("--model-crc", metavar="CRC", default="0", help="Names the model, which a fallback model requires.")
@@ -48,6 +50,7 @@ def parse_crc(text: str) -> int:
         ) from None
 
 
+@top_level(order=90)
 @click.command()
 @port_option
 @json_option
@@ -58,6 +61,7 @@ def park(port: str, json_to: str | None) -> None:
         emit_pairs(device.status().as_dict(), json_to)
 
 
+@top_level(order=100)
 @click.command()
 @port_option
 @json_option
@@ -70,6 +74,7 @@ def stop(port: str, json_to: str | None) -> None:
     emit_pairs({"stopped": True, "tick": state.tick}, json_to)
 
 
+@top_level(order=110)
 @click.command()
 @port_option
 @json_option
@@ -79,6 +84,7 @@ def status(port: str, json_to: str | None) -> None:
         emit_pairs(device.status().as_dict(), json_to)
 
 
+@top_level(order=120)
 @click.command()
 @port_option
 @json_option
@@ -88,21 +94,7 @@ def info(port: str, json_to: str | None) -> None:
         emit_pairs(device.info(), json_to)
 
 
-@click.command()
-@json_option
-def ports(json_to: str | None) -> None:
-    """List serial ports, without opening them. The virtual stage sim://xyz250 is always there."""
-    found = list_ports()
-
-    def human(console: Console) -> None:
-        table = Table("port", "what it is")
-        for entry in found:
-            table.add_row(entry.url, entry.description)
-        console.print(table)
-
-    emit({"ports": [{"url": entry.url, "description": entry.description} for entry in found]}, json_to, human)
-
-
+@top_level(order=60)
 @click.command()
 @click.argument("model_path", metavar="M")
 @port_option

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from phaselead.cli.gap_campaign import campaign
+from phaselead.cli.listing import top_level
 
 # One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
 # ten times what they save.
@@ -41,6 +42,7 @@ def spread(args: list[str]) -> list[str]:
     return found
 
 
+@top_level(order=160)
 @click.group(cls=GapGroup, invoke_without_command=True, subcommand_metavar="[next ...]")
 @click.option("--model", "model_path", metavar="M", help="Stage file.")
 @click.option("--train", multiple=True, metavar="REC...", help="Records to learn from.")

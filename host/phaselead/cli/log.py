@@ -20,9 +20,11 @@ from phaselead.cli.common import (
     record_files,
 )
 from phaselead.cli.device import emit_pairs
+from phaselead.cli.listing import top_level
 from phaselead.record import RUN_SUFFIXES, check_output
 
 
+@top_level(order=140)
 @click.group()
 def log() -> None:
     """Take recordings, look into them, convert them."""
@@ -103,6 +105,7 @@ def recover(journal: str, output: str, json_to: str | None) -> None:
     emit_pairs(recover_run(journal, output), json_to)
 
 
+@top_level(order=150)
 @click.command()
 @click.argument("run", metavar="RUN")
 @json_option

@@ -18,6 +18,7 @@ from phaselead.cli.common import (
     read_recordings,
     record_files,
 )
+from phaselead.cli.listing import top_level
 from phaselead.identify import Base, FitReport, Verification, View, verification_dict
 from phaselead.identify import fit as fit_stage
 from phaselead.identify import verify as verify_stage
@@ -52,6 +53,7 @@ def print_fit(console: Console, report: FitReport, output: str) -> None:
     console.print(f"wrote {output}")
 
 
+@top_level(order=30)
 @click.command()
 @records_argument
 @click.option("--base", type=click.Choice(["operator", "linear"]), default="operator", show_default=True)
@@ -77,6 +79,7 @@ def fit(
     emit(report.as_dict() | {"output": output}, json_to, lambda console: print_fit(console, report, output))
 
 
+@top_level(order=40)
 @click.command()
 @records_argument
 @model_option
@@ -102,6 +105,7 @@ def verify(
     )
 
 
+@top_level(order=50)
 @click.command()
 @click.argument("record", metavar="REC")
 @model_option
@@ -122,6 +126,7 @@ def predict(
     emit(figures, json_to, lambda console: console.print(f"wrote {output}, {len(predicted.t_s)} samples"))
 
 
+@top_level(order=20)
 @click.command()
 @port_option
 @click.option("-o", "--output", metavar="STAGE.toml", required=True)

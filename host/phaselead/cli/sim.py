@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import click
 
+from phaselead.cli.listing import top_level
 from phaselead.errors import BadInput
 
 
+@top_level(order=170)
 @click.command()
 @click.argument("url", metavar="[STAGE]", default="sim://xyz250")
 @click.option("--pty", is_flag=True, help="Serve it on a pseudo-terminal, at real time.")

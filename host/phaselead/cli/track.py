@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -9,11 +10,12 @@ from rich.console import Console
 from rich.table import Table
 
 from phaselead.cli.common import axis_option, duration_option, emit, json_option, port_option, progress
+from phaselead.cli.listing import top_level
 from phaselead.control import MODES, journalled_track, parse_gains
 from phaselead.device import Device
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
-from phaselead.waveforms import parse_waves
+from phaselead.waveforms import examples, parse_waves
 
 
 def print_run(console: Console, figures: dict[str, Any], axis: str, output: str | None) -> None:
@@ -37,6 +39,13 @@ def print_run(console: Console, figures: dict[str, Any], axis: str, output: str 
     console.print(f"{figures['ticks']} ticks, {figures['dropped']} dropped" + (f"; wrote {output}" if output else ""))
 
 
+def names_every_kind(command: Callable[..., None]) -> Callable[..., None]:
+    """Puts a way to write every kind of waveform into a command's help."""
+    command.__doc__ = (command.__doc__ or "").replace("EVERY_KIND", ", ".join(examples()))
+    return command
+
+
+@top_level(order=70)
 @click.command()
 @click.argument("wave", metavar="WAVE")
 @port_option
@@ -49,6 +58,7 @@ def print_run(console: Console, figures: dict[str, Any], axis: str, output: str 
 @click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
 @axis_option
 @json_option
+@names_every_kind
 def track(
     wave: str,
     port: str,
@@ -62,7 +72,7 @@ def track(
 ) -> None:
     """Drive along WAVE, record, and print the tracking error.
 
-    WAVE: sine:60um@5Hz, triangle:100um@20Hz, file:path.csv@10Hz, goto:120um, sine:60um+20um@5Hz (20 to 80 um; the
+    WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um; the
     output goes to 20 um at the slew limit first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
     peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """

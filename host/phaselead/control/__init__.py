@@ -5,13 +5,11 @@ from __future__ import annotations
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.gains import PAPER_GAINS, parse_gains
 from phaselead.control.journal import journalled_listen, journalled_track, recover_run
-from phaselead.control.tracking import JUDGED_PERIODS, MODES, SETTLE_S, Run, assumed_limits, track
+from phaselead.control.tracking import MODES, Run, assumed_limits, track
 
 __all__ = [
-    "JUDGED_PERIODS",
     "MODES",
     "PAPER_GAINS",
-    "SETTLE_S",
     "Run",
     "TrackingError",
     "assumed_limits",

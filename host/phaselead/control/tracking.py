@@ -29,10 +29,6 @@ MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
 USES_TABLES = ("ff", "ff+pid")
 INVERTS = ("inverse", "inverse+pid")
 NEEDS_MODEL = (*USES_TABLES, *INVERTS)
-JUDGED_PERIODS = 4
-DEFAULT_PERIODS = 10
-SETTLE_S = 1.0
-"""What a move is watched for after it has ended, unless a duration is given."""
 REMANENCE_um = 15.0
 """How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
 
@@ -50,7 +46,7 @@ class Run:
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
     """Ten periods of the slowest path; a move and a second."""
-    return max(DEFAULT_PERIODS / w.f_Hz if w.kind != "goto" else w.duration_s + SETTLE_S for w in waveforms.values())
+    return max(waveform.usual_s for waveform in waveforms.values())
 
 
 def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None) -> None:
@@ -157,9 +153,10 @@ def set_up_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains:
     device.set_axis(axis, mode, **(gains.model_dump() if gains is not None else {}))
     if waveform.points is not None:
         device.upload_wave(axis, waveform.points)
-    kind = {"sine": "sine", "goto": "move"}.get(waveform.kind, "wave")
-    length = round(waveform.duration_s * TICK_HZ) if kind == "move" else ticks
-    device.set_path(axis, kind, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz, ticks=length)
+    length = ticks if waveform.path_s is None else round(waveform.path_s * TICK_HZ)
+    device.set_path(
+        axis, waveform.played_as, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz, ticks=length
+    )
 
 
 def from_standing(axis: str, waveform: Waveform, standing: Standing) -> Waveform:
@@ -172,13 +169,11 @@ def from_standing(axis: str, waveform: Waveform, standing: Standing) -> Waveform
         BadInput: the path would begin with a step; the line says from where to where, and what would do.
     """
     here = standing.u_V if waveform.unit == "V" else standing.x_um
-    if waveform.kind == "goto":
-        return waveform.from_start(here)
+    waveform = waveform.from_start(here)
     first, step = float(waveform.value(0.0)), LARGEST_STEP[waveform.unit]
     at_rest = waveform.unit == "um" and abs(standing.u_V) < LARGEST_STEP["V"] and abs(here) <= REMANENCE_um
     low, high = (min(here, 0.0), max(here, 0.0)) if at_rest else (here, here)
-    asked_for = waveform.kind in ("sine", "triangle") and waveform.offset != 0
-    if asked_for or low - step < first < high + step:
+    if waveform.goes_to_start or low - step < first < high + step:
         return waveform
     shift = (0.0 if at_rest else here) - first
     raise BadInput(
@@ -207,9 +202,7 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
         names = ("max_um", "rms_um", "range_um", "max_pct", "max_um_mean_removed")
         nothing: dict[str, Any] = dict.fromkeys(names)
         return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
-    judged = slice(None)
-    if waveform.kind != "goto":
-        judged = slice(-min(len(record.x_um), round(JUDGED_PERIODS / waveform.f_Hz * TICK_HZ)), None)
+    judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
     steady = tracking_error(record.r_um[judged], record.x_um[judged])
     whole = tracking_error(record.r_um, record.x_um)
     return steady.as_dict() | {"from_rest": whole.as_dict()}

@@ -24,11 +24,11 @@ from phaselead.device.capture import (
     read_region,
     wait_parked,
 )
-from phaselead.device.ports import BAUD, open_port
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, Refused, Session
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
+from phaselead.serial_ports import BAUD, open_port
 
 MODEL_CHUNK = 512
 WAVE_CHUNK = 1024

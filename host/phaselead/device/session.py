@@ -13,8 +13,8 @@ import serial
 from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.framing import CRC_SIZE, FrameReader, encode_frame
-from phaselead.device.ports import Port
 from phaselead.errors import DeviceRefused, LinkError
+from phaselead.serial_ports import Port
 
 R = TypeVar("R", bound=wire.Reply)
 
@@ -46,14 +46,7 @@ ADVICE = {
     wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out",
     wire.Status.MODE_UNSUPPORTED: "its firmware does not have this mode",
 }
-
-ADVICE_OF: dict[tuple[str, int], str] = {
-    ("start", wire.Status.BAD_VALUE): "an axis that is to start has no mode or no path yet; set both",
-    ("set_axis", wire.Status.BAD_VALUE): "gains must be zero or positive, and the derivative filter above zero",
-    ("set_path", wire.Status.BAD_VALUE): "a swing below zero, a frequency beyond half the tick rate, or no waveform",
-    ("set_path", wire.Status.MODE_UNSUPPORTED): "the axis is idle; set its mode first",
-}
-"""Where a command can say more."""
+"""What a status means for every command; protocol/schema.toml says more where one command can."""
 
 
 class Refused(DeviceRefused):
@@ -64,7 +57,7 @@ class Refused(DeviceRefused):
         known = status in list(wire.Status)
         name = wire.Status(status).name.lower() if known else f"status {status}"
         general = ADVICE.get(wire.Status(status), "") if known else ""
-        what = detail or ADVICE_OF.get((command, status)) or general or "unknown to this version"
+        what = detail or general or "unknown to this version"
         super().__init__(f"{command} refused ({name}): {what}")
 
 
@@ -236,7 +229,8 @@ class Session:
         if status == wire.Status.NO_SESSION:
             raise SessionLostError(f"{name} on {self.name}: {ADVICE[wire.Status.NO_SESSION]}")
         whole = len(payload) > wire.REPLY_HEAD.size
-        raise Refused(name, status, pending.command.REPLY.unpack(payload) if whole else None)
+        reply = pending.command.REPLY.unpack(payload) if whole else None
+        raise Refused(name, status, reply, pending.command.REFUSALS.get(status, ""))
 
     def _write(self, data: bytes) -> None:
         try:

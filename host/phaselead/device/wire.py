@@ -69,10 +69,11 @@ R = TypeVar("R", bound=Reply)
 
 
 class Command(Message, Generic[R]):
-    """A request; ``REPLY`` is the class of its answer."""
+    """A request; ``REPLY`` is the class of its answer, ``REFUSALS`` what a status means for this one alone."""
 
     __slots__ = ()
     REPLY: ClassVar[type[Any]]
+    REFUSALS: ClassVar[dict[int, str]] = {}
 
 
 def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
@@ -694,6 +695,9 @@ class StartRequest(Command[StartReply]):
     NAME: ClassVar[str] = "start"
     NUMBER: ClassVar[int] = 0x05
     REPLY: ClassVar[type[Any]] = StartReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "an axis that is to start has no mode or no path yet; set both",
+    }
     SIZE: ClassVar[int] = 1
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
     axis_mask: int
@@ -819,6 +823,9 @@ class SetAxisRequest(Command[SetAxisReply]):
     NAME: ClassVar[str] = "set_axis"
     NUMBER: ClassVar[int] = 0x08
     REPLY: ClassVar[type[Any]] = SetAxisReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "gains must be zero or positive, and the derivative filter above zero",
+    }
     SIZE: ClassVar[int] = 18
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiii")
     axis: int
@@ -893,6 +900,10 @@ class SetPathRequest(Command[SetPathReply]):
     NAME: ClassVar[str] = "set_path"
     NUMBER: ClassVar[int] = 0x09
     REPLY: ClassVar[type[Any]] = SetPathReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "a swing below zero, a frequency beyond half the tick rate, or no waveform",
+        Status.MODE_UNSUPPORTED: "the axis is idle; set its mode first",
+    }
     SIZE: ClassVar[int] = 26
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiQQ")
     axis: int

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from phaselead.gap.design import excitation_of, read_proposal, run_proposal
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
-from phaselead.gap.native import keep_freed_memory
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
-from phaselead.gap.run import run_gap
+from phaselead.gap.run import keep_freed_memory, run_gap
 from phaselead.gap.verify_on import Tracked, Verification, check_port, verify_on
 
 __all__ = [

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from phaselead.gap.acceptance import Named
 from phaselead.gap.adopt import adopted
-from phaselead.gap.bounds import bounds
+from phaselead.gap.confidence import confidence_intervals, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
+    Disturbance,
     Shift,
     best_explained,
     disturbance_spectra,
@@ -16,41 +18,62 @@ from phaselead.gap.disturbances import (
     louder_at_rest,
     session_shifts,
 )
-from phaselead.gap.final import Final, finish
-from phaselead.gap.grow import Growth, Named, unnamed
-from phaselead.gap.intervals import intervals
-from phaselead.gap.left import Found
+from phaselead.gap.goodness_of_fit import (
+    CLEARLY_ABOVE_FLOOR,
+    FinalFit,
+    final_fit,
+    names_leave_too_much,
+    structure_remains,
+)
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.records import Run
-from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Spectrum, Trace, Value
-from phaselead.gap.second_opinion import explained
-from phaselead.gap.surplus import PLAINLY, SLOW, leaves_too_much, unexplained
-from phaselead.model import AxisModel, Effect, Place
+from phaselead.gap.result import (
+    NAMED,
+    Bound,
+    Candidate,
+    Cell,
+    Gap,
+    NamedEffect,
+    NextExperiment,
+    Spectrum,
+    Trace,
+    Value,
+)
+from phaselead.gap.search import Growth, Progress, grow, without_names
+from phaselead.model import AxisModel, Effect
 
+SECOND_SEARCH_LEAVES = 0.5
+"""Of the power above the floor that the first search left: a second one that leaves less is believed instead."""
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
-OFFSET = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
-STOOD_IN = "explains most alone and less than the names together; the search that found these went without it"
+NEEDS_SESSION = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
+SUBSTITUTE = "explains most alone and less than the names together; the search that found these went without it"
 
 
 @dataclass(frozen=True)
 class AxisResult:
-    """What ``run_gap`` puts together."""
+    """What the workflow found on one axis; ``run_gap`` joins those of all axes."""
 
     axis: str
     model: AxisModel
+    """The base with what was found."""
     effects: list[NamedEffect]
     ties: list[tuple[str, ...]]
+    """Names that the records cannot tell apart, the best first."""
     unknown: bool
+    """Whether something is there that no name explains."""
     excluded: list[Bound]
     untestable: dict[str, str]
+    """Why these records say nothing of an effect, by its name."""
     where: list[Cell]
     gap: Gap
     rows: int
+    """Held-out rows."""
     next_experiment: NextExperiment | None
     candidates: list[Candidate]
     traces: list[Trace]
     spectra: list[Spectrum]
     messages: list[str]
+    """For a person."""
 
 
 def search_axis(
@@ -61,90 +84,197 @@ def search_axis(
     effects: Sequence[Effect],
     frozen: bool,
     seed: int,
-    on_progress: Callable[[float], None],
+    on_progress: Progress,
 ) -> AxisResult:
-    """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data."""
+    """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data.
+
+    ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for intervals and cells.
+    """
     candidates, refused = responses(effects, frozen)
     if not frozen and not any(run.role == "reference" for run in runs):
         candidates = [effect.beside_moving_base() for effect in candidates]
-    growth, final = explained(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
-    if leaves_too_much(growth, final):
-        growth = unnamed(growth)
-        final = finish(growth, runs)
-    little_left = final.gap.after < PLAINLY * final.gap.floor
+    growth, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
     named, ties, file_entries = _named(growth, final, label, seed)
-    lefts = final.lefts("train"), final.lefts("holdout"), final.lefts("reference")
-    disturbed, untested, left_out = find_disturbances(*lefts, {e.name for e in effects})
-    noise_like = [_disturbance(found, final, label) for found in disturbed]
-    shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
-    claimed = {e.name for e in named} | {n for tie in ties for n in tie}
-    # While more is left, or what is slow was named, that may shift the records as well.
-    shifted = best_explained(shifts) if little_left and not claimed & SLOW else ()
-    allowed = {e.name for e in effects} - claimed
-    moved = [_other_zero(name, shifts[name], label) for name in shifted if set(shifted) <= allowed]
-    if len(moved) > 1:
-        ties.append(shifted)
-    else:
-        noise_like += moved
-    if shifts:
-        refused.pop("offset", None)
-    taken = {e.name for e in [*named, *noise_like]} | {n for tie in ties for n in tie}
-    excluded, hidden = bounds(growth, candidates, taken, label)
-    if growth.stood_in is not None and growth.stood_in not in taken:
-        hidden[growth.stood_in] = STOOD_IN
-    if "offset" in shifts and "offset" in allowed - taken:
-        excluded.append(Bound("offset", abs(shifts["offset"].amount) + shifts["offset"].half, "um", label))
+    other = _beyond_voltage(axis, final, effects, {e.name for e in named} | {n for tie in ties for n in tie}, label)
+    ties += other.ties
+    taken = {e.name for e in [*named, *other.named]} | {n for tie in ties for n in tie}
+    excluded, hidden = upper_bounds(growth, candidates, taken, label)
+    if growth.substitute is not None and growth.substitute not in taken:
+        hidden[growth.substitute] = SUBSTITUTE
+    if other.zero_tested:
+        refused = {name: why for name, why in refused.items() if why != NEEDS_SESSION}
     on_progress(0.97)
-    tied = max((n for n in growth.named if len(n.tied) > 1), key=_comparable, default=None)
     return AxisResult(
         axis,
-        adopted(final.axis, [*file_entries, *noise_like]),
-        [*named, *noise_like],
+        adopted(final.axis, [*file_entries, *other.named]),
+        [*named, *other.named],
         ties,
-        unexplained(growth, final)
-        or (bool(shifted) and not moved and not allowed >= set(shifted))
-        or bool(left_out)
-        or (not disturbed and louder_at_rest(*lefts)),
-        excluded,
-        {**{n: w for n, w in {**refused, **untested}.items() if n not in taken}, **hidden},
-        rank_cells(
-            [ResidualAndNoise(left.run, left.error_um, growth.bench.noise) for left in final.before_lefts("holdout")],
-            seed,
-            label,
-        ),
+        structure_remains(growth, final) or other.unknown,
+        [*excluded, *other.excluded],
+        {**{n: w for n, w in {**refused, **other.untested}.items() if n not in taken}, **hidden},
+        _where(growth, final, seed, label),
         final.gap,
         final.rows,
-        propose(growth, tied, label) if tied is not None else None,
+        _proposal(growth, label),
         growth.candidates,
         final.traces(),
-        disturbance_spectra(disturbed, lefts[1], lefts[2], axis),
-        [*growth.messages, *left_out],
+        other.spectra,
+        [*growth.messages, *other.messages],
     )
 
 
 def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], dict[str, str]]:
-    """Effects that the search may name, and why the others are not among them. Noise-like ones have their own tests."""
+    """Effects that the search may name, and why others are not among them, by name.
+
+    Disturbances have tests of their own, but a drift is fitted like a response: its course in time is known.
+    """
     allowed, refused = [], {}
     for effect in effects:
-        if effect.name == "offset":
-            refused[effect.name] = OFFSET
+        if effect.moves_zero == "at once":
+            refused[effect.name] = NEEDS_SESSION
         elif effect.kind == "calibration" and not frozen:
             refused[effect.name] = NEEDS_FROZEN
-        elif effect.kind != "disturbance" or (effect.place == Place.ENVIRONMENT and effect.name == "thermal_drift"):
+        elif effect.kind != "disturbance" or effect.moves_zero == "steadily":
             allowed.append(effect)
     return allowed, refused
 
 
-def _comparable(one: Named) -> bool:
-    """Whether two of its tie were refitted, so that an experiment can be predicted for both."""
-    return sum(r.effect.name in one.tied for r in one.rivals) > 1
+@dataclass(frozen=True)
+class _BeyondVoltage:
+    """What no voltage predicts: disturbances, and a zero that moved between the sessions."""
+
+    named: list[NamedEffect]
+    ties: Sequence[tuple[str, ...]]
+    excluded: Sequence[Bound]
+    unknown: bool
+    """Whether something is there that no effect allowed explains."""
+    untested: dict[str, str]
+    """Why a disturbance could not be tested, by its name."""
+    zero_tested: bool
+    """Whether there are records that could show a zero that moved."""
+    spectra: list[Spectrum]
+    messages: list[str]
+
+
+def _beyond_voltage(
+    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str], label: str | None
+) -> _BeyondVoltage:
+    """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
+    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
+    zero = _moved_zero(final, effects, claimed, label)
+    named = [*(_disturbance(one, final, label) for one in found), *zero.named]
+    unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
+    shown = disturbance_spectra(found, residuals[1], residuals[2], axis)
+    return _BeyondVoltage(named, zero.ties, zero.excluded, unknown, untested, zero.tested, shown, left_out)
+
+
+@dataclass(frozen=True)
+class _MovedZero:
+    """What the means of the records say about a zero that moved between the sessions."""
+
+    tested: bool = False
+    """Whether there are records that could show it."""
+    named: Sequence[NamedEffect] = ()
+    ties: Sequence[tuple[str, ...]] = ()
+    excluded: Sequence[Bound] = ()
+    unknown: bool = False
+    """Whether it moved as no effect allowed explains."""
+
+
+def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], label: str | None) -> _MovedZero:
+    """Test for a zero that moved between the sessions."""
+    shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
+    # While more is left, or what is slow was named, that may shift the records as well.
+    little_left = final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor
+    slow = any(effect.slow and effect.name in claimed for effect in effects)
+    shifted = best_explained(shifts) if little_left and not slow else ()
+    allowed = {effect.name: effect for effect in effects if effect.name not in claimed}
+    explained = set(shifted) <= set(allowed)
+    named = [_shifted(allowed[name], shifts[name], label) for name in shifted] if explained else []
+    excluded = [
+        Bound(name, abs(shifts[name].amount) + shifts[name].half, effect.sizes[0].unit, label)
+        for name, effect in allowed.items()
+        if effect.moves_zero == "at once" and name in shifts and name not in {one.name for one in named}
+    ]
+    if len(named) > 1:
+        return _MovedZero(bool(shifts), ties=[shifted], excluded=excluded)
+    return _MovedZero(bool(shifts), named, (), excluded, bool(shifted) and not explained)
+
+
+def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
+    """An effect that moved the zero. Its share is 0: the gap is measured about each record's own mean."""
+    at, half, size = shift.amount, shift.half, effect.sizes[0]
+    why = f"from the reference session on records stand off by {at:.4g} {size.unit}, and held-out ones too"
+    return NamedEffect(effect.name, label, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why)
+
+
+def _credible_search(
+    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> tuple[Growth, FinalFit]:
+    """The better search, its names withdrawn where they leave too much to be what is there."""
+    growth, final = search_twice(model, runs, effects, frozen, on_progress)
+    if names_leave_too_much(growth, final):
+        growth = without_names(growth)
+        final = final_fit(growth, runs)
+    return growth, final
+
+
+def search_twice(
+    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> tuple[Growth, FinalFit]:
+    """The search, or a second one without the effect that the first began with, where that explains much more.
+
+    The search names one effect after the other, and the one that explains most alone may imitate two that act
+    together: a mode for a load and a lag. So where clearly more is left than the reference records allow, the search
+    is run again without it, and the better explanation of the held-out records is kept.
+    """
+    growth = grow(model, runs, effects, frozen, lambda share: on_progress(0.8 * share))
+    final = final_fit(growth, runs)
+    first = _first_named(growth)
+    if first is None or growth.problem.reference is None or final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor:
+        return growth, final
+    others = [effect for effect in effects if effect.name != first]
+    again = grow(model, runs, others, frozen, lambda share: on_progress(0.8 + 0.2 * share))
+    second = final_fit(again, runs)
+    if not again.named or _above_floor(second) > SECOND_SEARCH_LEAVES * _above_floor(final):
+        return growth, final
+    names = " and ".join(n.effect.name for n in again.named)
+    said = f"{first} alone explains most, but {names} without it leave less of the held-out records"
+    return replace(again, substitute=first, messages=[*again.messages, said]), second
+
+
+def _first_named(growth: Growth) -> str | None:
+    """Name of the effect that was named first, though it may have been dropped since, or that came nearest to it."""
+    names = [c.name for c in growth.candidates if c.remark == NAMED] or [c.name for c in growth.candidates]
+    return names[0] if names else None
+
+
+def _above_floor(final: FinalFit) -> float:
+    """Power in um^2 that is left of the held-out records beyond the floor."""
+    return float(final.gap.after**2 - final.gap.floor**2)
+
+
+def _where(growth: Growth, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
+    """Where the base as given leaves most of the held-out records."""
+    noise = growth.problem.noise
+    parts = [ResidualAndNoise(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
+    return rank_cells(parts, seed, label)
+
+
+def _proposal(growth: Growth, label: str | None) -> NextExperiment | None:
+    """The experiment that would best break a tie; None where no tie has two members that were refitted."""
+    ties = [one for one in growth.named if len(one.tied) > 1]
+    tied = max(ties, key=lambda one: sum(r.effect.name in one.tied for r in one.rivals) > 1, default=None)
+    return propose(growth, tied, label) if tied is not None else None
 
 
 def _named(
-    growth: Growth, final: Final, label: str | None, seed: int
+    growth: Growth, final: FinalFit, label: str | None, seed: int
 ) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
-    """Named effects, ties, and what goes into the file's list (a tie's best member too, so that the model predicts)."""
-    values = intervals(final.fitted, growth.bench.slim, growth.bench.correction, seed)
+    """Named effects, ties, and the effects for the stage file: those named, and the best of each tie, so that the model
+    predicts. An effect that the base took up as plays is in none of its lists of effects."""
+    values = confidence_intervals(final.fitted, growth.problem.train_common, growth.problem.discrepancy, seed)
     by_name = {effect.name: v for (effect, _), v in zip(final.fitted.entries, values, strict=True)}
     named, ties, entries = [], [], []
     for one in growth.named:
@@ -161,9 +291,9 @@ def _named(
 
 
 def _operator_params(one: Named, growth: Growth) -> dict[str, Value]:
-    """Of `hysteresis` that became the base's own operator: the catalogue's description of it."""
+    """Parameters of an effect that the base took up as plays of its own: as the catalogue describes it."""
     params = growth.operator or {}
-    spread = 2 / max(one.held.z, 1.0)
+    spread = 2 / max(one.held_out.z, 1.0)
     return {
         p.name: (params[p.name], p.unit, _around(params[p.name], spread))
         for p in one.effect.parameters
@@ -172,14 +302,16 @@ def _operator_params(one: Named, growth: Growth) -> dict[str, Value]:
 
 
 def _around(value: float, share: float) -> tuple[float, float]:
+    """The interval of a share of the value on either side of it."""
     return value - share * abs(value), value + share * abs(value)
 
 
 def _why(one: Named) -> str:
+    """Why an effect was named, for a person."""
     rivals = [r for r in one.rivals if r.effect.name not in one.tied]
     found = f"beats the model without it by {one.score:.0f} points"
-    if one.held.testable:
-        found += f"; held-out records show {100 * one.held.slope:.0f} % of it (z = {one.held.z:.1f})"
+    if one.held_out.testable:
+        found += f"; held-out records show {100 * one.held_out.slope:.0f} % of it (z = {one.held_out.z:.1f})"
     else:
         found += "; the held-out records lack the drive to show it, so this rests on the training records"
     if rivals:
@@ -187,17 +319,7 @@ def _why(one: Named) -> str:
     return found
 
 
-def _other_zero(name: str, shift: Shift, label: str | None) -> NamedEffect:
-    """Its share is 0: the gap is measured about each record's own offset."""
-    at, half = shift.amount, shift.half
-    size, unit = ("offset_um", "um") if name == "offset" else ("ramp_um_per_s", "um/s")
-    why = f"from the reference session on records stand off by {at:.4g} {unit}, and held-out ones too"
-    return NamedEffect(name, label, {size: (at, unit, (at - half, at + half))}, 0.0, why)
-
-
-def _disturbance(found: Found, final: Final, label: str | None) -> NamedEffect:
+def _disturbance(found: Disturbance, final: FinalFit, label: str | None) -> NamedEffect:
+    """A disturbance that was found, with its share of the power."""
     share = min(found.power_um2 / max(final.gap.before**2, 1e-30), 1.0)
     return NamedEffect(found.name, label, found.params, share, found.why)
-
-
-__all__ = ["AxisResult", "search_axis"]

@@ -13,9 +13,10 @@ e_k - phi_k e_{k-1} then has a covariance of three diagonals, whose Cholesky fac
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,65 +24,67 @@ from scipy.linalg import LinAlgError, solve
 from scipy.optimize import minimize
 from scipy.signal import detrend
 
-from phaselead.gap.native import differences_factor, whitened
+from phaselead.compiled import kernel_of
 from phaselead.record import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
-"""Of the autoregressions. The sensor's is short because rows just after a jump, as many, are lost to it."""
-JUMP = 30.0
-"""A jump is a row in which the misfit may change by this many deviations of the sensor's innovations; the short
-filter for the sensor's noise then says nothing for its length."""
-UNSURE = 4.0
-"""Times a wander that a few independent stretches of one record tell."""
-NOISIER = 1.1
-"""Power of whitened records at rest from which their noise is not the one that was expected."""
-RARE = 0.02
+"""Of the autoregressions. The sensor's is short because as many rows are lost after every jump."""
+JUMP_STD = 30.0
+"""A row is a jump when the misfit may change in it by this many deviations of the sensor's innovations; the filter for
+the sensor's noise then says nothing for its length."""
+RARE_SHARE = 0.02
 """Of the rows: what happens more often is no jump."""
-WHITE_BLOCKS = 24
-"""Fewest blocks over all records before blocks are made shorter than they would like to be."""
-SHORTEST_BLOCK = 64
-REPEATS = 0.98
-"""Correlation with itself a period later from which a voltage counts as periodic."""
+WANDER_MARGIN = 4.0
+"""A wander estimated from the few independent stretches of one record may be this many times larger."""
+LOUDER = 1.1
+"""Mean square of whitened records at rest from which their noise is another than was expected."""
 START_STD = 1e3
-"""How uncertain the misfit is in a record's first row, in units of its deviation."""
+"""Deviation of the misfit in a record's first row, in units of its own: nothing is known of it there."""
 LIKELIHOOD_ROWS = 60_000
-MOSTLY = 0.5
+"""Most rows of a record in the likelihood, which is evaluated some 90 times."""
+MOVING_SHARE = 0.5
 """Share of moving rows from which a record tells how the misfit behaves in motion."""
-MOVING = 1e-2
+MOVING_GROWTH = 1e-2
 """A row in which the misfit's variance grows by more than this, in units of the sensor's, is one in motion."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Sensor noise as an autoregression with innovations of ``sigma_um``; misfit as above; what is left of it in
-    motion, where it is smoother than a random walk, as another autoregression, of unit innovations."""
+    """Noise of residuals, in the terms of the module's equations."""
 
     sensor: Samples
+    """Autoregression (1, a_1 ... a_p) of the sensor's noise."""
     sigma_um: float
+    """Standard deviation of its innovations."""
     misfit_um: float
+    """Standard deviation of the misfit."""
     length_V: float
+    """Way of the voltage over which the misfit is forgotten."""
     wander_um2_per_s: float
+    """Growth of the misfit's variance in time."""
     rest: Samples
+    """Autoregression, with innovations of deviation 1, of what these leave in motion: there the misfit is smoother than
+    a random walk."""
     idle_um2_per_s: float | None = None
     """Wander of records in which the voltage never moves; None where no record told."""
 
     @property
     def level_um(self) -> float:
-        """Deviation of misfit and innovations together."""
+        """Standard deviation of misfit and innovations together."""
         return float(np.hypot(self.sigma_um, self.misfit_um))
 
     def whitener(self, u_V: Samples, step_s: float) -> Whitener:
-        """For a record of the voltage (n,)."""
+        """The whitener of a record driven by the voltage (n,)."""
         return Whitener(self, u_V, step_s)
 
     def amplitude_density(self, f_Hz: Samples, step_s: float) -> Samples:
-        """Of the sensor's noise in um/sqrt(Hz), one-sided."""
+        """One-sided amplitude density (m,) of the sensor's noise in um/sqrt(Hz) at frequencies (m,)."""
         turn = np.exp(-2j * np.pi * np.outer(f_Hz * step_s, np.arange(len(self.sensor))))
         return np.asarray(self.sigma_um * np.sqrt(2 * step_s) / np.abs(turn @ self.sensor))
 
 
 class Whitener:
-    """Makes the noise of one record white and of unit variance."""
+    """Filters under which the noise of one record becomes white and of unit variance."""
 
     def __init__(self, noise: Noise, u_V: Samples, step_s: float) -> None:
         self._noise = noise
@@ -94,11 +97,12 @@ class Whitener:
         slow = float(np.sum(noise.sensor)) / noise.sigma_um
         first = START_STD**2 if noise.misfit_um > 0 else 0.0
         self.factor = differences_factor(self._phi, grown * slow**2, first)
-        self._moving = grown * slow**2 > MOVING
+        self._moving = grown * slow**2 > MOVING_GROWTH
         self._grown = grown
 
     def __call__(self, values: Samples) -> Samples:
-        """Whitened (n, ...) along the first axis; the first rows, which lack a past, become 0."""
+        """Values (n, ...) whitened along the first axis. Rows without enough of a past, and those after jumps, become
+        0."""
         n = self._noise
         white = self._whitened(values, n.rest)
         white[: len(n.sensor) + len(n.rest) - 1] = 0.0
@@ -107,14 +111,14 @@ class Whitener:
 
     @cached_property
     def _lost(self) -> NDArray[np.intp]:
-        """Rows that rare jumps spoil."""
+        """Rows (m,) after jumps, where jumps are rare."""
         n, rows = self._noise, len(self._grown)
-        jumped = np.flatnonzero(self._grown > (JUMP * n.sigma_um) ** 2)
-        lost = (jumped[:, None] + np.arange(len(n.sensor))).ravel() if len(jumped) < RARE * rows else jumped[:0]
+        jumped = np.flatnonzero(self._grown > (JUMP_STD * n.sigma_um) ** 2)
+        lost = (jumped[:, None] + np.arange(len(n.sensor))).ravel() if len(jumped) < RARE_SHARE * rows else jumped[:0]
         return np.asarray(lost[lost < rows])
 
     def innovations(self, values: Samples) -> Samples:
-        """Before the last autoregression."""
+        """Values (n, ...) whitened but for the autoregression in motion, ``rest``."""
         return self._whitened(values, np.ones(1))
 
     def _whitened(self, values: Samples, rest: Samples) -> Samples:
@@ -123,7 +127,8 @@ class Whitener:
 
 
 def autoregression(series: Sequence[Samples], order: int = ORDER) -> tuple[Samples, float]:
-    """(1, a_1 ... a_p) and the innovations' deviation over all series (n_i,), least squares (covariance method)."""
+    """Autoregression (1, a_1 ... a_p) of all series (n_i,) together, and the deviation of its innovations, by least
+    squares (covariance method). Short series get a lower order."""
     order = min(order, max(1, min(len(s) for s in series) // 20))
     normal = np.zeros((order + 1, order + 1))
     count = 0
@@ -140,7 +145,8 @@ def autoregression(series: Sequence[Samples], order: int = ORDER) -> tuple[Sampl
 
 
 def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples], step_s: float) -> Noise:
-    """Noise of residuals: ``driven`` are (residual, voltage) pairs, ``idle`` residuals at rest; each (n_i,)."""
+    """The most likely noise of some residuals in um, each (n_i,): ``driven`` are pairs of residual and voltage,
+    ``idle`` residuals at rest."""
     if not driven:
         sensor, sigma = autoregression(idle)
         return Noise(sensor, sigma, 0.0, 1.0, 0.0, np.ones(1))
@@ -154,7 +160,7 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
         noise = replace(noise, idle_um2_per_s=min(at_rest, noise.wander_um2_per_s))
     white = [noise.whitener(u, step_s).innovations(e)[len(sensor) :] for e, u in driven]
     moved = [np.abs(np.diff(u, prepend=u[0]))[len(sensor) :] > 0 for _, u in driven]
-    white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOSTLY]
+    white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOVING_SHARE]
     if not white:
         return noise
     rest, scale = autoregression(white)
@@ -162,32 +168,33 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
 
 
 def _wander(error: Samples, step_s: float) -> float:
-    """um^2/s by which a residual at rest (n,) may wander, from above: what the squares of its way over a quarter of the
-    record exceed those over a fortieth, and the scatter of such a figure."""
+    """Upper estimate in um^2/s of how a residual at rest (n,) wanders: by how much the squares of its way over a
+    quarter of the record exceed those over a fortieth, and the scatter of such a figure."""
     e = np.asarray(error, dtype=np.float64)
     n = len(e)
     long, short = n // 4, max(n // 40, 1)
     means = np.convolve(e, np.ones(short) / short, "valid")
     far, near = (float(np.mean((means[lag:] - means[:-lag]) ** 2)) for lag in (long, short))
-    return (UNSURE * max(far - near, 0.0) + near) / (long * step_s)
+    return (WANDER_MARGIN * max(far - near, 0.0) + near) / (long * step_s)
 
 
 def as_idle(noise: Noise, idle: Sequence[Samples]) -> Noise:
-    """The noise with the sensor's part of these residuals at rest (n_i,), where they hold more than it expects: hum and
-    vibration that came up since it was learned would else look like whatever rings in motion."""
+    """The noise with the sensor's part learned anew from residuals at rest (n_i,), where these hold more than it
+    expects: hum and vibration that came up since would otherwise look like whatever rings in motion."""
     quiet = [np.asarray(detrend(e)) for e in idle]
     if not quiet:
         return noise
     taps = noise.sensor / noise.sigma_um
     white = np.concatenate([np.convolve(e, taps, "valid") for e in quiet])
-    if float(np.mean(white**2)) < NOISIER:
+    if float(np.mean(white**2)) < LOUDER:
         return noise
     sensor, sigma = autoregression(quiet)
     return replace(noise, sensor=sensor, sigma_um=sigma)
 
 
 def _roughness(series: Sequence[Samples]) -> float:
-    """Deviation of white noise in smooth residuals, from the quieter half of their third differences (gain 20)."""
+    """Deviation of the white noise in smooth residuals (n_i,), from the median of their third differences, whose
+    variance is 20 times that of the noise."""
     rough = np.concatenate([np.diff(s, 3) for s in series])
     return max(float(1.4826 * np.quantile(np.abs(rough), 0.5) / np.sqrt(20.0)), 1e-6)
 
@@ -195,7 +202,8 @@ def _roughness(series: Sequence[Samples]) -> float:
 def _likeliest(
     noise: Noise, driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples], step_s: float
 ) -> Noise:
-    """Misfit, length and wander of the largest likelihood."""
+    """The noise with the misfit, length and wander of the largest likelihood, and without idle records its sigma
+    too."""
     parts = [(e, u) for e, u in driven] + [(e, np.zeros(len(e))) for e in idle]
     parts = [(e[:LIKELIHOOD_ROWS], u[:LIKELIHOOD_ROWS]) for e, u in parts]
     own_sigma = not idle
@@ -229,46 +237,49 @@ def _simplex(start: Samples) -> Samples:
     return np.vstack([start, start + 1.5 * np.eye(len(start))])
 
 
-def repetition(white: Samples, period: int | None) -> float:
-    """At least 1: power of the mean over the last periods of a whitened residual (n,), over what noise would leave.
-
-    What a model misses on a periodic drive comes back in every period and is the same evidence each time: without
-    this, thirty periods of one fault would count thirtyfold.
-    """
-    if period is None or len(white) < 2 * period:
-        return 1.0
-    count = len(white) // period
-    folded = white[len(white) - count * period :].reshape(count, period)
-    power = float(np.mean(folded**2))
-    return max(1.0, count * float(np.mean(folded.mean(axis=0) ** 2)) / power) if power > 0 else 1.0
+_SIZE, _DATA = ctypes.c_size_t, ctypes.c_void_p
 
 
-def period_of(u_V: Samples) -> int | None:
-    """Rows after which a voltage (n,) repeats, or None: the first strong peak of its autocorrelation."""
-    n = len(u_V)
-    u = u_V - u_V.mean()
-    power = float(np.mean(u**2))
-    if not power > 0:
-        return None
-    spectrum = np.abs(np.fft.rfft(u, 2 * n)) ** 2
-    rho = np.fft.irfft(spectrum)[: n // 2 + 1] / np.arange(n, n - n // 2 - 1, -1) / power
-    below = np.flatnonzero(rho < 0.5)
-    if not len(below):
-        return None
-    strong = np.flatnonzero(rho[below[0] :] > REPEATS)
-    if not len(strong):
-        return None
-    first = int(below[0] + strong[0])
-    last = first + int(np.argmax(rho[first : first + max(2, first // 8)]))
-    return last if float(np.mean((u[last:] - u[:-last]) ** 2)) < (1 - REPEATS) * power else None
+class _KernelWhitener(ctypes.Structure):
+    """struct gap_whitener."""
+
+    _fields_ = (
+        ("n_sensor", _SIZE), ("sensor", _DATA), ("phi", _DATA), ("diag", _DATA), ("below", _DATA),
+        ("n_rest", _SIZE), ("rest", _DATA), ("moving", _DATA),
+    )  # fmt: skip
 
 
-def block_edges(rows: Sequence[int], wanted: int) -> list[list[int]]:
-    """Edges of blocks of about ``wanted`` rows in each series, shorter where that leaves too few in all."""
-    total = sum(rows)
-    length = max(SHORTEST_BLOCK, min(wanted, total // WHITE_BLOCKS))
-    edges = []
-    for n in rows:
-        count = max(1, round(n / length))
-        edges.append(np.linspace(0, n, count + 1).astype(int).tolist())
-    return edges
+@cache
+def _kernel() -> ctypes.CDLL:
+    kernel = kernel_of("phaselead.gap._kernel", "gap_differences_factor")
+    kernel.gap_whiten.argtypes = [ctypes.POINTER(_KernelWhitener), _SIZE, _SIZE, _DATA, _DATA, _DATA]
+    kernel.gap_differences_factor.argtypes = [_SIZE, _DATA, _DATA, ctypes.c_double, _DATA, _DATA]
+    kernel.gap_whiten.restype = kernel.gap_differences_factor.restype = None
+    return kernel
+
+
+def differences_factor(phi: Samples, grown: Samples, first: float) -> Samples:
+    """Lower Cholesky factor, banded (2, n), of the covariance of n_k - phi_k n_{k-1} + w_k for unit white n and w of
+    the variance ``grown`` (n,); the first row's is 1 + ``first``."""
+    phi, grown = (np.ascontiguousarray(a, dtype=np.float64) for a in (phi, grown))
+    factor = np.empty((2, len(phi)))
+    diag, below = factor
+    _kernel().gap_differences_factor(
+        len(phi), phi.ctypes.data, grown.ctypes.data, first, diag.ctypes.data, below.ctypes.data
+    )
+    return factor
+
+
+def whitened(
+    values: Samples, sensor: Samples, phi: Samples, factor: Samples, rest: Samples, moving: NDArray[np.bool_]
+) -> Samples:
+    """``values`` (n, ...) filtered by ``sensor``, freed of what lasts along the path by ``phi`` (n,) and the banded
+    Cholesky ``factor`` (2, n), and in ``moving`` rows filtered by ``rest``."""
+    rows = np.ascontiguousarray(values, dtype=np.float64).reshape(len(values), -1)
+    steps, white = np.empty_like(rows), np.empty_like(rows)
+    kept = [np.ascontiguousarray(a, dtype=np.float64) for a in (sensor, phi, factor[0], factor[1], rest)]
+    moves = np.ascontiguousarray(moving, dtype=np.uint8)
+    taps, along, diag, below, last = (a.ctypes.data for a in kept)
+    by = _KernelWhitener(len(kept[0]), taps, along, diag, below, len(kept[4]), last, moves.ctypes.data)
+    _kernel().gap_whiten(by, *rows.shape, rows.ctypes.data, steps.ctypes.data, white.ctypes.data)
+    return white.reshape(np.shape(values))

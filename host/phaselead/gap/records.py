@@ -18,15 +18,16 @@ from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, ref
 Role = Literal["train", "holdout", "reference"]
 
 FEWEST_ROWS = 256
-"""Scored rows of a record: below it neither its noise nor a block of it can be judged."""
+"""Scored rows of a record: with fewer neither its noise nor a block of it can be judged."""
 SAME_RATE = 0.01
+"""Largest relative difference between the sampling rates of a record and of the model."""
 SAME_SHARE = 1e-6
 """Of the span of a position: what printing it can change."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One axis of one recording: arrays (n,), the rows to score, the other axes' voltages and positions."""
+    """One axis of one recording, arrays (n,)."""
 
     axis: str
     role: Role
@@ -34,23 +35,31 @@ class Run:
     u_V: Samples
     x_um: Samples
     r_um: Samples | None
+    """Reference that the position followed; None in open loop."""
     start: int
+    """First of the rows to score; those before it warm the memory."""
     stop: int
+    """Row after the last of them."""
     source: str
     sha256: str
     others_um: Mapping[str, Samples]
+    """Positions of the other axes."""
     others_V: Mapping[str, Samples]
+    """Voltages of the other axes."""
 
     @property
     def step_s(self) -> float:
+        """Time between rows."""
         return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1)
 
     @property
     def rows(self) -> slice:
+        """The rows to score."""
         return slice(self.start, self.stop)
 
     @property
     def name(self) -> str:
+        """Of the file, for a person."""
         return PurePath(self.source).name or "recording"
 
     @cached_property
@@ -162,6 +171,7 @@ def _equal_rows(a: Recording, b: Recording, of_a: slice, of_b: slice) -> bool:
 
 
 def _check(record: Recording) -> None:
+    """Refuse a record that is gapped, clipped, too short or holds what is no number."""
     refuse_gapped(record)
     refuse_clipped(record)
     rows = len(record.t_s[record.scored])
@@ -176,6 +186,7 @@ def _check(record: Recording) -> None:
 
 
 def _complete(axis: AxisRecord | None) -> bool:
+    """Whether voltage and position of an axis are there."""
     return axis is not None and axis.u_V is not None and axis.x_um is not None
 
 
@@ -188,6 +199,7 @@ def _all_have(axis: str, records: Sequence[Recording]) -> bool:
 
 
 def _run(record: Recording, axis: str, role: Role) -> Run:
+    """One axis of a record, which has it."""
     own = record.axes[axis]
     assert own.u_V is not None
     assert own.x_um is not None
@@ -201,6 +213,7 @@ def _run(record: Recording, axis: str, role: Role) -> Run:
 
 
 def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[Run]) -> None:
+    """Refuse runs at another sampling rate than the model's, and a sensor that says nothing."""
     view = stage.axes[axis].time
     assert view is not None
     for run in runs:
@@ -215,6 +228,7 @@ def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[Run]) -> None:
 
 
 def _refuse_all_still(runs: Sequence[Run]) -> None:
+    """Refuse training or held-out records of which none is driven."""
     for role in ("train", "holdout"):
         mine = [run for run in runs if run.role == role]
         if not any(run.driven for run in mine):

@@ -1,7 +1,8 @@
-"""Joint nonlinear refit of named effects in the metric: Levenberg-Marquardt on moments.
+"""Joint nonlinear refit of effects in the metric: Levenberg-Marquardt on moments.
 
-The residual and its tangents are simulated exactly; record nuisances and what the base may absorb are projected out
-in every step (variable projection), so the parameters come out as if all had been fitted together.
+The residual and its tangents are simulated exactly; each record's nuisances and what the base may absorb are projected
+out in every step (variable projection, Golub and Pereyra 1973), so the parameters come out as if all had been fitted
+together.
 """
 
 from __future__ import annotations
@@ -12,168 +13,190 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_solve
 
-from phaselead.gap.correction import Correction
-from phaselead.gap.panel import Panel
-from phaselead.gap.residual import Track
+from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.metric import Regressors
+from phaselead.gap.regressors import HIGHEST_OF_RATE
+from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
-Entry = tuple[Effect, Mapping[str, float]]
+SizedEffect = tuple[Effect, Mapping[str, float]]
+"""An effect and its parameters, each a single number."""
 
-STEPS = 12
-HIGHEST = 0.45
-"""Of the sampling rate: no mode is looked for above it."""
+MOST_STEPS = 12
+"""Of a refit, unless it ends before by LEAST_STEP_GAIN."""
 DIFFERENCE = 0.01
-ENOUGH = 0.05
+"""Finite difference for a tangent, in internal units."""
+LEAST_STEP_GAIN = 0.05
 """A step that gains less than this in whitened squares ends the fit."""
+DAMPINGS, FIRST_DAMPING, LEAST_DAMPING = 5, 1e-3, 1e-8
+"""Tried in one step of Levenberg and Marquardt, and relative to the normal matrix."""
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """Effects at their best."""
+    """Effects whose parameters were fitted together."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[SizedEffect, ...]
     squares: float
+    """Whitened squares that they leave of the training runs."""
     total: Samples | None = None
     """Sum (k, k) of the moments of [common columns, tangents, residual] there, where it was asked for."""
 
     @property
     def free(self) -> tuple[tuple[int, Parameter], ...]:
-        """Every parameter, and the entry that it belongs to."""
+        """Every parameter, each after the number of the entry that it belongs to."""
         return tuple((i, p) for i, (effect, _) in enumerate(self.entries) for p in effect.parameters)
 
     @property
     def n_tangents(self) -> int:
+        """How many parameters there are, each with a tangent."""
         return len(self.free)
 
 
-def refit(panel: Panel, correction: Correction, start: Sequence[Entry], steps: int = STEPS) -> Fitted:
-    """Best parameters of the effects ``start``, all free, from where they are. ``panel`` holds the common columns.
+def refit(
+    regressors: Regressors, discrepancy: Discrepancy, start: Sequence[SizedEffect], steps: int = MOST_STEPS
+) -> Fitted:
+    """The effects ``start`` at the parameters, all free, that leave least, found in ``steps`` at most from where they
+    are.
 
-    A frequency stays below what the sampling can show.
+    ``regressors`` and ``discrepancy`` are of the common columns. A frequency stays below what the sampling can show.
     """
-    highest_Hz = HIGHEST / panel.evidence.tracks[0].run.step_s
+    highest_Hz = HIGHEST_OF_RATE / regressors.metric.modelled_runs[0].run.step_s
     start = [(_sampled(effect, highest_Hz), params) for effect, params in start]
-    rest = _Rest(panel, correction)
-    best = Fitted(tuple(start), rest.squares(start))
-    damping = 1e-3
+    conditional = _Conditional(regressors, discrepancy)
+    best = Fitted(tuple(start), conditional.squares_left(start))
+    damping = FIRST_DAMPING
     for _ in range(steps if best.free else 0):
         gained = 0.0
-        left = rest.of(_total(panel, best))
+        left = conditional.moments(_total(regressors, best))
         normal, right = left[:-1, :-1], left[:-1, -1]
-        for _ in range(5):
+        for _ in range(DAMPINGS):
             step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
             tried = _moved(best, step)
-            tried_squares = rest.squares(tried)
+            tried_squares = conditional.squares_left(tried)
             if tried_squares < best.squares:
                 gained = best.squares - tried_squares
                 best = Fitted(tuple(tried), tried_squares)
-                damping = max(damping / 5, 1e-8)
+                damping = max(damping / 5, LEAST_DAMPING)
                 break
             damping = max(damping, 1e-4) * 8
-        if gained < ENOUGH:
+        if gained < LEAST_STEP_GAIN:
             break
     return best
 
 
-def with_total(panel: Panel, fitted: Fitted) -> Fitted:
-    """With the sum of its moments."""
-    return replace(fitted, total=_total(panel, fitted))
+def with_total(regressors: Regressors, fitted: Fitted) -> Fitted:
+    """The same with the sum of its moments."""
+    return replace(fitted, total=_total(regressors, fitted))
 
 
 def _sampled(effect: Effect, highest_Hz: float) -> Effect:
+    """The effect with its frequencies bounded by ``highest_Hz``, those that would have no room left as they are."""
     if not any(p.unit == "Hz" and p.high > highest_Hz > p.low for p in effect.parameters):
         return effect
     limited = (replace(p, high=highest_Hz) if p.unit == "Hz" and p.high > highest_Hz else p for p in effect.parameters)
     return replace(effect, parameters=tuple(limited))
 
 
-class _Rest:
-    """What is left of fresh columns once the common columns took up theirs, whose own moments stay the same."""
+class _Conditional:
+    """Moments of fresh columns conditional on the common columns, whose own moments stay the same."""
 
-    def __init__(self, panel: Panel, correction: Correction) -> None:
-        self._panel, self._correction = panel, correction
-        self._factor = correction.factor(panel.fixed_total)
+    def __init__(self, regressors: Regressors, discrepancy: Discrepancy) -> None:
+        self._regressors, self._discrepancy = regressors, discrepancy
+        self._factor = discrepancy.factor(regressors.fixed_total)
 
-    def of(self, total: Samples) -> Samples:
+    def moments(self, total: Samples) -> Samples:
         """Moments (q, q) of the fresh columns, the residual last, from the sum (k + q, k + q) of all."""
-        k = self._panel.size
-        shifted = self._correction.applied(total, len(total) - 1)
-        taken = shifted[self._correction.index, k:]
+        k = self._regressors.size
+        shifted = self._discrepancy.mean_removed(total, len(total) - 1)
+        taken = shifted[self._discrepancy.index, k:]
         return np.asarray(shifted[k:, k:] - taken.T @ cho_solve(self._factor, taken, check_finite=False))
 
-    def squares(self, entries: Sequence[Entry]) -> float:
-        """Whitened squares that the effects leave."""
-        residuals = [track.error(entries)[:, None] for track in self._panel.evidence.tracks]
-        return float(self.of(self._panel.total_with_columns(residuals))[-1, -1])
+    def squares_left(self, entries: Sequence[SizedEffect]) -> float:
+        """Whitened squares that the effects leave of the runs."""
+        residuals = [modelled.error(entries)[:, None] for modelled in self._regressors.metric.modelled_runs]
+        return float(self.moments(self._regressors.total_with_columns(residuals))[-1, -1])
 
 
-def _total(panel: Panel, fitted: Fitted) -> Samples:
-    return panel.total_with_columns([fresh_columns(t, fitted.entries, fitted.free) for t in panel.evidence.tracks])
+def _total(regressors: Regressors, fitted: Fitted) -> Samples:
+    """Sum (k, k) of the moments of [common columns, tangents, residual]."""
+    return regressors.total_with_columns(
+        [fresh_columns(t, fitted.entries, fitted.free) for t in regressors.metric.modelled_runs]
+    )
 
 
-def fresh_columns(track: Track, entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> Samples:
-    """(n, tangents + 1) in um: what one internal unit of each free parameter does, and the residual."""
-    answer = track.answer(entries)
-    columns = [(track.answer(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries, free)]
-    return np.stack([*columns, track.run.x_um[track.run.rows] - answer], axis=1)
+def fresh_columns(
+    modelled: ModelledRun, entries: Sequence[SizedEffect], free: Sequence[tuple[int, Parameter]]
+) -> Samples:
+    """Columns (n, tangents + 1) in um over the scored rows of one run: what one internal unit of each free parameter
+    does, by finite differences, and the residual last."""
+    answer = modelled.answer(entries)
+    columns = [(modelled.answer(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries, free)]
+    return np.stack([*columns, modelled.run.x_um[modelled.run.rows] - answer], axis=1)
 
 
-def squares(panel: Panel, correction: Correction, entries: Sequence[Entry]) -> float:
-    """Whitened squares that the effects leave, everything else projected out."""
-    return _Rest(panel, correction).squares(entries)
+def squares_left(regressors: Regressors, discrepancy: Discrepancy, entries: Sequence[SizedEffect]) -> float:
+    """Whitened squares that the effects leave, common columns projected out."""
+    return _Conditional(regressors, discrepancy).squares_left(entries)
 
 
-def left_of(panel: Panel, correction: Correction, fresh: Sequence[Samples]) -> Samples:
-    """Moments (q, q) of fresh columns (n, q) per track, everything else projected out."""
-    return _Rest(panel, correction).of(panel.total_with_columns(fresh))
+def conditional_moments(regressors: Regressors, discrepancy: Discrepancy, fresh: Sequence[Samples]) -> Samples:
+    """Moments (q, q) of fresh columns, (n, q) in um per run and the residual last, conditional on the common
+    columns."""
+    return _Conditional(regressors, discrepancy).moments(regressors.total_with_columns(fresh))
 
 
 def bounded(effect: Effect, params: Mapping[str, float]) -> dict[str, float]:
-    """Parameters moved inside their bounds."""
+    """The parameters, those out of their bounds moved to the nearest."""
     return {p.name: float(np.clip(params[p.name], p.low, p.high)) for p in effect.parameters}
 
 
-def _differences(entries: Sequence[Entry], free: Sequence[tuple[int, Parameter]]) -> list[tuple[int, Parameter, float]]:
+def _differences(
+    entries: Sequence[SizedEffect], free: Sequence[tuple[int, Parameter]]
+) -> list[tuple[int, Parameter, float]]:
     """A finite difference in internal units for each free parameter, towards the inside of its bounds."""
     found = []
     for i, p in free:
-        at = inner(p, entries[i][1][p.name])
-        inside = at + DIFFERENCE < inner(p, p.high)
+        at = to_internal(p, entries[i][1][p.name])
+        inside = at + DIFFERENCE < to_internal(p, p.high)
         found.append((i, p, DIFFERENCE if inside else -DIFFERENCE))
     return found
 
 
-def _changed(entries: Sequence[Entry], index: int, p: Parameter, change: float) -> list[Entry]:
+def _changed(entries: Sequence[SizedEffect], index: int, p: Parameter, change: float) -> list[SizedEffect]:
+    """The entries with one parameter of one of them changed, in internal units."""
     changed = list(entries)
     effect, params = entries[index]
-    changed[index] = (effect, {**params, p.name: outer(p, inner(p, params[p.name]) + change)})
+    changed[index] = (effect, {**params, p.name: from_internal(p, to_internal(p, params[p.name]) + change)})
     return changed
 
 
-def _moved(fitted: Fitted, step: Samples) -> list[Entry]:
+def _moved(fitted: Fitted, step: Samples) -> list[SizedEffect]:
+    """The entries after a step (tangents,) in internal units, at most a factor e in what is logarithmic."""
     moved = [(effect, dict(params)) for effect, params in fitted.entries]
     for (i, p), change in zip(fitted.free, step, strict=True):
-        limited = float(np.clip(change, -1.0, 1.0)) if in_ratios(p) else float(change)
-        moved[i][1][p.name] = outer(p, inner(p, moved[i][1][p.name]) + limited)
+        limited = float(np.clip(change, -1.0, 1.0)) if is_logarithmic(p) else float(change)
+        moved[i][1][p.name] = from_internal(p, to_internal(p, moved[i][1][p.name]) + limited)
     return list(moved)
 
 
-def inner(p: Parameter, value: float) -> float:
-    """Internal unit: the logarithm of what is scanned in ratios, typical values otherwise."""
-    return float(np.log(value)) if in_ratios(p) else value / scale(p)
+def to_internal(p: Parameter, value: float) -> float:
+    """A value in internal units: its logarithm where the parameter is logarithmic, in typical values otherwise."""
+    return float(np.log(value)) if is_logarithmic(p) else value / internal_unit(p)
 
 
-def outer(p: Parameter, value: float) -> float:
+def from_internal(p: Parameter, value: float) -> float:
     """Back from the internal unit, within the bounds."""
-    return float(np.clip(np.exp(value) if in_ratios(p) else value * scale(p), p.low, p.high))
+    return float(np.clip(np.exp(value) if is_logarithmic(p) else value * internal_unit(p), p.low, p.high))
 
 
-def in_ratios(p: Parameter) -> bool:
-    """Shapes of a logarithmic scale; a size must be able to reach 0."""
+def is_logarithmic(p: Parameter) -> bool:
+    """Whether it is fitted as its logarithm: what has a logarithmic scale and cannot be 0, as a size must be able
+    to."""
     return p.log and p.low > 0
 
 
-def scale(p: Parameter) -> float:
+def internal_unit(p: Parameter) -> float:
     """One internal unit of a parameter that is not logarithmic."""
     return abs(p.typical) if p.typical else (p.high - p.low) / 10

@@ -1,72 +1,95 @@
-"""Residuals: measurement against the model driven by the applied voltage, with each record's own offset and memory.
+"""Residuals: measurement minus the model driven by the applied voltage, with each record's own offset and memory.
 
-Offset and initial memory say nothing about the model, so every comparison is made after removing what they could
-explain: the columns of ``local_columns``, the memory's shrunk to how far a play can stand from where it was put.
+Offset and starting memory say nothing about the model. They are nuisances: their columns (``nuisance_columns``) are
+projected out of everything that is compared, the memory's shrunk to how far a play can stand from where it was put.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from phaselead.gap.noise import period_of
 from phaselead.gap.records import Run
 from phaselead.identify import AxisRun, Sine
 from phaselead.model import AxisModel, Chain, Extra, Place, respond, rest_plays
 from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
+"""Most rows of a record on which starting memories are compared; of longer ones some are left out."""
 OTHER_MEMORY = 0.8
-"""A record starts from another memory than rest when that leaves less than this share of its variance."""
+"""A record starts from another memory than rest only when that leaves less than this share of the variance."""
+TURNING_POINTS = 15
+"""How many last turning points are tried, from the lowest to the highest voltage of model and record."""
 PLAY_SPREAD = 0.5
-"""Standard deviation of a play's start about its best guess, in thresholds."""
+"""Standard deviation of a play's start about its best guess, in thresholds: its prior as a nuisance."""
+PERIODIC = 0.98
+"""Correlation with itself a period later from which a voltage counts as periodic."""
 
 
 @dataclass(frozen=True)
-class Track:
-    """A run under one model of its axis: the memory it starts from, and what its own nuisances can explain."""
+class ModelledRun:
+    """A run under one model of its axis: the chain that simulates it, the memory it starts from, its nuisances."""
 
     run: Run
     axis: AxisModel
     chain: Chain
     plays_V: Samples | None
-    """Initial plays (m,); None is rest."""
-    local: Samples
-    """Columns (n, k) of the nuisances over the scored rows: the offset, then um per standard deviation."""
+    """Where the m plays stand in its first row; None is at rest."""
+    nuisances: Samples
+    """Columns (n, k) of its nuisances over the scored rows: the offset, then in um per prior deviation of a play's
+    start."""
 
     @cached_property
     def period_rows(self) -> int | None:
-        """Rows after which the drive repeats, or None."""
+        """Rows after which its voltage repeats; None where it does not."""
         if self.sine is not None:
             return round(1 / (self.sine.f_Hz * self.run.step_s))
         return period_of(self.run.u_V[self.run.rows])
 
     @cached_property
     def sine(self) -> Sine | None:
-        """The sine that drives it, still stretches at either end left out, or None."""
+        """The sine that drives it, apart from still stretches at either end; None where it is another wave."""
         run = self.run
         return AxisRun(run.t_s, run.u_V, run.x_um, run.rows, run.axis, run.source).sine if run.driven else None
 
     def answer(self, extra: Extra = ()) -> Samples:
-        """The model's position over the scored rows, (n,) in um."""
+        """Position (n,) in um over the scored rows, of the model with the effects ``extra``."""
         return self.chain.run(extra)[self.run.rows]
 
-    def with_axis(self, axis: AxisModel) -> Track:
+    def with_axis(self, axis: AxisModel) -> ModelledRun:
         """The same run from the same memory under another model of its axis."""
         return replace(self, axis=axis, chain=_chain(axis, self.run, self.plays_V))
 
     def error(self, extra: Extra = ()) -> Samples:
-        """Measured minus model over the scored rows, (n,) in um; the record's offset is still in it."""
+        """Residual (n,) in um over the scored rows: measured minus the model with the effects ``extra``. The record's
+        offset is still in it."""
         return np.asarray(self.run.x_um[self.run.rows] - self.answer(extra))
 
 
-def track(axis: AxisModel, run: Run) -> Track:
-    """The run with the best simple memory: from rest, or from one turning point."""
+def modelled_run(axis: AxisModel, run: Run) -> ModelledRun:
+    """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or from one
+    turning point."""
     assert axis.time is not None
     start = _best_start(axis, run) if axis.time.play_r_V else None
-    return Track(run, axis, _chain(axis, run, start), start, local_columns(axis, run, start))
+    return ModelledRun(run, axis, _chain(axis, run, start), start, nuisance_columns(axis, run, start))
+
+
+def best_turning_point(at_rest: float, tries_V: Sequence[float], variance: Callable[[float], float]) -> float | None:
+    """The voltage of the last turning point before a record, or None where the record starts from rest.
+
+    ``at_rest`` is the variance of the residual when the memory starts from rest, ``variance(v)`` when it starts from
+    a turning point at ``v``. Rest is kept unless one of ``tries_V`` leaves less than OTHER_MEMORY of its variance.
+    """
+    best, least = None, OTHER_MEMORY * at_rest
+    for tried_V in tries_V:
+        left = variance(tried_V)
+        if left < least:
+            best, least = tried_V, left
+    return best
 
 
 def _chain(axis: AxisModel, run: Run, start: Samples | None) -> Chain:
@@ -75,12 +98,13 @@ def _chain(axis: AxisModel, run: Run, start: Samples | None) -> Chain:
 
 
 def _at_plays(axis: AxisModel, run: Run, start: Samples | None) -> tuple[Samples, float]:
-    """Voltage (n,) at the plays, and how far beside the recorded one it stood before the record: on a rail, say."""
+    """Voltage (n,) at the plays, and by how much it stood off the recorded one before the record: on a rail, say."""
     signal = _chain(axis, run, start).signal_at(Place.AMPLIFIER)
     return signal.value[1:], float(signal.value[0] - signal.u_V[0])
 
 
 def _best_start(axis: AxisModel, run: Run) -> Samples | None:
+    """Plays (m,) at the start of the record, pushed there from the best last turning point; None is from rest."""
     view = axis.time
     assert view is not None
     r, rest, u = np.asarray(view.play_r_V), rest_plays(view), run.u_V
@@ -89,19 +113,22 @@ def _best_start(axis: AxisModel, run: Run) -> Samples | None:
     v, aside_V = _at_plays(axis, run, None)
     at_rest = respond(view, v, rest + aside_V)[0][rows]
     v, aside_V = _at_plays(axis, run, rest)
-    best, best_left = None, OTHER_MEMORY * float(np.var(left))
+
+    def plays_from(turned_V: float) -> Samples:
+        return np.asarray(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r))
+
+    def variance(turned_V: float) -> float:
+        change = respond(view, v, plays_from(turned_V) + aside_V)[0][rows] - at_rest
+        return float(np.var(left - change))
+
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
-    for came_from in np.linspace(low, high, 15):
-        start = np.clip(np.clip(rest, came_from - r, came_from + r), u[0] - r, u[0] + r)
-        change = respond(view, v, start + aside_V)[0][rows] - at_rest
-        variance = float(np.var(left - change))
-        if variance < best_left:
-            best, best_left = start, variance
-    return best
+    turned_V = best_turning_point(float(np.var(left)), np.linspace(low, high, TURNING_POINTS).tolist(), variance)
+    return None if turned_V is None else plays_from(turned_V)
 
 
-def local_columns(axis: AxisModel, run: Run, plays_V: Samples | None) -> Samples:
-    """Offset, and what a shift of each play's start would do: its weight until the play first moves."""
+def nuisance_columns(axis: AxisModel, run: Run, plays_V: Samples | None) -> Samples:
+    """Columns (n, k) over the scored rows that a record's own offset and memory explain: a constant, and what a shift
+    of each play's start would do, its weight until the play first moves."""
     view = axis.time
     assert view is not None
     n = run.stop - run.start
@@ -120,8 +147,49 @@ def local_columns(axis: AxisModel, run: Run, plays_V: Samples | None) -> Samples
 
 
 def _first_moves(v: Samples, r: Samples, start: Samples) -> list[int]:
-    """The row at which each play first leaves its start."""
+    """Row at which each of m plays of thresholds ``r`` and positions ``start`` (m,) first moves under a voltage
+    (n,)."""
     high, low = np.maximum.accumulate(v), np.minimum.accumulate(v)
     up = np.searchsorted(high, start + r, side="right")
     down = np.searchsorted(-low, r - start, side="right")
     return [int(min(a, b)) for a, b in zip(up, down, strict=True)]
+
+
+def period_of(u_V: Samples) -> int | None:
+    """Rows after which a voltage (n,) repeats: the first strong peak of its autocorrelation; None without one."""
+    n = len(u_V)
+    u = u_V - u_V.mean()
+    power = float(np.mean(u**2))
+    if not power > 0:
+        return None
+    spectrum = np.abs(np.fft.rfft(u, 2 * n)) ** 2
+    rho = np.fft.irfft(spectrum)[: n // 2 + 1] / np.arange(n, n - n // 2 - 1, -1) / power
+    below = np.flatnonzero(rho < 0.5)
+    if not len(below):
+        return None
+    strong = np.flatnonzero(rho[below[0] :] > PERIODIC)
+    if not len(strong):
+        return None
+    first = int(below[0] + strong[0])
+    last = first + int(np.argmax(rho[first : first + max(2, first // 8)]))
+    return last if float(np.mean((u[last:] - u[:-last]) ** 2)) < (1 - PERIODIC) * power else None
+
+
+@dataclass(frozen=True)
+class RunResidual:
+    """The residual of one run under one model, about its own mean."""
+
+    run: Run
+    error_um: Samples
+    """(n,) over the scored rows."""
+
+    @property
+    def rate_Hz(self) -> float:
+        """Sampling rate."""
+        return 1 / self.run.step_s
+
+    @cached_property
+    def speed_um_per_s(self) -> Samples:
+        """Speed (n,) of the model, which is free of noise, from a cubic spline through its positions."""
+        t_s = np.arange(len(self.error_um)) * self.run.step_s
+        return np.asarray(CubicSpline(t_s, self.run.x_um[self.run.rows] - self.error_um)(t_s, 1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 
@@ -15,6 +17,11 @@ from phaselead.gap.result import Cell, Gap, GapResult
 from phaselead.gap.several_axes import search_together
 from phaselead.model import Effect, Stage, catalogue
 from phaselead.record import Recording
+
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4
+"""Options of mallopt(3), as in glibc's malloc.h."""
+KEPT_bytes, PAD_bytes = 2**31 - 1, 2**26
+"""Freed memory that is kept, and by how much more the heap grows than was asked for."""
 
 Progress = Callable[[float], None]
 
@@ -30,10 +37,12 @@ def run_gap(
     seed: int = 0,
     on_progress: Progress | None = None,
 ) -> GapResult:
-    """Find where ``stage`` and the records part, name what is missing, and add it.
+    """Find where ``stage`` and the records disagree, name what is missing, and add it.
 
-    ``frozen``: whether the base may be refitted; by default it may not where ``reference`` records, known to be
-    without the missing effect, hold it. ``without``: effects to leave out of the catalogue. Raises BadInput, one line.
+    The records have the same axes and sampling rate. ``reference`` records are known to be without what is missing.
+    ``frozen``: whether the base may not be refitted; by default it may not where there are ``reference`` records to
+    hold it. ``without``: effects to leave out of the catalogue. ``seed`` is of the draws for intervals and cells.
+    ``on_progress`` takes the share that is done, 0 to 1. Raises BadInput, one line, for records that cannot be used.
     """
     began = time.monotonic()
     report = on_progress or _silent
@@ -44,9 +53,14 @@ def run_gap(
     if results is None:
         results = _each_axis(stage, runs, effects, held, seed, report)
     report(1.0)
-    next_axes = {r.axis: r.model for r in results}
+    after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
+    return _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
+
+
+def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[str, ...], seconds: float) -> GapResult:
+    """One result of all axes; ``stage`` is the one with what was found."""
     return GapResult(
-        stage=next_stage(stage, next_axes, [*train, *reference]),
+        stage=stage,
         verdicts=_verdicts(results),
         effects=tuple(sorted((e for r in results for e in r.effects), key=lambda e: -e.share)),
         ties=tuple(t for r in results for t in r.ties),
@@ -55,14 +69,14 @@ def run_gap(
         where=_where(results),
         gap=_gap(results),
         next_experiment=next((r.next_experiment for r in results if r.next_experiment is not None), None),
-        holdout_sha256=tuple(dict.fromkeys(r.sha256 for r in holdout)),
+        holdout_sha256=holdout_sha256,
         candidates=tuple(c for r in results for c in r.candidates),
         traces=tuple(t for r in results for t in r.traces),
         spectra=tuple(s for r in results for s in r.spectra),
         untestable_why={name: why for r in results for name, why in r.untestable.items()},
         adopted_of_ties={" | ".join(t): t[0] for r in results for t in r.ties},
         messages=tuple(m for r in results for m in r.messages),
-        seconds=time.monotonic() - began,
+        seconds=seconds,
     )
 
 
@@ -74,6 +88,7 @@ def _each_axis(
     seed: int,
     report: Progress,
 ) -> list[AxisResult]:
+    """Every axis searched by itself."""
     results = []
     for i, (axis, of_axis) in enumerate(runs.items()):
 
@@ -90,13 +105,14 @@ def _silent(share: float) -> None:
 
 
 def _where(results: Sequence[AxisResult]) -> tuple[Cell, ...]:
-    """Cells of all axes, those that stand out first; with several, each share is of its own axis' power."""
+    """Cells of all axes, those that stand out first. With several axes a share is of its own axis' power."""
     errors = {r.axis: [t.measured_um - t.before_um for t in r.traces] for r in results}
     cells = [*axis_cells(errors, {r.axis: r.gap.floor for r in results}), *(c for r in results for c in r.where)]
     return tuple(sorted(cells, key=lambda c: (c.p > LEVEL, -c.share)))
 
 
 def _verdicts(results: Sequence[AxisResult]) -> tuple[str, ...]:
+    """The verdicts that hold on any axis; "none" where no other does."""
     found = []
     if any(r.effects for r in results):
         found.append("named")
@@ -108,7 +124,7 @@ def _verdicts(results: Sequence[AxisResult]) -> tuple[str, ...]:
 
 
 def _untestable(results: Sequence[AxisResult]) -> tuple[str, ...]:
-    """What no axis could test: an effect named, tied or bounded on one axis was tested."""
+    """Effects that no axis could test: one named, tied or bounded on any axis was tested."""
     tested = {e.name for r in results for e in r.effects} | {n for r in results for t in r.ties for n in t}
     tested |= {b.name for r in results for b in r.excluded}
     names = dict.fromkeys(name for r in results for name in r.untestable)
@@ -116,6 +132,7 @@ def _untestable(results: Sequence[AxisResult]) -> tuple[str, ...]:
 
 
 def _gap(results: Sequence[AxisResult]) -> Gap:
+    """RMS over the held-out rows of all axes."""
     rows = sum(r.rows for r in results)
 
     def pooled(values: Sequence[float]) -> float:
@@ -128,3 +145,16 @@ def _gap(results: Sequence[AxisResult]) -> Gap:
         "um",
         results[0].gap.floor_from,
     )
+
+
+def keep_freed_memory() -> bool:
+    """Have this process keep the memory that it frees; whether it does. For a process that does nothing else.
+
+    A search allocates and frees some tens of megabytes thousands of times. glibc gives each back to the system, which
+    clears every page again: a third of the processor time. Elsewhere than on glibc nothing changes.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is None:
+        return False
+    wanted = ((_TRIM_THRESHOLD, KEPT_bytes), (_TOP_PAD, PAD_bytes), (_MMAP_MAX, 0))
+    return all(mallopt(option, value) == 1 for option, value in wanted)

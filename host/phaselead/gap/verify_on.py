@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-import numpy as np
-
-from phaselead.control import JUDGED_PERIODS, SETTLE_S, TrackingError, track, tracking_error
+from phaselead.control import TrackingError, track, tracking_error
 from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
 from phaselead.model import AxisModel, Place, Samples, Stage, compensation, effect, rest_position_um
-from phaselead.waveforms import Waveform
+from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
 
 Progress = Callable[[float], None]
 
@@ -118,29 +115,23 @@ def _modes(axes: Sequence[str], after: Stage) -> list[str]:
 def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, dict[str, Waveform]]]:
     """Name of each path and what every axis follows; several axes move at the same time."""
     together = [list(axes)] if len(axes) > 1 else [[name] for name in axes]
-    found = []
+    found: list[tuple[str, dict[str, Waveform]]] = []
     for group in together:
         spans = {name: _span_um(before.axes[name], after.axes[name]) for name in group}
-        found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, "sine", SINE_Hz)))
-        found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, "triangle", TRIANGLE_Hz)))
+        found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)))
+        found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)))
         if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in group):
-            moves = {n: Waveform("goto", SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
-            found.append((f"move and hold, {HOLD_s:g} s", moves))
+            moves = {n: Goto(SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
+            found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
     return found
 
 
-def _periodic(
-    spans: Mapping[str, tuple[float, float]], kind: Literal["sine", "triangle"], f_Hz: float
-) -> dict[str, Waveform]:
+def _periodic(spans: Mapping[str, tuple[float, float]], kind: type[Periodic], f_Hz: float) -> dict[str, Waveform]:
     """A path for each axis, at a frequency of its own, so that coupling between them shows."""
-    points = 1 - np.abs(np.linspace(-1, 1, 1025))[:-1] if kind == "triangle" else None
     return {
-        name: Waveform(
-            kind, SWING * (high - low), low + MARGIN * (high - low), "um",
-            f_Hz * (1 + 0.4 * i), points,
-        )
+        name: kind(SWING * (high - low), low + MARGIN * (high - low), "um", f_Hz * (1 + 0.4 * i))
         for i, (name, (low, high)) in enumerate(spans.items())
-    }  # fmt: skip
+    }
 
 
 def _span_um(*models: AxisModel) -> tuple[float, float]:
@@ -163,8 +154,8 @@ def _with_both_models(
     found = []
     for name, waveform in paths.items():
         t_s = runs[0][name][0]
-        judged = _last(waveform, JUDGED_PERIODS, len(t_s))
-        shown = _last(waveform, SHOWN_PERIODS, len(t_s))
+        judged = waveform.judged_rows(len(t_s), TICK_HZ)
+        shown = waveform.last_rows(SHOWN_PERIODS, len(t_s), TICK_HZ)
         (_, r_um, x_um), (_, r_after_um, x_after_um) = (run[name] for run in runs)
         found.append(
             Tracked(
@@ -208,13 +199,6 @@ def _run(
 def _seconds(paths: Mapping[str, Waveform]) -> float:
     """Long enough to settle and to judge the slowest path."""
     slowest = max(w.duration_s for w in paths.values())
-    if any(w.kind == "goto" for w in paths.values()):
+    if not all(w.periodic for w in paths.values()):
         return slowest + HOLD_s
     return max((JUDGED_PERIODS + 2) * slowest, SETTLE_S)
-
-
-def _last(waveform: Waveform, periods: int, rows: int) -> slice:
-    """The last periods of a record of so many rows; all of it for a move."""
-    if not waveform.periodic:
-        return slice(None)
-    return slice(-min(rows, round(periods * waveform.duration_s * TICK_HZ)), None)

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from phaselead.identify.checks import STILL_V, AxisRun, Sine
-from phaselead.identify.experiment import Identified, identify_device, parse_axes, run_experiment
+from phaselead.identify.experiment import (
+    HELD_OUT,
+    Experiment,
+    Identified,
+    identify_device,
+    parse_axes,
+    run_experiment,
+)
 from phaselead.identify.fitting import Base, FitReport, fit
 from phaselead.identify.modal_fit import Drives, ModalFit, Shaping, explained, fit_modes
 from phaselead.identify.modal_model import Complex, Drive, ModalModel, Samples
@@ -11,8 +17,8 @@ from phaselead.identify.modal_poles import STARTS, common_poles
 from phaselead.identify.modal_response import JointExperiment, common_period, frequency_response
 from phaselead.identify.operator_design import Basis, FitRun, design, fit_run, nested_basis, time_view
 from phaselead.identify.operator_solve import Solved, solved_at
-from phaselead.identify.plan import HELD_OUT, Experiment
-from phaselead.identify.table_fit import beside_table_1
+from phaselead.identify.runs import STILL_V, AxisRun, Sine
+from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 
 __all__ = [
@@ -38,9 +44,9 @@ __all__ = [
     "Solved",
     "Verification",
     "View",
-    "beside_table_1",
     "common_period",
     "common_poles",
+    "compare_with_table_1",
     "design",
     "explained",
     "fit",

@@ -1,4 +1,4 @@
-"""The columns of the operator fit, in C (host/phaselead/model/kernel/plays.c): a fit asks for thousands of them."""
+"""The columns of the operator fit, in C (host/phaselead/model/operator.c): a fit asks for thousands of them."""
 
 from __future__ import annotations
 
@@ -52,18 +52,10 @@ def _doubles(values: Samples) -> Samples:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def turning_rows(u_V: Samples) -> NDArray[np.uintp]:
-    """The rows, ascending, after which ``u_V`` (n,), 0 V before, goes the other way."""
-    steps = np.diff(u_V, prepend=0.0)
-    moving = np.flatnonzero(steps)
-    rises = steps[moving] > 0
-    return np.asarray(moving[1:][rises[1:] != rises[:-1]] - 1, dtype=np.uintp)
-
-
 class Columns:
     """One record: its voltage (n,), the ascending rows that count, the positions there; ``before_V``: ahead of row 0.
 
-    ``turns`` are those of ``turning_rows``.
+    ``turns`` are those of ``AxisRun.turning_rows``.
     """
 
     def __init__(

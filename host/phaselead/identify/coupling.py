@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.identify.checks import driven_axes
+from phaselead.identify.runs import driven_axes
 from phaselead.record import Recording
 
 Matrix3 = tuple[tuple[float, float, float], ...]

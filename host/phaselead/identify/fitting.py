@@ -11,14 +11,13 @@ from pathlib import PurePath
 from typing import Any, Literal
 
 from phaselead.errors import BadInput
-from phaselead.identify.checks import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
 from phaselead.identify.in_turn import fit_in_turn
-from phaselead.identify.lockin import lock_in
 from phaselead.identify.mode_fit import FittedModes
 from phaselead.identify.operator_fit import fit_linear
 from phaselead.identify.operator_result import OperatorFit
-from phaselead.identify.table_fit import beside_table_1, comparison_text, table_fit
+from phaselead.identify.runs import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
+from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
 from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage, TablePoint, TableView
 from phaselead.record import Recording
 
@@ -57,7 +56,7 @@ class FitReport:
                 "residual_um_rms": result.view.residual_um_rms,
                 "std": {name: [_known(v) for v in values] for name, values in result.std.items()},
                 "records": [vars(record) for record in result.records],
-                "table": [_known_row(vars(row)) for row in beside_table_1(self.table[axis])]
+                "table": [_known_row(vars(row)) for row in compare_with_table_1(self.table[axis])]
                 if axis in self.table
                 else None,
             }

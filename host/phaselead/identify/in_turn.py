@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.identify.checks import AxisRun
 from phaselead.identify.mode_fit import FittedModes, fit_modes
 from phaselead.identify.operator_fit import fit_linear, fit_operator, refit_operator
 from phaselead.identify.operator_result import OperatorFit
+from phaselead.identify.runs import AxisRun
 from phaselead.model import behind_modes, predict_time_view
 
 TURNS = 8

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from phaselead.identify.checks import AxisRun
+from phaselead.identify.runs import AxisRun
 from phaselead.model import (
     AdoptedEffect,
     Mode,

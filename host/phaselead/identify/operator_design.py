@@ -15,13 +15,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.identify.checks import AxisRun
 from phaselead.identify.columns import Columns, Slopes
+from phaselead.identify.runs import AxisRun, jumps, period_s
 from phaselead.model import Mode, TimeView, behind_modes
 from phaselead.record import Samples
 
-JUMP_SHARE = 0.05
-"""A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 AFTER_JUMP = 0.1
 """Share of a period after a jump in which a model without dynamics is not asked to agree."""
 
@@ -122,43 +120,12 @@ def fit_run(run: AxisRun, most_rows: int, first_group: int, n_groups: int, modes
     return FitRun(run, rows.astype(np.uintp), groups, float(weight), modes=modes)
 
 
-def period_s(run: AxisRun) -> float:
-    """Period of the sine that is as large and as fast as the scored voltage; infinite where it only jumps."""
-    u = run.u_V[run.scored]
-    rate = np.abs(np.diff(u)) / run.step_s
-    rate = np.minimum(rate, np.quantile(rate, 0.99))
-    speed = float(np.sqrt(np.mean(rate**2)))
-    return float(2 * np.pi * u.std()) / speed if speed > 0 else np.inf
-
-
-def jumps(run: AxisRun) -> NDArray[np.intp]:
-    """Rows at which the voltage jumped; row 0 when the record does not begin at 0 V."""
-    steps = np.abs(np.diff(run.u_V, prepend=0.0))
-    usual = float(np.quantile(steps[run.scored], 0.99))
-    return np.flatnonzero(steps > max(JUMP_SHARE * float(np.ptp(run.u_V[run.scored])), 5 * usual))
-
-
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
     flags = np.zeros(len(run.u_V), dtype=np.bool_)
     length = round(min(AFTER_JUMP * period_s(run) / run.step_s, len(flags)))
     for row in jumps(run):
         flags[row : row + length] = True
     return flags
-
-
-def late_by(run: AxisRun) -> float:
-    """Longest delay in s that the jumps inside the record allow: when the position has gone half of the
-    way."""
-    slope = np.ptp(run.x_um[run.scored]) / np.ptp(run.u_V[run.scored])
-    bound = np.inf
-    for row in jumps(run):
-        if row == 0:
-            continue
-        way = slope * abs(run.u_V[row] - run.u_V[row - 1])
-        gone = np.abs(run.x_um[row:] - np.median(run.x_um[max(0, row - 5) : row])) > way / 2
-        if gone.any():
-            bound = min(bound, float(np.argmax(gone) + 0.5) * run.step_s)
-    return bound
 
 
 def design(fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float) -> Samples:

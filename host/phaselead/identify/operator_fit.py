@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.identify.checks import AxisRun
 from phaselead.identify.memory import OTHER_MEMORY, came_from, settled
 from phaselead.identify.operator_design import (
     Basis,
@@ -23,9 +22,7 @@ from phaselead.identify.operator_design import (
     fit_run,
     gram,
     group_numbers,
-    late_by,
     nested_basis,
-    period_s,
     time_view,
 )
 from phaselead.identify.operator_result import (
@@ -37,7 +34,7 @@ from phaselead.identify.operator_result import (
 )
 from phaselead.identify.operator_search import least_error
 from phaselead.identify.operator_solve import Solved, solve, solved_at
-from phaselead.identify.table_fit import distinct
+from phaselead.identify.runs import AxisRun, distinct, longest_delay_s, period_s
 from phaselead.model import Mode, TimeView
 from phaselead.record import Samples
 
@@ -142,7 +139,7 @@ def _largest_swing(runs: Sequence[AxisRun]) -> float:
 
 
 def _delay_bound(runs: Sequence[AxisRun]) -> float:
-    return min(min(LONGEST_DELAY * period_s(r), late_by(r)) for r in runs)
+    return min(min(LONGEST_DELAY * period_s(r), longest_delay_s(r)) for r in runs)
 
 
 def _rest_matters(fits: list[FitRun], basis: Basis, delay: float, rest: float, own_offsets: bool) -> bool:

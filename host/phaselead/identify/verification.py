@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify.checks import AxisRun, axis_run, driven_axes
+from phaselead.identify.runs import AxisRun, axis_run, driven_axes
 from phaselead.model import Stage, TableView, predict
 from phaselead.record import Recording, Samples
 

@@ -17,14 +17,14 @@ from phaselead.model.effects import (
     effect,
     number,
 )
-from phaselead.model.effects.filters import Mode, behind_modes, mode_coefficients, resonant
+from phaselead.model.effects.filters import Mode, behind_modes, mode_coefficients, resonant, second_order_left
+from phaselead.model.effects.interface import CheckedParameters, VirtualAxis
 from phaselead.model.effects.mode_bank import modes_of, shares, states, states_and_slopes
-from phaselead.model.effects.native import second_order_left
-from phaselead.model.effects.reach import ends_um
 from phaselead.model.effects.softening import push_level
+from phaselead.model.effects.virtual import NotPlayed
 from phaselead.model.fields import explained
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
-from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um
+from phaselead.model.operator import ends_um, plays, predict_time_view, respond, rest_plays, rest_position_um
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_file import DataSource, Provenance, Stage, load_stage, parse_stage, save_stage, stage_text
@@ -41,6 +41,7 @@ __all__ = [
     "AdoptedEffect",
     "AxisModel",
     "Chain",
+    "CheckedParameters",
     "Compensation",
     "DataSource",
     "Effect",
@@ -49,6 +50,7 @@ __all__ = [
     "Gains",
     "Limits",
     "Mode",
+    "NotPlayed",
     "Parameter",
     "Params",
     "Picture",
@@ -62,6 +64,7 @@ __all__ = [
     "TablePoint",
     "TableView",
     "TimeView",
+    "VirtualAxis",
     "behind_modes",
     "catalogue",
     "compensation",

@@ -18,7 +18,7 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import effect
 from phaselead.model.effects.filters import relaxed_late
-from phaselead.model.effects.interface import Effect, Entry, Params, Place, Samples, Signal, number
+from phaselead.model.effects.interface import Effect, Entry, Params, Place, Samples, Signal
 from phaselead.model.operator import delayed, respond, rest_plays
 
 Extra = Sequence[tuple[Effect, Params]]
@@ -184,7 +184,7 @@ class _Link(NamedTuple):
 def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) -> list[_Link]:
     """Every step in order; the time view's delay and operator stand where the design has them. Delays add up: what runs
     straight between rows would be bent twice by one after the other. ``made``: links there are, by their entry's id."""
-    delay_s = view.delay_s + sum(number(params, "delay_s") for e, params in entries if e.name == "delay")
+    delay_s = view.delay_s + sum(e.dead_time_s(params) for e, params in entries if e.dead_time_s is not None)
 
     def late(signal: Signal) -> Samples:
         return delayed(signal.value, delay_s / signal.step_s, float(signal.value[0]))
@@ -196,10 +196,11 @@ def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) 
         _Link(_Step("late", (("delay_s", delay_s),), Place.TIMING, 0), late),
         _Link(_Step(OPERATOR, (), Place.HYSTERESIS, 0), operator),
     ]
-    links = [*own, *(made.get(id(entry)) or _of_effect(entry) for entry in entries if entry[0].name != "delay")]
-    amplifier = next((link for link in links if link.step.place == Place.AMPLIFIER), None)
-    if amplifier is not None and amplifier.step.name == "amplifier_lowpass":
-        links[links.index(amplifier)] = _late_lag(amplifier.step, delay_s)
+    behind = [entry for entry in entries if entry[0].dead_time_s is None]
+    links = [*own, *(made.get(id(entry)) or _of_effect(entry) for entry in behind)]
+    first = next((i for i, (e, _) in enumerate(behind) if e.place == Place.AMPLIFIER), None)
+    if first is not None and behind[first][0].lag_s is not None:
+        links[len(own) + first] = _late_lag(behind[first], delay_s)
         links = links[1:]
     return sorted(links, key=lambda link: link.step.place)  # stable: the view's own come first in their place
 
@@ -211,9 +212,11 @@ def _of_effect(entry: Entry) -> _Link:
     return _Link(step, lambda signal: e.apply(signal, params))
 
 
-def _late_lag(step: _Step, delay_s: float) -> _Link:
-    """The delay and the amplifier's lag behind it in one: between rows the lag's way is curved."""
-    tau_s = number(dict(step.params), "tau_s")  # type: ignore[arg-type]
+def _late_lag(entry: Entry, delay_s: float) -> _Link:
+    """The delay and the lag right behind it in one: between rows the lag's way is curved."""
+    (e, params), step = entry, _of_effect(entry).step
+    assert e.lag_s is not None
+    tau_s = e.lag_s(params)
 
     def apply(signal: Signal) -> Samples:
         return relaxed_late(signal.value, tau_s, signal.step_s, delay_s)

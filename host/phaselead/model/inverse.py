@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
 from phaselead.model.effects import effect
-from phaselead.model.effects.creep import terms
-from phaselead.model.effects.interface import Params, Samples, number
-from phaselead.model.effects.resonance import modes
-from phaselead.model.folded import folded
-from phaselead.model.sections import PASS, Section, Undone, undo_lowpass, undo_modes
+from phaselead.model.effects.interface import Entry, Samples
+from phaselead.model.sections import PASS, Section
 from phaselead.model.stage_file import Stage
 
 PLAYS, KNOTS, TERMS, SECTIONS = 32, 24, 8, 6
@@ -26,11 +23,6 @@ LARGEST_THRESHOLD_V = 64.0
 FASTEST_CREEP_s = 0.0007
 LEAST_SLOPE = 2.0**-10
 """um/V; flatter than this the device does not invert."""
-IN_TIME_VIEW = ("hysteresis", "asymmetric_hysteresis", "delay", "gain_change", "offset")
-IN_CHAIN = ("creep", "resonance", "load_change", "amplifier_lowpass", "sensor_lowpass")
-BETWEEN_AXES = ("cross_coupling",)
-COMPENSATED = frozenset((*IN_TIME_VIEW, *IN_CHAIN, *BETWEEN_AXES))
-"""Effects that an upload turns into something the device does. The skew of asymmetric_hysteresis is left."""
 
 
 @dataclass(frozen=True)
@@ -59,23 +51,24 @@ def compensation(axis: AxisModel) -> Compensation:
     """What undoes an axis. Raises BadInput with the reason when nothing does: no time view, or no stable inverse."""
     if axis.time is None:
         raise BadInput("it has no time view; fit or identify it")
-    view = _in_order(_inverted_view(axis))
+    view = folded(axis, partly=True).time
+    assert view is not None
+    view = _in_order(view)
     least, at_V = _least_slope(view, axis.limits)
     if least < LEAST_SLOPE:
         raise BadInput(
             f"its time view falls or stands still at {at_V:.4g} V (after a turn it rises by {least:.3g} um/V), so no "
             "voltage belongs to a position; fit it on records of that range, or narrow its limits"
         )
-    effects = _by_name(axis)
-    k, tau_s = _creep(effects.get("creep", ()))
-    # The drive has room for one section; a further low-pass of the amplifier is undone on the position, as linear parts
-    # may change places.
-    amplifiers = [undo_lowpass(number(params, "tau_s")) for params in effects.get("amplifier_lowpass", ())]
-    sensors = [undo_lowpass(number(params, "tau_s")) for params in effects.get("sensor_lowpass", ())]
-    drive = [section for undone in amplifiers for section in undone.sections]
-    before = [*sensors, *_mechanics(effects.get("resonance", ()))]
-    shape = (*drive[1:], *(section for undone in before for section in undone.sections))
-    preview_s = view.delay_s + sum(undone.delay_s for undone in [*amplifiers, *before])
+    entries = _entries(axis)
+    k, tau_s = _creep([e.creep_terms(params) for e, params in entries if e.creep_terms is not None])
+    # The drive has room for one section; a further one is put on the position, as linear parts may change places.
+    driven = [e.undo_on_drive(params) for e, params in entries if e.undo_on_drive is not None]
+    # What acts last is undone first.
+    moved = [e.undo_on_position(params) for e, params in _last_first(entries) if e.undo_on_position is not None]
+    drive = [section for undone in driven for section in undone.sections]
+    shape = (*drive[1:], *(section for undone in moved for section in undone.sections))
+    preview_s = view.delay_s + sum(undone.delay_s for undone in [*driven, *moved])
     found = Compensation(
         view, k, tau_s, shape, drive[0] if drive else PASS, max(preview_s, 0.0), _reach_um(view, axis.limits)
     )
@@ -91,24 +84,35 @@ def coupling(stage: Stage) -> list[list[float]]:
         for j in range(3):
             if i != j and stage.cross_coupling is not None:
                 matrix[i][j] = float(stage.cross_coupling[i][j])
-        if name in stage.axes:
-            for params, (j, other) in product(_by_name(stage.axes[name]).get("cross_coupling", ()), enumerate(names)):
-                if i != j:  # through shared modes: at rest every mode passes its share on
-                    matrix[i][j] += sum(
-                        float(np.sum(params.get(f"{part}_{other}", 0.0))) for part in ("from", "direct")
-                    )
+        couplings = (
+            [(e.coupling, params) for e, params in _entries(stage.axes[name]) if e.coupling is not None]
+            if name in stage.axes
+            else []
+        )
+        for (share, params), (j, other) in product(couplings, enumerate(names)):
+            if i != j:
+                matrix[i][j] += share(params, other)
     return matrix
 
 
-def _inverted_view(axis: AxisModel) -> TimeView:
-    """The time view with every effect that it can express; of a skewed loop the bend alone."""
-    unskewed = tuple(
-        e.model_copy(update={"params": {**e.params, "skew": 0.0}}) if e.name == "asymmetric_hysteresis" else e
-        for e in axis.effects
-    )
-    view = folded(axis.model_copy(update={"effects": unskewed})).time
-    assert view is not None
-    return view
+def folded(axis: AxisModel, *, partly: bool = False) -> AxisModel:
+    """The same axis with every effect that the time view can express in its time view; ``effects`` keeps the others.
+
+    ``partly``: also what it can express of an effect that it cannot express whole; the rest is dropped. Meant for
+    inversion and upload: sizes given as a share of the range belong to the range before. Raises BadInput for
+    parameters that make no sense.
+    """
+    if axis.time is None:
+        return axis
+    view, kept = axis.time, []
+    for adopted in axis.effects:
+        e, params = _entry(adopted)
+        whole = e.whole_in_time_view is None or e.whole_in_time_view(params)
+        if e.into_time_view is not None and (whole or partly):
+            view = e.into_time_view(axis, view, params)
+        else:
+            kept.append(adopted)
+    return axis.model_copy(update={"time": view, "effects": tuple(kept)})
 
 
 def _in_order(view: TimeView) -> TimeView:
@@ -148,26 +152,28 @@ def _reach_um(view: TimeView, limits: Limits) -> tuple[float, float]:
     return position(limits.u_min_V, -1), position(limits.u_max_V, 1)
 
 
-def _by_name(axis: AxisModel) -> Mapping[str, Sequence[Params]]:
-    """Complete parameters of the adopted effects, a load that was added already in the modes. An effect may be there
-    more than once: each acts."""
-    entries = [(effect(adopted.name), _complete(adopted)) for adopted in axis.effects]
+def _entries(axis: AxisModel) -> list[Entry]:
+    """The adopted effects with complete parameters in the order of the file, as they change each other (a load that was
+    added is already in the modes)."""
+    entries: Sequence[Entry] = [_entry(adopted) for adopted in axis.effects]
     for e, params in tuple(entries):
         if e.rewrite is not None:
-            entries = [(other, dict(given)) for other, given in e.rewrite(entries, params)]
-    found: dict[str, list[Params]] = {}
-    for e, params in entries:
-        found.setdefault(e.name, []).append(params)
-    return found
+            entries = e.rewrite(entries, params)
+    return list(entries)
 
 
-def _complete(adopted: AdoptedEffect) -> Params:
-    return dict(effect(adopted.name).complete(adopted.params))
+def _entry(adopted: AdoptedEffect) -> Entry:
+    e = effect(adopted.name)
+    return e, e.complete(adopted.params)
 
 
-def _creep(given: Sequence[Params]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _last_first(entries: Sequence[Entry]) -> list[Entry]:
+    """From the end of the physical chain to its beginning."""
+    return sorted(entries, key=lambda entry: (-entry[0].place, -entry[0].order))
+
+
+def _creep(each: Sequence[tuple[Samples, Samples]]) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Terms of all of them: what one creeps of the other's creep is small of second order."""
-    each = [terms(params) for params in given]
     k = np.concatenate([np.zeros(0), *(k for k, _ in each)])
     tau_s = np.concatenate([np.zeros(0), *(tau_s for _, tau_s in each)])
     if np.abs(k).sum() > 0.5:
@@ -188,12 +194,6 @@ def _fewer_terms(k: Samples, tau_s: Samples) -> tuple[Samples, Samples]:
     decays = np.exp(-t_s[:, None] / kept_s)
     kept, *_ = np.linalg.lstsq(decays, np.exp(-t_s[:, None] / tau_s) @ k, rcond=1e-9)
     return np.asarray(kept), kept_s
-
-
-def _mechanics(given: Sequence[Params]) -> list[Undone]:
-    if any(np.any(np.asarray(params.get("velocity", 0.0)) != 0) for params in given):
-        raise BadInput("its modes are shared with other axes and pass on velocity too, which is not undone")
-    return [undo_modes(modes(params)) for params in given]
 
 
 def _refuse_more_than_it_holds(found: Compensation) -> None:

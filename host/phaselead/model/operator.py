@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phaselead.compiled import kernel_of
-from phaselead.model.axis import TimeView
+from phaselead.model.axis import AxisModel, TimeView
 
 Samples = NDArray[np.float64]
 
@@ -43,27 +43,30 @@ def _kernel() -> ctypes.CDLL:
     array = ctypes.c_void_p
     kernel.stage_delay.argtypes = [size, array, double, double, array]
     kernel.stage_plays.argtypes = [size, array, size, array, array, size, array, array]
+    kernel.stage_weighed_plays.argtypes = [size, array, double, size, array, array, array, array]
     kernel.stage_response.argtypes = [ctypes.POINTER(_Operator), size, array, array, array]
-    for function in (kernel.stage_delay, kernel.stage_plays, kernel.stage_response):
+    for function in (kernel.stage_delay, kernel.stage_plays, kernel.stage_weighed_plays, kernel.stage_response):
         function.restype = None
     return kernel
 
 
-def _doubles(values: ArrayLike) -> Samples:
+def doubles(values: ArrayLike) -> Samples:
+    """``values`` as the compiled functions take them."""
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _at(values: NDArray[np.generic]) -> int:
+def address(values: NDArray[np.generic]) -> int:
+    """Where an array begins in memory, for a compiled function; the caller keeps the array alive."""
     return values.ctypes.data
 
 
 def delayed(u: ArrayLike, samples: float, before: float = 0.0) -> Samples:
     """``u`` (n,) late by ``samples`` >= 0, a real number; ahead of the first row it stood at ``before``."""
-    u = _doubles(u)
+    u = doubles(u)
     if not samples >= 0:
         raise ValueError(f"a delay of {samples} samples would need the future")
     v = np.empty_like(u)
-    _kernel().stage_delay(len(u), _at(u), before, samples, _at(v))
+    _kernel().stage_delay(len(u), address(u), before, samples, address(v))
     return v
 
 
@@ -75,30 +78,43 @@ def plays(
     Returns their positions at the ascending ``rows`` (all by default), (len(rows), m), and after the last
     sample, (m,).
     """
-    v, r, end = _doubles(v), _doubles(r), np.array(start, dtype=np.float64)
+    v, r, end = doubles(v), doubles(r), np.array(start, dtype=np.float64)
     if end.shape != r.shape:
         raise ValueError(f"{len(r)} plays need as many starting positions, got {end.shape}")
     rows = np.arange(len(v), dtype=np.uintp) if rows is None else np.ascontiguousarray(rows, dtype=np.uintp)
     out = np.empty((len(rows), len(r)))
-    _kernel().stage_plays(len(v), _at(v), len(r), _at(r), _at(end), len(rows), _at(rows), _at(out))
+    _kernel().stage_plays(len(v), address(v), len(r), address(r), address(end), len(rows), address(rows), address(out))
     return out, end
+
+
+def weighed_plays(v: ArrayLike, r: ArrayLike, w: ArrayLike, start: ArrayLike) -> Samples:
+    """sum_j w_j play_rj[v] (n,) for ``v`` (n,), thresholds ``r``, weights ``w`` and positions ``start`` (m,).
+
+    Raises ValueError when their lengths differ.
+    """
+    v, r, w, p = doubles(v), doubles(r), doubles(w), np.array(start, dtype=np.float64)
+    if not r.shape == w.shape == p.shape:
+        raise ValueError(f"shapes differ: r {r.shape}, w {w.shape}, start {p.shape}")
+    y = np.empty_like(v)
+    _kernel().stage_weighed_plays(len(v), address(v), 1.0, len(r), address(r), address(w), address(p), address(y))
+    return y
 
 
 def rest_plays(view: TimeView) -> Samples:
     """Positions of the plays (m,) in V, at rest at 0 V."""
-    return view.rest_fraction * _doubles(view.play_r_V)
+    return view.rest_fraction * doubles(view.play_r_V)
 
 
 def respond(view: TimeView, v: ArrayLike, start: ArrayLike) -> tuple[Samples, Samples]:
     """Position (n,) in um for a voltage ``v`` already delayed, from plays ``start``; and where they end."""
-    v, end = _doubles(v), np.array(start, dtype=np.float64)
-    r, w = _doubles(view.play_r_V), _doubles(view.play_w_um_per_V)
-    d, s = _doubles(view.deadzone_d_V), _doubles(view.deadzone_s_um_per_V)
+    v, end = doubles(v), np.array(start, dtype=np.float64)
+    r, w = doubles(view.play_r_V), doubles(view.play_w_um_per_V)
+    d, s = doubles(view.deadzone_d_V), doubles(view.deadzone_s_um_per_V)
     if not r.shape == w.shape == end.shape or d.shape != s.shape:
         raise ValueError("plays and dead zones need one threshold, one weight and one start each")
     x = np.empty_like(v)
-    operator = _Operator(view.gain_um_per_V, len(r), _at(r), _at(w), len(d), _at(d), _at(s))
-    _kernel().stage_response(ctypes.byref(operator), len(v), _at(v), _at(end), _at(x))
+    operator = _Operator(view.gain_um_per_V, len(r), address(r), address(w), len(d), address(d), address(s))
+    _kernel().stage_response(ctypes.byref(operator), len(v), address(v), address(end), address(x))
     return x + view.offset_um, end
 
 
@@ -115,8 +131,53 @@ def predict_time_view(
 
     From rest at 0 V, or from ``initial_plays_V`` (one per play) as a continuation that stood at ``u_V[0]``.
     """
-    u = _doubles(u_V)
+    u = doubles(u_V)
     step = (t_s[-1] - t_s[0]) / (len(t_s) - 1) if len(t_s) > 1 else 1.0
     before = 0.0 if initial_plays_V is None else float(u[0])
     start = rest_plays(view) if initial_plays_V is None else initial_plays_V
     return respond(view, delayed(u, view.delay_s / step, before), start)[0]
+
+
+def range_um(axis: AxisModel) -> float:
+    """Quasi-static travel in um over the voltages the time view was fitted on; the sensor's span without a view."""
+    low, high = ends_um(axis)
+    return abs(high - low) or 1.0
+
+
+def ends_um(axis: AxisModel) -> tuple[float, float]:
+    """Positions in um at the ends of a full, slow loop over the voltages the time view was fitted on."""
+    if axis.time is None:
+        return axis.sensor.x_min_um, axis.sensor.x_max_um
+    return _ends_um(axis.time)
+
+
+@lru_cache(maxsize=64)
+def _ends_um(view: TimeView) -> tuple[float, float]:
+    low, high = view.u_range_V
+    middle = (low + high) / 2
+    at_low = at_high = view.offset_um
+    at_low += view.gain_um_per_V * low
+    at_high += view.gain_um_per_V * high
+    for r, w in zip(view.play_r_V, view.play_w_um_per_V, strict=True):
+        at_low += w * min(low + r, middle)
+        at_high += w * max(high - r, middle)
+    for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True):
+        at_low += s * max(low - d, 0.0)
+        at_high += s * max(high - d, 0.0)
+    return at_low, at_high
+
+
+def resting_at(view: TimeView, rest_um: float) -> TimeView:
+    """The view with the offset that makes it rest at ``rest_um``."""
+    return view.model_copy(update={"offset_um": view.offset_um + rest_um - rest_position_um(view)})
+
+
+def merged(
+    at: tuple[float, ...], values: tuple[float, ...], more_at: Samples, more: Samples
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Thresholds of both and their values, rising, each threshold once; values of equal thresholds add."""
+    total: dict[float, float] = {}
+    for threshold, value in [*zip(at, values, strict=True), *zip(more_at.tolist(), more.tolist(), strict=True)]:
+        total[threshold] = total.get(threshold, 0.0) + value
+    thresholds = tuple(sorted(total))
+    return thresholds, tuple(total[t] for t in thresholds)

@@ -17,7 +17,6 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
-from scipy.optimize import brentq
 
 from phaselead.errors import BadInput
 from phaselead.model.fields import (
@@ -147,6 +146,8 @@ class TableView(Part):
                 f"a range of {range_um:g} um is outside what was identified ({low:.4g}..{high:.4g} um); "
                 "choose one inside, or identify more levels"
             )
+        from scipy.optimize import brentq  # slow to load, and needed by table feed-forward alone
+
         wanted = min(max(range_um, low), high)
         return float(brentq(lambda swing: self._range_um(swing) - wanted, *self.swing_V, xtol=1e-13))
 

@@ -1,14 +1,15 @@
-"""Writing recordings: CSV, and the export to what other programs read."""
+"""Writing recordings: CSV, and the export to what other programs read.
+
+pyarrow and scipy are imported where they are used: they are slow to load, and most commands write no such file.
+"""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow
-import pyarrow.csv
-import pyarrow.parquet
 
 from phaselead.errors import BadInput
 from phaselead.record.atomic import atomic_path
@@ -16,21 +17,26 @@ from phaselead.record.columns import UNITS, columns_of
 from phaselead.record.hdf5 import write_hdf5
 from phaselead.record.recording import Recording
 
+if TYPE_CHECKING:
+    import pyarrow
+
 SUFFIXES = (".csv", ".h5", ".hdf5", ".mat", ".parquet")
 
 
 def write_csv(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
     """Write ``t_s,u_V,x_um[,r_um]`` (or the three-axis form), whole or not at all; floats keep every bit."""
+    from pyarrow import csv
+
     table = _table(recording)
-    options = pyarrow.csv.WriteOptions(include_header=False)
+    options = csv.WriteOptions(include_header=False)
     with atomic_path(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
         file.write((",".join(table.column_names) + "\n").encode())
-        pyarrow.csv.write_csv(table, file, options)
+        csv.write_csv(table, file, options)
 
 
 def write_mat(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
     """Write a MATLAB 5 file: one column vector per column of the recording."""
-    import scipy.io  # a third of a second that every command would pay
+    import scipy.io
 
     vectors = {name: values[:, np.newaxis] for name, values in columns_of(recording.t_s, recording.axes).items()}
     with atomic_path(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
@@ -39,11 +45,15 @@ def write_mat(path: str | os.PathLike[str], recording: Recording, *, overwrite: 
 
 def write_parquet(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
     """Write an Apache Parquet file; the units are in the fields' metadata."""
+    from pyarrow import parquet
+
     with atomic_path(path, overwrite=overwrite) as temporary:
-        pyarrow.parquet.write_table(_table(recording), temporary)
+        parquet.write_table(_table(recording), temporary)
 
 
 def _table(recording: Recording) -> pyarrow.Table:
+    import pyarrow
+
     columns = columns_of(recording.t_s, recording.axes)
     fields = [pyarrow.field(name, pyarrow.float64(), metadata={"units": UNITS[name]}) for name in columns]
     return pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields))

@@ -8,6 +8,8 @@
 
 Attributes that HDF5 has no plain type for (lists, tables, nothing) are JSON text under ``NAME.json``.
 Datasets are compressed, which carries a checksum: a flipped bit is told and not measured.
+
+h5py is imported where it is used: it is slow to load, and most commands touch no file.
 """
 
 from __future__ import annotations
@@ -19,7 +21,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import h5py
 import numpy as np
 
 from phaselead.errors import BadInput, PhaseleadError
@@ -57,6 +58,8 @@ def write_hdf5(
     ``device`` and ``replay`` are trees of dicts; leaves may be numeric arrays, bytes, lists of bytes, text,
     numbers, and anything JSON can say. ``read_hdf5`` gives them back equal.
     """
+    import h5py
+
     with (
         atomic_path(os.fspath(path), overwrite=overwrite) as temporary,
         h5py.File(temporary, "w") as file,
@@ -127,6 +130,8 @@ def read_hdf5(path: str | os.PathLike[str], *, whole: bool = True) -> Hdf5Record
 
     Raises BadInput, one line, for anything else.
     """
+    import h5py
+
     path = os.fspath(path)
     refuse_foreign(path)
     try:
@@ -157,6 +162,8 @@ def refuse_foreign(path: str) -> None:
 
 
 def _read_file(file: Any, path: str, size: int, whole: bool) -> Hdf5Recording:
+    import h5py
+
     attributes = _attributes(file)
     names = [name for name in UNITS if isinstance(file.get(name, getlink=True), h5py.HardLink)]
     if attributes.get("format") != FORMAT and "t_s" not in names:
@@ -194,7 +201,7 @@ def _missing_ticks(device: dict[str, Any] | None) -> list[list[int]]:
 
 
 def _samples(dataset: Any, name: str, path: str, size: int) -> Samples:
-    if not isinstance(dataset, h5py.Dataset) or dataset.ndim != 1 or dataset.dtype.kind not in "iuf":
+    if not _is_dataset(dataset) or dataset.ndim != 1 or dataset.dtype.kind not in "iuf":
         raise BadInput(f"{path}: {name} is no one-dimensional dataset of numbers; the file is broken")
     units = dataset.attrs.get("units", UNITS[name])
     if units != UNITS[name]:
@@ -202,6 +209,12 @@ def _samples(dataset: Any, name: str, path: str, size: int) -> Samples:
     values = np.asarray(_array(dataset, size), dtype=np.float64)
     require_finite(name, values, _row, path)
     return values
+
+
+def _is_dataset(item: object) -> bool:
+    import h5py
+
+    return isinstance(item, h5py.Dataset)
 
 
 def _row(row: int) -> str:
@@ -226,7 +239,7 @@ def _attributes(owner: Any) -> dict[str, Any]:
 
 def _tree_of_gaps(group: Any, size: int) -> dict[str, Any]:
     """As much of ``_tree`` as tells of gaps."""
-    tree = {"tick": _array(group["tick"], size)} if isinstance(group.get("tick"), h5py.Dataset) else {}
+    tree = {"tick": _array(group["tick"], size)} if _is_dataset(group.get("tick")) else {}
     return tree | _attributes(group)
 
 
@@ -234,7 +247,7 @@ def _tree(group: Any, size: int) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for name, item in group.items():
         content = item.attrs.get("content")
-        if isinstance(item, h5py.Dataset):
+        if _is_dataset(item):
             array = _array(item, size)
             tree[name] = array.tobytes() if content == "bytes" else array
         elif content == "frames":

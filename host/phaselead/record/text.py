@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-import pyarrow
-import pyarrow.csv
 
 from phaselead.errors import BadInput
 from phaselead.record.checks import MISSING_FROM, Where, missing_samples, require_finite, require_uniform
@@ -180,6 +178,9 @@ def _number(field: str) -> float | None:
 
 def _read_fast(content: bytes, layout: _Layout) -> dict[str, Samples] | None:
     """All at once, or None when some line is not as it should be."""
+    import pyarrow  # slow to load, and most commands read no text
+    from pyarrow import csv
+
     data = content[layout.start :]
     if any(mark in data for mark in COMMENTS):
         data = _COMMENT_LINES.sub(b"", data)
@@ -190,12 +191,12 @@ def _read_fast(content: bytes, layout: _Layout) -> dict[str, Samples] | None:
     names = [f"f{i}" for i in range(1, layout.width + 1)]
     wanted = [f"f{i}" for i, _ in layout.columns.values()]
     try:
-        table = pyarrow.csv.read_csv(
+        table = csv.read_csv(
             io.BytesIO(data),
             # The pool of threads sometimes aborted the process at exit.
-            pyarrow.csv.ReadOptions(use_threads=False, column_names=names),
-            pyarrow.csv.ParseOptions(delimiter=layout.delimiter),
-            pyarrow.csv.ConvertOptions(
+            csv.ReadOptions(use_threads=False, column_names=names),
+            csv.ParseOptions(delimiter=layout.delimiter),
+            csv.ConvertOptions(
                 column_types={name: pyarrow.float64() for name in wanted},
                 include_columns=wanted,
                 null_values=[""],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from phaselead.control import Run
-from phaselead.identify import Experiment, Identified, Verification, beside_table_1
+from phaselead.identify import Experiment, Identified, Verification, compare_with_table_1
 from phaselead.model import Stage
 from phaselead.record import Recording
 from phaselead.report import figures
@@ -71,7 +71,7 @@ def write_demo_report(path: Path, results: DemoResults) -> None:
         verifications=[verification_part(item) for item in results.held_out],
         grid_sentence=grid_sentence(results.identified),
         surfaces_figure=figures.surfaces(table),
-        coefficient_rows=[row for row in beside_table_1(table)],
+        coefficient_rows=[row for row in compare_with_table_1(table)],
         coefficient_remark=(
             "Single coefficients of the two stages need not agree: the regressors are strongly correlated over the "
             "rectangle, so the surfaces are what to compare, and ours is a different stage. The standard errors come "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 from functools import cache
 from types import TracebackType
 from typing import Self
@@ -11,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.compiled import library_path
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.plant import PlantParameters
 from phaselead.sim.structures import LinkedParameters
@@ -68,10 +68,10 @@ _SIGNATURES = {
 def load_library(path: str | None = None) -> ctypes.CDLL:
     """The compiled firmware; ``path`` for another build of it. Raises PhaseleadError when it is not built."""
     if path is None:
-        spec = importlib.util.find_spec("phaselead.sim._firmware")
-        if spec is None or spec.origin is None:
+        built = library_path("phaselead.sim._firmware")
+        if built is None:
             raise PhaseleadError("the firmware library is not built; run `pip install .` (or `make`) with a C compiler")
-        path = spec.origin
+        path = str(built)
     library = ctypes.CDLL(path)
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import enum
-import importlib.util
 import os
 import re
 import shutil
@@ -21,11 +20,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.compiled import library_path
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.device import BAUD, Codes
 from phaselead.sim.plant import PlantParameters
+from phaselead.source_tree import boards
 
-BOARDS = ("nucleo_f446re", "generic_f405")
+BOARDS = boards()
+"""Whose firmware `make firmware` builds."""
+HARDWARE = re.compile(rb"chip=(F446|F405),usart=([12])")
 QEMU = "qemu-system-arm"
 QEMU_VERSION = "7.2"
 MACHINE = "netduinoplus2"
@@ -82,18 +85,27 @@ def find_firmware(board: str) -> Path:
     raise BadInput(f"there is no firmware for {board} yet; run `make firmware` in the source tree, or give ?elf=FILE")
 
 
+def hardware_of(elf: Path, board: str) -> str:
+    """Chip and serial port that a firmware is for, as it says itself. Raises BadInput when it is for another board."""
+    firmware = elf.read_bytes()
+    found = HARDWARE.search(firmware)
+    if found is None or board.encode() not in firmware:
+        raise BadInput(f"{elf}: is no firmware for {board}; build it with `make firmware`")
+    return found.group().decode("ascii")
+
+
 def _plugin() -> str:
-    spec = importlib.util.find_spec("phaselead.sim._emulator")
-    if spec is None or spec.origin is None:
+    built = library_path("phaselead.sim._emulator")
+    if built is None:
         raise PhaseleadError("the emulated board is not built; it needs Linux and a C compiler (`make setup`)")
-    return spec.origin
+    return str(built)
 
 
 def _stage_library() -> str:
-    spec = importlib.util.find_spec("phaselead.sim._firmware")
-    if spec is None or spec.origin is None:
+    built = library_path("phaselead.sim._firmware")
+    if built is None:
         raise PhaseleadError("the firmware library is not built; run `make setup`")
-    return spec.origin
+    return str(built)
 
 
 def check_qemu() -> str:
@@ -174,7 +186,7 @@ class EmulatedDevice:
         count: str | None = None,
         boot: bool = True,
     ) -> None:
-        if board not in BOARDS:
+        if BOARDS and board not in BOARDS:
             raise BadInput(f"there is no emulated board {board!r}; there are {' and '.join(BOARDS)}")
         if flash is not None and len(flash) != FLASH_SIZE:
             raise BadInput("the flash image has the wrong size; give one that an emulated board wrote, or none")
@@ -196,7 +208,7 @@ class EmulatedDevice:
             raise BadInput(f"{elf}: there is no such firmware")
         down, to_board = os.pipe()
         from_board, up = os.pipe()
-        plugin = f"{_plugin()},in={down},out={up},library={_stage_library()},board={board}"
+        plugin = f"{_plugin()},in={down},out={up},library={_stage_library()},{hardware_of(elf, board)}"
         if count is not None:
             plugin += f",count={count}"
         self._said = tempfile.TemporaryFile()  # noqa: SIM115

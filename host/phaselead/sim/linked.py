@@ -1,26 +1,23 @@
 """A stage file with any effects of the catalogue as parameters of the linked kernel.
 
-Names, units and defaults of the parameters are the catalogue's; the equations are written out here and in
-``kernel/link.c`` a second time, so that what a virtual stage does can be held against what a model says.
+Each effect says in its file (``virtual``) which parts it is made of; the equations of the parts are written out here
+and in ``kernel/link.c`` a second time, so that what a virtual stage does can be held against what a model says.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Stage, ends_um
+from phaselead.model import AxisModel, CheckedParameters, Place, Stage, VirtualAxis, catalogue
 from phaselead.sim.structures import (
     BACKLASH,
     CLIP,
     DEADZONES,
-    HUM_LINES,
     LINKS,
     OPERATOR,
     PLAYS,
-    POLES,
     POLES_SUM,
     SENSOR_LINKS,
     SLEW,
@@ -29,42 +26,198 @@ from phaselead.sim.structures import (
     LinkedAxis,
     LinkedParameters,
 )
-from phaselead.sim.terms import Terms
 
 LONGEST_DELAY_S = 10.0
 AXES = "xyz"
-HYSTERESIS_PLAYS, CREEP_TERMS = 10, 8
 
 
-@dataclass
-class Building:
-    """An axis being put together: links are sorted into their physical order at the end."""
+def tell_effects(axis: VirtualAxis) -> None:
+    """Tell ``axis`` the effects of its model, in the order in which they act.
 
-    axis: LinkedAxis
-    model: AxisModel
-    where: str
-    span_V: tuple[float, float]
-    ends_um: tuple[float, float]
-    links: list[tuple[int, Link]] = field(default_factory=list)
-    sensor_links: list[Link] = field(default_factory=list)
-    plays: list[tuple[float, float, float]] = field(default_factory=list)
-    """Threshold V, weight um/V, start V."""
-    spread: float = 0.0
-    """Thresholds of the part of the loop that widens with the rate, of the loop's own; 0 where none does."""
-    load: float = 0.0
-    """Mass added to what moves."""
-
-    @property
-    def range_um(self) -> float:
-        return abs(self.ends_um[1] - self.ends_um[0]) or 1.0
-
-    @property
-    def range_V(self) -> float:
-        return self.span_V[1] - self.span_V[0]
+    Raises BadInput for what cannot be simulated, and NotPlayed for what this axis cannot be.
+    """
+    for name, effect in catalogue().items():
+        mine = [adopted for adopted in axis.model.effects if adopted.name == name]
+        if mine and effect.virtual is None:
+            known = ", ".join(name for name, e in catalogue().items() if e.virtual is not None)
+            raise BadInput(f"{axis.where}: the simulator does not know effect {name!r}; it knows {known}")
+        if len(mine) > 1 and not effect.repeatable:
+            raise BadInput(f"{axis.where}: effect {name!r} stands there {len(mine)} times; the simulator takes one")
+        axis.place = effect.place
+        for adopted in mine:
+            try:
+                complete = effect.complete(adopted.params)
+            except BadInput as error:
+                raise BadInput(f"{axis.where}: {error}") from None
+            assert effect.virtual is not None
+            effect.virtual(axis, CheckedParameters(f"{axis.where}: effect {name!r}", complete, adopted.params))
 
 
-SLEWING, CHARGING, RAILS, LEAKING, MEMORY, SOFT, CREEPING, SLACK, MECHANICS = range(9)
-"""Places of links along the way from the voltage to the displacement."""
+class LinkedParts(VirtualAxis):
+    """The parts of one axis of the linked kernel. Links are made at the end, when the load of the modes is known."""
+
+    def __init__(self, axis: LinkedAxis, model: AxisModel, where: str) -> None:
+        super().__init__(model, where)
+        self._axis, self._operator, self._surroundings = axis, axis.operator, axis.surroundings
+        self._links: list[tuple[Place, Callable[[], Link]]] = []
+        self._plays: list[tuple[float, float, float]] = []  # threshold V, weight um/V, start V
+        self._spread = 0.0  # thresholds of what widens with the rate, of the loop's own; 0 where nothing does
+        self._mass = 0.0
+        self._taken: set[str] = set()
+
+    def filter(self, direct: float, poles: Sequence[complex], weights: Sequence[complex]) -> None:
+        self._link(lambda: _poles(direct, poles, weights))
+
+    def lowpass(self, tau_s: float, corner_Hz: float | None = None) -> None:
+        if tau_s:
+            self.filter(0.0, [-1 / tau_s], [1.0])
+
+    def lags(self, k: Sequence[float], tau_s: Sequence[float]) -> None:
+        self.filter(1.0, [-1 / tau for tau in tau_s], k)
+
+    def modes(self, c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float]) -> None:
+        self.has_modes = True
+        self._link(lambda: _modes(c, f_Hz, zeta, self._mass))
+
+    def load(self, mass: float) -> None:
+        self._only("load")
+        self._mass = mass
+
+    def slew(self, per_s: float) -> None:
+        self._link(lambda: _link(SLEW, per_s))
+
+    def clip(self, low: float, high: float) -> None:
+        self._link(lambda: _link(CLIP, low, high))
+
+    def slack(self, half: float) -> None:
+        self._link(lambda: _link(BACKLASH, half))
+
+    def level_gain(self, kappa: float, tau_s: float, about_mean: float) -> None:
+        self._link(lambda: _link(SOFTENING, kappa, self.range_um, tau_s, about_mean))
+
+    def plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float], start_V: Sequence[float]) -> None:
+        """Each takes its weight off the gain, and what it says at rest off the offset."""
+        for r, weight, start in zip(r_V, w_um_per_V, start_V, strict=True):
+            self._plays.append((r, weight, start))
+            self._operator.gain_um_per_V -= weight
+            self._axis.offset_um -= weight * start
+
+    def asymmetry(self, bend_um: float, skew_um: float, reach: float) -> None:
+        self._only("asymmetry of the loop")
+        self._operator.bend_um, self._operator.skew_um, self._operator.skew_reach = bend_um, skew_um, reach
+
+    def widening(self, per_decade: float, onset_V_per_s: float, held: float, spread: float) -> None:
+        self._only("widening of the loop")
+        self._operator.widening, self._operator.held = per_decade, held
+        self._operator.onset_V_per_s = onset_V_per_s
+        self._spread = spread
+
+    def converter_curve(self, bow_V: float, s_V: float, segment_V: float, segments: float) -> None:
+        self._only("curve of the output converter")
+        self._axis.dac_bow_V, self._axis.dac_s_V, self._axis.dac_segment_V = bow_V, s_V, segment_V
+        self._axis.dac_segments = segments
+
+    def delay(self, delay_s: float) -> None:
+        self._axis.delay_s += delay_s
+
+    def other_axes(self, um_per_um: Sequence[float], lag_s: float) -> None:
+        self._only("motion of other axes")
+        for i, share in enumerate(um_per_um):
+            self._axis.from_um_per_um[i] += share
+        self._axis.from_lag_s = lag_s
+
+    def sensor_gain(self, gain: float) -> None:
+        self._only("gain of the sensor")
+        self._surroundings.gain = gain
+
+    def offset(self, offset_um: float) -> None:
+        self._axis.offset_um += offset_um
+
+    def sensor_curve(self, quadratic: float, cubic: float, quartic: float, linear: float) -> None:
+        self._only("curve of the sensor")
+        self._surroundings.quadratic, self._surroundings.cubic = quadratic, cubic
+        self._surroundings.quartic, self._surroundings.linear = quartic, linear
+
+    def jitter(self, rms_s: float) -> None:
+        self._only("jitter")
+        self._surroundings.jitter_s = rms_s
+
+    def steps(self, step_um: float) -> None:
+        self._only("rounding of the sensor")
+        self._surroundings.lsb_um = step_um
+
+    def drift(self, ramp_um_per_s: float, rise_um: float, tau_s: float) -> None:
+        self._only("drift")
+        self._surroundings.ramp_um_per_s = ramp_um_per_s
+        self._surroundings.rise_um, self._surroundings.rise_tau_s = rise_um, tau_s
+
+    def lines(self, f_Hz: float, sin_um: Sequence[float], cos_um: Sequence[float]) -> None:
+        self._only("set of lines")
+        self._surroundings.hum_Hz = f_Hz
+        for i, (sine, cosine) in enumerate(zip(sin_um, cos_um, strict=True)):
+            self._surroundings.hum_sin_um[i], self._surroundings.hum_cos_um[i] = sine, cosine
+
+    def vibration(self, rms_um: float, f_Hz: float, width_Hz: float) -> None:
+        self._only("vibration")
+        self._surroundings.vibration_um_rms = rms_um
+        self._surroundings.vibration_Hz, self._surroundings.vibration_width_Hz = f_Hz, width_Hz
+
+    def _link(self, make: Callable[[], Link]) -> None:
+        """One more link at the place of the effect that is telling."""
+        if self.place in (Place.COUPLING, Place.ENVIRONMENT):
+            raise BadInput(f"{self.where}: the simulator has no filters, clips and plays at {self.place.name.lower()}")
+        self._links.append((self.place, make))
+
+    def _only(self, what: str) -> None:
+        """Refuse what the kernel has room for once."""
+        if what in self._taken:
+            raise BadInput(f"{self.where}: two effects ask for a {what}; the simulator takes one")
+        self._taken.add(what)
+
+    def finish(self) -> None:
+        """Fill the kernel's parameters. Raises BadInput when they have no room for it all."""
+        axis, operator, view = self._axis, self._operator, self.model.time
+        assert view is not None
+        rest = [(r, w, view.rest_fraction * r) for r, w in zip(view.play_r_V, view.play_w_um_per_V, strict=True)]
+        own = [*rest, *self._plays]
+        plays = [(*play, 0.0) for play in own] + self._widening(own)
+        before = [make for place, make in self._links if place <= Place.AMPLIFIER]
+        behind = [make for place, make in self._links if Place.AMPLIFIER < place < Place.SENSOR]
+        links = [*before, lambda: _link(OPERATOR), *behind]
+        sensor = [make for place, make in self._links if place == Place.SENSOR]
+        self._refuse_more_than_it_holds(len(plays), len(view.deadzone_d_V), len(links), len(sensor))
+        operator.plays, operator.deadzones = len(plays), len(view.deadzone_d_V)
+        for i, (r_V, w, start_V, widens) in enumerate(plays):
+            operator.play_r_V[i], operator.play_w_um_per_V[i], operator.play_start_V[i] = r_V, w, start_V
+            operator.play_widens[i] = widens
+        for i, (d_V, s) in enumerate(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)):
+            operator.deadzone_d_V[i], operator.deadzone_s_um_per_V[i] = d_V, s
+        axis.links, axis.sensor_links = len(links), len(sensor)
+        for i, make in enumerate(links):
+            axis.link[i] = make()
+        for i, make in enumerate(sensor):
+            axis.sensor_link[i] = make()
+
+    def _widening(self, own: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float, float]]:
+        """Plays as they widen with the rate less the same at rest: threshold V, weight um/V, start V, whether it
+        widens."""
+        if not self._spread:
+            return []
+        spread = [(self._spread * r_V, w / self._spread, self._spread * start_V) for r_V, w, start_V in own]
+        parts = ((1, 1.0), (-1, 0.0))
+        return [(r_V, sign * w, start_V, widens) for sign, widens in parts for r_V, w, start_V in spread]
+
+    def _refuse_more_than_it_holds(self, plays: int, deadzones: int, links: int, sensor_links: int) -> None:
+        if plays > PLAYS or deadzones > DEADZONES:
+            raise BadInput(f"{self.where}: more plays or dead zones than the simulator takes ({PLAYS}, {DEADZONES})")
+        if links > LINKS or sensor_links > SENSOR_LINKS:
+            raise BadInput(
+                f"{self.where}: more effects than the simulator takes ({LINKS}, {SENSOR_LINKS} of the sensor)"
+            )
+        if not self._axis.delay_s <= LONGEST_DELAY_S:
+            raise BadInput(
+                f"{self.where}: a delay of {self._axis.delay_s:g} s; the simulator takes up to {LONGEST_DELAY_S:g} s"
+            )
 
 
 def _link(kind: int, *numbers: float) -> Link:
@@ -83,217 +236,16 @@ def _poles(direct: float, poles: Sequence[complex], weights: Sequence[complex]) 
     return link
 
 
-def _tau_s(terms: Terms) -> float:
-    return terms.one("tau_s", low=0.0)
-
-
-def _amplifier_lowpass(to: Building, terms: Terms) -> None:
-    if tau_s := _tau_s(terms):
-        to.links.append((CHARGING, _poles(0.0, [-1 / tau_s], [1.0])))
-
-
-def _sensor_lowpass(to: Building, terms: Terms) -> None:
-    if tau_s := _tau_s(terms):
-        to.sensor_links.append(_poles(0.0, [-1 / tau_s], [1.0]))
-
-
-def _slew_limit(to: Building, terms: Terms) -> None:
-    if traverse_s := terms.one("traverse_s", low=0.0):
-        to.links.append((SLEWING, _link(SLEW, to.range_V / traverse_s)))
-
-
-def _saturation(to: Building, terms: Terms) -> None:
-    top, bottom = terms.one("top", low=0.0, below=0.5), terms.one("bottom", low=0.0, below=0.5)
-    low = to.span_V[0] + bottom * to.range_V if bottom else -1e9
-    high = to.span_V[1] - top * to.range_V if top else 1e9
-    if not low < high:
-        raise BadInput(f"{to.where}: effect 'saturation': the rails leave no room between them; lower top or bottom")
-    to.links.append((RAILS, _link(CLIP, low, high)))
-
-
-def _charge_leakage(to: Building, terms: Terms) -> None:
-    if rate_per_s := terms.one("rate_per_s", low=0.0):
-        to.links.append((LEAKING, _poles(1.0, [-rate_per_s], [-1.0])))
-
-
-def _delay(to: Building, terms: Terms) -> None:
-    to.axis.delay_s += terms.one("delay_s", low=0.0)
-
-
-def _hysteresis(to: Building, terms: Terms) -> None:
-    """Plays whose lag (play - v) is added to the straight line: each takes its weight off the gain, and what it says
-    at rest off the offset."""
-    part = [(i + 1) / HYSTERESIS_PLAYS for i in range(HYSTERESIS_PLAYS)]
-    reach_V = terms.one("reach", above=0.0) * to.range_V / 2
-    density = [math.exp(terms.one("slope") * p) for p in part]
-    opening = 2 * sum(reach_V * p * d for p, d in zip(part, density, strict=True))
-    for p, d in zip(part, density, strict=True):
-        weight, start_V = terms.one("width") * to.range_um * d / opening, terms.one("rest_fraction") * reach_V * p
-        to.plays.append((reach_V * p, weight, start_V))
-        to.axis.operator.gain_um_per_V -= weight
-        to.axis.offset_um -= weight * start_V
-
-
-def _asymmetric_hysteresis(to: Building, terms: Terms) -> None:
-    operator = to.axis.operator
-    operator.bend_um, operator.skew_um = terms.one("bend") * to.range_um, terms.one("skew") * to.range_um
-    operator.skew_reach = terms.one("reach", above=0.0)
-
-
-def _rate_dependence(to: Building, terms: Terms) -> None:
-    to.axis.operator.widening = terms.one("widening", low=0.0)
-    to.axis.operator.held = terms.one("held", low=0.0)
-    to.axis.operator.onset_V_per_s = terms.one("onset_per_s", above=0.0) * to.range_V
-    if to.axis.operator.widening:
-        to.spread = terms.one("spread", above=0.0)
-
-
-def _softening(to: Building, terms: Terms) -> None:
-    numbers = (terms.one("kappa"), to.range_um, terms.one("tau_s", above=0.0), terms.one("about_mean"))
-    to.links.append((SOFT, _link(SOFTENING, *numbers)))
-
-
-def creep_terms(terms: Terms) -> tuple[list[float], list[float]]:
-    """k and tau_s: as given, or equal shares at equal ratios between the first time constant and the last."""
-    if "k" in terms or "tau_s" in terms:
-        k, tau_s = terms.alike("k", "tau_s", most=CREEP_TERMS)
-        terms.positive("tau_s", tau_s)
-        return k, tau_s
-    first, last = sorted((terms.one("tau_first_s", above=0.0), terms.one("tau_last_s", above=0.0)))
-    k = [terms.one("gamma") * math.log10(last / first) / CREEP_TERMS] * CREEP_TERMS
-    return k, [first * (last / first) ** ((i + 0.5) / CREEP_TERMS) for i in range(CREEP_TERMS)]
-
-
-def mode_terms(terms: Terms) -> tuple[list[float], list[float], list[float]]:
-    """c, f_Hz and zeta, one of each per mode."""
-    f_Hz, zeta, c = terms.alike("f_Hz", "zeta", "c", most=POLES)
-    terms.positive("f_Hz", f_Hz)
-    terms.positive("zeta", zeta, below=1.0)
-    return c, f_Hz, zeta
-
-
-SHARED = "modes that the axes share, which the simulator does not play; remove it, or give modes of the axis alone"
-
-
-def _creep(to: Building, terms: Terms) -> None:
-    k, tau_s = creep_terms(terms)
-    to.links.append((CREEPING, _poles(1.0, [-1 / tau for tau in tau_s], k)))
-
-
-def _backlash(to: Building, terms: Terms) -> None:
-    to.links.append((SLACK, _link(BACKLASH, terms.one("width", low=0.0) * to.range_um / 2)))
-
-
-def _resonance(to: Building, terms: Terms) -> None:
+def _modes(c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float], mass: float) -> Link:
     """Each mode as twice the real part of one complex lag: w^2 / (s^2 + 2 zeta w s + w^2)."""
-    if "velocity" in terms:
-        raise BadInput(f"{to.where}: effect 'resonance' has {SHARED}")
-    c, f_Hz, zeta = mode_terms(terms)
     poles, weights = [], []
     for share, f, damping in zip(c, f_Hz, zeta, strict=True):
-        slower = (1 + to.load) ** -0.5
+        slower = (1 + mass) ** -0.5
         w, damping = 2 * math.pi * f * slower, damping * slower
         pole = w * complex(-damping, math.sqrt(1 - damping**2))
         poles.append(pole)
         weights.append(-2 * share * (w**2 / (pole - pole.conjugate())) / pole)
-    to.links.append((MECHANICS, _poles(1 - sum(c), poles, weights)))
-
-
-def _load_change(to: Building, terms: Terms) -> None:
-    to.load = terms.one("mass", above=-1.0)
-    if not any(effect.name == "resonance" for effect in to.model.effects):
-        raise BadInput(f"{to.where}: effect 'load_change' moves a resonance and there is none; add one")
-
-
-def _cross_coupling(to: Building, terms: Terms) -> None:
-    if "f_Hz" in terms:
-        raise BadInput(f"{to.where}: effect 'cross_coupling' has {SHARED}")
-    for i, name in enumerate(AXES):
-        to.axis.from_um_per_um[i] += terms.one(f"from_{name}")
-    to.axis.from_lag_s = terms.one("lag_s", low=0.0)
-
-
-def _gain_change(to: Building, terms: Terms) -> None:
-    to.axis.surroundings.gain = terms.one("gain", above=-1.0)
-
-
-def _offset(to: Building, terms: Terms) -> None:
-    to.axis.offset_um += terms.one("offset_um")
-
-
-def _sensor_nonlinearity(to: Building, terms: Terms) -> None:
-    for name in ("quadratic", "cubic", "quartic", "linear"):
-        setattr(to.axis.surroundings, name, terms.one(name))
-
-
-def _quantisation(to: Building, terms: Terms) -> None:
-    to.axis.surroundings.lsb_um = terms.one("lsb_um", low=0.0)
-
-
-def _thermal_drift(to: Building, terms: Terms) -> None:
-    to.axis.surroundings.ramp_um_per_s = terms.one("ramp_um_per_s")
-    to.axis.surroundings.rise_um = terms.one("rise_um")
-    to.axis.surroundings.rise_tau_s = terms.one("tau_s", above=0.0)
-
-
-def _mains_hum(to: Building, terms: Terms) -> None:
-    to.axis.surroundings.hum_Hz = terms.one("f_Hz", above=0.0)
-    for line in range(HUM_LINES):
-        to.axis.surroundings.hum_sin_um[line] = terms.one(f"sin{line + 1}_um")
-        to.axis.surroundings.hum_cos_um[line] = terms.one(f"cos{line + 1}_um")
-
-
-def _vibration(to: Building, terms: Terms) -> None:
-    to.axis.surroundings.vibration_um_rms = terms.one("rms_um", low=0.0)
-    to.axis.surroundings.vibration_Hz = terms.one("f_Hz", above=0.0)
-    to.axis.surroundings.vibration_width_Hz = terms.one("bandwidth_Hz", above=0.0)
-
-
-def _sampling_jitter(to: Building, terms: Terms) -> None:
-    to.axis.surroundings.jitter_s = terms.one("rms_s", low=0.0)
-
-
-def _dac_nonlinearity(to: Building, terms: Terms) -> None:
-    axis = to.axis
-    axis.dac_bow_V = terms.one("bow_LSB") * axis.dac_V_per_code
-    axis.dac_s_V = terms.one("s_LSB") * axis.dac_V_per_code
-    axis.dac_segment_V = terms.one("segment_LSB") * axis.dac_V_per_code
-    axis.dac_segments = terms.one("segments")
-
-
-EFFECTS: dict[str, Callable[[Building, Terms], None]] = {
-    "load_change": _load_change,  # first: it changes the modes
-    "delay": _delay,
-    "dac_nonlinearity": _dac_nonlinearity,
-    "slew_limit": _slew_limit,
-    "amplifier_lowpass": _amplifier_lowpass,
-    "saturation": _saturation,
-    "charge_leakage": _charge_leakage,
-    "hysteresis": _hysteresis,
-    "asymmetric_hysteresis": _asymmetric_hysteresis,
-    "rate_dependence": _rate_dependence,
-    "softening": _softening,
-    "creep": _creep,
-    "backlash": _backlash,
-    "resonance": _resonance,
-    "cross_coupling": _cross_coupling,
-    "gain_change": _gain_change,
-    "offset": _offset,
-    "sensor_lowpass": _sensor_lowpass,
-    "sensor_nonlinearity": _sensor_nonlinearity,
-    "sampling_jitter": _sampling_jitter,
-    "quantisation": _quantisation,
-    "thermal_drift": _thermal_drift,
-    "mains_hum": _mains_hum,
-    "vibration": _vibration,
-}
-"""Effects that a virtual stage can have, by their name in a stage file, in the order they are put in."""
-
-REPEATABLE = {
-    "delay", "offset", "hysteresis", "creep", "resonance", "amplifier_lowpass", "slew_limit", "saturation",
-    "charge_leakage", "softening", "backlash", "sensor_lowpass",
-}  # fmt: skip
-"""What may stand in the file more than once: one acts after the other."""
+    return _poles(1 - sum(c), poles, weights)
 
 
 def linked_parameters(stage: Stage, tick_s: float, latch_s: float, seed: int) -> LinkedParameters:
@@ -318,61 +270,10 @@ def _axis(axis: LinkedAxis, model: AxisModel | None, where: str, tick_s: float, 
     if model is None or model.time is None:
         axis.links, axis.link[0] = 1, _link(OPERATOR)
         return
-    view = model.time
-    to = Building(axis, model, where, view.u_range_V, ends_um(model))
+    view, parts = model.time, LinkedParts(axis, model, where)
     axis.operator.low_V, axis.operator.high_V = view.u_range_V
-    axis.surroundings.low_um, axis.surroundings.high_um = sorted(to.ends_um)
+    axis.surroundings.low_um, axis.surroundings.high_um = sorted(parts.ends_um)
     axis.operator.gain_um_per_V, axis.offset_um = view.gain_um_per_V, view.offset_um
     axis.delay_s += view.delay_s
-    pairs = zip(view.play_r_V, view.play_w_um_per_V, strict=True)
-    to.plays = [(r, w, view.rest_fraction * r) for r, w in pairs]
-    to.links.append((MEMORY, _link(OPERATOR)))
-    _put_in_effects(to)
-    _finish(to)
-
-
-def _put_in_effects(to: Building) -> None:
-    given = list(to.model.effects)
-    for name, put_in in EFFECTS.items():
-        mine = [effect for effect in given if effect.name == name]
-        if len(mine) > 1 and name not in REPEATABLE:
-            raise BadInput(f"{to.where}: effect {name!r} stands there {len(mine)} times; the simulator takes one")
-        for effect in mine:
-            put_in(to, Terms(name, effect.params, to.where))
-    for effect in given:
-        if effect.name not in EFFECTS:
-            raise BadInput(
-                f"{to.where}: the simulator does not know effect {effect.name!r}; it knows {', '.join(EFFECTS)}"
-            )
-
-
-def _widening(to: Building) -> list[tuple[float, float, float, float]]:
-    """Plays as they widen with the rate less the same at rest: threshold V, weight um/V, start V, whether it widens."""
-    if not to.spread:
-        return []
-    spread = [(to.spread * r_V, w / to.spread, to.spread * start_V) for r_V, w, start_V in to.plays]
-    return [(r_V, sign * w, start_V, widens) for sign, widens in ((1, 1.0), (-1, 0.0)) for r_V, w, start_V in spread]
-
-
-def _finish(to: Building) -> None:
-    axis, view = to.axis, to.model.time
-    assert view is not None
-    plays = [(*play, 0.0) for play in to.plays] + _widening(to)
-    if len(plays) > PLAYS or len(view.deadzone_d_V) > DEADZONES:
-        raise BadInput(f"{to.where}: more plays or dead zones than the simulator takes ({PLAYS}, {DEADZONES})")
-    if len(to.links) > LINKS or len(to.sensor_links) > SENSOR_LINKS:
-        raise BadInput(f"{to.where}: more effects than the simulator takes ({LINKS}, {SENSOR_LINKS} of the sensor)")
-    if not axis.delay_s <= LONGEST_DELAY_S:
-        raise BadInput(f"{to.where}: a delay of {axis.delay_s:g} s; the simulator takes up to {LONGEST_DELAY_S:g} s")
-    operator = axis.operator
-    operator.plays, operator.deadzones = len(plays), len(view.deadzone_d_V)
-    for i, (r_V, w, start_V, widens) in enumerate(plays):
-        operator.play_r_V[i], operator.play_w_um_per_V[i], operator.play_start_V[i] = r_V, w, start_V
-        operator.play_widens[i] = widens
-    for i, (d_V, s) in enumerate(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)):
-        operator.deadzone_d_V[i], operator.deadzone_s_um_per_V[i] = d_V, s
-    axis.links, axis.sensor_links = len(to.links), len(to.sensor_links)
-    for i, (_, link) in enumerate(sorted(to.links, key=lambda placed: placed[0])):
-        axis.link[i] = link
-    for i, link in enumerate(to.sensor_links):
-        axis.sensor_link[i] = link
+    tell_effects(parts)
+    parts.finish()

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+import math
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
-
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Stage, load_stage, parse_stage
-from phaselead.sim.linked import creep_terms, linked_parameters, mode_terms
+from phaselead.model import AxisModel, NotPlayed, Place, Stage, VirtualAxis, load_stage, parse_stage
+from phaselead.sim.linked import linked_parameters, tell_effects
 from phaselead.sim.structures import LinkedParameters
-from phaselead.sim.terms import Terms
 
 TICK_S = 1 / 5000
 LATCH_S = 20e-6
@@ -66,41 +64,66 @@ class PlantParameters(ctypes.Structure):
     )
 
 
-def _creep(axis: AxisParameters, terms: Terms) -> None:
-    for k, tau_s in zip(*creep_terms(terms), strict=True):
-        axis.creep_k[axis.creeps] = k
-        axis.creep_tau_s[axis.creeps] = tau_s
-        axis.creeps += 1
+class ExactParts(VirtualAxis):
+    """The parts that the exact kernel plays: one set of lags, modes and a low-pass, any number of delays and offsets.
 
+    Nothing is written before it is known that the kernel can be the axis.
+    """
 
-def _resonance(axis: AxisParameters, terms: Terms) -> None:
-    for c, f_Hz, zeta in zip(*mode_terms(terms), strict=True):
-        axis.mode_c[axis.modes] = c
-        axis.mode_f_Hz[axis.modes] = f_Hz
-        axis.mode_zeta[axis.modes] = zeta
-        axis.modes += 1
+    def __init__(self, model: AxisModel, where: str) -> None:
+        super().__init__(model, where)
+        self._creep: list[tuple[float, float]] = []
+        self._modes: list[tuple[float, float, float]] = []
+        self._corner_Hz = 0.0
+        self._delays_s: list[float] = []
+        self._offsets_um: list[float] = []
+        self._taken: set[Place] = set()
 
+    def lags(self, k: Sequence[float], tau_s: Sequence[float]) -> None:
+        self._only_at(Place.CREEP)
+        self._creep = list(zip(k, tau_s, strict=True))
 
-def _sensor_lowpass(axis: AxisParameters, terms: Terms) -> None:
-    axis.sensor_corner_Hz = terms.corner_Hz()
+    def modes(self, c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float]) -> None:
+        self._only_at(Place.MECHANICS)
+        self.has_modes = True
+        self._modes = list(zip(c, f_Hz, zeta, strict=True))
 
+    def lowpass(self, tau_s: float, corner_Hz: float | None = None) -> None:
+        self._only_at(Place.SENSOR)
+        own_Hz = 1 / (2 * math.pi * tau_s) if tau_s > 0 else 0.0
+        self._corner_Hz = own_Hz if corner_Hz is None else corner_Hz
 
-def _delay(axis: AxisParameters, terms: Terms) -> None:
-    axis.delay_ticks += terms.one("delay_s", low=0.0) / TICK_S
+    def delay(self, delay_s: float) -> None:
+        self._delays_s.append(delay_s)
 
+    def offset(self, offset_um: float) -> None:
+        self._offsets_um.append(offset_um)
 
-def _offset(axis: AxisParameters, terms: Terms) -> None:
-    axis.offset_um += terms.one("offset_um")
+    def _only_at(self, place: Place) -> None:
+        """The kernel has one of these, there."""
+        if self.place != place or place in self._taken:
+            raise NotPlayed
+        self._taken.add(place)
 
+    def refuse_more_than_it_holds(self) -> None:
+        """Raises NotPlayed for too many lags or modes, or a delay that its ring of ticks cannot hold."""
+        assert self.model.time is not None
+        delay_s = LATCH_S + self.model.time.delay_s + sum(self._delays_s)
+        if len(self._creep) > CREEPS or len(self._modes) > MODES or not delay_s / TICK_S < DELAY_TICKS - 1:
+            raise NotPlayed
 
-EXACT: dict[str, Callable[[AxisParameters, Terms], None]] = {
-    "creep": _creep,
-    "resonance": _resonance,
-    "sensor_lowpass": _sensor_lowpass,
-    "delay": _delay,
-    "offset": _offset,
-}
-"""Effects of the exact kernel; a stage with any other is stepped by the linked one."""
+    def fill(self, axis: AxisParameters) -> None:
+        """Write it all. Raises BadInput when the time view is larger than the kernel's."""
+        _fill_time_view(axis, self.model, self.where)
+        axis.creeps, axis.modes, axis.sensor_corner_Hz = len(self._creep), len(self._modes), self._corner_Hz
+        for i, (k, tau_s) in enumerate(self._creep):
+            axis.creep_k[i], axis.creep_tau_s[i] = k, tau_s
+        for i, (c, f_Hz, zeta) in enumerate(self._modes):
+            axis.mode_c[i], axis.mode_f_Hz[i], axis.mode_zeta[i] = c, f_Hz, zeta
+        for delay_s in self._delays_s:
+            axis.delay_ticks += delay_s / TICK_S
+        for offset_um in self._offsets_um:
+            axis.offset_um += offset_um
 
 
 def built_in(name: str) -> Stage:
@@ -133,33 +156,31 @@ def plant_parameters(stage: Stage, seed: int = 0) -> PlantParameters:
                 f"stage {stage.name!r}, axis {name}: only a table view, which cannot be simulated; "
                 "give a stage file with a time view"
             )
-    linked = not all(_is_exact(model) for model in stage.axes.values())
     for i, name in enumerate(AXES):
-        where, model = f"stage {stage.name!r}, axis {name}", stage.axes.get(name)
-        _fill_converters(parameters.axes[i], model or AxisModel(), where)
+        _fill_converters(parameters.axes[i], stage.axes.get(name) or AxisModel(), _where(stage, name))
         parameters.axes[i].delay_ticks = LATCH_S / TICK_S
-        if model is not None and not linked:
-            _fill_axis(parameters.axes[i], model, where)
-    if linked:
+    exact = _exact_parts(stage)
+    if exact is None:
         parameters.linked = ctypes.pointer(linked_parameters(stage, TICK_S, LATCH_S, seed))
+    for name, parts in (exact or {}).items():
+        parts.fill(parameters.axes[AXES.index(name)])
     return parameters
 
 
-def _is_exact(model: AxisModel) -> bool:
-    """Whether the exact kernel can be this axis: a short delay, and each of its effects once, with room for it."""
-    names = [effect.name for effect in model.effects]
-    once = all(names.count(name) == 1 for name in names if name not in ("delay", "offset"))
-    modes = [np.size(effect.params.get("f_Hz", 0)) for effect in model.effects if effect.name == "resonance"]
-    delays = [effect.params.get("delay_s", 0.0) for effect in model.effects if effect.name == "delay"]
-    assert model.time is not None
-    delay_s = LATCH_S + model.time.delay_s + sum(float(d) for d in delays if isinstance(d, (int, float)))
-    return set(names) <= set(EXACT) and once and sum(modes) <= MODES and delay_s / TICK_S < DELAY_TICKS - 1
+def _where(stage: Stage, axis: str) -> str:
+    return f"stage {stage.name!r}, axis {axis}"
 
 
-def _fill_axis(axis: AxisParameters, model: AxisModel, where: str) -> None:
-    _fill_time_view(axis, model, where)
-    for effect in model.effects:
-        EXACT[effect.name](axis, Terms(effect.name, effect.params, where))
+def _exact_parts(stage: Stage) -> dict[str, ExactParts] | None:
+    """Of every axis; None when the exact kernel cannot be all of them and the linked one steps the stage."""
+    found = {name: ExactParts(model, _where(stage, name)) for name, model in stage.axes.items()}
+    try:
+        for parts in found.values():
+            tell_effects(parts)
+            parts.refuse_more_than_it_holds()
+    except NotPlayed:
+        return None
+    return found
 
 
 def _fill_converters(axis: AxisParameters, model: AxisModel, where: str) -> None:

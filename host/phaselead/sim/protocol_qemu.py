@@ -37,7 +37,7 @@ class Place:
 def parse_url(url: str) -> Place:
     """Reads a qemu:// URL. Raises BadInput with what is wrong with it."""
     board, _, query = url.removeprefix(SCHEME).partition("?")
-    if not url.startswith(SCHEME) or board not in BOARDS:
+    if not url.startswith(SCHEME) or not board or (BOARDS and board not in BOARDS):
         raise BadInput(f"{url}: names no emulated board; use {' or '.join(SCHEME + name for name in BOARDS)}")
     options: dict[str, Any] = {}
     for name, text in parse_qsl(query, keep_blank_values=True):

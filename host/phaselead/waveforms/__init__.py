@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from phaselead.waveforms.waveform import POINTS, Waveform, parse_wave, parse_waves, refuse_out_of_range, steepest
+from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves
+from phaselead.waveforms.goto import SETTLE_S, Goto
+from phaselead.waveforms.limits import refuse_out_of_range
+from phaselead.waveforms.sine import Sine
+from phaselead.waveforms.triangle import Triangle
+from phaselead.waveforms.waveform import JUDGED_PERIODS, POINTS, Periodic, Sampled, Waveform
 
 __all__ = [
+    "JUDGED_PERIODS",
     "POINTS",
+    "SETTLE_S",
+    "Goto",
+    "Periodic",
+    "Sampled",
+    "Sine",
+    "Triangle",
     "Waveform",
+    "examples",
+    "kinds",
     "parse_wave",
     "parse_waves",
     "refuse_out_of_range",
-    "steepest",
 ]

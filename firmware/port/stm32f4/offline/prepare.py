@@ -1,13 +1,15 @@
 """Prepares a PLATFORMIO_CORE_DIR in which `pio run` needs no registry: `make toolchain`.
 
 PlatformIO is given what it would download, under the same names and versions: SCons from PyPI, the system's
-gcc-arm-none-eabi, and a platform of our own with the two boards (platform/). The ELF is the same as with the real one.
+gcc-arm-none-eabi, and a platform of our own (platform/) with the boards of platformio.ini. The ELF is the same as with
+the real one.
 
     prepare.py CORE_DIR
 """
 
 from __future__ import annotations
 
+import configparser
 import json
 import shutil
 import sys
@@ -16,6 +18,14 @@ from pathlib import Path
 TOOLCHAIN_VERSION = "1.120301.0"
 TOOLS = ("gcc", "g++", "as", "ar", "gcc-ar", "gcc-ranlib", "ranlib", "objcopy", "size", "objdump", "nm")
 HERE = Path(__file__).parent
+PROJECT = HERE.parents[3]
+BOARD = {
+    "build": {"cpu": "cortex-m4", "f_cpu": "168000000L", "mcu": "stm32f4"},
+    "upload": {"maximum_ram_size": 131072, "maximum_size": 524288, "protocol": "stlink", "protocols": ["stlink"]},
+    "url": "https://www.st.com",
+    "vendor": "ST",
+}
+"""What PlatformIO asks of a board; sizes are the smallest board's."""
 
 
 def write_json(path: Path, content: dict[str, object]) -> None:
@@ -59,6 +69,10 @@ def make_platform(core: Path) -> None:
     package = core / "platforms" / "ststm32"
     shutil.rmtree(package, ignore_errors=True)
     shutil.copytree(HERE / "platform", package)
+    project = configparser.ConfigParser(interpolation=None)
+    project.read(PROJECT / "platformio.ini", "utf-8")
+    for board in {section["board"] for section in project.values() if "board" in section}:
+        write_json(package / "boards" / f"{board}.json", {**BOARD, "name": board})
     mark_installed(package, "platform", "ststm32", json.loads((package / "platform.json").read_text())["version"])
 
 

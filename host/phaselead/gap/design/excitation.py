@@ -9,7 +9,7 @@ import numpy as np
 
 from phaselead.model import AxisModel
 from phaselead.record import Samples
-from phaselead.waveforms import POINTS, Waveform, refuse_out_of_range, steepest
+from phaselead.waveforms import POINTS, Sampled, refuse_out_of_range
 
 LINES = 60
 """Of a multisine."""
@@ -37,15 +37,12 @@ class Excitation:
         """Whether the stage is only listened to."""
         return self.waveform == "idle"
 
-    def wave(self) -> Waveform:
-        """The waveform in volts, as the device plays it; the output reaches its first value at the slew limit."""
+    def wave(self) -> Sampled:
+        """As the device plays it, in volts. It goes to its first value at the slew limit."""
         points = SHAPES[self.waveform](self.band_Hz)
         lowest, span = float(points.min()), float(np.ptp(points))
-        # A triangle may begin away from where the axis stands, which a sine may not.
-        return Waveform(
-            "triangle", self.level_V * span, self.bias_V + self.level_V * (lowest - 0.5), "V", self.band_Hz[0],
-            (points - lowest) / span,
-        )  # fmt: skip
+        offset_V = self.bias_V + self.level_V * (lowest - 0.5)
+        return Sampled(self.level_V * span, offset_V, "V", self.band_Hz[0], (points - lowest) / span)
 
     def voltage(self, t_s: Samples) -> Samples:
         """(n,) in V at times (n,) in s from the start."""
@@ -59,7 +56,7 @@ class Excitation:
         if self.idle:
             return self
         slew = axis.limits.slew_V_per_s
-        fitting = replace(self, level_V=self.level_V * min(1.0, 0.98 * slew / steepest(self.wave())))
+        fitting = replace(self, level_V=self.level_V * min(1.0, 0.98 * slew / self.wave().steepest()))
         low, high = span_V(axis)
         if fitting.level_V < LEAST_LEVEL * (high - low):
             return None

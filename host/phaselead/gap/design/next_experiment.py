@@ -13,16 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.gap.atoms import base_columns
-from phaselead.gap.compare import TIE, Rival
+from phaselead.gap.acceptance import Named
+from phaselead.gap.comparison import TIE, Rival
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_s, excitations, span_V
-from phaselead.gap.evidence import evidence
-from phaselead.gap.grow import Growth, Named
+from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.refit import fresh_columns
-from phaselead.gap.residual import Track, track
+from phaselead.gap.regressors import base_columns
+from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.result import NextExperiment
+from phaselead.gap.search import Growth
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
@@ -63,13 +64,13 @@ class Member:
 def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
     rivals = [r for r in tied.rivals if r.effect.name in tied.tied]
-    if len(rivals) < 2 or growth.bench.axis.time is None:
+    if len(rivals) < 2 or growth.problem.axis.time is None:
         return None
     rivals += [r for r in tied.rivals if r.effect.name not in tied.tied and _near(r, rivals)]
     members = [Member(r, _known(growth, r)) for r in rivals[:MOST_MEMBERS]]
-    step_s = growth.bench.tracks()[0].run.step_s
+    step_s = growth.problem.train_runs()[0].run.step_s
     tried = [
-        (option, _separation(growth, option, members, step_s)) for option in excitations(growth.bench.axis, step_s)
+        (option, _separation(growth, option, members, step_s)) for option in excitations(growth.problem.axis, step_s)
     ]
     if not tried:
         return None
@@ -103,14 +104,14 @@ def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
 def _known(growth: Growth, rival: Rival) -> Samples:
     """Information matrix of a member's columns, from the moments of its refit and what is known of the base."""
     total = rival.fitted.total
-    correction, k = growth.bench.correction, len(growth.bench.layout.common())
+    correction, k = growth.problem.discrepancy, len(growth.problem.layout.common())
     assert total is not None
     size = len(total) - 1
     if size != k + rival.fitted.n_tangents:  # the base was given an operator since
-        return np.eye(growth.bench.layout.n_base + rival.fitted.n_tangents)
+        return np.eye(growth.problem.layout.n_base + rival.fitted.n_tangents)
     inner = total[:size, :size] / growth.inflation
     inner[np.ix_(correction.index, correction.index)] += correction.precision
-    base = np.arange(k - growth.bench.layout.n_base, k)
+    base = np.arange(k - growth.problem.layout.n_base, k)
     kept = np.concatenate([base, np.arange(k, size)])
     return _marginal(inner, kept)
 
@@ -134,12 +135,12 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
     t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
     start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
     run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
-    made = track(growth.bench.axis, run)
+    made = modelled_run(growth.problem.axis, run)
     shown = [made.answer(m.rival.fitted.entries) for m in members]
     if not _within_sensor(growth, shown) or not _within_fitted_voltages(growth, made, members):
         return 0.0
-    metric = evidence([made], coarser(growth.bench.noise, every))
-    base = metric.project(0, base_columns(made, growth.bench.freedom, members[0].rival.fitted.entries))
+    metric = metric_of([made], coarser(growth.problem.noise, every))
+    base = metric.project(0, base_columns(made, growth.problem.freedom, members[0].rival.fitted.entries))
     answers = [metric.project(0, answer[:, None])[:, 0] for answer in shown]
     least = np.inf
     for j, member in enumerate(members[1:], 1):
@@ -158,16 +159,16 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
 
 def _within_sensor(growth: Growth, answers: Sequence[Samples]) -> bool:
     """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always count."""
-    sensor, been = growth.bench.axis.sensor, [t.run.x_um for t in growth.bench.tracks()]
+    sensor, been = growth.problem.axis.sensor, [t.run.x_um for t in growth.problem.train_runs()]
     room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
     low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
     high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
     return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
 
 
-def _within_fitted_voltages(growth: Growth, made: Track, members: Sequence[Member]) -> bool:
+def _within_fitted_voltages(growth: Growth, made: ModelledRun, members: Sequence[Member]) -> bool:
     """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below them."""
-    low, high = span_V(growth.bench.axis)
+    low, high = span_V(growth.problem.axis)
     slack = VOLTAGE_SLACK * (high - low)
     drives = [made.chain.signal_at(Place.AMPLIFIER, m.rival.fitted.entries).value for m in members]
     return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)

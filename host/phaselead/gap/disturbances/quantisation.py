@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from phaselead.gap.left import MORE, Found, Left
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
 
-def find_grid(name: str, train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> Found | None:
+def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """A grid on which all positions lie, as the effect ``name``; None unless it is coarser than the reference's."""
-    steps = [grid_step(left.run.x_um) for left in train]
-    again = [grid_step(left.run.x_um) for left in holdout]
+    steps = [grid_step(residual.run.x_um) for residual in train]
+    again = [grid_step(residual.run.x_um) for residual in holdout]
     if any(s is None for s in [*steps, *again]):
         return None
     lsb = float(np.median([s for s in steps if s is not None]))
-    known = [grid_step(left.run.x_um) for left in reference]
+    known = [grid_step(residual.run.x_um) for residual in reference]
     before = max((s for s in known if s is not None), default=0.0)
-    if not reference or lsb < MORE * before:
+    if not reference or lsb < NEW_FROM * before:
         return None
     params: dict[str, Value] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
-    return Found(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
+    return Disturbance(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
 
 
 def grid_step(x_um: Samples) -> float | None:

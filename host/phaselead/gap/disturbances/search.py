@@ -9,20 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
 from phaselead.gap.disturbances.hum import find_hum, is_mains
 from phaselead.gap.disturbances.jitter import find_jitter
 from phaselead.gap.disturbances.quantisation import find_grid
 from phaselead.gap.disturbances.vibration import find_vibration
-from phaselead.gap.left import Found, Left
+from phaselead.gap.residual import RunResidual
 from phaselead.model import Effect, catalogue
-
-Residuals = Sequence[Left]
 
 
 class _Test(NamedTuple):
     """How one kind of disturbance is looked for, and the records that it takes."""
 
-    find: Callable[[str, Residuals, Residuals, Residuals], Found | None]
+    find: Callable[[str, Residuals, Residuals, Residuals], Disturbance | None]
     at_rest: bool
     """Whether training and held-out records at rest are needed, and used alone."""
     in_motion: bool
@@ -40,15 +39,15 @@ TESTS = {
 
 def find_disturbances(
     train: Residuals, holdout: Residuals, reference: Residuals, allowed: set[str]
-) -> tuple[list[Found], dict[str, str], list[str]]:
+) -> tuple[list[Disturbance], dict[str, str], list[str]]:
     """What was found, why the others could not be tested, and messages on what was found but may not be named.
 
     ``allowed`` holds the names of the effects that may be named. All tests are run: noise that is plainly new but has
     no name in this catalogue must not pass as nothing.
     """
     quiet = [_at_rest(part) for part in (train, holdout, reference)]
-    resting = all(part and all(left.run.idle for left in part) for part in quiet[:2])
-    moving = any(left.run.driven for left in train)
+    resting = all(part and all(residual.run.idle for residual in part) for part in quiet[:2])
+    moving = any(residual.run.driven for residual in train)
     found, untestable = [], {}
     for seen_as, test in TESTS.items():
         name = _effect_seen_as(seen_as).name
@@ -72,7 +71,7 @@ def _effect_seen_as(seen_as: str) -> Effect:
     return next(effect for effect in catalogue().values() if effect.seen_as == seen_as)
 
 
-def _without_hum_as_vibration(found: Sequence[Found]) -> list[Found]:
+def _without_hum_as_vibration(found: Sequence[Disturbance]) -> list[Disturbance]:
     """The same without a vibration at the mains frequency where hum was found."""
     hum, vibration = _effect_seen_as("lines").name, _effect_seen_as("band").name
     if not any(f.name == hum for f in found):
@@ -80,7 +79,7 @@ def _without_hum_as_vibration(found: Sequence[Found]) -> list[Found]:
     return [f for f in found if f.name != vibration or not is_mains(f.params["f_Hz"][0])]
 
 
-def _at_rest(part: Residuals) -> list[Left]:
+def _at_rest(part: Residuals) -> list[RunResidual]:
     """The records at rest, or all where there are none."""
-    idle = [left for left in part if left.run.idle]
+    idle = [residual for residual in part if residual.run.idle]
     return idle or list(part)

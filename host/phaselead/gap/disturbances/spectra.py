@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import welch
 
-from phaselead.gap.left import Found, Left
+from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
 from phaselead.gap.result import Spectrum
 from phaselead.record import Samples
 
@@ -15,7 +15,7 @@ SEGMENT = 4096
 
 
 def disturbance_spectra(
-    found: Sequence[Found], holdout: Sequence[Left], reference: Sequence[Left], axis: str
+    found: Sequence[Disturbance], holdout: Residuals, reference: Residuals, axis: str
 ) -> list[Spectrum]:
     """One spectrum for each disturbance, over the held-out records at rest or, without any, all held-out ones."""
     if not found:
@@ -25,9 +25,9 @@ def disturbance_spectra(
     return [Spectrum(one.name, axis, f, seen, before) for one in found]
 
 
-def _density(lefts: Sequence[Left]) -> tuple[Samples, Samples]:
+def _density(lefts: Residuals) -> tuple[Samples, Samples]:
     """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz)."""
-    idle = [left for left in lefts if left.run.idle] or list(lefts)
-    length = min(SEGMENT, *(len(left.error_um) for left in idle))
-    parts = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in idle]
+    idle = [residual for residual in lefts if residual.run.idle] or list(lefts)
+    length = min(SEGMENT, *(len(residual.error_um) for residual in idle))
+    parts = [welch(residual.error_um, residual.rate_Hz, nperseg=length) for residual in idle]
     return parts[0][0], np.sqrt(np.mean([s for _, s in parts], axis=0))

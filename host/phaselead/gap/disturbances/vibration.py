@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +10,8 @@ from scipy.ndimage import median_filter
 from scipy.signal import periodogram, welch
 from scipy.stats import f as f_distribution
 
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
 from phaselead.gap.disturbances.hum import is_mains
-from phaselead.gap.left import MORE, Found, Left, Parts
 from phaselead.gap.result import Value
 from phaselead.record import Samples
 
@@ -29,9 +28,7 @@ SLOW_LINES = 4
 """Lowest lines of the spectrum, left out: what moves as slowly as the records are long is drift or creep."""
 
 
-def find_vibration(
-    name: str, train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]
-) -> Found | None:
+def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """A peak above the reference's spectrum, as the effect ``name``; None where there is none.
 
     Without reference records it must stand above the spectrum around it.
@@ -49,9 +46,9 @@ def find_vibration(
     return _vibration_found(name, spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
 
 
-def louder_at_rest(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> bool:
+def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
     """Whether any band of the records at rest stands above the reference, the mains included, whatever its cause."""
-    now, again, was = ([left for left in part if left.run.idle] for part in (train, holdout, reference))
+    now, again, was = ([residual for residual in part if residual.run.idle] for part in (train, holdout, reference))
     if not (now and again and was):
         return False
     idle = now, again, was
@@ -71,8 +68,8 @@ class _Spectra(NamedTuple):
     averages: float
 
 
-def _spectra(train: Sequence[Left], holdout: Sequence[Left], reference: Sequence[Left]) -> _Spectra:
-    shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
+def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
+    shortest = min(len(residual.error_um) for residual in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
     before = _density(reference, length)[1] if reference else median_filter(seen, size=41, mode="nearest") / 0.97
@@ -98,7 +95,7 @@ def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -
         old = around = float(before[low:high].mean()), np.inf
     # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
     p, p_here = (float(f_distribution.sf(both[0] / part[0], both[1], min(part[1], 1e6))) for part in (around, old))
-    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= MORE * max(old[0], around[0]) else 1.0
+    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= NEW_FROM * max(old[0], around[0]) else 1.0
 
 
 def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
@@ -113,21 +110,21 @@ def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], i
     return bands, looked
 
 
-def _band_power(part: Sequence[Left], low_Hz: float, high_Hz: float) -> tuple[float, float]:
+def _band_power(part: Residuals, low_Hz: float, high_Hz: float) -> tuple[float, float]:
     """Mean density in a band and its degrees of freedom: twice the number of lines, at full resolution, that carry it.
 
     A mode that the surroundings keep ringing fills few lines, however many segments a record is cut into.
     """
     density, freedom = [], 0.0
-    for left in part:
-        f, p = periodogram(left.error_um, left.rate_Hz, window="hann", detrend="linear")
+    for residual in part:
+        f, p = periodogram(residual.error_um, residual.rate_Hz, window="hann", detrend="linear")
         inside = p[(f >= low_Hz) & (f < high_Hz)]
         density.append(float(inside.mean()))
         freedom += 2 * float(inside.sum() ** 2 / max(float((inside**2).sum()), 1e-300))
     return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
-def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int, averages: float) -> Found:
+def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int, averages: float) -> Disturbance:
     step, excess = float(f[1] - f[0]), np.maximum(excess, 0.0)
     top = low + int(np.argmax(excess[low:high]))
     width = (high - low) * step
@@ -138,11 +135,11 @@ def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int
         "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
         "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),
     }
-    return Found(name, params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in records at rest")
+    return Disturbance(name, params, rms**2, f"a peak of {1e3 * rms:.3g} nm rms at {f[top]:.4g} Hz in records at rest")
 
 
-def _density(part: Sequence[Left], length: int) -> tuple[Samples, Samples, float]:
+def _density(part: Residuals, length: int) -> tuple[Samples, Samples, float]:
     """Frequencies (k,), mean one-sided density (k,) and how many independent periodograms it averages."""
-    spectra = [welch(left.error_um, left.rate_Hz, nperseg=length, detrend="linear") for left in part]
-    averages = sum(1.6 * len(left.error_um) / length for left in part)
+    spectra = [welch(residual.error_um, residual.rate_Hz, nperseg=length, detrend="linear") for residual in part]
+    averages = sum(1.6 * len(residual.error_um) / length for residual in part)
     return spectra[0][0], np.mean([s for _, s in spectra], axis=0), float(averages)

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from phaselead.model.effects.corner import corner_reads, from_corner
 from phaselead.model.effects.filters import relaxed
 from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.lowpass import corner_reads, from_corner, virtual_lowpass
+from phaselead.model.sections import Undone, undo_lowpass
 
 
 def apply(signal: Signal, params: Params) -> Samples:
     return relaxed(signal.value, number(params, "tau_s"), signal.step_s)
+
+
+def time_constant_s(params: Params) -> float:
+    return number(params, "tau_s")
+
+
+def undo_on_drive(params: Params) -> Undone:
+    return undo_lowpass(number(params, "tau_s"))
 
 
 EFFECT = Effect(
@@ -31,4 +40,8 @@ EFFECT = Effect(
     accepts=("corner_Hz",),
     normalise=from_corner,
     reads=corner_reads,
+    lag_s=time_constant_s,
+    virtual=virtual_lowpass,
+    repeatable=True,
+    undo_on_drive=undo_on_drive,
 )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -12,13 +14,16 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     number,
     with_columns,
 )
-from phaselead.model.effects.native import scaled_plays
+from phaselead.model.operator import merged, range_um, rest_position_um, resting_at, weighed_plays
 
 PLAYS = 8
+BENDS = 16
+"""Straight pieces that the curvature is drawn with in a time view: within 0.4 % of its size."""
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -31,8 +36,30 @@ def basis(signal: Signal, params: Params) -> Samples:
     square = signal.drive_share**2
     r = number(params, "reach") * np.arange(1, PLAYS + 1) / PLAYS
     w = np.full(PLAYS, 1 / (2 * r.sum()))
-    lag = scaled_plays(square, np.ones_like(square), r, w, np.full(PLAYS, square[0])) - w.sum() * square
+    lag = weighed_plays(square, r, w, np.full(PLAYS, square[0])) - w.sum() * square
     return columns(signal.range_um * (square - rest), signal.range_um * lag)
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    bend_um, skew_um = given.one("bend") * axis.range_um, given.one("skew") * axis.range_um
+    axis.asymmetry(bend_um, skew_um, given.one("reach", above=0.0))
+
+
+def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
+    """The parabola as straight pieces through its values at their ends; dead zones know nothing of the skew."""
+    assert axis.time is not None
+    low, high = axis.time.u_range_V
+    knots = np.linspace(low, high, BENDS + 1)
+    share = np.linspace(-1, 1, BENDS + 1)
+    slopes = np.diff(number(params, "bend") * range_um(axis) * share**2) / np.diff(knots)
+    d, s = merged(view.deadzone_d_V, view.deadzone_s_um_per_V, knots[1:-1], np.diff(slopes))
+    gain = view.gain_um_per_V + float(slopes[0])
+    update = {"gain_um_per_V": gain, "deadzone_d_V": d, "deadzone_s_um_per_V": s}
+    return resting_at(view.model_copy(update=update), rest_position_um(view))
+
+
+def whole_in_time_view(params: Params) -> bool:
+    return not number(params, "skew")
 
 
 EFFECT = Effect(
@@ -59,4 +86,7 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("loop", {"bend": 0.1, "skew": 0.1}),
     basis=basis,
+    virtual=virtual,
+    into_time_view=into_time_view,
+    whole_in_time_view=whole_in_time_view,
 )

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import scaled_plays
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
+from phaselead.model.operator import weighed_plays
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -13,7 +22,11 @@ def apply(signal: Signal, params: Params) -> Samples:
     if width <= 0:
         return signal.value
     r = width * signal.range_um / 2
-    return scaled_plays(signal.value, np.ones_like(signal.value), [r], [1.0], [float(signal.value[0])])
+    return weighed_plays(signal.value, [r], [1.0], [float(signal.value[0])])
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.slack(given.one("width", low=0.0) * axis.range_um / 2)
 
 
 EFFECT = Effect(
@@ -29,7 +42,8 @@ EFFECT = Effect(
     confused_with=("hysteresis",),
     compensation="None: its inverse is a jump by the width at each reversal, which no amplifier follows. Where it is "
     "worth it, a refit takes it up as one more play, and the inverse play operator then knows it.",
-    compensated=False,
     apply=apply,
     picture=Picture("loop", {"width": 0.1}),
+    virtual=virtual,
+    repeatable=True,
 )

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects.filters import relaxed
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -18,6 +29,11 @@ def apply(signal: Signal, params: Params) -> Samples:
 def reads(params: Params, axis: AxisModel) -> str:
     rate_per_s = number(params, "rate_per_s")
     return f"RC = {1 / rate_per_s:.4g} s" if rate_per_s > 0 else "no leakage"
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    if rate_per_s := given.one("rate_per_s", low=0.0):
+        axis.filter(1.0, [-rate_per_s], [-1.0])
 
 
 EFFECT = Effect(
@@ -36,9 +52,11 @@ EFFECT = Effect(
     confused_with=("creep", "thermal_drift"),
     compensation="An integral controller removes it. A feed-forward would integrate the reference and run into the "
     "voltage limit, so there is none.",
-    compensated=False,
     apply=apply,
     absorbed_by_modes=True,
     picture=Picture("holds", {"rate_per_s": 0.03}),
     reads=reads,
+    slow=True,
+    virtual=virtual,
+    repeatable=True,
 )

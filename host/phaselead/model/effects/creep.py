@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.model.effects.filters import lags
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -13,10 +17,10 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     number,
     numbers,
 )
-from phaselead.model.effects.native import lags
 
 TERMS = 8
 """Time constants between the first and the last: two or three a decade draw a straight line within 1 %."""
@@ -46,10 +50,23 @@ def basis(signal: Signal, params: Params) -> Samples:
     return np.asarray(apply(signal, {**params, "gamma": 1.0}) - signal.value)[:, None]
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    """As given, or equal shares at equal ratios between the first time constant and the last."""
+    if "k" in given or "tau_s" in given:
+        k, tau_s = given.alike("k", "tau_s", most=TERMS)
+        given.positive("tau_s", tau_s)
+        axis.lags(k, tau_s)
+        return
+    first, last = sorted((given.one("tau_first_s", above=0.0), given.one("tau_last_s", above=0.0)))
+    each = given.one("gamma") * math.log10(last / first) / TERMS
+    axis.lags([each] * TERMS, [first * (last / first) ** ((i + 0.5) / TERMS) for i in range(TERMS)])
+
+
 EFFECT = Effect(
     name="creep",
     title="Creep",
     place=Place.CREEP,
+    rising=("tau_first_s", "tau_last_s"),
     equation="y = x + sum_i k_i (x - x_rest) / (1 + s tau_i); k_i equal and tau_i in equal ratios between tau_first_s "
     "and tau_last_s make y ~ 1 + gamma log10(t / tau_first_s) after a step",
     source="Kuhnen 2003; Devasia, Eleftheriou and Moheimani 2007 (logarithmic and viscoelastic forms)",
@@ -69,4 +86,8 @@ EFFECT = Effect(
     picture=Picture("steps", {"gamma": 0.015, "tau_first_s": 0.01, "tau_last_s": 1000.0}),
     basis=basis,
     accepts=("k", "tau_s"),
+    slow=True,
+    virtual=virtual,
+    repeatable=True,
+    creep_terms=terms,
 )

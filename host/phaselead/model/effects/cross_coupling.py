@@ -7,6 +7,7 @@ import numpy as np
 from phaselead.errors import BadInput
 from phaselead.model.effects.filters import relaxed
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -14,11 +15,12 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     number,
     numbers,
 )
-from phaselead.model.effects.mode_bank import poles, state_weights, states
+from phaselead.model.effects.mode_bank import NOT_PLAYED, poles, state_weights, states
 from phaselead.model.effects.softening import mode_levels
 
 AXES = ("x", "y", "z")
@@ -67,6 +69,17 @@ def untestable(signal: Signal) -> str | None:
     return "no other axis moves in these records; record all axes while one is driven at a time"
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    if "f_Hz" in given:
+        raise BadInput(f"{given.label} has {NOT_PLAYED}")
+    axis.other_axes([given.one(f"from_{name}") for name in AXES], given.one("lag_s", low=0.0))
+
+
+def coupling(params: Params, other: str) -> float:
+    """At rest every shared mode passes its share on."""
+    return sum(float(np.sum(params.get(f"{part}_{other}", 0.0))) for part in ("from", "direct"))
+
+
 EFFECT = Effect(
     name="cross_coupling",
     title="Cross-coupling",
@@ -90,4 +103,6 @@ EFFECT = Effect(
     basis=basis,
     accepts=MODAL,
     untestable=untestable,
+    virtual=virtual,
+    coupling=coupling,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -12,6 +13,7 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     number,
     with_columns,
@@ -42,6 +44,13 @@ def _curves(code: Samples, segments: float) -> Samples:
     return columns(bow, 1.5 * 3**0.5 * code * bow, np.sin(np.pi * segments * code))
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    actuator = axis.model.actuator
+    V_per_code = (actuator.u_max_V - actuator.u_min_V) / 2**actuator.bits
+    bow_V, s_V, segment_V = (given.one(name) * V_per_code for name in SIZES)
+    axis.converter_curve(bow_V, s_V, segment_V, given.one("segments"))
+
+
 EFFECT = Effect(
     name="dac_nonlinearity",
     title="DAC nonlinearity",
@@ -63,5 +72,5 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("difference", {"bow_LSB": 3.0, "segment_LSB": 1.0}),
     basis=basis,
-    compensated=False,
+    virtual=virtual,
 )

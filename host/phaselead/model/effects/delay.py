@@ -2,13 +2,37 @@
 
 from __future__ import annotations
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 from phaselead.model.operator import delayed
 
 
 def apply(signal: Signal, params: Params) -> Samples:
     """By itself. Beside another delay the chain takes both in one: what runs straight between rows is bent by each."""
     return delayed(signal.value, number(params, "delay_s") / signal.step_s, float(signal.value[0]))
+
+
+def dead_time_s(params: Params) -> float:
+    return number(params, "delay_s")
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.delay(given.one("delay_s", low=0.0))
+
+
+def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
+    return view.model_copy(update={"delay_s": view.delay_s + number(params, "delay_s")})
 
 
 EFFECT = Effect(
@@ -29,4 +53,8 @@ EFFECT = Effect(
     apply=apply,
     absorbed_by_modes=True,
     picture=Picture("response", {"delay_s": 1e-3}),
+    dead_time_s=dead_time_s,
+    virtual=virtual,
+    repeatable=True,
+    into_time_view=into_time_view,
 )

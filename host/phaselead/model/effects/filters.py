@@ -1,20 +1,92 @@
-"""First- and second-order systems, exact for an input that runs straight between its rows, settled at the first."""
+"""First- and second-order filters that effects share: exact for an input that runs straight between its rows.
+
+Every function takes and gives (n,) arrays whose first row is how things stood before, settled there. The loops over
+the rows are in C (filters.c).
+"""
 
 from __future__ import annotations
 
 import cmath
+import ctypes
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from phaselead.model.effects import native
-from phaselead.model.effects.interface import Samples
-from phaselead.model.effects.native import lags, second_order
+from phaselead.compiled import kernel_of
+from phaselead.model.operator import Samples, address, doubles
 
 Mode = tuple[float, float, float]
 """Share of the motion, frequency in Hz, damping ratio."""
+
+
+@cache
+def _kernel() -> ctypes.CDLL:
+    functions = ("stage_lags", "stage_second_order", "stage_second_order_left", "stage_behind_modes")
+    kernel = kernel_of("phaselead.model._kernel", *functions)
+    size, double, data = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
+    kernel.stage_lags.argtypes = [size, data, size, data, data, data]
+    kernel.stage_second_order.argtypes = [size, *[data] * 4]
+    kernel.stage_second_order_left.argtypes = [size, *[data] * 4, double, size, *[data] * 2]
+    kernel.stage_behind_modes.argtypes = [size, size, data, size, *[data] * 3]
+    for name in functions:
+        getattr(kernel, name).restype = None
+    return kernel
+
+
+def lags(x: ArrayLike, tau_s: Sequence[float] | Samples, gain: Sequence[float] | Samples, step_s: float) -> Samples:
+    """sum_j gain_j / (tau_j s + 1) of ``x``, settled at x[0]; tau 0 passes it on."""
+    x, coefficients = doubles(x), _lag_coefficients(doubles(tau_s), doubles(gain), step_s)
+    states, y = np.empty(len(coefficients)), np.empty_like(x)
+    _kernel().stage_lags(len(x), address(x), len(states), address(coefficients), address(states), address(y))
+    return y
+
+
+def _lag_coefficients(tau_s: Samples, gain: Samples, step_s: float) -> Samples:
+    """(m, 3): old, new, gain of the ramp-invariant lag."""
+    rows = [
+        (*_lag(step_s / float(tau)), g) if tau * 1e9 > step_s else (0.0, 1.0, g)
+        for tau, g in zip(tau_s, gain, strict=True)
+    ]
+    return doubles(rows).reshape(-1, 3)
+
+
+def _lag(ratio: float) -> tuple[float, float]:
+    """Weights of the last and the new input, for ratio = step/tau."""
+    if ratio < 1e-4:  # the differences below would cancel
+        return ratio / 2 - ratio**2 / 3, ratio / 2 - ratio**2 / 6
+    mean = -math.expm1(-ratio) / ratio
+    return mean - math.exp(-ratio), 1 - mean
+
+
+def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
+    """sum_i b_i z^-i / sum_i a_i z^-i of ``x``, three each and a_0 = 1; settled at x[0] for a gain of 1 at 0 Hz."""
+    x, b, a = doubles(x), doubles(b), doubles(a)
+    if b.shape != (3,) or a.shape != (3,):
+        raise ValueError(f"a second-order system has three coefficients each, not {b.shape} and {a.shape}")
+    y = np.empty_like(x)
+    _kernel().stage_second_order(len(x), address(x), address(b), address(a), address(y))
+    return y
+
+
+def second_order_left(
+    x: Samples, measured: Samples, system: tuple[Samples, Samples], step_s: float, rows: NDArray[np.uintp]
+) -> tuple[float, float, float]:
+    """What ``second_order`` of ``x`` with ``system`` (b, a) leaves of ``measured`` at the ascending ``rows``.
+
+    Mean squares of that and of its change with a later answer (per s), and between them their mean product, all about
+    the means.
+    """
+    x, measured, (b, a) = doubles(x), doubles(measured), map(doubles, system)
+    rows, means = np.ascontiguousarray(rows, dtype=np.uintp), np.empty(3)
+    _kernel().stage_second_order_left(
+        len(x), address(x), address(measured), address(b), address(a), step_s,
+        len(rows), address(rows), address(means),
+    )  # fmt: skip
+    left, across, late = means.tolist()
+    return left, across, late
 
 
 def relaxed(x: Samples, tau_s: float, step_s: float) -> Samples:
@@ -43,9 +115,13 @@ def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samp
     return np.concatenate([np.full(rows, x[0]), y[: len(x) - rows]])
 
 
-def behind_modes(still_um: Samples, modes: Sequence[Mode], step_s: float) -> Samples:
+def behind_modes(still_um: ArrayLike, modes: Sequence[Mode], step_s: float) -> Samples:
     """(n,) or columns (n, k): what modes make of a motion that they would follow at rest."""
-    return native.behind_modes(still_um, _carried(tuple(modes), step_s))
+    x, carried = doubles(still_um), _carried(tuple(modes), step_s)
+    k = x.size // max(len(x), 1)
+    states, y = np.empty(2 * len(carried) * k), np.empty_like(x)
+    _kernel().stage_behind_modes(len(x), k, address(x), len(carried), address(carried), address(states), address(y))
+    return y
 
 
 @lru_cache(maxsize=256)

@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
+from phaselead.model.operator import rest_position_um, resting_at
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -13,6 +26,20 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 def basis(signal: Signal, params: Params) -> Samples:
     return np.asarray(signal.displacement_um)[:, None]
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.sensor_gain(given.one("gain", above=-1.0))
+
+
+def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
+    factor = 1 + number(params, "gain")
+    update = {
+        "gain_um_per_V": factor * view.gain_um_per_V,
+        "play_w_um_per_V": tuple(factor * w for w in view.play_w_um_per_V),
+        "deadzone_s_um_per_V": tuple(factor * s for s in view.deadzone_s_um_per_V),
+    }
+    return resting_at(view.model_copy(update=update), rest_position_um(view))
 
 
 EFFECT = Effect(
@@ -32,4 +59,6 @@ EFFECT = Effect(
     absorbed_by_modes=True,
     picture=Picture("sine", {"gain": 0.1}),
     basis=basis,
+    virtual=virtual,
+    into_time_view=into_time_view,
 )

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import scaled_plays
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
+from phaselead.model.operator import merged, rest_position_um, resting_at, weighed_plays
 
 PLAYS = 10
 
@@ -17,6 +31,11 @@ def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Sam
     r = number(params, "reach") * (high - low) / 2 * steps
     density = np.exp(number(params, "slope") * steps)
     return r, number(params, "width") * signal.range_um * density / float(2 * r @ density)
+
+
+def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
+    r, w = thresholds_and_weights(signal, params)
+    return r, w, start_V(signal, params, r)
 
 
 def start_V(signal: Signal, params: Params, r: Samples) -> Samples:
@@ -36,8 +55,29 @@ def _column(signal: Signal, params: Params) -> Samples:
     r, w = thresholds_and_weights(signal, {**params, "width": 1.0})
     v = signal.driven_V
     start = start_V(signal, params, r)
-    lag = scaled_plays(v, np.ones_like(v), r, w, start) - float(w.sum()) * v
+    lag = weighed_plays(v, r, w, start) - float(w.sum()) * v
     return lag - number(params, "rest_fraction") * float(w @ r)
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    part = [(i + 1) / PLAYS for i in range(PLAYS)]
+    reach_V = given.one("reach", above=0.0) * axis.range_V / 2
+    density = [math.exp(given.one("slope") * p) for p in part]
+    opening = 2 * sum(reach_V * p * d for p, d in zip(part, density, strict=True))
+    r_V = [reach_V * p for p in part]
+    w_um_per_V = [given.one("width") * axis.range_um * d / opening for d in density]
+    axis.plays(r_V, w_um_per_V, [given.one("rest_fraction") * reach_V * p for p in part])
+
+
+def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
+    """Plays of a view share one rest fraction; those that it has keep theirs."""
+    none = np.zeros(1)
+    r, w = thresholds_and_weights(Signal(none, none, none, axis), params)
+    rest = view.rest_fraction if view.play_r_V else number(params, "rest_fraction")
+    plays_r, plays_w = merged(view.play_r_V, view.play_w_um_per_V, r, w)
+    gain = view.gain_um_per_V - float(w.sum())
+    update = {"gain_um_per_V": gain, "play_r_V": plays_r, "play_w_um_per_V": plays_w, "rest_fraction": rest}
+    return resting_at(view.model_copy(update=update), rest_position_um(view))
 
 
 EFFECT = Effect(
@@ -45,6 +85,7 @@ EFFECT = Effect(
     title="Hysteresis",
     place=Place.HYSTERESIS,
     order=0,
+    becomes_plays=True,
     equation="y = x + sum_i w_i (play_ri[v] - v),  r_i = reach U/2 i/10,  w_i ~ exp(slope i/10),  "
     "sum 2 r_i w_i = width X",
     source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition)",
@@ -67,4 +108,8 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("loop", {"width": 0.15, "reach": 0.6}),
     basis=basis,
+    plays=plays,
+    virtual=virtual,
+    repeatable=True,
+    into_time_view=into_time_view,
 )

@@ -1,60 +1,44 @@
-"""What an effect of the catalogue is: words for people, parameters with bounds for a fit, a function for the chain."""
+"""What an effect of the catalogue is: words for people, parameters with bounds for a fit, a function for the chain,
+and what else the engine asks of it: how it is simulated, how it is undone, what it does to others."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
-from phaselead.model.axis import AxisModel
-from phaselead.model.effects.reach import range_um
-from phaselead.model.operator import rest_plays, rest_position_um
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects.filters import Mode
+from phaselead.model.effects.parameters import CheckedParameters, Parameter, Params, Value, number, numbers
+from phaselead.model.effects.place import Place
+from phaselead.model.effects.virtual import VirtualAxis
+from phaselead.model.operator import Samples, range_um, rest_plays, rest_position_um
+from phaselead.model.sections import Undone
 
-Samples = NDArray[np.float64]
-Value = float | Sequence[float]
-Params = Mapping[str, Value]
+__all__ = [
+    "CheckedParameters",
+    "Effect",
+    "Entry",
+    "Parameter",
+    "Params",
+    "Picture",
+    "Place",
+    "Samples",
+    "Signal",
+    "Value",
+    "VirtualAxis",
+    "columns",
+    "number",
+    "numbers",
+    "with_columns",
+]
+
 Entry = tuple["Effect", Params]
 """An effect and all of its parameters."""
-
-
-class Place(IntEnum):
-    """Where in the physical chain an effect acts. Volts up to AMPLIFIER, micrometres from HYSTERESIS on."""
-
-    CONVERTER = 0
-    TIMING = 1
-    AMPLIFIER = 2
-    HYSTERESIS = 3
-    CREEP = 4
-    MECHANICS = 5
-    COUPLING = 6
-    SENSOR = 7
-    ENVIRONMENT = 8
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect. All parameters of role "size" at 0 make the effect vanish; shapes say how it looks."""
-
-    name: str
-    unit: str
-    typical: float
-    low: float
-    high: float
-    role: Literal["size", "shape"] = "size"
-    log: bool = False
-    """Whether its scale is logarithmic: scan it in equal ratios."""
-    doc: str = ""
-    extreme: bool = False
-    """Of a shape: whether no stage comes near its bounds."""
-    beside_reference: bool = False
-    """Whether it is asked for beside reference records or a frozen base alone: a base that moves with the effect takes
-    it over."""
 
 
 @dataclass(frozen=True)
@@ -186,8 +170,16 @@ class Effect:
     kind: Literal["response", "disturbance", "calibration"] = "response"
     order: int = 0
     """Within its place, rising."""
-    compensated: bool = True
-    """Whether the controller can do anything about it."""
+    peak: tuple[str, str] | None = None
+    """Of a single sharp mode: the names of its frequency in Hz and of its damping ratio."""
+    rising: tuple[str, ...] = ()
+    """Shape parameters whose values rise in this order."""
+    at_once: Callable[[Params], bool] | None = None
+    """Whether ``apply`` with these parameters also takes several signals at once, a value of (n, k); None is never."""
+    becomes_plays: bool = False
+    """Whether a base model without memory takes it up as plays of its own, fitted anew."""
+    slow: bool = False
+    """Whether it moves the position by itself over whole records, and did so before they began."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None
@@ -220,10 +212,48 @@ class Effect:
     fixed: Mapping[str, float] = field(default_factory=dict)
     """Parameters that are not asked for, and their values."""
 
+    # What it does to the rest of a run.
+    dead_time_s: Callable[[Params], float] | None = None
+    """In s, of an effect that is a dead time and nothing else: all of a run are taken in one."""
+    lag_s: Callable[[Params], float] | None = None
+    """Time constant in s, of an effect that is a first-order lag and nothing else: right behind the dead time both are
+    taken in one."""
+    plays: Callable[[Signal, Params], tuple[Samples, Samples, Samples]] | None = None
+    """Thresholds in V, weights in um/V and first positions in V, each (m,), of the plays that it adds to the
+    hysteresis."""
+    modes: Callable[[Params], Sequence[Mode]] | None = None
+    """The modes of the mechanics that it adds. What passes them has no corners."""
+
+    # How a virtual stage has it, tick by tick.
+    virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None
+    """Tells a virtual axis which parts to add; None: the simulator refuses a stage with it."""
+    repeatable: bool = False
+    """Whether a virtual stage may have it more than once: one acts after the other."""
+
+    # How the device undoes it; an effect with none of these, and no ``rewrite``, is left to feedback.
+    into_time_view: Callable[[AxisModel, TimeView, Params], TimeView] | None = None
+    """The time view with the effect in it. The axis is the one that sizes "of range" refer to."""
+    whole_in_time_view: Callable[[Params], bool] | None = None
+    """Whether ``into_time_view`` expresses all of it; None: always. What it cannot express the device leaves."""
+    creep_terms: Callable[[Params], tuple[Samples, Samples]] | None = None
+    """k and tau_s, each (m,), of the slow lags that it adds to the position: the device has their inverse."""
+    undo_on_drive: Callable[[Params], Undone] | None = None
+    """Sections on the voltage that undo it."""
+    undo_on_position: Callable[[Params], Undone] | None = None
+    """Sections on the position asked for that undo it. Raises BadInput when there is no stable inverse."""
+    coupling: Callable[[Params, str], float] | None = None
+    """Share of the motion of the axis of that name that it adds to this one at rest: the device decouples it."""
+
+    @property
+    def compensated(self) -> bool:
+        """Whether the controller does anything about it once a model with it is uploaded."""
+        inverses = (self.into_time_view, self.creep_terms, self.undo_on_drive, self.undo_on_position, self.coupling)
+        return self.rewrite is not None or any(inverse is not None for inverse in inverses)
+
     def beside_moving_base(self) -> Effect:
         """The effect without the parameters that a base which moves with it takes over: they stay as when left out."""
         asked = tuple(p for p in self.parameters if not p.beside_reference)
-        fixed = {p.name: _left_out(p) for p in self.parameters if p.beside_reference}
+        fixed = {p.name: p.left_out for p in self.parameters if p.beside_reference}
         return replace(self, parameters=asked, fixed=fixed)
 
     @property
@@ -260,29 +290,10 @@ class Effect:
         given = self.normalise(params)
         if set(given) & set(self.accepts):
             return given
-        return {**self.fixed, **{p.name: _left_out(p) for p in self.parameters}, **given}
+        return {**self.fixed, **{p.name: p.left_out for p in self.parameters}, **given}
 
     def _known(self) -> str:
         return ", ".join([p.name for p in self.parameters] + [f"({name})" for name in self.accepts])
-
-
-def _left_out(p: Parameter) -> float:
-    return 0.0 if p.role == "size" else p.typical
-
-
-def number(params: Params, name: str) -> float:
-    """A parameter that is a single number."""
-    value = params[name]
-    if isinstance(value, Sequence):
-        if len(value) != 1:
-            raise BadInput(f"effect parameter {name} is a list of {len(value)}; give one number")
-        return float(value[0])
-    return float(value)
-
-
-def numbers(params: Params, name: str) -> Samples:
-    """A parameter that may be a list, as (m,)."""
-    return np.atleast_1d(np.asarray(params[name], dtype=np.float64))
 
 
 def columns(*of_rows: Samples) -> Samples:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from phaselead.errors import BadInput
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Entry,
     Parameter,
@@ -15,6 +17,7 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     number,
     numbers,
 )
@@ -27,7 +30,7 @@ def apply(signal: Signal, params: Params) -> Samples:
 def rewrite(entries: Sequence[Entry], params: Params) -> Sequence[Entry]:
     """Every mode at constant stiffness and damping force with the mass multiplied by 1 + mass."""
     factor = (1 + number(params, "mass")) ** -0.5
-    return [(effect, _loaded(given, factor) if effect.name == "resonance" else given) for effect, given in entries]
+    return [(effect, _loaded(given, factor) if effect.modes else given) for effect, given in entries]
 
 
 def _loaded(params: Params, factor: float) -> Params:
@@ -36,9 +39,16 @@ def _loaded(params: Params, factor: float) -> Params:
 
 
 def untestable(signal: Signal) -> str | None:
-    if any(effect.name == "resonance" for effect, _ in signal.active):
+    if any(effect.modes for effect, _ in signal.active):
         return None
     return "the model has no resonance that a load could move"
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    mass = given.one("mass", above=-1.0)
+    if not axis.has_modes:
+        raise BadInput(f"{given.label} moves a resonance and there is none; add one")
+    axis.load(mass)
 
 
 EFFECT = Effect(
@@ -58,4 +68,5 @@ EFFECT = Effect(
     rewrite=rewrite,
     untestable=untestable,
     kind="calibration",
+    virtual=virtual,
 )

@@ -8,6 +8,7 @@ import numpy as np
 
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -15,6 +16,7 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     number,
     with_columns,
@@ -44,6 +46,12 @@ def reads(params: Params, axis: AxisModel) -> str:
     return ", ".join(f"{a:.3g} nm at {h * f_Hz:.5g} Hz" for h, a in zip(HARMONICS, nm, strict=True))
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    f_Hz = given.one("f_Hz", above=0.0)
+    sines, cosines = ([given.one(f"{part}{h}_um") for h in HARMONICS] for part in ("sin", "cos"))
+    axis.lines(f_Hz, sines, cosines)
+
+
 EFFECT = Effect(
     name="mains_hum",
     title="Mains hum",
@@ -70,5 +78,5 @@ EFFECT = Effect(
     picture=Picture("line", {"sin1_um": 0.01, "cos2_um": 0.003, "cos3_um": 0.003}),
     basis=basis,
     reads=reads,
-    compensated=False,
+    virtual=virtual,
 )

@@ -1,4 +1,4 @@
-"""Many modes at once, their poles moved a little by the levels of the actuators (host/phaselead/model/kernel/modes.c).
+"""Many modes at once, their poles moved a little by the levels of the actuators (mode_bank.c).
 
 A mode with the pole p = w (-zeta + j sqrt(1 - zeta^2)) is the state s' = p s + x; abs(p) s spans what it can add:
 displacement w^2/(s^2 + 2 zeta w s + w^2) and velocity w s/(s^2 + 2 zeta w s + w^2) of x.
@@ -18,6 +18,7 @@ from phaselead.errors import BadInput
 Samples = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
+NOT_PLAYED = "modes that the axes share, which the simulator does not play; remove it, or give modes of the axis alone"
 SMALL = 1e-3
 """Below this abs(p) step the differences of exponentials would cancel; a series takes their place."""
 

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -13,6 +25,14 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 def basis(signal: Signal, params: Params) -> Samples:
     return np.ones((len(signal.value), 1))
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.offset(given.one("offset_um"))
+
+
+def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
+    return view.model_copy(update={"offset_um": view.offset_um + number(params, "offset_um")})
 
 
 EFFECT = Effect(
@@ -32,4 +52,7 @@ EFFECT = Effect(
     moves_zero="at once",
     picture=Picture("sine", {"offset_um": 8.0}),
     basis=basis,
+    virtual=virtual,
+    repeatable=True,
+    into_time_view=into_time_view,
 )

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -22,6 +33,10 @@ def variance(signal: Signal, params: Params) -> Samples:
 def spectrum(f_Hz: Samples, params: Params, rate_Hz: float) -> Samples:
     """White up to half the sampling rate."""
     return np.full(len(f_Hz), number(params, "lsb_um") ** 2 / 12 * 2 / rate_Hz)
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.steps(given.one("lsb_um", low=0.0))
 
 
 EFFECT = Effect(
@@ -43,5 +58,5 @@ EFFECT = Effect(
     picture=Picture("ramp", {"lsb_um": 0.008}),
     variance=variance,
     spectrum=spectrum,
-    compensated=False,
+    virtual=virtual,
 )

@@ -2,11 +2,52 @@
 
 from __future__ import annotations
 
-import numpy as np
+import ctypes
+from functools import cache
 
-from phaselead.model.effects import hysteresis
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import scaled_plays
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phaselead.compiled import kernel_of
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
+from phaselead.model.operator import address, doubles, weighed_plays
+
+
+@cache
+def _kernel() -> ctypes.CDLL:
+    kernel = kernel_of("phaselead.model._kernel", "stage_scaled_plays")
+    size, double, data = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
+    kernel.stage_scaled_plays.argtypes = [size, data, data, size, data, data, double, data, data]
+    kernel.stage_scaled_plays.restype = None
+    return kernel
+
+
+def scaled_plays(
+    v: ArrayLike, scale: ArrayLike, r: ArrayLike, w: ArrayLike, start: ArrayLike, held: float = 1.0
+) -> Samples:
+    """sum_j w_j play_j[v] (n,), thresholds ``scale`` (n,) times ``r`` (m,), from ``start`` (m,).
+
+    Where a threshold shrinks, what is held back beyond it is let go at once but for the share ``held``, which is let go
+    only as the voltage moves, by as much. Raises ValueError when shapes differ.
+    """
+    v, scale, r, w = doubles(v), doubles(scale), doubles(r), doubles(w)
+    p, y = np.array(start, dtype=np.float64), np.empty_like(v)
+    if not r.shape == w.shape == p.shape or scale.shape != v.shape:
+        raise ValueError(f"shapes differ: r {r.shape}, w {w.shape}, start {p.shape}; v {v.shape}, scale {scale.shape}")
+    arrays = (address(r), address(w), held, address(p), address(y))
+    _kernel().stage_scaled_plays(len(v), address(v), address(scale), len(r), *arrays)
+    return y
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -17,9 +58,8 @@ def apply(signal: Signal, params: Params) -> Samples:
         return signal.value
     v, spread = signal.driven_V, number(params, "spread")
     r, w, start = spread * r, w / spread, v[0] + spread * (start - v[0])
-    steady = np.ones_like(v)
     widened = scaled_plays(v, scale(signal, params), r, w, start, number(params, "held"))
-    return signal.value + widened - scaled_plays(v, steady, r, w, start)
+    return signal.value + widened - weighed_plays(v, r, w, start)
 
 
 def scale(signal: Signal, params: Params) -> Samples:
@@ -30,21 +70,26 @@ def scale(signal: Signal, params: Params) -> Samples:
 
 
 def _plays(signal: Signal) -> tuple[Samples, Samples, Samples]:
-    """Thresholds, weights and start of the plays of the base and of adopted hysteresis."""
+    """Thresholds, weights and start of the plays of the base and of adopted effects."""
     view = signal.axis.time
     r = [np.asarray(view.play_r_V if view else ())]
     w = [np.asarray(view.play_w_um_per_V if view else ())]
     start = [signal.start_plays_V]
     for effect, params in signal.active:
-        if effect.name == "hysteresis":
-            more_r, more_w = hysteresis.thresholds_and_weights(signal, params)
-            r, w = [*r, more_r], [*w, more_w]
-            start.append(hysteresis.start_V(signal, params, more_r))
+        if effect.plays is not None:
+            more_r, more_w, more_start = effect.plays(signal, params)
+            r, w, start = [*r, more_r], [*w, more_w], [*start, more_start]
     return np.concatenate(r), np.concatenate(w), np.concatenate(start)
 
 
 def untestable(signal: Signal) -> str | None:
     return None if len(_plays(signal)[0]) else "the model has no hysteresis whose width could change"
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    widening, held = given.one("widening", low=0.0), given.one("held", low=0.0)
+    onset_V_per_s = given.one("onset_per_s", above=0.0) * axis.range_V
+    axis.widening(widening, onset_V_per_s, held, given.one("spread", above=0.0) if widening else 0.0)
 
 
 EFFECT = Effect(
@@ -80,8 +125,8 @@ EFFECT = Effect(
     confused_with=("hysteresis", "backlash", "creep", "amplifier_lowpass", "delay", "softening"),
     compensation="Not from its parameters: the inverse operator is made for one rate. The phase-lead tables, measured "
     "at several frequencies, hold it for periodic paths.",
-    compensated=False,
     apply=apply,
     picture=Picture("loops", {"widening": 0.6}, base="plays"),
     untestable=untestable,
+    virtual=virtual,
 )

@@ -7,6 +7,7 @@ import numpy as np
 from phaselead.errors import BadInput
 from phaselead.model.effects.filters import behind_modes, resonant
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -14,11 +15,14 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     numbers,
 )
-from phaselead.model.effects.mode_bank import poles, state_weights, states
+from phaselead.model.effects.mode_bank import NOT_PLAYED, poles, state_weights, states
 from phaselead.model.effects.softening import mode_levels
+from phaselead.model.effects.virtual import MOST_POLES
+from phaselead.model.sections import Undone, undo_modes
 
 
 def modes(params: Params) -> list[tuple[float, float, float]]:
@@ -64,11 +68,28 @@ def normalise(params: Params) -> Params:
     return {"c": 1.0, **params} if "f_Hz" in params and np.ndim(params["f_Hz"]) == 0 else params
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    if "velocity" in given:
+        raise BadInput(f"{given.label} has {NOT_PLAYED}")
+    f_Hz, zeta, c = given.alike("f_Hz", "zeta", "c", most=MOST_POLES)
+    given.positive("f_Hz", f_Hz)
+    given.positive("zeta", zeta, below=1.0)
+    axis.modes(c, f_Hz, zeta)
+
+
+def undo_on_position(params: Params) -> Undone:
+    if np.any(np.asarray(params.get("velocity", 0.0)) != 0):
+        raise BadInput("its modes are shared with other axes and pass on velocity too, which is not undone")
+    return undo_modes(modes(params))
+
+
 EFFECT = Effect(
     name="resonance",
     title="Resonance",
     place=Place.MECHANICS,
     order=1,
+    peak=("f_Hz", "zeta"),
+    at_once=lambda params: "velocity" not in params,
     equation="y = (1 - c) x + c w^2 x / (s^2 + 2 zeta w s + w^2),  w = 2 pi f_Hz; the static gain stays 1",
     source="Devasia, Eleftheriou and Moheimani 2007, A survey of control issues in nanopositioning. Lists of c, f_Hz "
     "and zeta are several modes; beside them `velocity`, a list too, adds velocity w s x / (s^2 + 2 zeta w s + w^2) "
@@ -89,4 +110,8 @@ EFFECT = Effect(
     basis=basis,
     accepts=("velocity",),
     normalise=normalise,
+    modes=modes,
+    virtual=virtual,
+    repeatable=True,
+    undo_on_position=undo_on_position,
 )

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -26,6 +37,10 @@ def _rate(signal: Signal) -> Samples:
     return np.gradient(signal.value, signal.step_s)
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.jitter(given.one("rms_s", low=0.0))
+
+
 EFFECT = Effect(
     name="sampling_jitter",
     title="Sampling jitter",
@@ -44,5 +59,5 @@ EFFECT = Effect(
     seen_as="speed",
     picture=Picture("sine", {"rms_s": 1e-3}),
     variance=variance,
-    compensated=False,
+    virtual=virtual,
 )

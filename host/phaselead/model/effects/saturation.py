@@ -4,8 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -30,6 +42,15 @@ def reads(params: Params, axis: AxisModel) -> str:
     return f"rails at {low:.4g} and {high:.4g} V"
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    top, bottom = given.one("top", low=0.0, below=0.5), given.one("bottom", low=0.0, below=0.5)
+    low = axis.span_V[0] + bottom * axis.range_V if bottom else -1e9
+    high = axis.span_V[1] - top * axis.range_V if top else 1e9
+    if not low < high:
+        raise BadInput(f"{given.label}: the rails leave no room between them; lower top or bottom")
+    axis.clip(low, high)
+
+
 EFFECT = Effect(
     name="saturation",
     title="Saturation",
@@ -48,6 +69,7 @@ EFFECT = Effect(
     "need more are then refused.",
     apply=apply,
     picture=Picture("sine", {"top": 0.15, "bottom": 0.1}),
-    compensated=False,
     reads=reads,
+    virtual=virtual,
+    repeatable=True,
 )

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from phaselead.model.effects.corner import corner_reads, from_corner
 from phaselead.model.effects.filters import relaxed, smoothly_relaxed
 from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.lowpass import corner_reads, from_corner, virtual_lowpass
+from phaselead.model.sections import Undone, undo_lowpass
 
 
 def apply(signal: Signal, params: Params) -> Samples:
     """Behind a mode the motion is smooth; it may have corners without one."""
-    lag = smoothly_relaxed if any(e.name == "resonance" for e, _ in signal.active) else relaxed
+    lag = smoothly_relaxed if any(e.modes for e, _ in signal.active) else relaxed
     return lag(signal.value, number(params, "tau_s"), signal.step_s)
+
+
+def undo_on_position(params: Params) -> Undone:
+    return undo_lowpass(number(params, "tau_s"))
 
 
 EFFECT = Effect(
@@ -32,4 +37,7 @@ EFFECT = Effect(
     accepts=("corner_Hz",),
     normalise=from_corner,
     reads=corner_reads,
+    virtual=virtual_lowpass,
+    repeatable=True,
+    undo_on_position=undo_on_position,
 )

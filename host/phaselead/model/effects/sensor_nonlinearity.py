@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -10,10 +11,11 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     with_columns,
 )
-from phaselead.model.effects.reach import ends_um
+from phaselead.model.operator import ends_um
 
 SIZES = ("quadratic", "cubic", "quartic", "linear")
 
@@ -27,6 +29,11 @@ def basis(signal: Signal, params: Params) -> Samples:
     s = (2 * signal.value - (low + high)) / ((high - low) or 1.0)
     bow = signal.range_um * (1 - s**2)
     return columns(bow, 1.5 * 3**0.5 * s * bow, 4 * s**2 * bow, signal.range_um * (1 + s) / 2)
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    quadratic, cubic, quartic, linear = (given.one(name) for name in SIZES)
+    axis.sensor_curve(quadratic, cubic, quartic, linear)
 
 
 EFFECT = Effect(
@@ -60,5 +67,5 @@ EFFECT = Effect(
     hard_to_tell_from=("gain_change",),
     picture=Picture("difference", {"quadratic": 0.002, "cubic": 0.001}, base="plays"),
     basis=basis,
-    compensated=False,
+    virtual=virtual,
 )

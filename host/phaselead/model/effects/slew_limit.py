@@ -2,9 +2,43 @@
 
 from __future__ import annotations
 
+import ctypes
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from phaselead.compiled import kernel_of
 from phaselead.model.axis import AxisModel
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
-from phaselead.model.effects.native import slewed
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
+from phaselead.model.operator import address, doubles
+
+
+@cache
+def _kernel() -> ctypes.CDLL:
+    kernel = kernel_of("phaselead.model._kernel", "stage_slew")
+    kernel.stage_slew.argtypes = [ctypes.c_size_t, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
+    kernel.stage_slew.restype = None
+    return kernel
+
+
+def slewed(x: ArrayLike, rise: float) -> Samples:
+    """``x`` (n,) with a rate of at most ``rise`` per row."""
+    x = doubles(x)
+    y = np.empty_like(x)
+    _kernel().stage_slew(len(x), address(x), rise, address(y))
+    return y
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -21,6 +55,11 @@ def reads(params: Params, axis: AxisModel) -> str:
         return "no limit"
     low, high = axis.time.u_range_V
     return f"at most {(high - low) / traverse_s:.4g} V/s"
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    if traverse_s := given.one("traverse_s", low=0.0):
+        axis.slew(axis.range_V / traverse_s)
 
 
 EFFECT = Effect(
@@ -42,6 +81,7 @@ EFFECT = Effect(
     "device then keeps to a rate that the amplifier can follow.",
     apply=apply,
     picture=Picture("sine", {"traverse_s": 0.05}),
-    compensated=False,
     reads=reads,
+    virtual=virtual,
+    repeatable=True,
 )

@@ -7,6 +7,7 @@ import numpy as np
 from phaselead.errors import BadInput
 from phaselead.model.effects.filters import relaxed
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -14,6 +15,7 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     number,
     numbers,
 )
@@ -56,7 +58,7 @@ def mode_levels(signal: Signal, zeta: Samples) -> tuple[Samples | None, Complex 
     levels, drops = [], []
     for push in signal.pushes.values() or [signal]:
         for effect, params in push.active:
-            if effect.name == "softening" and "f_drop" in params:
+            if effect.name == EFFECT.name and "f_drop" in params:
                 levels.append(push_level(push, params))
                 drops.append(_drop(params, zeta))
     return (np.stack(levels, axis=1), np.stack(drops, axis=1)) if levels else (None, None)
@@ -75,6 +77,10 @@ def _drop(params: Params, zeta: Samples) -> Complex:
 
 def normalise(params: Params) -> Params:
     return {"kappa": 0.0, "tau_s": EFFECT.parameter("tau_s").typical, "about_mean": 0.0, **params}
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.level_gain(given.one("kappa"), given.one("tau_s", above=0.0), given.one("about_mean"))
 
 
 EFFECT = Effect(
@@ -105,5 +111,6 @@ EFFECT = Effect(
     basis=basis,
     accepts=("f_drop", "zeta_rise"),
     normalise=normalise,
-    compensated=False,
+    virtual=virtual,
+    repeatable=True,
 )

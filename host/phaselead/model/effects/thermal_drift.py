@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.model.effects.interface import (
+    CheckedParameters,
     Effect,
     Parameter,
     Params,
@@ -12,6 +13,7 @@ from phaselead.model.effects.interface import (
     Place,
     Samples,
     Signal,
+    VirtualAxis,
     columns,
     number,
     with_columns,
@@ -25,6 +27,10 @@ def apply(signal: Signal, params: Params) -> Samples:
 def basis(signal: Signal, params: Params) -> Samples:
     since = np.maximum(signal.t_s, 0.0)
     return columns(signal.t_s, -np.expm1(-since / number(params, "tau_s")))
+
+
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    axis.drift(given.one("ramp_um_per_s"), given.one("rise_um"), given.one("tau_s", above=0.0))
 
 
 EFFECT = Effect(
@@ -49,5 +55,6 @@ EFFECT = Effect(
     moves_zero="steadily",
     picture=Picture("idle", {"ramp_um_per_s": 2e-4, "rise_um": 0.1, "tau_s": 100.0}),
     basis=basis,
-    compensated=False,
+    slow=True,
+    virtual=virtual,
 )

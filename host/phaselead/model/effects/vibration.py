@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.model.effects.interface import Effect, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.interface import (
+    CheckedParameters,
+    Effect,
+    Parameter,
+    Params,
+    Picture,
+    Place,
+    Samples,
+    Signal,
+    VirtualAxis,
+    number,
+)
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -30,6 +41,11 @@ def spectrum(f_Hz: Samples, params: Params, rate_Hz: float) -> Samples:
     return np.asarray(scale / ((f0**2 - f_Hz**2) ** 2 + (width * f_Hz) ** 2))
 
 
+def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
+    rms_um, f_Hz = given.one("rms_um", low=0.0), given.one("f_Hz", above=0.0)
+    axis.vibration(rms_um, f_Hz, given.one("bandwidth_Hz", above=0.0))
+
+
 EFFECT = Effect(
     name="vibration",
     title="Vibration",
@@ -52,5 +68,5 @@ EFFECT = Effect(
     picture=Picture("line", {"rms_um": 0.01, "f_Hz": 120.0, "bandwidth_Hz": 20.0}),
     variance=variance,
     spectrum=spectrum,
-    compensated=False,
+    virtual=virtual,
 )

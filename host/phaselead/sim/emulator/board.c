@@ -169,12 +169,14 @@ int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info *info, int a
             out = atoi(argv[i] + 4);
         else if (strncmp(argv[i], "library=", 8) == 0)
             library = argv[i] + 8;
-        else if (strcmp(argv[i], "board=nucleo_f446re") == 0)
+        else if (strcmp(argv[i], "chip=F446") == 0)
             board.f446 = true;
+        else if (strncmp(argv[i], "usart=", 6) == 0)
+            board.usart = (unsigned)atoi(argv[i] + 6);
         else if (strncmp(argv[i], "count=", 6) == 0)
             count_open(id, argv[i] + 6);
     }
-    if (!library || !world_open(in, out, library))
+    if (board.usart < 1 || board.usart > 2 || !library || !world_open(in, out, library))
         return -1;
     qemu_plugin_register_vcpu_init_cb(id, make);
     return 0;

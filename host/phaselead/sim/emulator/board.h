@@ -14,6 +14,7 @@
 
 struct board {
     bool f446;
+    unsigned usart;      /* the one that is wired: 1 or 2 */
     const char *problem; /* NULL: none yet */
 };
 extern struct board board;

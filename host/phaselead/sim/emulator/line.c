@@ -284,7 +284,7 @@ static void pass_out(const struct usart *usart, int64_t ns)
 
 void line_pass(int64_t ns)
 {
-    const struct usart *usart = &usarts[board.f446]; /* the one that is wired */
+    const struct usart *usart = &usarts[board.usart - 1]; /* the one that is wired */
     pass_in(usart, ns);
     pass_out(usart, ns);
 }

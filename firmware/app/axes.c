@@ -1,0 +1,109 @@
+#include "app/axes.h"
+
+#include "core/fixed.h"
+
+static bool is_in(uint32_t mask, unsigned axis)
+{
+    return (mask >> axis & 1u) != 0;
+}
+
+uint32_t axes_moving(const struct device *device)
+{
+    return ~device->resting & ALL_AXES;
+}
+
+/* Takes from each axis of the mask what the others of it cause there. */
+static void decouple_axes(struct device *device, uint32_t mask, int32_t values_q16[AXES])
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    bool saturated = false;
+    decouple(slot != NULL ? &slot->decoupling : NULL, mask, values_q16, &saturated);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (saturated && is_in(mask, axis))
+            device->control.axis[axis].target.flags |= TARGET_SATURATED;
+}
+
+/* Feed-forward by the inverse. The axes of `to_invert` are decoupled from all whose inverse is at work. */
+static void invert_axes(struct device *device, uint32_t to_invert)
+{
+    int32_t ahead_q16[AXES];
+    uint32_t inverting = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_state *state = &device->control.axis[axis];
+        ahead_q16[axis] = state->target.ahead_q16;
+        if (state->drive == DRIVE_PATH && (state->target.flags & TARGET_INVERSE) != 0)
+            inverting |= 1u << axis;
+    }
+    decouple_axes(device, inverting, ahead_q16);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(to_invert, axis))
+            axis_invert(&device->model_of[axis], &device->control.axis[axis], ahead_q16[axis]);
+}
+
+void axes_set_targets(struct device *device)
+{
+    const uint32_t moving = axes_moving(device);
+    uint32_t to_invert = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &device->control.axis[axis];
+        if (is_in(moving, axis) && axis_needs_target(state) &&
+            axis_set_target(&device->control.config[axis], &device->model_of[axis], state))
+            to_invert |= 1u << axis;
+    }
+    if (to_invert != 0)
+        invert_axes(device, to_invert);
+}
+
+void axes_find_errors(struct device *device, uint32_t moving, int32_t error_q16[AXES])
+{
+    uint32_t under_feedback = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &device->control.axis[axis];
+        error_q16[axis] = 0;
+        if (!is_in(moving, axis) || !axis_has_feedback(state))
+            continue;
+        error_q16[axis] = axis_error_q16(&device->control.config[axis], state, device->adc_codes[axis]);
+        under_feedback |= 1u << axis;
+    }
+    decouple_axes(device, under_feedback, error_q16);
+}
+
+void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[AXES])
+{
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_trace *trace = &device->traces[axis];
+        if (!is_in(moving, axis))
+            continue;
+        if (axis_step(&device->control.config[axis], &device->control.axis[axis], device->adc_codes[axis],
+                      error_q16[axis], trace))
+            device->resting |= 1u << axis;
+        device->dac_codes[axis] = trace->dac_code;
+    }
+}
+
+void axes_follow_outputs(struct device *device, uint32_t moving)
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(moving, axis) &&
+            axis_follow_output(&device->model_of[axis], &device->control.axis[axis], &device->traces[axis]))
+            device_wake(device, axis);
+}
+
+void axes_start(struct device *device, uint8_t axis_mask)
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(axis_mask, axis)) {
+            device_wake(device, axis);
+            axis_start(&device->control.axis[axis]);
+        }
+    axes_set_targets(device);
+}
+
+void axes_leave_paths(struct device *device, enum axis_drive drive)
+{
+    device->resting = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        device->control.axis[axis].drive = drive;
+        device->control.axis[axis].path.running = 0;
+    }
+}

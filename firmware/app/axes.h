@@ -1,0 +1,29 @@
+/* What the three axes of a device do in a tick: each block of core/axis.h for all axes that move. */
+#ifndef PHASELEAD_APP_AXES_H
+#define PHASELEAD_APP_AXES_H
+
+#include "app/device.h"
+
+/* Axes whose output can change: those that do not rest. */
+uint32_t axes_moving(const struct device *device);
+
+/* Reference, look-ahead and feed-forward of the next tick, of the axes that follow a path: when they start, and behind
+ * the output of every tick. */
+void axes_set_targets(struct device *device);
+
+/* Errors of the axes under feedback, decoupled; 0 for the others. */
+void axes_find_errors(struct device *device, uint32_t moving, int32_t error_q16[AXES]);
+
+/* Feedback, limits and DAC codes. */
+void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[AXES]);
+
+/* Behind the output: the memory of the inverses goes along with it. */
+void axes_follow_outputs(struct device *device, uint32_t moving);
+
+/* Those of the mask begin their paths. */
+void axes_start(struct device *device, uint8_t axis_mask);
+
+/* All of them leave their paths, to hold or to ramp to their safe value. */
+void axes_leave_paths(struct device *device, enum axis_drive drive);
+
+#endif

@@ -1,0 +1,25 @@
+#include "app/device_init.h"
+
+#include <string.h>
+
+#include "app/reaction.h"
+
+void device_init(struct device *device, const struct device_port *port)
+{
+    memset(device, 0, sizeof *device);
+    device->port = *port;
+    device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
+    device->control.fault_axis = NO_AXIS;
+    model_store_boot(&device->models, &device->port.flash);
+    device_link_models(device);
+    device_reset_axes(device);
+    device_rest(device);
+    line_init(&device->line);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        bool saturated = false;
+        device->control.axis[axis].drive = DRIVE_RAMP; /* the hardware starts at 0 V; a model may park elsewhere */
+        device->dac_codes[axis] = converter_dac_code(&device->control.config[axis].converter, 0, &saturated);
+    }
+    if (port->reset_cause == WIRE_RESET_CAUSE_WATCHDOG)
+        device_fault(device, WIRE_FAULT_CORE_LOST, NO_AXIS, 0);
+}

@@ -1,0 +1,98 @@
+#include "app/device_tick.h"
+
+#include <string.h>
+
+#include "app/axes.h"
+#include "app/reaction.h"
+
+static void watch_host(struct device *device)
+{
+    const struct control *control = &device->control;
+    bool driving = control->state == WIRE_STATE_ARMED || control->state == WIRE_STATE_RUNNING;
+    if (driving && control->timeout_ticks != 0 && control->tick - control->heard_tick >= control->timeout_ticks)
+        device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
+}
+
+/* A loop that can no longer see where it is must not go on pushing. */
+static void watch_rails(struct device *device, uint32_t moving)
+{
+    const struct control *control = &device->control;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_state *state = &control->axis[axis];
+        if ((moving >> axis & 1u) != 0 && state->rail_ticks >= RAIL_TICKS && control->state == WIRE_STATE_RUNNING &&
+            axis_mode_has_feedback(control->config[axis].mode) && state->drive == DRIVE_PATH)
+            device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
+    }
+}
+
+static void note_ended_paths(struct device *device, uint32_t moving)
+{
+    uint32_t done = 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if ((moving >> axis & 1u) != 0 && device->traces[axis].path_done) {
+            device->path_done_tick[axis] = device->control.tick;
+            done |= 1u << axis;
+        }
+    if (done == 0)
+        return;
+    device->rare = true;
+    atomic_fetch_or_explicit(&device->path_done, done, memory_order_relaxed);
+}
+
+static void device_drive_outputs(struct device *device, uint16_t dac_codes[AXES])
+{
+    if (device->port.drive)
+        device->port.drive(device->port.context, device->dac_codes);
+    else
+        memcpy(dac_codes, device->dac_codes, sizeof device->dac_codes);
+}
+
+static void record(struct device *device)
+{
+    const uint64_t tick = device->control.tick;
+    enum recorder_took took = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces);
+    if (took != RECORDER_TOOK)
+        device->rare = true;
+    if (took == RECORDER_DROPS)
+        events_put(&device->events, tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
+}
+
+void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES])
+{
+    int32_t error_q16[AXES];
+    device_take_raised(device);
+    watch_host(device);
+    memcpy(device->adc_codes, adc_codes, sizeof device->adc_codes);
+
+    const uint32_t moving = axes_moving(device);
+    axes_find_errors(device, moving, error_q16);
+    axes_step(device, moving, error_q16);
+    device_drive_outputs(device, dac_codes);
+
+    axes_follow_outputs(device, moving);
+    watch_rails(device, moving);
+    note_ended_paths(device, moving);
+    if (device->control.state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
+        device_event(device, EVENT_AT_REST, 0);
+    record(device);
+    device->control.tick++;
+    axes_set_targets(device);
+}
+
+void device_put_path_events(struct device *device)
+{
+    if (atomic_load_explicit(&device->path_done, memory_order_relaxed) == 0)
+        return;
+    device_lock(device);
+    uint32_t done = atomic_exchange_explicit(&device->path_done, 0, memory_order_relaxed);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (done >> axis & 1u)
+            events_put(&device->events, device->path_done_tick[axis], WIRE_EVENT_KIND_PATH_DONE, axis);
+    device_unlock(device);
+}
+
+void device_miss_ticks(struct device *device, uint32_t ticks)
+{
+    device->control.tick += ticks;
+    recorder_miss(&device->recorder, ticks);
+}

@@ -1,0 +1,25 @@
+/* One stage model in the device: as it came over the wire, and what was made of it. */
+#ifndef PHASELEAD_APP_MODEL_SLOT_H
+#define PHASELEAD_APP_MODEL_SLOT_H
+
+#include "app/wire.h"
+#include "core/compensation.h"
+#include "core/decouple.h"
+#include "core/feedforward.h"
+
+#define MODEL_AXES 3
+
+struct model_slot {
+    uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */
+    uint32_t crc;
+    uint32_t table_mask;   /* axes with a table view */
+    uint32_t inverse_mask; /* axes with a time view that can be inverted */
+    struct feedforward_tables tables[MODEL_AXES];
+    struct compensation compensation[MODEL_AXES];
+    struct decoupling decoupling;
+};
+
+/* One axis of a slot's blob, unpacked into `room`. */
+const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room);
+
+#endif

@@ -1,0 +1,15 @@
+"""PlatformIO, before the build: the build id, as the host library is given it, and the board, by its section's name."""
+
+# ruff: noqa: F821
+import runpy
+from pathlib import Path
+
+Import("env")
+project = Path(env.subst("$PROJECT_DIR"))
+build_id = runpy.run_path(str(project / "firmware" / "build_id.py"))["build_id"](project)
+texts = {
+    "PHASELEAD_BUILD_ID": build_id,
+    "BOARD_NAME": env["PIOENV"],
+    "BOARD_FILE": f"port/stm32f4/boards/{env['PIOENV']}.h",
+}
+env.Append(CPPDEFINES=[(name, f'\\"{text}\\"') for name, text in texts.items()])

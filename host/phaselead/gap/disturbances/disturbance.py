@@ -1,0 +1,29 @@
+"""What a test for disturbances is given, and what it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from phaselead.gap.residual import RunResidual
+from phaselead.gap.result import Value
+
+TRAIN_CHANCE, HOLDOUT_CHANCE = 1e-6, 1e-3
+"""Probability by chance below which a disturbance is in the training records, and in the held-out ones."""
+NEW_FROM = 1.5
+"""Times the amplitude (or step) in the reference records from which something is new."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A disturbance that was found: its parameters, its mean power and why it is believed."""
+
+    name: str
+    params: dict[str, Value]
+    power_um2: float
+    why: str
+
+
+Residuals = Sequence[RunResidual]
+Parts = tuple[Residuals, Residuals, Residuals]
+"""Residuals of training, held-out and reference records."""

@@ -1,0 +1,201 @@
+"""The model at the end of the search, what it leaves of every record, and whether that is more than noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import mannwhitneyu
+
+from phaselead.gap.base_operator import with_operator
+from phaselead.gap.comparison import residual_amounts
+from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.disturbances import RecordOffset
+from phaselead.gap.metric import Regressors
+from phaselead.gap.records import Role, Run
+from phaselead.gap.refit import Fitted, SizedEffect
+from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
+from phaselead.gap.result import Gap, Trace
+from phaselead.gap.search import Growth
+from phaselead.model import AxisModel
+from phaselead.record import Samples
+
+OPERATOR_ROUNDS = 2
+"""In which the operator and the effects that lie behind it are fitted in turn."""
+CLEARLY_ABOVE_FLOOR = 2.0
+"""Times the floor, which is what the model leaves of the reference records, from which the rest of the held-out records
+is structure whatever a rank test says: a stop met now and then fills too few blocks for ranks."""
+STRUCTURE_P, STRUCTURE_SHARE, STRUCTURE_CHI2 = 1e-3, 0.02, 1.3
+"""Significance, share of the power and excess of chi^2 that structure must have, all three."""
+MOST_LEFT_um, FINE_LEFT_um, MOST_LEFT_WHITENED = 0.5, 0.07, 0.2
+"""Shares of the power that is new since the reference. Names that leave more than the first of it in um are the
+catalogue's nearest and not what it is, and so are names that leave more than the second in um and more than the third
+in the metric."""
+
+
+@dataclass(frozen=True)
+class FinalFit:
+    """The model at the end of a search and the runs under it."""
+
+    axis: AxisModel
+    """The base, whose plays may have been fitted anew."""
+    fitted: Fitted
+    """The effects beyond it."""
+    before: tuple[ModelledRun, ...]
+    """Every run under the base as given."""
+    after: tuple[ModelledRun, ...]
+    """Every run under ``axis``, the effects not yet in it."""
+    gap: Gap
+
+    @property
+    def rows(self) -> int:
+        """Held-out rows."""
+        return sum(t.run.stop - t.run.start for t in self.after if t.run.role == "holdout")
+
+    def residuals(self, role: Role) -> list[RunResidual]:
+        """Residuals of the final model, about their means. The reference records are without the effects."""
+        entries = () if role == "reference" else self.fitted.entries
+        return [RunResidual(t.run, _about_mean(t.error(entries))) for t in self.after if t.run.role == role]
+
+    def offsets(self, role: Role) -> list[RecordOffset]:
+        """Mean residual of the final model per run. The reference records are without the effects."""
+        entries = () if role == "reference" else self.fitted.entries
+        return [
+            RecordOffset(float(t.run.t_s[t.run.rows].mean()), float(t.error(entries).mean()), t.run.idle)
+            for t in self.after
+            if t.run.role == role
+        ]
+
+    def residuals_before(self, role: Role) -> list[RunResidual]:
+        """Residuals of the base as given, about their means."""
+        return [RunResidual(t.run, _about_mean(t.error())) for t in self.before if t.run.role == role]
+
+    def share_of(self, name: str) -> float:
+        """Share of the power that the base leaves of the held-out records which comes back without the effect
+        ``name``."""
+        before = _power([left.error_um for left in self.residuals_before("holdout")])
+        after = _power([left.error_um for left in self.residuals("holdout")])
+        entries = [entry for entry in self.fitted.entries if entry[0].name != name]
+        if len(entries) == len(self.fitted.entries):  # the base took it up as plays
+            alone = [t for t in self.after if t.run.role == "holdout"]
+            return max(before - _power([_about_mean(t.error()) for t in alone]), 0.0) / max(before, 1e-30)
+        without = [_about_mean(t.error(entries)) for t in self.after if t.run.role == "holdout"]
+        return float(np.clip((_power(without) - after) / max(before, 1e-30), 0.0, 1.0))
+
+    def traces(self) -> list[Trace]:
+        """Measured position of every held-out record, and each model's at the record's own offset."""
+        found = []
+        for was, now in zip(self.before, self.after, strict=True):
+            if was.run.role != "holdout":
+                continue
+            run, rows = was.run, was.run.rows
+            x = run.x_um[rows]
+            before = x - _about_mean(was.error())
+            after = x - _about_mean(now.error(self.fitted.entries))
+            found.append(Trace(run.name, run.axis, run.t_s[rows], run.u_V[rows], x, before, after))
+        return found
+
+
+def _about_mean(error: Samples) -> Samples:
+    """A residual (n,) without its mean, which is the record's own offset."""
+    return np.asarray(error - error.mean())
+
+
+def _power(errors: Sequence[Samples]) -> float:
+    """Mean square in um^2 over all rows of some residuals (n_i,)."""
+    return float(np.mean(np.concatenate(errors) ** 2))
+
+
+def final_fit(growth: Growth, runs: Sequence[Run]) -> FinalFit:
+    """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
+    now to what the effects leave."""
+    axis, fitted = growth.problem.axis, growth.fitted
+    if growth.operator is not None and fitted.entries:
+        axis = _refitted_operator(axis, fitted, [r for r in runs if r.role == "train"])
+    before = tuple(modelled_run(growth.start, run) for run in runs)
+    after = tuple(modelled_run(axis, run) for run in runs)
+    final = FinalFit(axis, fitted, before, after, Gap(0.0, 0.0, 0.0))
+    return FinalFit(axis, fitted, before, after, _gap(final, growth))
+
+
+def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) -> AxisModel:
+    """The axis with plays fitted to what the effects leave of the training runs, where that leaves less than before."""
+    best, best_left = axis, _train_power(axis, fitted, train)
+    for _ in range(OPERATOR_ROUNDS):
+        modelled_runs = [modelled_run(best, run) for run in train]
+        beyond = [t.answer(fitted.entries) - t.answer() for t in modelled_runs]
+        tried = with_operator(best, train, beyond)
+        left = _train_power(tried, fitted, train)
+        if left >= best_left:
+            break
+        best, best_left = tried, left
+    return best
+
+
+def _train_power(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) -> float:
+    """Mean square in um^2 that the axis with the effects leaves of the training runs."""
+    return _power([_about_mean(t.error(fitted.entries)) for t in (modelled_run(axis, run) for run in train)])
+
+
+def _gap(final: FinalFit, growth: Growth) -> Gap:
+    """RMS before and after over all held-out rows, and the floor."""
+    before = float(np.sqrt(_power([left.error_um for left in final.residuals_before("holdout")])))
+    after = float(np.sqrt(_power([left.error_um for left in final.residuals("holdout")])))
+    reference = final.residuals("reference")
+    if reference:
+        floor = float(np.sqrt(_power([left.error_um for left in reference])))
+        return Gap(before, after, floor, "um", "what the model leaves of the reference records")
+    floor = growth.problem.noise.level_um
+    return Gap(before, after, min(floor, after), "um", "what the richest model of all leaves of the training records")
+
+
+def structure_remains(growth: Growth, final: FinalFit) -> bool:
+    """Whether structure remains in the held-out records that no entry of the catalogue explains.
+
+    It must be significant (p), of a size (share of the power), and beyond what noise model and misfit of the base allow
+    (chi^2): at a high signal-to-noise ratio every model fails significance alone. Without reference records the noise
+    was learned from the training residual itself, and only a difference to it can show.
+    """
+    problem, gap = growth.problem, final.gap
+    if (gap.after**2 - gap.floor**2) <= STRUCTURE_SHARE * max(gap.before**2, 1e-30):
+        return False
+    if problem.reference is not None and gap.after > CLEARLY_ABOVE_FLOOR * gap.floor:
+        return True
+    held = _mean_squares(problem.holdout, problem.discrepancy, growth.fitted.entries)
+    if problem.reference is not None:
+        known = _mean_squares(problem.reference, problem.discrepancy, ())
+    else:
+        known = _mean_squares(problem.train_common, problem.discrepancy, growth.fitted.entries)
+    if np.median(held) <= STRUCTURE_CHI2 * np.median(known) and held.mean() <= STRUCTURE_CHI2 * known.mean():
+        return False
+    return float(mannwhitneyu(held, known, alternative="greater").pvalue) < STRUCTURE_P
+
+
+def names_leave_too_much(growth: Growth, final: FinalFit) -> bool:
+    """Whether the names explain so little of what is new since the reference that something else must be behind it.
+
+    Judged by the power in um^2 of the held-out records, and in the metric by that of the training records. What is slow
+    has moved the records' offsets before they began: that shows in um and is no fault of a name.
+    """
+    problem, gap = growth.problem, final.gap
+    if problem.reference is None or not growth.named or gap.after < CLEARLY_ABOVE_FLOOR * gap.floor:
+        return False
+    left = (gap.after**2 - gap.floor**2) / max(gap.before**2 - gap.floor**2, 1e-30)
+    slow = any(one.effect.slow for one in growth.named)
+    if left <= FINE_LEFT_um or (left >= MOST_LEFT_um and not slow):
+        return left >= MOST_LEFT_um
+    known = float(_mean_squares(problem.reference, problem.discrepancy, ()).mean())
+    before = float(_mean_squares(problem.train_common, problem.discrepancy, ()).mean())
+    after = float(_mean_squares(problem.train_common, problem.discrepancy, growth.fitted.entries).mean())
+    return after - known > MOST_LEFT_WHITENED * (before - known)
+
+
+def _mean_squares(regressors: Regressors, discrepancy: Discrepancy, entries: tuple[SizedEffect, ...]) -> Samples:
+    """Whitened mean square of each block (blocks,), unweighted, that the effects ``entries`` leave."""
+    plain = regressors.reweighted([np.ones(len(w)) for w in regressors.metric.weights])
+    moments = plain.with_columns([t.error(entries)[:, None] for t in plain.metric.modelled_runs])
+    left = residual_amounts(moments, discrepancy)
+    squares = np.einsum("i,bij,j->b", left, moments, left)
+    rows = np.concatenate([np.diff(e) for e in plain.metric.edges])
+    return np.asarray(squares / rows)

@@ -1,0 +1,215 @@
+"""The regression problem of one axis under one base model: metric, whitened regressors, model discrepancy, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.gap.discrepancy import (
+    Discrepancy,
+    discrepancy_prior,
+    flexible_residual,
+    inflation_by_reference,
+    reference_discrepancy,
+)
+from phaselead.gap.metric import Regressors, fair_weights, metric_of, noise_of, whitened_regressors
+from phaselead.gap.noise import Noise, as_idle
+from phaselead.gap.records import Run
+from phaselead.gap.regressors import (
+    Freedom,
+    Layout,
+    SimulatedRegressors,
+    regressor_groups,
+    rich_columns,
+    simulated_regressors,
+)
+from phaselead.gap.residual import ModelledRun, modelled_run
+from phaselead.model import AxisModel, Effect, Extra
+from phaselead.record import Samples
+
+NOISE_ROUNDS = 2
+"""In which the noise and what is left for it are found in turn."""
+WEIGHT_ROUNDS = 2
+"""In which the weights of blocks and what is left of them are found in turn."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One axis under one base model, ready to be searched."""
+
+    axis: AxisModel
+    layout: Layout
+    train: Regressors
+    """All regressors on the training runs."""
+    train_common: Regressors
+    """The common columns on the training runs: those that say what the base misses."""
+    holdout: Regressors
+    """The common columns on the held-out runs."""
+    reference: Regressors | None
+    """The common columns on the reference runs, where there are any."""
+    discrepancy: Discrepancy
+    """Of the common columns."""
+    noise: Noise
+    freedom: Freedom
+    reference_inflation: Mapping[str, float]
+    """By effect, at least 1: by how much its gains are overstated, as its gains on reference runs say."""
+
+    @property
+    def open_plays(self) -> bool:
+        """Whether the base's plays were fitted to the training records."""
+        return self.freedom.open_plays
+
+    @property
+    def common(self) -> Discrepancy:
+        """The discrepancy placed in the full layout."""
+        return self.discrepancy.at(self.layout.common())
+
+    def train_runs(self) -> tuple[ModelledRun, ...]:
+        """The training runs under the base model."""
+        return self.train.metric.modelled_runs
+
+
+def make_problem(
+    axis: AxisModel,
+    runs: Sequence[Run],
+    effects: Sequence[Effect],
+    frozen: bool,
+    open_plays: bool = False,
+    unwhitened: bool = False,
+) -> Problem:
+    """Simulate, whiten and multiply the regressors of ``effects``, which must respond to voltage or time.
+
+    ``frozen``: without reference runs, whether nothing may be wrong with the base. ``open_plays``: its plays were
+    fitted to the training runs and move with every effect that is added. ``unwhitened``: squares of micrometres count
+    alike at every frequency, as for finding memory that a base lacks; the metric that expects the slow misfit of a
+    memory model would forgive just that.
+    """
+    train, held, reference = _by_role([modelled_run(axis, run) for run in runs])
+    freedom = Freedom(open_plays, learned=bool(reference))
+    longest = max(m.run.t_s[-1] - m.run.t_s[0] for m in train)
+    groups = regressor_groups(effects, train[0].run.step_s, float(longest))
+    of_train = [simulated_regressors(m, groups, freedom) for m in train]
+    n_base = of_train[0].columns.shape[1] - sum(len(group.steps) for group in groups)
+    layout = Layout(tuple(groups), n_base)
+    of_held = [simulated_regressors(m, layout.coarser().groups, freedom) for m in held]
+    on_reference: Regressors | None = None
+    inflation: dict[str, float] = {}
+    if reference:
+        of_reference = [simulated_regressors(m, groups, freedom) for m in reference]
+        noise, on_reference, discrepancy, inflation = _from_reference(of_reference, layout)
+        noise = as_idle(noise, [m.error() for m in [*train, *held] if m.run.idle])
+    else:
+        discrepancy = discrepancy_prior(layout.coarser(), frozen)
+        noise = _from_training(of_train, layout, discrepancy)
+    if unwhitened:
+        noise = Noise(np.ones(1), noise.level_um, 0.0, 1.0, 0.0, np.ones(1))
+    on_train = whitened_regressors(metric_of(train, noise), layout, of_train)
+    on_train = _weighed(on_train, of_train, discrepancy.at(layout.common()))
+    common = on_train.restricted(layout.common())
+    on_held = whitened_regressors(metric_of(held, noise), layout.coarser(), of_held)
+    on_held = _weighed(on_held, of_held, discrepancy)
+    return Problem(axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, inflation)
+
+
+def _by_role(every: Sequence[ModelledRun]) -> list[list[ModelledRun]]:
+    """The training, held-out and reference runs."""
+    return [[m for m in every if m.run.role == role] for role in ("train", "holdout", "reference")]
+
+
+def with_effects(problem: Problem, extra: Extra) -> Problem:
+    """The problem with every regressor simulated anew in a model that has the effects ``extra``: what the base misses
+    passes through a named delay or mode like everything else."""
+    of_train = [simulated_regressors(m, problem.layout.groups, problem.freedom, extra) for m in problem.train_runs()]
+    coarse = problem.layout.coarser()
+    held = problem.holdout.metric.modelled_runs
+    of_held = [simulated_regressors(m, coarse.groups, problem.freedom, extra) for m in held]
+    on_train = whitened_regressors(problem.train.metric, problem.layout, of_train)
+    on_held = whitened_regressors(problem.holdout.metric, coarse, of_held)
+    common = on_train.restricted(problem.layout.common())
+    return replace(problem, train=on_train, train_common=common, holdout=on_held)
+
+
+def common_with_effects(problem: Problem, extra: Extra) -> Regressors:
+    """The common columns of the training runs alone, simulated anew in a model that has the effects ``extra``."""
+    coarse = problem.layout.coarser()
+    simulated = [simulated_regressors(m, coarse.groups, problem.freedom, extra) for m in problem.train_runs()]
+    found = whitened_regressors(problem.train.metric, coarse, simulated)
+    return found.restricted(np.arange(found.size))
+
+
+def _errors(simulated: Sequence[SimulatedRegressors]) -> list[Samples]:
+    """Measured minus modelled position (n,) in um per run."""
+    return [np.asarray(r.modelled.run.x_um[r.modelled.run.rows] - r.base_um) for r in simulated]
+
+
+def _from_reference(
+    whole: Sequence[SimulatedRegressors], layout: Layout
+) -> tuple[Noise, Regressors, Discrepancy, dict[str, float]]:
+    """What the reference runs tell: noise, their common columns in its metric, the base's discrepancy, inflation.
+
+    The noise is what the catalogue cannot describe of the base's misfit. ``whole`` has all regressors of each run.
+    """
+    common = [replace(r, columns=r.columns[:, layout.common()]) for r in whole]
+    runs, errors = [r.modelled for r in common], _errors(common)
+    noise = noise_of(runs, [_detrended(e, r.modelled) for e, r in zip(errors, common, strict=True)])
+    for _ in range(NOISE_ROUNDS):
+        found = whitened_regressors(metric_of(runs, noise), layout.coarser(), common)
+        discrepancy, _ = reference_discrepancy(found, errors)
+        rest = [_detrended(e - r.columns @ discrepancy.mean, r.modelled) for e, r in zip(errors, common, strict=True)]
+        noise = noise_of(runs, rest)
+    found = whitened_regressors(metric_of(runs, noise), layout.coarser(), common)
+    discrepancy, weights = reference_discrepancy(found, errors)
+    found = found.reweighted(weights)
+    inflation = inflation_by_reference(whitened_regressors(found.metric, layout, whole), layout, errors)
+    return noise, found, discrepancy, inflation
+
+
+def _from_training(simulated: Sequence[SimulatedRegressors], layout: Layout, discrepancy: Discrepancy) -> Noise:
+    """Noise without reference runs: what neither a combination of effects nor a rich operator explains of training."""
+    richer = [replace(r, columns=np.concatenate([r.columns, _rich(r.modelled)], axis=1)) for r in simulated]
+    runs, errors = [r.modelled for r in simulated], _errors(simulated)
+    noise = noise_of(runs, [_explained(e, r) for e, r in zip(errors, richer, strict=True)])
+    for _ in range(NOISE_ROUNDS):
+        found = whitened_regressors(metric_of(runs, noise), layout, richer)
+        moments = found.with_columns([e[:, None] for e in errors])
+        amounts = flexible_residual(moments, discrepancy.at(layout.common()), np.arange(found.size), found.size)
+        rest = [_detrended(e + r.columns @ amounts[:-1], r.modelled) for e, r in zip(errors, richer, strict=True)]
+        noise = noise_of(runs, rest)
+    return noise
+
+
+def _rich(modelled: ModelledRun) -> NDArray[np.float32]:
+    """Columns (n, k) of a rich operator."""
+    return rich_columns(modelled).astype(np.float32)
+
+
+def _explained(error: Samples, by: SimulatedRegressors) -> Samples:
+    """What ordinary least squares with all columns leaves of a residual (n,): a first guess."""
+    columns = np.concatenate([by.modelled.nuisances, by.columns], axis=1)
+    live = columns[:, np.ptp(columns, axis=0) > 0]
+    columns = np.concatenate([np.ones((len(error), 1)), live], axis=1)
+    scale = np.sqrt(np.mean(columns**2, axis=0))
+    amounts, *_ = np.linalg.lstsq(columns / scale, error, rcond=1e-6)
+    return np.asarray(error - (columns / scale) @ amounts)
+
+
+def _detrended(error: Samples, modelled: ModelledRun) -> Samples:
+    """A residual (n,) without what the run's own nuisances explain of it."""
+    amounts, *_ = np.linalg.lstsq(modelled.nuisances, error, rcond=1e-8)
+    return np.asarray(error - modelled.nuisances @ amounts)
+
+
+def _weighed(found: Regressors, simulated: Sequence[SimulatedRegressors], discrepancy: Discrepancy) -> Regressors:
+    """The same with weights that make what flexible regressors leave of each block as large as the whitener
+    promised."""
+    errors = _errors(simulated)
+    rows = [np.diff(e).astype(np.float64) for e in found.metric.edges]
+    for _ in range(WEIGHT_ROUNDS):
+        moments = found.with_columns([e[:, None] for e in errors])
+        amounts = flexible_residual(moments, discrepancy, np.arange(found.size), found.size)
+        left = found.unweighted(np.einsum("i,bij,j->b", amounts, moments, amounts))
+        found = found.reweighted([fair_weights(part, r) for part, r in zip(left, rows, strict=True)])
+    return found

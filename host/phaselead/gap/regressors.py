@@ -1,0 +1,283 @@
+"""Regressors: what each effect, and each thing that may be wrong with the base, would add to the position.
+
+An effect is simulated at a few shapes; each shape is a group of columns, one per size parameter. The columns of the
+base model say what refitting it could absorb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.gap.residual import ModelledRun
+from phaselead.identify import nested_basis
+from phaselead.model import AxisModel, Effect, Extra, Parameter, Params, Place, Signal, plays
+from phaselead.record import Samples
+
+Index = NDArray[np.intp]
+"""Positions of columns, (k,)."""
+
+GRID_POINTS = 5
+"""Values of one shape parameter between its bounds."""
+COARSE_GROUPS = 6
+"""About how many of an effect's shapes describe what the base misses on reference records."""
+MODE_GRID_RATIO, MODE_GRID_ZETA = 1.16, 0.08
+"""A mode is looked for at frequencies in this ratio, with this damping: neighbours then overlap."""
+HIGHEST_OF_RATE = 0.45
+"""Of the sampling rate: no frequency is looked for above it, where sampling shows no more of a period than its ends."""
+LONGEST_TIME, SHORTEST_TIME = 30.0, 0.5
+"""A time constant is looked for up to this many lengths of the longest record, and from this part of a row on: a slower
+one is a straight line, a faster one none."""
+BASE_PLAYS, BASE_SEGMENTS = 10, 8
+"""How finely a refit of the base's operator is described."""
+RICH_PLAYS, RICH_SEGMENTS, RICH_STD = 24, 12, 0.1
+"""An operator richer than any base, and the prior deviation of its weights, as a share of the mean slope."""
+GAIN_STD, PLAY_STD = 0.05, 0.02
+"""How far gain and plays of a fitted base can be off where no reference record says better, of its mean slope."""
+OPEN_STD = 0.3
+"""The same of plays that are fitted anew with every effect."""
+DELAY_STD, OWN_STD = 0.05, 0.005
+"""The same of the base's delay, in rows, and of the parameters of its own effects, of their values."""
+
+
+@dataclass(frozen=True)
+class RegressorGroup:
+    """One effect at one shape: a column for each of its size parameters."""
+
+    effect: Effect
+    shapes: Mapping[str, float]
+    steps: tuple[float, ...]
+    """Per column the size at which it is simulated."""
+    coarse: bool
+    """Whether it is one of the few that describe what the base misses on reference records."""
+
+    def params(self, amounts: Sequence[float]) -> dict[str, float]:
+        """All parameters of the effect when its columns are taken ``amounts`` times (in order, as many as columns)."""
+        sizes = {p.name: a * s for p, a, s in zip(self.effect.sizes, amounts, self.steps, strict=True)}
+        return {**self.shapes, **sizes}
+
+    def columns(self, modelled: ModelledRun, base_um: Samples, extra: Extra = ()) -> Samples:
+        """Columns (n, sizes) in um over the scored rows: what one step of each size adds to ``base_um`` (n,), the
+        answer of the model with the effects ``extra``."""
+        found = []
+        for i in range(len(self.steps)):
+            amounts = [float(i == j) for j in range(len(self.steps))]
+            found.append(modelled.answer([*extra, (self.effect, self.params(amounts))]) - base_um)
+        return np.stack(found, axis=1)
+
+
+def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float) -> list[RegressorGroup]:
+    """The groups of every effect, shapes limited to what records of this sampling step and length can show."""
+    found = []
+    for effect in effects:
+        grids = [_grid(p, effect, step_s, longest_s) for p in effect.shapes]
+        steps = tuple(p.typical if p.typical else p.high for p in effect.sizes)
+        points = list(product(*grids))
+        coarse = set(points[:: max(1, round(len(points) / COARSE_GROUPS))])
+        for point in points:
+            shapes = {p.name: v for p, v in zip(effect.shapes, point, strict=True)}
+            if _ordered(effect, shapes):
+                common = point in coarse and effect.kind == "response"
+                found.append(RegressorGroup(effect, shapes, steps, common))
+    return found
+
+
+def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list[float]:
+    """Values at which one shape parameter is simulated."""
+    low, high = p.low, p.high
+    if p.unit == "Hz":
+        high = min(high, HIGHEST_OF_RATE / step_s)
+        low = min(max(low, 1 / longest_s), high)
+    if p.unit == "s":
+        low, high = max(low, SHORTEST_TIME * step_s), min(high, LONGEST_TIME * longest_s)
+        high = max(low, high)
+    if effect.peak is not None and p.name == effect.peak[1]:
+        return [MODE_GRID_ZETA]
+    if effect.peak is not None and p.name == effect.peak[0]:
+        count = max(2, int(np.log(high / low) / np.log(MODE_GRID_RATIO)))
+        return [float(v) for v in np.geomspace(low, high, count)]
+    if len(effect.shapes) > 1 and p is not effect.shapes[0]:
+        return [float(np.clip(p.typical, low, high))]
+    if p.log:
+        return [float(v) for v in np.geomspace(low, high, GRID_POINTS)]
+    return [float(v) for v in np.linspace(low, high, GRID_POINTS)]
+
+
+def _ordered(effect: Effect, shapes: Mapping[str, float]) -> bool:
+    """Whether the shapes that must rise do so."""
+    return all(shapes[first] < shapes[last] for first, last in pairwise(effect.rising))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which columns are whose: those of the groups in order, then ``n_base`` of the base model."""
+
+    groups: tuple[RegressorGroup, ...]
+    n_base: int
+
+    @property
+    def size(self) -> int:
+        """How many columns there are."""
+        return sum(len(a.steps) for a in self.groups) + self.n_base
+
+    def columns_of(self, index: int) -> Index:
+        """Columns of the group ``index``."""
+        first = sum(len(a.steps) for a in self.groups[:index])
+        return np.arange(first, first + len(self.groups[index].steps))
+
+    @property
+    def base(self) -> Index:
+        """Columns of the base model."""
+        return np.arange(self.size - self.n_base, self.size)
+
+    def common(self) -> Index:
+        """Columns that describe what the base misses: those of coarse groups and of the base, in order."""
+        picked = [self.columns_of(i) for i, a in enumerate(self.groups) if a.coarse]
+        return np.concatenate([*picked, self.base]).astype(np.intp)
+
+    def coarser(self) -> Layout:
+        """The layout of the common columns alone."""
+        return Layout(tuple(a for a in self.groups if a.coarse), self.n_base)
+
+
+@dataclass(frozen=True)
+class SimulatedRegressors:
+    """All regressors of one run, in um over its scored rows."""
+
+    modelled: ModelledRun
+    base_um: Samples
+    """(n,) the model without them."""
+    columns: NDArray[np.float32]
+    """(n, k), in the order of the layout."""
+
+
+def simulated_regressors(
+    modelled: ModelledRun, groups: Sequence[RegressorGroup], freedom: Freedom, extra: Extra = ()
+) -> SimulatedRegressors:
+    """Simulate every group, and the columns of the base, on one run of a model that has the effects ``extra``."""
+    base_um = modelled.answer(extra)
+    parts = [group.columns(modelled, base_um, extra).astype(np.float32) for group in groups]
+    parts.append(base_columns(modelled, freedom, extra).astype(np.float32))
+    return SimulatedRegressors(modelled, base_um, np.concatenate(parts, axis=1))
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What may be wrong with a base model."""
+
+    open_plays: bool = False
+    """Its plays were fitted to the training records themselves, and move with every effect that is added."""
+    learned: bool = False
+    """Reference records say what it misses, so that more things may be wrong with it."""
+
+
+def base_columns(modelled: ModelledRun, freedom: Freedom, extra: Extra = ()) -> Samples:
+    """Columns (n, k) in um: one prior deviation of each thing that a refit of the base could change, as it looks behind
+    the effects ``extra`` and the base's own. A base without plays has no plays to refit, one without dead zones no dead
+    zones."""
+    view = modelled.axis.time
+    assert view is not None
+    signal = modelled.chain.signal_at(Place.AMPLIFIER, extra)
+    v = signal.value
+    slope = mean_slope(modelled.axis)
+    low, high = view.u_range_V
+    columns = [GAIN_STD * slope * v]
+    if view.play_r_V:
+        r = nested_basis(high - low, low, high, BASE_PLAYS, 1).play_r_V
+        start = view.rest_fraction * r if modelled.plays_V is None else np.interp(r, view.play_r_V, modelled.plays_V)
+        moved, _ = plays(v, r, np.clip(start + v[0] - signal.u_V[0], v[0] - r, v[0] + r))
+        columns += list(((OPEN_STD if freedom.open_plays else PLAY_STD) * slope * moved).T)
+        if freedom.learned:
+            columns += _bent(moved, low, high, PLAY_STD * slope)
+    if view.deadzone_d_V:
+        knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
+        columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
+    refitted = through_effects(modelled, np.stack(columns, axis=1), extra)[1:][modelled.run.rows]
+    return np.concatenate([refitted, _own_tangents(modelled, extra)], axis=1) if freedom.learned else refitted
+
+
+def _bent(moved: Samples, low: float, high: float, std: float) -> list[Samples]:
+    """What plays (n, m) in V miss of a memory whose density varies over the range (Preisach): their squares and cubes,
+    2 m columns (n,) in um."""
+    half = (high - low) / 2
+    z = (moved - (low + high) / 2) / half
+    return [std * half * column for column in np.concatenate([z**2, z**2 * z], axis=1).T]
+
+
+def _own_tangents(modelled: ModelledRun, extra: Extra) -> Samples:
+    """Columns (n, k) in um: one prior deviation of the base's delay, and of each parameter of its own effects."""
+    answer = modelled.answer(extra)
+    return np.stack([modelled.with_axis(axis).answer(extra) - answer for axis in _nearby(modelled)], axis=1)
+
+
+def _nearby(modelled: ModelledRun) -> list[AxisModel]:
+    """The base with one of its parameters moved by a prior deviation, for each parameter."""
+    axis, view = modelled.axis, modelled.axis.time
+    assert view is not None
+    later = view.model_copy(update={"delay_s": view.delay_s + DELAY_STD * modelled.run.step_s})
+    found = [axis.model_copy(update={"time": later})]
+    for i, adopted in enumerate(axis.effects):
+        for params in _moved_a_little(adopted.params):
+            moved = adopted.model_copy(update={"params": params})
+            effects = (*axis.effects[:i], moved, *axis.effects[i + 1 :])
+            found.append(axis.model_copy(update={"effects": effects}))
+    return found
+
+
+def _moved_a_little(params: Mapping[str, object]) -> list[dict[str, object]]:
+    """``params`` with one of its numbers moved by OWN_STD, for each number, those in lists too."""
+    found: list[dict[str, object]] = []
+    for name, value in params.items():
+        numbers = value if isinstance(value, tuple) else (value,)
+        for i, number in enumerate(numbers):
+            if isinstance(number, float):
+                changed = (*numbers[:i], number * (1 + OWN_STD), *numbers[i + 1 :])
+                found.append({**params, name: changed if isinstance(value, tuple) else changed[0]})
+    return found
+
+
+def through_effects(modelled: ModelledRun, columns: Samples, extra: Extra) -> Samples:
+    """What changes (n + 1, k) of the operator's output, in um, become behind creep, mechanics and sensor."""
+    signal = modelled.chain.signal_at(Place.HYSTERESIS, extra)
+    behind = [(e, params) for e, params in signal.active if e.place > Place.HYSTERESIS]
+    if not behind:
+        return columns
+    values = np.column_stack([signal.value, signal.value[:, None] + columns])
+    for e, params in behind:
+        values = _all_through(e, params, signal, values)
+    return np.asarray(values[:, 1:] - values[:, :1])
+
+
+def _all_through(e: Effect, params: Params, signal: Signal, values: Samples) -> Samples:
+    """One effect applied to each column of ``values`` (n, k) in place of the signal's own."""
+    if e.at_once is not None and e.at_once(params):
+        return e.apply(signal.carrying(values, signal.drive_V), params)
+    return np.stack([e.apply(signal.carrying(value, signal.drive_V), params) for value in values.T.copy()], axis=1)
+
+
+def rich_columns(modelled: ModelledRun) -> Samples:
+    """Columns (n, k) in um of an operator richer than any base, which tell noise from misfit where no reference
+    does."""
+    run, view = modelled.run, modelled.axis.time
+    assert view is not None
+    v, slope = run.u_V, RICH_STD * mean_slope(modelled.axis)
+    low, high = float(v.min()), float(v.max())
+    r = nested_basis(high - low, low, high, RICH_PLAYS, 1).play_r_V
+    rows = np.arange(run.start, run.stop, dtype=np.uintp)
+    moved, _ = plays(v, r, np.clip(view.rest_fraction * r, v[0] - r, v[0] + r), rows)
+    knots = np.linspace(low, high, RICH_SEGMENTS + 2)[1:-1]
+    bends = np.maximum(v[run.rows, None] - knots, 0.0)
+    return np.asarray(slope * np.concatenate([moved, bends], axis=1))
+
+
+def mean_slope(axis: AxisModel) -> float:
+    """Mean slope in um/V over the fitted range, all plays moving; 1 where it is 0. The axis has a time view."""
+    view = axis.time
+    assert view is not None
+    low, high = view.u_range_V
+    bends = sum(s * (high - d) / (high - low) for d, s in zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True))
+    return float(abs(view.gain_um_per_V + sum(view.play_w_um_per_V) + bends)) or 1.0

@@ -1,0 +1,241 @@
+"""Runs: the driven axes of recordings, checked for what every estimate needs, and the sines that drive them.
+
+A recording that cannot be used raises BadInput, in one line that says how to mend it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from phaselead.errors import BadInput
+from phaselead.model import plays
+from phaselead.record import Recording, Samples, refuse_clipped, refuse_gapped
+
+STILL_V = 1e-6
+"""A voltage that spans less than this does not move (a 16-bit code of 20 V is 0.3 mV)."""
+DRIVEN_SHARE = 0.02
+"""An axis counts as driven when its voltage spans more than this share of the recording's largest span."""
+SINE_RESIDUAL = 0.01
+"""Rms departure from a sine, as a share of its amplitude, up to which a voltage is called one."""
+
+ROWS_PER_PERIOD = 32
+"""A sine is estimated from about this many rows per period; more add time and no precision."""
+FEWEST_PERIODS = 2
+"""Periods of a sine that are needed before anything is fitted to it: the first settles the memory."""
+SAME = 0.02
+"""Levels or frequencies closer than this, relatively, are one."""
+JUMP_SHARE = 0.05
+"""A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
+
+
+class Sine(NamedTuple):
+    """A sine voltage, ``mean_V + swing_V / 2 cos(2 pi f_Hz t + phase)``, on ``rows`` of the whole recording."""
+
+    f_Hz: float
+    swing_V: float
+    mean_V: float
+    rows: slice
+
+    @property
+    def starts_at_zero(self) -> bool:
+        """Whether it runs between 0 V and its swing, as the grid of Xu & Li 2010 does (eq. 4)."""
+        return abs(self.mean_V - self.swing_V / 2) < 0.02 * self.swing_V
+
+
+@dataclass(frozen=True)
+class AxisRun:
+    """One driven axis of one recording, checked.
+
+    ``t_s``, ``u_V`` and ``x_um`` are (n,); ``scored`` are the rows that count, those before them warm the memory.
+    """
+
+    t_s: Samples
+    u_V: Samples
+    x_um: Samples
+    scored: slice
+    axis: str
+    source: str
+
+    @property
+    def step_s(self) -> float:
+        """Time between two rows."""
+        return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1)
+
+    @cached_property
+    def sine(self) -> Sine | None:
+        """The sine that the scored voltage is, or None."""
+        return sine_of(self)
+
+    @cached_property
+    def turning_rows(self) -> NDArray[np.uintp]:
+        """The rows, ascending, after which the voltage, 0 V before the record, goes the other way."""
+        steps = np.diff(self.u_V, prepend=0.0)
+        moving = np.flatnonzero(steps)
+        rises = steps[moving] > 0
+        return np.asarray(moving[1:][rises[1:] != rises[:-1]] - 1, dtype=np.uintp)
+
+    @property
+    def range_um(self) -> float:
+        """Measured peak-to-peak over the scored rows."""
+        return float(np.ptp(self.x_um[self.scored]))
+
+
+def driven_axes(recording: Recording) -> list[str]:
+    """The axes whose voltage moves, in order. Raises BadInput when there is none."""
+    spans = {name: float(np.ptp(a.u_V)) for name, a in recording.axes.items() if a.u_V is not None and len(a.u_V)}
+    if not spans:
+        raise BadInput(f"{recording.source}: has no voltage; record u_V beside x_um")
+    largest = max(spans.values())
+    if largest < STILL_V:
+        raise BadInput(f"{recording.source}: the voltage never moves; record the stage while it is driven")
+    return [name for name, span in spans.items() if span > DRIVEN_SHARE * largest]
+
+
+def axis_run(recording: Recording, axis: str) -> AxisRun:
+    """The checked arrays of one axis. Raises BadInput."""
+    source = recording.source
+    refuse_gapped(recording)
+    refuse_clipped(recording)
+    record = recording.axes.get(axis)
+    if record is None or record.u_V is None or record.x_um is None:
+        raise BadInput(f"{source}: needs both voltage and position of axis {axis}; map the missing column")
+    u, x = record.u_V, record.x_um
+    if not (np.isfinite(u).all() and np.isfinite(x).all()):
+        raise BadInput(f"{source}: holds values that are not numbers; cut those rows or record again")
+    scored = recording.scored
+    if len(u[scored]) < 16:
+        raise BadInput(f"{source}: {len(u[scored])} rows are too few to fit anything to; record at least 16")
+    if np.ptp(u[scored]) < STILL_V:
+        raise BadInput(f"{source}: the voltage of {axis} is constant where it is scored; choose rows where it moves")
+    if np.ptp(x[scored]) == 0:
+        raise BadInput(f"{source}: the position of {axis} never changes; is the sensor connected and mapped?")
+    return AxisRun(recording.t_s, u, x, scored, axis, source)
+
+
+def refuse_too_short(run: AxisRun) -> None:
+    """Raise BadInput when the voltage does not go round often enough to show a loop, warm-up rows
+    included."""
+    sine = run.sine
+    if sine is not None:
+        first = int(np.flatnonzero(np.diff(run.u_V))[0])
+        periods = (sine.rows.stop - first) * run.step_s * sine.f_Hz
+        if periods < FEWEST_PERIODS - 0.05:
+            raise BadInput(
+                f"{run.source}: {periods:.2g} periods of {sine.f_Hz:.4g} Hz are too few; "
+                f"record at least {FEWEST_PERIODS}, one of them to settle"
+            )
+    elif turning_points(run.u_V) < 2:
+        raise BadInput(
+            f"{run.source}: the voltage of {run.axis} turns round less than twice, too little to show a loop; "
+            f"record at least {FEWEST_PERIODS} periods"
+        )
+
+
+def turning_points(u: Samples) -> int:
+    """How often ``u`` (n,) turns round by more than a tenth of its span."""
+    slack = 0.1 * float(np.ptp(u))
+    # The output of a play of this slack turns only where u turns by more.
+    moved, _ = plays(u, [slack / 2], [u[0]])
+    steps = np.diff(moved[:, 0])
+    directions = np.sign(steps[steps != 0])
+    return int(np.count_nonzero(np.diff(directions)))
+
+
+def moving_rows(run: AxisRun) -> slice:
+    """The scored rows without the still ones at either end."""
+    start, stop, _ = run.scored.indices(len(run.u_V))
+    moves = np.flatnonzero(np.abs(np.diff(run.u_V[start:stop])) > 0)
+    return slice(start + int(moves[0]), start + int(moves[-1]) + 2)
+
+
+def sine_of(run: AxisRun, f_Hz: float | None = None) -> Sine | None:
+    """The sine that the scored voltage is, or None when it is something else. ``f_Hz``: known beforehand."""
+    rows = moving_rows(run)
+    u = run.u_V[rows]
+    if len(u) < 16:
+        return None
+    rough_Hz = _strongest_line(u, run.step_s) if f_Hz is None else f_Hz
+    stride = max(1, int(1.0 / (rough_Hz * run.step_s * ROWS_PER_PERIOD)))
+    t, u = run.t_s[rows][::stride] - run.t_s[rows.start], u[::stride]
+    f_Hz = _refined(t, u, rough_Hz) if f_Hz is None else f_Hz
+    if not f_Hz > 0 or f_Hz * (t[-1] - t[0]) < 0.9:
+        return None
+    (mean, cosine, sine), squares = _sine_fit(t, u, f_Hz)
+    amplitude = float(np.hypot(cosine, sine))
+    if not amplitude > 0 or np.sqrt(squares / len(u)) > SINE_RESIDUAL * amplitude:
+        return None
+    return Sine(f_Hz, 2 * amplitude, float(mean), rows)
+
+
+def _strongest_line(u: Samples, step_s: float) -> float:
+    """Frequency in Hz of the strongest line in the spectrum of ``u``, to about one over its length in seconds."""
+    spectrum = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u))))
+    return max(int(np.argmax(spectrum)), 1) / (len(u) * step_s)
+
+
+def _refined(t: Samples, u: Samples, rough_Hz: float) -> float:
+    """The frequency near ``rough_Hz`` of the sine that fits ``u`` best, to six digits."""
+    wide = 1.5 / float(t[-1] - t[0])
+    found = minimize_scalar(
+        lambda f: _sine_fit(t, u, f)[1],
+        bounds=(max(rough_Hz - wide, 0.2 * wide), rough_Hz + wide),
+        method="bounded",
+        options={"xatol": 1e-7 * rough_Hz},
+    )
+    return float(f"{found.x:.6g}")
+
+
+def _sine_fit(t: Samples, u: Samples, f_Hz: float) -> tuple[Samples, float]:
+    """Mean, cosine and sine amplitude of the best sine of ``f_Hz``, and the sum of squares of what it leaves."""
+    turn = 2 * np.pi * f_Hz * t
+    basis = np.stack([np.ones_like(t), np.cos(turn), np.sin(turn)])
+    coefficients = np.linalg.solve(basis @ basis.T + 1e-12 * len(t) * np.eye(3), basis @ u)
+    return coefficients, float(np.sum((u - coefficients @ basis) ** 2))
+
+
+def distinct(values: Sequence[float]) -> list[float]:
+    """Levels or frequencies that differ by more than ``SAME``, ascending, each the mean of those that it stands for."""
+    groups: list[list[float]] = []
+    for value in sorted(values):
+        if groups and value <= groups[-1][0] * (1 + SAME):
+            groups[-1].append(value)
+        else:
+            groups.append([value])
+    return [float(np.mean(group)) for group in groups]
+
+
+def period_s(run: AxisRun) -> float:
+    """Period of the sine that is as large and as fast as the scored voltage; infinite where it only jumps."""
+    u = run.u_V[run.scored]
+    rate = np.abs(np.diff(u)) / run.step_s
+    rate = np.minimum(rate, np.quantile(rate, 0.99))
+    speed = float(np.sqrt(np.mean(rate**2)))
+    return float(2 * np.pi * u.std()) / speed if speed > 0 else np.inf
+
+
+def jumps(run: AxisRun) -> NDArray[np.intp]:
+    """Rows at which the voltage jumps; row 0 is one when the record does not begin at 0 V."""
+    steps = np.abs(np.diff(run.u_V, prepend=0.0))
+    usual = float(np.quantile(steps[run.scored], 0.99))
+    return np.flatnonzero(steps > max(JUMP_SHARE * float(np.ptp(run.u_V[run.scored])), 5 * usual))
+
+
+def longest_delay_s(run: AxisRun) -> float:
+    """The longest delay that the jumps inside the record allow: until the position has gone half of the way."""
+    slope = np.ptp(run.x_um[run.scored]) / np.ptp(run.u_V[run.scored])
+    bound = np.inf
+    for row in jumps(run):
+        if row == 0:
+            continue
+        way = slope * abs(run.u_V[row] - run.u_V[row - 1])
+        gone = np.abs(run.x_um[row:] - np.median(run.x_um[max(0, row - 5) : row])) > way / 2
+        if gone.any():
+            bound = min(bound, float(np.argmax(gone) + 0.5) * run.step_s)
+    return bound

@@ -1,0 +1,197 @@
+#include "operator.h"
+
+#include <stdbool.h>
+
+/* The conditional forms compile to packed min/max, which gcc does not do for fmin/fmax (their NaN rules differ). */
+static inline void step(double v, size_t m, const double *restrict r, double scale, double *restrict p)
+{
+    for (size_t j = 0; j < m; j++) {
+        double high = v + scale * r[j];
+        double low = v - scale * r[j];
+        double q = p[j] < high ? p[j] : high;
+        p[j] = q > low ? q : low;
+    }
+}
+
+static inline double late(const double *u, double before, size_t k, size_t whole, double part)
+{
+    double at = k >= whole ? u[k - whole] : before;
+    double earlier = k > whole ? u[k - whole - 1] : before;
+    return at + part * (earlier - at);
+}
+
+void stage_delay(size_t n, const double *u, double before, double delay, double *v)
+{
+    size_t whole = delay < (double)n ? (size_t)delay : n;
+    double part = delay < (double)n ? delay - (double)whole : 0.0;
+    for (size_t k = 0; k < n; k++) {
+        v[k] = late(u, before, k, whole, part);
+    }
+}
+
+/* Where a voltage only goes on in its direction, the plays are where its end alone would put them. */
+static inline bool goes_on(double from, double at, double to)
+{
+    return (from <= at && at <= to) || (from >= at && at >= to);
+}
+
+void stage_plays(size_t n, const double *v, size_t m, const double *r, double *p, size_t n_rows, const size_t *rows,
+                 double *out)
+{
+    size_t row = 0;
+    double from = 0.0;
+    for (size_t k = 0; k < n; k++) {
+        bool wanted = row < n_rows && rows[row] == k;
+        if (!wanted && k > 0 && k + 1 < n && goes_on(from, v[k], v[k + 1])) {
+            continue;
+        }
+        from = v[k];
+        step(v[k], m, r, 1.0, p);
+        if (wanted) {
+            for (size_t j = 0; j < m; j++) {
+                out[row * m + j] = p[j];
+            }
+            row++;
+        }
+    }
+}
+
+static void fill(const struct stage_basis *basis, double v, const double *p, double x, double *out)
+{
+    for (size_t j = 0; j < basis->n_segments; j++) {
+        double above = v > basis->low[j] ? v : basis->low[j];
+        *out++ = (above < basis->high[j] ? above : basis->high[j]) - basis->segment_rest[j];
+    }
+    for (size_t j = 0; j < basis->n_plays; j++) {
+        *out++ = p[j] - basis->play_rest[j];
+    }
+    *out++ = 1.0;
+    *out = x;
+}
+
+static inline size_t first_of(size_t a, size_t b)
+{
+    return a < b ? a : b;
+}
+
+/* A late voltage mixes two neighbouring rows, so it can turn round where the voltage did and one row after; what lies
+ * between, the plays need not see. */
+void stage_columns(const struct stage_record *record, double delay, const struct stage_basis *basis, double *p,
+                   double *out)
+{
+    size_t n = record->n;
+    size_t whole = delay < (double)n ? (size_t)delay : n;
+    double part = delay < (double)n ? delay - (double)whole : 0.0;
+    size_t width = basis->n_segments + basis->n_plays + 2;
+    size_t turn = 0;
+    size_t after = 0;
+    step(record->before, basis->n_plays, basis->r, 1.0, p);
+    for (size_t row = 0; row < record->n_rows;) {
+        size_t wanted = record->rows[row];
+        size_t turned = turn < record->n_turns ? record->turns[turn] + whole : wanted;
+        size_t beyond = after < record->n_turns ? record->turns[after] + whole + 1 : wanted;
+        size_t k = first_of(wanted, first_of(turned, beyond));
+        double v = late(record->u, record->before, k, whole, part);
+        step(v, basis->n_plays, basis->r, 1.0, p);
+        turn += turn < record->n_turns && turned == k;
+        after += after < record->n_turns && beyond == k;
+        if (wanted == k) {
+            fill(basis, v, p, record->x[row], out + row * width);
+            row++;
+        }
+    }
+}
+
+/* Whether no play of a smaller threshold has lost touch with the next: then the smaller ones always move first. */
+static bool nested(size_t m, const double *r, double scale, const double *p)
+{
+    for (size_t j = 0; j < m; j++) {
+        double step_r = scale * (j ? r[j] - r[j - 1] : r[0]);
+        double apart = j ? p[j] - p[j - 1] : 0.0, slack = 1e-9 * scale * r[j];
+        if (!(step_r >= 0.0 && apart <= step_r + slack && -apart <= step_r + slack)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+struct stack { /* nested plays: those before `moving` follow v, the others stand still */
+    size_t m, moving;
+    const double *r, *w;
+    double scale, side;             /* of the thresholds; -1 while v rises, 1 while it falls */
+    double weight, reach, standing; /* sums of w and w r of those that move, and of w p of those that stand */
+    double *p;                      /* where those that stand are */
+};
+
+static void stand_still(struct stack *s, double v)
+{
+    s->standing += s->weight * v + s->side * s->reach;
+    for (size_t j = 0; j < s->moving; j++) {
+        s->p[j] = v + s->side * (s->scale * s->r[j]);
+    }
+    s->moving = 0;
+    s->weight = s->reach = 0.0;
+}
+
+static inline double follow(struct stack *s, double before, double v)
+{
+    double side = v > before ? -1.0 : v < before ? 1.0 : s->side;
+    if (side != s->side) {
+        stand_still(s, before);
+        s->side = side;
+    }
+    for (; s->moving < s->m; s->moving++) {
+        double r = s->scale * s->r[s->moving], p = s->p[s->moving], w = s->w[s->moving];
+        if (!(side * (v + side * r - p) < 0.0)) {
+            break;
+        }
+        s->weight += w;
+        s->reach += w * r;
+        s->standing -= w * p;
+    }
+    return s->weight * v + side * s->reach + s->standing;
+}
+
+static double weighed(size_t m, const double *w, const double *p)
+{
+    double sum = 0.0;
+    for (size_t j = 0; j < m; j++) {
+        sum += w[j] * p[j];
+    }
+    return sum;
+}
+
+void stage_weighed_plays(size_t n, const double *v, double scale, size_t m, const double *r, const double *w, double *p,
+                         double *y)
+{
+    bool in_turn = false;
+    struct stack s = {m, 0, r, w, scale, -1.0, 0.0, 0.0, 0.0, p};
+    for (size_t k = 0; k < n; k++) {
+        if (in_turn) {
+            y[k] = follow(&s, v[k - 1], v[k]);
+            continue;
+        }
+        step(v[k], m, r, scale, p);
+        y[k] = weighed(m, w, p);
+        if (nested(m, r, scale, p)) {
+            in_turn = true;
+            s.standing = y[k];
+        }
+    }
+    if (in_turn) {
+        stand_still(&s, v[n - 1]);
+    }
+}
+
+void stage_response(const struct stage_operator *op, size_t n, const double *v, double *p, double *x)
+{
+    stage_weighed_plays(n, v, 1.0, op->n_plays, op->play_r, op->play_w, p, x);
+    for (size_t k = 0; k < n; k++) {
+        double sum = op->gain * v[k] + x[k];
+        for (size_t j = 0; j < op->n_deadzones; j++) {
+            double beyond = v[k] - op->deadzone_d[j];
+            sum += op->deadzone_s[j] * (beyond > 0.0 ? beyond : 0.0);
+        }
+        x[k] = sum;
+    }
+}

@@ -1,0 +1,102 @@
+"""``file:path.csv@10Hz``: one period from a file."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.errors import BadInput
+from phaselead.waveforms.waveform import POINTS, Sampled
+from phaselead.waveforms.written import Unit, Written, short
+
+_COLUMN_UNITS: dict[str, Unit] = {"x_um": "um", "r_um": "um", "u_V": "V"}
+
+
+@dataclass(frozen=True, eq=False)
+class File(Sampled):
+    """The values of a file, resampled to 1024 points; the lowest is the offset."""
+
+    kind = "file"
+    written = (("file:path.csv@10Hz", "the file is one period, ten times a second"),)
+    order = 3
+    goes_to_start = False
+
+    @classmethod
+    def parse(cls, written: Written) -> Self:
+        path, f_Hz = written.at_frequency()
+        lowest, swing, unit, period = read_period(path)
+        return cls(swing, lowest, unit, f_Hz, period)
+
+
+def read_period(path: str) -> tuple[float, float, Unit, NDArray[np.float64]]:
+    """One period from a file: a column of values, or times and values; a header may name them."""
+    source = f"waveform file {path}"
+    labels, rows = _numbers(path, source)
+    unit: Unit = "um"
+    if labels:
+        stranger = next((label for label in labels if label not in _COLUMN_UNITS and label != "t_s"), None)
+        if stranger is not None:
+            raise BadInput(f"{source}: column {short(stranger)} is none of t_s, x_um, r_um, u_V; rename it")
+        if labels[-1] == "t_s" or "t_s" in labels[1:] or (len(labels) == 2 and labels[0] != "t_s"):
+            raise BadInput(
+                f"{source}: its columns are {','.join(labels)}; expected t_s,x_um or t_s,u_V or one of them alone"
+            )
+        unit = _COLUMN_UNITS[labels[-1]]
+    if rows.shape[1] == 2:
+        times, values = rows[:, 0], rows[:, 1]
+        if (np.diff(times) <= 0).any():
+            raise BadInput(
+                f"{source}: row {int(np.argmax(np.diff(times) <= 0)) + 2}: time does not advance; sort the rows"
+            )
+    else:
+        times, values = np.arange(len(rows), dtype=np.float64), rows[:, 0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        period = times[-1] - times[0] + (times[-1] - times[0]) / (len(times) - 1)
+        swing = float(np.ptp(values))
+    if not (np.isfinite(period) and np.isfinite(swing)):
+        raise BadInput(f"{source}: its numbers are too large; check their unit")
+    grid = times[0] + period * np.arange(POINTS) / POINTS
+    resampled = np.interp(grid, np.append(times, times[0] + period), np.append(values, values[0]))
+    lowest, swing = float(resampled.min()), float(np.ptp(resampled))
+    if swing == 0:
+        raise BadInput(f"{source}: its values are all {values[0]:g}; use goto to hold a position")
+    return lowest, swing, unit, np.clip((resampled - lowest) / swing, 0, 1)
+
+
+def _numbers(path: str, source: str) -> tuple[list[str], NDArray[np.float64]]:
+    """Header labels (empty without a header) and the rows, shape (n, 1 or 2)."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise BadInput(f"{source}: cannot be read ({reason}); give a CSV file of one period") from None
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.lstrip()[:1] not in ("", "#", "%")]
+    labels: list[str] = []
+    rows: list[list[float]] = []
+    for number, line in lines:
+        fields = [field.strip() for field in re.split(r"[;,\t]|\s+", line.strip())]
+        try:
+            row = [float(field) for field in fields]
+        except ValueError:
+            if not labels and not rows:
+                labels = [field.strip("\"'") for field in fields]
+                continue
+            raise BadInput(f"{source}: line {number}: {short(line)} is no number; repair it") from None
+        width = len(rows[0]) if rows else len(labels) or len(row)
+        if len(row) != width or width > 2:
+            raise BadInput(
+                f"{source}: line {number}: has {len(row)} columns; "
+                "one period is one column of values, or times and values"
+            )
+        if not all(map(math.isfinite, row)):
+            raise BadInput(f"{source}: line {number}: {short(line)} is not finite; repair it")
+        rows.append(row)
+    if len(rows) < 2:
+        raise BadInput(f"{source}: has {len(rows)} values; one period takes at least 2")
+    return labels, np.array(rows)
