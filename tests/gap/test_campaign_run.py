@@ -12,7 +12,7 @@ from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.validation.journal import Journal
 from phaselead.validation.pool import run_cases
-from phaselead.validation.truth import fingerprint, load_truth
+from phaselead.validation.truth import UNDER_TEST, fingerprint, load_truth
 
 GENERATOR = """
 from dataclasses import dataclass
@@ -117,6 +117,11 @@ def test_a_folder_without_a_generator_is_refused(tmp_path):
     (tmp_path / "__init__.py").write_text("1 / 0\n")
     with pytest.raises(BadInput, match="ZeroDivisionError"):
         load_truth(tmp_path)
+
+
+@pytest.mark.parametrize("room", UNDER_TEST, ids=lambda room: room.name)
+def test_the_fingerprint_covers_code(room):
+    assert list(room.rglob("*.py"))
 
 
 def test_the_fingerprint_follows_the_generator(folder):

@@ -64,12 +64,12 @@ def test_the_page_says_what_where_and_what_remains():
         "The model lacks: resonance.",
         "These records cannot tell apart: delay or amplifier low-pass.",
         "80 % of the unexplained power lies between 64 and 128 Hz.",
-        "It stands for 90 % of the unexplained power and beats no effect by 50.",
-        "delay or amplifier low-pass: a tie",
-        "is left on records that nothing was fitted to",
-        "creep 0.002 0.015 per decade Had one of these been larger",
-        "These may be there in their typical size",
-        "stands where they would. effect at most (95 %) typically, where it is found unit softening (y) 0.2 0.15",
+        "It accounts for 90 % of the unexplained power. Evidence: beats no effect by 50.",
+        "Tie: delay or amplifier low-pass",
+        "of the power above the floor remains on the held-out records",
+        "creep 0.002 0.015 per decade If any of these were larger",
+        "These may be present at their typical size",
+        "could be one of them. effect at most (95 %) typical size unit softening (y) 0.2 0.15",
         "delay 9.0 leads a tie",
         "phaselead gap next tie.json --port P",
         "vibration : needs idle records",
@@ -87,9 +87,9 @@ def test_a_page_of_nothing():
         candidates=(), traces=(), gap=Gap(0.01, 0.01, 0.01),
     )  # fmt: skip
     said = text(gap_page(still, STAGE, "model.toml"))
-    assert "Model and measurement agree within noise and what the base is known to miss." in said
-    assert "Nothing is left to place." in said
-    assert "No effect of the catalogue is called for." in said
+    assert "Model and measurement agree within the noise and the known errors of the base model." in said
+    assert "There is no residual to locate." in said
+    assert "The data call for no effect of the catalogue." in said
 
 
 def test_only_the_largest_sure_cell_of_a_kind_is_a_bullet():

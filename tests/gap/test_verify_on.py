@@ -1,4 +1,4 @@
-"""Closing the loop: both models on one device, and what the report and the JSON say of it."""
+"""Tracking with the new model: both models on one device, and what the report and the JSON say of it."""
 
 import json
 from dataclasses import replace
@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from phaselead.cli import gap_run, main
 from phaselead.errors import BadInput
 from phaselead.gap.result import Gap, GapResult
-from phaselead.gap.verify_on import reachable, verify_on
+from phaselead.gap.verify_on import check_port, verify_on
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
 from phaselead.model.stage_file import Stage, save_stage
 
@@ -72,7 +72,7 @@ def test_what_cannot_be_run_is_said(port):
     assert gone.tracked == ()
     assert gone.messages[0].startswith("on sim://no/such/stage.toml it went no further: ")
     with pytest.raises(BadInput):
-        reachable("sim://no/such/stage.toml")
+        check_port("sim://no/such/stage.toml")
 
 
 @pytest.fixture
@@ -109,15 +109,15 @@ def test_the_command_reports_both(adopted, port):
     content = json.loads((adopted / "gap.json").read_text())
     assert set(content["tracking"]["runs"][0]) == {"axis", "path", "mode", "before", "after"}
     page = (adopted / "gap.html").read_text()
-    assert "Closing the loop" in page
-    assert page.count("under the model before (red)") == 2
+    assert "Tracking with the new model" in page
+    assert page.count("with the model before (red)") == 2
     assert "tracking on" in done.output
 
 
 def test_without_it_nothing_changes(adopted):
     assert gap(adopted).exit_code == 0
     assert "tracking" not in json.loads((adopted / "gap.json").read_text())
-    assert "Closing the loop" not in (adopted / "gap.html").read_text()
+    assert "Tracking with the new model" not in (adopted / "gap.html").read_text()
 
 
 def test_a_port_that_is_none_is_refused_before_the_search(adopted):

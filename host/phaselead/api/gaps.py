@@ -49,7 +49,7 @@ def gap(
     >>> gap.verdicts
     ('none',)
     """
-    from phaselead.gap import keep_freed_memory, reachable, run_gap
+    from phaselead.gap import check_port, keep_freed_memory, run_gap
     from phaselead.gap import verify_on as track_both
     from phaselead.model import as_stage
     from phaselead.record import gather
@@ -57,7 +57,7 @@ def gap(
     stage = as_stage(model)
     parts = [gather(part, map, rate) for part in (train, holdout, reference)]
     if verify_on is not None:
-        reachable(verify_on)
+        check_port(verify_on)
     keep_freed_memory()
     result = run_gap(stage, *parts, frozen=frozen, on_progress=on_progress)
     verification = None if verify_on is None else track_both(verify_on, stage, result.stage)

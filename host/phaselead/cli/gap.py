@@ -1,4 +1,4 @@
-"""gap: where model and measurement part, what is missing, and the next stage file."""
+"""gap: where model and measurement disagree, what is missing, and the next stage file."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 LISTS = ("--train", "--holdout", "--reference")
 
 
-class Gap(click.Group):
-    """A group that does the comparison itself unless a subcommand comes first, and whose lists take several words."""
+class GapGroup(click.Group):
+    """A group that runs the comparison itself without a subcommand, and whose list options take several words."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and args[0] in self.commands:
@@ -43,25 +43,25 @@ def spread(args: list[str]) -> list[str]:
 
 
 @top_level(order=160)
-@click.group(cls=Gap, invoke_without_command=True, subcommand_metavar="[next ...]")
+@click.group(cls=GapGroup, invoke_without_command=True, subcommand_metavar="[next ...]")
 @click.option("--model", "model_path", metavar="M", help="Stage file.")
 @click.option("--train", multiple=True, metavar="REC...", help="Records to learn from.")
 @click.option("--holdout", multiple=True, metavar="REC...", help="Records to judge on; nothing is fitted to them.")
 @click.option("--reference", multiple=True, metavar="REC...", help="Records known to be without the missing effect.")
-@click.option("--frozen/--refit", default=None, help="Whether the base is beyond doubt. Default: with --reference.")
+@click.option("--frozen/--refit", default=None, help="Keep the base, or refit it. Default: keep it with --reference.")
 @click.option("-o", "--output", metavar="next.toml", help="Where the next stage file goes.")
-@click.option("--report", metavar="gap.html", help="A page that shows it all.")
+@click.option("--report", metavar="gap.html", help="A page with the whole result.")
 @click.option("--json", "json_to", metavar="F", help="Also write the figures as JSON to F; - is stdout.")
 @click.option("--map", "column_map", metavar="COLUMNS", help="1-based columns of files without our header.")
 @click.option("--rate", metavar="RATE", help="Sampling rate of files without times, e.g. 200Hz.")
 @click.option(
     "--verify-on",
     metavar="P",
-    help="Track the same paths on this device under the model before and the one after; the report shows both.",
+    help="Track the same paths on this device with the old and the new model; the report shows both.",
 )
 @click.pass_context
 def gap(ctx: click.Context, /, **options: Any) -> None:
-    """Find where model and measurement part, name the missing effect, add it, show the gap shrink.
+    """Find where model and measurement disagree, name the missing effect, and add it to the model.
 
     \b
     phaselead gap --model M --train REC... --holdout REC... [--reference REC...] [--frozen|--refit]
@@ -81,7 +81,7 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 @click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("-o", "--output", metavar="more.h5", required=True)
 def next_experiment(gap_json: str, port: str, axis: str, model_path: str | None, output: str) -> None:
-    """Run the experiment that a tie asks for, open loop, and keep the record."""
+    """Run the experiment that would decide a tie, in open loop, and keep the record."""
     from phaselead.cli.gap_run import run_next
 
     run_next(gap_json, port, axis, output, model_path)

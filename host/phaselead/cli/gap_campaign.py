@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 
-def _numbers(_context: click.Context, option: click.Parameter, text: str) -> tuple[float, ...]:
+def _sizes(_context: click.Context, option: click.Parameter, text: str) -> tuple[float, ...]:
     from phaselead.errors import BadInput
 
     try:
@@ -19,7 +19,7 @@ def _numbers(_context: click.Context, option: click.Parameter, text: str) -> tup
     return found
 
 
-def _words(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
+def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
     from phaselead.errors import BadInput
     from phaselead.validation import KINDS
 
@@ -33,8 +33,8 @@ def _words(_context: click.Context, option: click.Parameter, text: str | None) -
 @click.command()
 @click.option("--truth", "folder", metavar="DIR", required=True, help="Folder of the generator of hidden truths.")
 @click.option("--set", "set_name", metavar="NAME", default="tuning", show_default=True, help="Set of seeds.")
-@click.option("--kinds", metavar="KINDS", callback=_words, help="E.g. none,single,pair; default: all.")
-@click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_numbers, help="Of single effects.")
+@click.option("--kinds", metavar="KINDS", callback=_kinds, help="E.g. none,single,pair; default: all.")
+@click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_sizes, help="Sizes of single effects.")
 @click.option("--scale", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
               help="Multiplies the number of cases.")  # fmt: skip
 @click.option("--limit", type=click.IntRange(min=1), metavar="N", help="Only the first N cases.")
@@ -56,9 +56,9 @@ def campaign(
     table: str | None,
     output: str,
 ) -> None:
-    """Hide effects in stages of a foreign make and count how often the gap workflow names them.
+    """Hide effects in independently simulated stages and count how often the gap workflow names them.
 
-    Finished cases are kept in DIR/cases.jsonl: run the same command again to go on after an interrupt.
+    Finished cases are kept in DIR/cases.jsonl; after an interrupt, the same command continues.
     """
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""What ``phaselead gap`` does once its options are parsed; loads the numerical libraries."""
+"""What ``phaselead gap`` does once its options are parsed. Importing it loads the numerical libraries."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from phaselead.gap import (
     GapResult,
     Verification,
     brief,
+    check_port,
     excludes,
     headline,
     keep_freed_memory,
     percent,
-    reachable,
     run_gap,
     unit_of,
 )
@@ -50,7 +50,7 @@ def compare(
     stage = load_stage(model_path)
     parts = [read_recordings(part, column_map, rate) for part in (train, holdout, reference)]
     if verify_on:
-        reachable(verify_on)
+        check_port(verify_on)
     with progress("comparing", 1.0) as advance:
         result = run_gap(stage, *parts, frozen=frozen, on_progress=advance)
     verification = None
@@ -58,9 +58,7 @@ def compare(
         with progress(f"verifying on {verify_on}", 1.0) as advance:
             verification = verify(verify_on, stage, result.stage, advance)
     figures = result.as_json() | (verification.as_dict() if verification else {})
-    texts = {}
-    if output:
-        texts[output] = stage_text(result.stage)
+    texts = {output: stage_text(result.stage)} if output else {}
     if report:
         from phaselead.report import gap_page
 
@@ -74,7 +72,7 @@ def compare(
 
 
 def check_outputs(output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str]) -> None:
-    """Refuse, before any work, outputs that could not or must not be written. Raises BadInput."""
+    """Raise BadInput, before any work, for outputs that cannot or must not be written."""
     check_output(output, suffixes=(".toml",), inputs=inputs)
     check_output(report, suffixes=(".html", ".htm"), inputs=inputs)
     check_output(json_to, inputs=inputs)
@@ -84,7 +82,7 @@ def check_outputs(output: str | None, report: str | None, json_to: str | None, i
 
 
 def show(console: Console, result: GapResult, written: list[str], verification: Verification | None = None) -> None:
-    """The verdicts for a person."""
+    """Print the result for a person."""
     console.print(f"verdict: {', '.join(result.verdicts)}")
     for effect in result.effects:
         on = f" ({effect.axis})" if effect.axis else ""
@@ -101,8 +99,8 @@ def show(console: Console, result: GapResult, written: list[str], verification: 
     console.print(
         f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; floor {gap.floor:.4g} ({gap.floor_from})"
     )
-    for said, seen in (("not there", True), ("may be there, but not larger", False)):
-        below = [f"{b.name} < {b.upper_95:.2g} {unit_of(b.unit)}" for b in result.excluded if excludes(b) == seen]
+    for said, excluded in (("not there", True), ("may be there, but not larger", False)):
+        below = [f"{b.name} < {b.upper_95:.2g} {unit_of(b.unit)}" for b in result.excluded if excludes(b) == excluded]
         if below:
             console.print(f"{said}: {', '.join(text.strip() for text in below)}")
     if result.untestable:
@@ -118,7 +116,7 @@ def show(console: Console, result: GapResult, written: list[str], verification: 
 
 
 def show_verification(console: Console, verification: Verification) -> None:
-    """Tracking errors under both models."""
+    """Print the tracking errors with both models."""
     table = Table("axis", "path", "mode", "before (µm rms)", "after (µm rms)", title=f"tracking on {verification.port}")
     for row in verification.tracked:
         table.add_row(row.axis, row.path, row.mode, f"{row.before.rms_um:.4g}", f"{row.after.rms_um:.4g}")
@@ -138,11 +136,11 @@ def experiment_sentence(result: GapResult) -> str:
         f"next: {e.waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
         f"{e.seconds:.3g} s; predicted squared separation {e.separation:.3g}"
     )
-    return f"{text}; no voltage tells them apart, it takes {e.needs_sensor}" if e.needs_sensor else text
+    return f"{text}; no voltage tells them apart; that takes {e.needs_sensor}" if e.needs_sensor else text
 
 
 def run_next(gap_json: str, port: str, axis: str, output: str, model_path: str | None) -> None:
-    """Record the proposed experiment."""
+    """Record the experiment that gap.json proposes."""
     from phaselead.gap import read_proposal, run_proposal
 
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[gap_json, *([model_path] if model_path else [])])

@@ -6,7 +6,7 @@ from phaselead.gap.design import excitation_of, proposal_of, read_proposal, run_
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
 from phaselead.gap.run import keep_freed_memory, run_gap
-from phaselead.gap.verify_on import Tracked, Verification, reachable, verify_on
+from phaselead.gap.verify_on import Tracked, Verification, check_port, verify_on
 
 __all__ = [
     "LEVEL",
@@ -21,6 +21,7 @@ __all__ = [
     "Tracked",
     "Verification",
     "brief",
+    "check_port",
     "excitation_of",
     "excludes",
     "headline",
@@ -28,7 +29,6 @@ __all__ = [
     "lines",
     "percent",
     "proposal_of",
-    "reachable",
     "read_proposal",
     "run_gap",
     "run_proposal",

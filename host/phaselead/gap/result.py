@@ -27,13 +27,13 @@ class NamedEffect:
     axis: str | None
     params: Mapping[str, Value | Values]
     share: float
-    """Of the unexplained power over the held-out records."""
+    """Share of the unexplained power of the held-out records that it explains."""
     why: str = ""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of the map of where model and measurement part."""
+    """One cell of the residual: a part of it by frequency, voltage, time since a step, direction, order or axis."""
 
     by: str
     cell: str
@@ -41,7 +41,7 @@ class Cell:
     """Of the unexplained power."""
     sentence: str
     p: float = 1.0
-    """Family-wise, by max-T."""
+    """Probability of so large a share by chance, over all cells together."""
     axis: str | None = None
 
 
@@ -57,7 +57,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Gap:
-    """RMS over all held-out records."""
+    """RMS error over all held-out records, before and after, and the floor that no model is expected to beat."""
 
     before: float
     after: float
@@ -77,24 +77,24 @@ class NextExperiment:
     axis: str | None
     seconds: float
     separation: float
-    """Predicted smallest squared distance, in standard deviations, between the members."""
+    """Predicted smallest squared distance between two members, in standard deviations."""
     needs_sensor: str | None = None
 
 
 NAMED = "named"
-"""Remark of a candidate that was."""
+"""Remark of a candidate that was named."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """How one effect (or none) did in one step of the search."""
+    """How one effect did in one step of the search; ``score`` is in points."""
 
     step: int
     name: str
     score: float
     held_out_z: float
     rms_um: float
-    """Over the training records after its refit; nan where it was not refitted."""
+    """RMS residual of the training records after its refit; nan where it was not refitted."""
     remark: str
     axis: str | None = None
 
@@ -114,7 +114,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """What a disturbance looks like: amplitude densities (n,) in um/sqrt(Hz)."""
+    """Amplitude densities (n,) in um/sqrt(Hz) in which a disturbance shows, of held-out and of reference records."""
 
     name: str
     axis: str
@@ -125,7 +125,7 @@ class Spectrum:
 
 @dataclass(frozen=True, repr=False)
 class GapResult(GapSummary):
-    """Verdicts and all that led to them. ``stage`` is the next stage; the input is untouched.
+    """The answer of the gap workflow and what led to it. ``stage`` is the next stage; the input is untouched.
 
     ``effects`` are what the data demand, strongest first; ``gap`` the held-out rms ``before`` and ``after`` and its
     ``floor``, in um; ``next_model`` the model with what was found.
@@ -162,7 +162,7 @@ class GapResult(GapSummary):
     spectra: tuple[Spectrum, ...] = ()
     untestable_why: dict[str, str] = field(default_factory=dict)
     adopted_of_ties: dict[str, str] = field(default_factory=dict)
-    """Which member stands in the next stage for each tie, by the tie's names joined with " | "."""
+    """For each tie, by its names joined with " | ", the member that the next stage contains."""
     messages: tuple[str, ...] = ()
     seconds: float = 0.0
     base: Stage | None = None
@@ -171,7 +171,7 @@ class GapResult(GapSummary):
     """What tracking on a device came to, where that was asked for."""
 
     def as_json(self) -> dict[str, Any]:
-        """gap.json."""
+        """The content of gap.json."""
         return {
             "verdicts": list(self.verdicts),
             "effects": [_effect(effect) for effect in self.effects],
@@ -192,7 +192,7 @@ class GapResult(GapSummary):
 
 
 SHOWN = 6
-"""Values of a list that a line of text has room for."""
+"""Values of a list that are shown in a line of text."""
 
 
 def brief(params: Mapping[str, Value | Values]) -> list[tuple[str, str, str, str]]:

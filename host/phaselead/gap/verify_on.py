@@ -1,4 +1,4 @@
-"""Closing the loop: the same paths on a device, driven by the model before and by the one after."""
+"""Verification on a device: how well it tracks the same paths with the model before and with the one after."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass
 from phaselead.control import TrackingError, track, tracking_error
 from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
-from phaselead.model import AxisModel, Samples, Stage, compensation, rest_position_um
+from phaselead.model import AxisModel, Place, Samples, Stage, compensation, effect, rest_position_um
 from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
 
 Progress = Callable[[float], None]
 
-SLOW_Hz, FAST_Hz = 5.0, 20.0
+SINE_Hz, TRIANGLE_Hz, MOVE_Hz = 5.0, 20.0, 10.0
+"""Frequencies of the paths; that of a move stands for its duration."""
 HOLD_s = 6.0
-"""After a move, when there is creep to be seen."""
+"""After a move, so that creep shows."""
 MARGIN, SWING = 0.1, 0.5
-"""Where a path begins and how far it goes, of what every model can reach."""
+"""Where a path begins and how far it goes, as shares of what every model can reach."""
 SHOWN_PERIODS = 2
-MOVE_Hz = 10.0
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """One axis on one path, error = reference - measured position; arrays (n,) over what is shown."""
+    """One axis on one path with both models. Errors are reference minus measured position; arrays are (n,)."""
 
     axis: str
     path: str
@@ -44,28 +44,28 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of it; ``messages`` say what was not run, and why."""
+    """Tracking errors before and after; ``messages`` say what was not run, and why."""
 
     port: str
     tracked: tuple[Tracked, ...] = ()
     messages: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, object]:
-        """For JSON: beside the fields of gap.json, under a name of its own."""
+        """For JSON, as one more field of gap.json."""
         rows = [row.as_dict() for row in self.tracked]
         return {"tracking": {"port": self.port, "runs": rows, "messages": list(self.messages)}}
 
 
-def reachable(port: str) -> None:
-    """Opens the port and a session, and closes it: raises now what would be raised after the search."""
+def check_port(port: str) -> None:
+    """Open and close a session on the port, so that it fails before the search and not after. Raises PhaseleadError."""
     Device.open(port).close()
 
 
 def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> Verification:
-    """Tracks every axis whose model changed, under both models, parked in between.
+    """Track with every axis whose model changed, under both models, with the stage parked in between.
 
-    Feed-forward alone (mode inverse); with the gains of the stage file, if there are any, mode inverse+pid too. What
-    goes wrong on the way ends the verification with a message, not the program: the search behind it has its result.
+    Modes are ``inverse``, feed-forward alone, and ``inverse+pid`` where the stage file has gains. An error of the
+    device ends the verification with a message and is not raised, since the search before it has its result.
     """
     changed = [name for name in sorted(after.axes) if after.axes[name] != before.axes.get(name)]
     if not changed:
@@ -78,7 +78,7 @@ def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | No
     tracked: list[Tracked] = []
     try:
         for i, (mode, (label, paths)) in enumerate(runs):
-            tracked += _both(port, label, paths, mode, before, after)
+            tracked += _with_both_models(port, label, paths, mode, before, after)
             if on_progress is not None:
                 on_progress((i + 1) / len(runs))
     except PhaseleadError as error:
@@ -87,16 +87,17 @@ def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | No
 
 
 def _with_neighbours(changed: Sequence[str], after: Stage) -> list[str]:
-    """Cross-coupling shows, and is undone, only while the others move."""
-    coupled = any(_has(after.axes[name], "cross_coupling") for name in changed)
+    """The changed axes; all of them where one is coupled, since that shows only while the others move."""
+    coupled = any(_has_effect_at(Place.COUPLING, after.axes[name]) for name in changed)
     return sorted(after.axes) if coupled else list(changed)
 
 
-def _has(model: AxisModel, name: str) -> bool:
-    return any(adopted.name == name for adopted in model.effects)
+def _has_effect_at(place: Place, model: AxisModel) -> bool:
+    return any(effect(adopted.name).place == place for adopted in model.effects)
 
 
 def _not_run(name: str, before: Stage, after: Stage) -> str | None:
+    """Why an axis cannot be driven, None where it can."""
     for when, stage in (("before", before), ("after", after)):
         reason = inverse_refusal(stage.axes[name], name) if name in stage.axes else "the stage file lacks it"
         if reason is not None:
@@ -112,21 +113,21 @@ def _modes(axes: Sequence[str], after: Stage) -> list[str]:
 
 
 def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, dict[str, Waveform]]]:
-    """What the axes follow, all at once where they are coupled, else each by itself."""
+    """Name of each path and what every axis follows; several axes move at the same time."""
     together = [list(axes)] if len(axes) > 1 else [[name] for name in axes]
     found: list[tuple[str, dict[str, Waveform]]] = []
     for group in together:
         spans = {name: _span_um(before.axes[name], after.axes[name]) for name in group}
-        found.append((f"sine, {SLOW_Hz:g} Hz", _periodic(spans, Sine, SLOW_Hz)))
-        found.append((f"triangle, {FAST_Hz:g} Hz", _periodic(spans, Triangle, FAST_Hz)))
-        if any(_has(after.axes[name], "creep") for name in group):
+        found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)))
+        found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)))
+        if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in group):
             moves = {n: Goto(SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
             found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
     return found
 
 
 def _periodic(spans: Mapping[str, tuple[float, float]], kind: type[Periodic], f_Hz: float) -> dict[str, Waveform]:
-    """Neighbours at other frequencies, so that what one causes in another shows."""
+    """A path for each axis, at a frequency of its own, so that coupling between them shows."""
     return {
         name: kind(SWING * (high - low), low + MARGIN * (high - low), "um", f_Hz * (1 + 0.4 * i))
         for i, (name, (low, high)) in enumerate(spans.items())
@@ -134,7 +135,7 @@ def _periodic(spans: Mapping[str, tuple[float, float]], kind: type[Periodic], f_
 
 
 def _span_um(*models: AxisModel) -> tuple[float, float]:
-    """From rest up to what every model can reach and the sensor sees."""
+    """Lowest and highest position that every model can reach and the sensor sees, from rest on."""
     lows, highs = [], []
     for model in models:
         found = compensation(model)
@@ -145,10 +146,10 @@ def _span_um(*models: AxisModel) -> tuple[float, float]:
     return max(lows), min(highs)
 
 
-def _both(
+def _with_both_models(
     port: str, label: str, paths: Mapping[str, Waveform], mode: str, before: Stage, after: Stage
 ) -> list[Tracked]:
-    """One path under both models, each from a device that was opened anew; a move begins where the axis stands."""
+    """One path with both models, each on a freshly opened device; a move begins where the axis stands."""
     runs = [_run(port, paths, mode, stage) for stage in (before, after)]
     found = []
     for name, waveform in paths.items():
@@ -175,6 +176,7 @@ def _both(
 def _run(
     port: str, paths: Mapping[str, Waveform], mode: str, stage: Stage
 ) -> dict[str, tuple[Samples, Samples, Samples]]:
+    """Times, reference and measured position (n,) of every axis."""
     gains = {name: stage.axes[name].gains for name in paths}
     with Device.open(port) as device:
         run = track(
@@ -195,6 +197,7 @@ def _run(
 
 
 def _seconds(paths: Mapping[str, Waveform]) -> float:
+    """Long enough to settle and to judge the slowest path."""
     slowest = max(w.duration_s for w in paths.values())
     if not all(w.periodic for w in paths.values()):
         return slowest + HOLD_s

@@ -1,4 +1,4 @@
-"""The page of a campaign: numbers beside targets, who was taken for whom, and how sure one may be."""
+"""The page of a campaign: results against targets, the confusion matrix, and accuracy by size and certainty."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def write_campaign_report(path: Path, result: dict[str, Any]) -> None:
         confusion=confusion_figure(result["confusion"]) if result["confusion"] else None,
         accuracy=size_figure(sizes) if sizes["mixed"] or sizes["sines"] else None,
         coverage=coverage_figure(result["accuracy_coverage"]) if result["accuracy_coverage"] else None,
-        wrong=[{**w, "text": _said(w)} for w in result["wrong"]],
+        wrong=[{**w, "text": _answer(w)} for w in result["wrong"]],
     )
 
 
-def _said(wrong: dict[str, Any]) -> str:
+def _answer(wrong: dict[str, Any]) -> str:
     if wrong["error"]:
         return str(wrong["error"])
     claims = [" or ".join(claim) for claim in wrong["said"]]
@@ -38,7 +38,7 @@ def _said(wrong: dict[str, Any]) -> str:
 
 
 def confusion_figure(cells: dict[str, dict[str, float]]) -> Figure:
-    """Truths against answers; a row sums to its cases."""
+    """Hidden effects against answers; each row sums to its number of cases."""
     truths = list(cells)
     others = sorted({name for row in cells.values() for name in row} - set(truths) - {NOTHING, UNKNOWN, FAILED})
     answers = [*truths, *others, UNKNOWN, NOTHING, FAILED]
@@ -60,7 +60,7 @@ def confusion_figure(cells: dict[str, dict[str, float]]) -> Figure:
 
 
 def size_figure(sizes: dict[str, dict[str, dict[str, float]]]) -> Figure:
-    """Share right against size: each effect thin, all of them thick."""
+    """Share of right answers by size: each effect as a thin line, all together as a thick one."""
     with figure_style():
         figure = new_figure(7, 3.6)
         ax = figure.subplots()
@@ -72,20 +72,20 @@ def size_figure(sizes: dict[str, dict[str, dict[str, float]]]) -> Figure:
             ax.plot([float(s) for s in row], [100 * v for v in row.values()], "o-", color=colour, label=label)
         ax.set_xscale("log")
         ax.set_ylim(-3, 103)
-        ax.set_xlabel("size, of the typical")
+        ax.set_xlabel("size (multiple of the typical size)")
         ax.set_ylabel("exactly right (%)")
         ax.legend()
     return figure
 
 
 def coverage_figure(points: list[dict[str, float]]) -> Figure:
-    """Accuracy among the answers one would accept, against how many those are."""
+    """Accuracy among the most certain answers, against the share of cases that these are."""
     with figure_style():
         figure = new_figure(7, 3.2)
         ax = figure.subplots()
         ax.plot([100 * p["coverage"] for p in points], [100 * p["accuracy"] for p in points], color=BLUE)
         ax.set_xlim(0, 100)
         ax.set_ylim(0, 103)
-        ax.set_xlabel("cases answered, the surest first (%)")
-        ax.set_ylabel("right among them (%)")
+        ax.set_xlabel("cases answered, most certain first (%)")
+        ax.set_ylabel("of these, right (%)")
     return figure

@@ -1,4 +1,4 @@
-"""The page of the gap workflow: where, what, why not the runner-up, before and after, what remains, what next."""
+"""The page of the gap workflow: where model and stage disagree, what is missing, why, and what to do next."""
 
 from __future__ import annotations
 
@@ -28,13 +28,15 @@ from phaselead.gap import (
     typical_of,
     unit_of,
 )
-from phaselead.gap import headline as told_first
+from phaselead.gap import headline as cells_headline
 from phaselead.model import Stage, catalogue
 from phaselead.record import Samples
 from phaselead.report.page import render
 
 MOST_TRACES = 4
+"""That the page shows, those with the largest gap first."""
 SEGMENT = 8192
+"""Rows of one periodogram."""
 
 
 def gap_page(
@@ -44,7 +46,10 @@ def gap_page(
     verification: Verification | None = None,
     json_name: str = "gap.json",
 ) -> str:
-    """The page as HTML; with what tracking on a device came to. ``json_name``: where the next experiment stands."""
+    """The page as HTML.
+
+    ``verification`` adds how well a device tracks with either model; ``json_name`` is the file of the next experiment.
+    """
     return render(
         "gap.html",
         model_name=model_name,
@@ -60,7 +65,7 @@ def gap_page(
         gap=result.gap,
         remains=remains(result),
         messages=result.messages,
-        left_figure=left_figure(result.traces) if result.traces else None,
+        residual_figure=residual_figure(result.traces) if result.traces else None,
         excluded=[bound_row(bound) for bound in result.excluded if excludes(bound)],
         possible=[bound_row(bound) for bound in result.excluded if not excludes(bound)],
         json_name=json_name,
@@ -82,10 +87,10 @@ def headline(result: GapResult) -> str:
     for tie in result.ties:
         said.append(f"These records cannot tell apart: {_listed([_plain(n) for n in tie], 'or')}.")
     if "unknown" in result.verdicts:
-        said.append("Structure remains that no effect of the catalogue explains.")
-    where = told_first(result.where)
+        said.append("Something remains that no effect of the catalogue explains.")
+    where = cells_headline(result.where)
     if not said:
-        said.append("Model and measurement agree within noise and what the base is known to miss.")
+        said.append("Model and measurement agree within the noise and the known errors of the base model.")
     elif where:
         said.append(f"{where}.")
     return " ".join(said)
@@ -116,14 +121,14 @@ def cards(result: GapResult) -> list[dict[str, str]]:
 
 
 def remains(result: GapResult) -> str:
-    """What is left, in words."""
+    """How much of the gap remains, in words."""
     gap = result.gap
     before, after = gap.before**2 - gap.floor**2, gap.after**2 - gap.floor**2
     if before <= 0:
         return "The gap was at its floor from the start."
     left = 100 * max(after, 0.0) / before
-    beside = " The floor is over other records, of which the model misses more." if after < 0 else ""
-    return f"Of the power above the floor, {left:.1f} % is left on records that nothing was fitted to.{beside}"
+    beside = " The floor is measured on other records, which the model fits less well." if after < 0 else ""
+    return f"{left:.1f} % of the power above the floor remains on the held-out records.{beside}"
 
 
 def effect_part(effect: NamedEffect) -> dict[str, Any]:
@@ -148,7 +153,7 @@ def tie_part(tie: tuple[str, ...]) -> dict[str, str]:
 
 
 def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:
-    """Every refitted candidate, step by step; what leads a tie is not named."""
+    """Every candidate that was refitted, step by step; one that leads a tie is not called named."""
     leading = {tie[0] for tie in ties}
     return [
         {
@@ -166,15 +171,15 @@ def _largest(traces: Sequence[Trace]) -> list[Trace]:
 
 
 def trace_figure(trace: Trace) -> Figure:
-    """Measured and modelled above, what each model leaves below."""
+    """Measurement and model above, the residuals before and after below."""
     t, x, before, after = thin(trace.t_s, trace.measured_um, trace.before_um, trace.after_um)
     with figure_style():
         figure = new_figure(9.4, 4.8)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1, 1.2])
         upper.plot(t, x, color=GREY, linewidth=2.4, alpha=0.6, label="measured")
         upper.plot(t, after, color=BLUE, linewidth=1.0, label="model after")
-        lower.plot(t, x - before, color=RED, linewidth=0.9, label="left before")
-        lower.plot(t, x - after, color=BLUE, linewidth=0.9, label="left after")
+        lower.plot(t, x - before, color=RED, linewidth=0.9, label="before")
+        lower.plot(t, x - after, color=BLUE, linewidth=0.9, label="after")
         upper.set(ylabel="position (µm)")
         lower.set(xlabel="time (s)", ylabel="measured - model (µm)")
         for axes in (upper, lower):
@@ -183,7 +188,7 @@ def trace_figure(trace: Trace) -> Figure:
 
 
 def tracking_part(verification: Verification) -> dict[str, Any]:
-    """The runs for the template: a row and a figure each."""
+    """The runs on a device for the template: a row and a figure each."""
     rows = [
         {
             "axis": t.axis, "path": t.path, "mode": t.mode, "before": t.before.rms_um, "after": t.after.rms_um,
@@ -195,7 +200,7 @@ def tracking_part(verification: Verification) -> dict[str, Any]:
 
 
 def tracking_figure(tracked: Tracked) -> Figure:
-    """The reference above, its distance to the measured position under each model below."""
+    """The reference above, the tracking error with each model below."""
     before, after = tracked.before_error_um, tracked.after_error_um
     t, r, before, after = thin(tracked.t_s, tracked.r_um, before, after)
     with figure_style():
@@ -211,7 +216,7 @@ def tracking_figure(tracked: Tracked) -> Figure:
 
 
 def standing_out(cells: Sequence[Cell]) -> list[Cell]:
-    """The largest cell of each kind that stands out beyond chance."""
+    """For each kind and axis the largest cell that stands out beyond chance."""
     found: dict[tuple[str, str | None], Cell] = {}
     for cell in sorted(cells, key=lambda c: -c.share):
         if cell.p <= LEVEL:
@@ -237,21 +242,21 @@ def cells_figure(cells: Sequence[Cell]) -> Figure:
         return figure
 
 
-def left_figure(traces: Sequence[Trace]) -> Figure:
-    """Amplitude density of what is left of all held-out records, before and after."""
+def residual_figure(traces: Sequence[Trace]) -> Figure:
+    """Amplitude density of the residual of all held-out records, before and after."""
     with figure_style():
         figure = new_figure(7.4, 3.4)
         axes = figure.add_subplot()
         for name, colour in (("before", RED), ("after", BLUE)):
             f, density = _mean_density(traces, name)
-            axes.loglog(f, 1e3 * density, color=colour, linewidth=1.1, label=f"left {name}")
+            axes.loglog(f, 1e3 * density, color=colour, linewidth=1.1, label=name)
         axes.set(xlabel="frequency (Hz)", ylabel="nm/√Hz")
         axes.legend()
         return figure
 
 
 def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples]:
-    """Frequencies and um/sqrt(Hz), over records weighted by their length."""
+    """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz), over records weighted by their length."""
     length = min(SEGMENT, *(len(t.t_s) for t in traces))
     total, rows, f = np.zeros(length // 2), 0, np.zeros(length // 2)
     for t in traces:
@@ -263,7 +268,7 @@ def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples
 
 
 def bound_row(bound: Bound) -> dict[str, Any]:
-    """One upper bound beside the typical size of what it is a bound on."""
+    """One upper bound beside the typical size of the effect."""
     return {
         "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical_of(bound),
         "unit": unit_of(bound.unit),
@@ -271,7 +276,7 @@ def bound_row(bound: Bound) -> dict[str, Any]:
 
 
 def spectrum_figure(spectrum: Spectrum) -> Figure:
-    """Amplitude density of the held-out residual, beside the reference's."""
+    """Amplitude density of the residual of held-out and of reference records."""
     with figure_style():
         figure = new_figure(7.4, 3.4)
         axes = figure.add_subplot()

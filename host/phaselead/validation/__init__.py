@@ -1,4 +1,4 @@
-"""Blind trials of the gap workflow: something is hidden in stages of a foreign make, and the answers are scored."""
+"""Blind trials of the gap workflow: effects are hidden in independent simulations, and the answers are scored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A campaign from its options to its result and pages."""
+"""A campaign of blind trials, from its options to its result."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """What to run."""
+    """Which cases to run: ``sizes`` are of single effects, as multiples of the typical one."""
 
     folder: Path
     set_name: str
@@ -30,7 +30,7 @@ class Plan:
     limit: int | None = None
 
     def cases(self) -> list[Case]:
-        """Raises BadInput for a set, kind or size that there is not."""
+        """The cases, in order. Raises BadInput for a set, kind or size that the generator does not have."""
         truth = load_truth(self.folder)
         try:
             found = list(truth.cases(self.set_name, self.kinds, self.sizes, self.scale))
@@ -50,15 +50,16 @@ def run_campaign(
     mix: bool = False,
     on_progress: Progress = lambda share: None,
 ) -> dict[str, Any]:
-    """Run what is not yet in the journal and sum everything up. Raises BadInput.
+    """Run the cases that are not in the journal yet, and summarise all of them as plain JSON types.
 
-    An interrupt leaves the journal with what was finished.
+    ``jobs`` is the number of processes; with a ``scheduler`` a Dask cluster is used instead. ``mix`` keeps cases run
+    with other code. An interrupt leaves the finished cases in the journal. Raises BadInput.
     """
     names = [case.name for case in plan.cases()]
-    code, commit = fingerprint(plan.folder), _commit(plan.folder)  # now: others may change it while this runs
+    code, commit = fingerprint(plan.folder), _commit(plan.folder)  # taken now: the files may change while this runs
     journal = Journal(journal_path, code, mix=mix)
-    left = [name for name in names if name not in journal.outcomes]
-    done = len(names) - len(left)
+    to_run = [name for name in names if name not in journal.outcomes]
+    done = len(names) - len(to_run)
 
     def take(outcome: dict[str, Any]) -> None:
         nonlocal done
@@ -67,7 +68,7 @@ def run_campaign(
         on_progress(done / len(names))
 
     on_progress(done / len(names))
-    run_cases(str(plan.folder.resolve()), left, take, jobs=jobs, scheduler=scheduler)
+    run_cases(str(plan.folder.resolve()), to_run, take, jobs=jobs, scheduler=scheduler)
     outcomes = [journal.outcomes[name] for name in names]
     return {**summary(outcomes), "run": _provenance(plan, code, commit, outcomes)}
 
@@ -85,7 +86,7 @@ def _provenance(plan: Plan, code: str, commit: str, outcomes: Sequence[dict[str,
 
 
 def _commit(folder: Path) -> str:
-    """Of the repository that the generator lies in, with a mark when tracked files were changed since; or nothing."""
+    """Commit of the generator's repository, marked when tracked files differ; empty without a repository."""
     words = ["git", "-C", str(folder), "describe", "--always", "--dirty=+changes", "--abbrev=12", "--exclude=*"]
     try:
         return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()

@@ -1,4 +1,4 @@
-"""Finished cases, one JSON line each, appended and never rewritten: what is cut short goes on where it was."""
+"""Finished cases, one JSON line each, appended and never rewritten, so that an interrupted campaign can continue."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ Outcome = dict[str, Any]
 
 
 class Journal:
-    """``code`` is the fingerprint of what is on trial; lines of other code are refused unless ``mix``."""
+    """The file of finished cases and their outcomes by name.
+
+    ``code`` is the fingerprint of the code under test. Raises BadInput for cases run with other code, unless ``mix``.
+    """
 
     def __init__(self, path: Path, code: str, *, mix: bool = False) -> None:
         self.path, self.code = path, code
@@ -26,7 +29,7 @@ class Journal:
             self.outcomes[outcome["case"]] = outcome
 
     def add(self, outcome: Outcome) -> None:
-        """Append it, on the disk when this returns."""
+        """Append one outcome and flush it."""
         outcome = outcome | {"code": self.code}
         line = json.dumps(outcome, allow_nan=True) + "\n"
         with open(self.path, "a+b") as file:

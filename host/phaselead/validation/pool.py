@@ -1,4 +1,4 @@
-"""Many cases at once: over the cores of this machine, or over a Dask cluster."""
+"""Many cases at once: on the cores of this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def run_cases(
     folder: str, names: Sequence[str], done: Callable[[Outcome], None], *, jobs: int, scheduler: str | None = None
 ) -> None:
-    """Call ``done`` with every outcome as it comes. An interrupt ends the workers; what was done stays done.
+    """Run the named cases and call ``done`` with each outcome as it arrives. An interrupt ends the workers.
 
     Raises BadInput for a scheduler that cannot be used.
     """
@@ -36,7 +36,7 @@ def _over_cores(folder: str, names: Sequence[str], jobs: int) -> Iterator[Outcom
         return
     with _single_threaded():
         context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(min(jobs, len(names)), mp_context=context, initializer=_deaf)
+        pool = ProcessPoolExecutor(min(jobs, len(names)), mp_context=context, initializer=_ignore_interrupt)
         futures = {pool.submit(try_case, folder, name): name for name in names}
         try:
             for future in as_completed(futures):
@@ -52,7 +52,7 @@ def _over_cores(folder: str, names: Sequence[str], jobs: int) -> Iterator[Outcom
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Workers inherit it: one thread each, since there are as many workers as cores."""
+    """One thread for the numerical libraries of each worker, since there are as many workers as cores."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
@@ -65,8 +65,8 @@ def _single_threaded() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _deaf() -> None:
-    """Ctrl-C reaches every process of the terminal; only the one that started the others answers it."""
+def _ignore_interrupt() -> None:
+    """Ctrl-C reaches every process of the terminal; only the parent acts on it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,4 +1,4 @@
-"""How an answer is scored: pure functions on outcomes (``trial.try_case``). docs/gap-campaign.md has the rules."""
+"""How an answer is scored: functions of one outcome of ``trial.try_case``. docs/gap-campaign.md has the rules."""
 
 from __future__ import annotations
 
@@ -9,68 +9,55 @@ from phaselead.model import catalogue
 
 Outcome = dict[str, Any]
 
-ALSO_RIVALS = (
-    ("thermal_drift", "creep"),
-    ("thermal_drift", "charge_leakage"),
-    ("sensor_lowpass", "delay"),
-    ("sensor_lowpass", "amplifier_lowpass"),
-    ("delay", "amplifier_lowpass"),
-    ("sensor_nonlinearity", "asymmetric_hysteresis"),
-    ("sensor_nonlinearity", "gain_change"),
-    ("backlash", "hysteresis"),
-    ("rate_dependence", "creep"),
-    ("rate_dependence", "amplifier_lowpass"),
-)
-"""Pairs that were measured to be hard to tell apart, beside what the catalogue's entries say of themselves."""
-
 
 def honest_rivals(name: str) -> set[str]:
-    """Effects that may stand beside ``name`` in a tie: those either entry of the catalogue says it is confused with."""
-    entries = catalogue()
-    mine = set(entries[name].confused_with) if name in entries else set()
-    theirs = {other for other, entry in entries.items() if name in entry.confused_with}
-    also = {a if b == name else b for a, b in ALSO_RIVALS if name in (a, b)}
-    return (mine | theirs | also) - {name}
+    """Effects that may be tied with ``name``: either entry of the catalogue says that the two are confused, or that
+    trials showed them to be hard to tell apart.
+    """
+    alike = {other: {*entry.confused_with, *entry.hard_to_tell_from} for other, entry in catalogue().items()}
+    mine = alike.get(name, set())
+    theirs = {other for other, names in alike.items() if name in names}
+    return (mine | theirs) - {name}
 
 
 def hidden_names(outcome: Outcome) -> list[str]:
-    """The truth."""
+    """Names of the hidden effects."""
     return [h["name"] for h in outcome["hidden"]]
 
 
-def said(outcome: Outcome) -> list[list[str]]:
-    """Everything the answer claims: each named effect alone, each tie as a group, no claim twice."""
+def claims(outcome: Outcome) -> list[list[str]]:
+    """What the answer claims: each named effect by itself, each tie as a group, no claim twice."""
     if outcome["error"]:
         return []
-    claims = [[name] for name in outcome["named"]] + [sorted(tie) for tie in outcome["ties"]]
-    return [list(c) for c in dict.fromkeys(tuple(c) for c in claims)]
+    found = [[name] for name in outcome["named"]] + [sorted(tie) for tie in outcome["ties"]]
+    return [list(c) for c in dict.fromkeys(tuple(c) for c in found)]
 
 
-def credit(truth: str, claims: Sequence[Sequence[str]]) -> float:
-    """1 for a name, 1/size for a tie that holds the truth and only its honest rivals; the best claim counts."""
+def credit(truth: str, claimed: Sequence[Sequence[str]]) -> float:
+    """1 for the right name, 1/size for a tie of the truth and honest rivals, 0 otherwise; the best claim counts."""
     allowed = honest_rivals(truth) | {truth}
-    return max((1 / len(c) for c in claims if truth in c and set(c) <= allowed), default=0.0)
+    return max((1 / len(c) for c in claimed if truth in c and set(c) <= allowed), default=0.0)
 
 
 def spurious(outcome: Outcome) -> list[list[str]]:
-    """Claims that hold nothing of the truth."""
+    """Claims that contain none of the hidden effects."""
     truth = set(hidden_names(outcome)) - set(outcome["without"])
-    return [c for c in said(outcome) if not truth & set(c)]
+    return [c for c in claims(outcome) if not truth & set(c)]
 
 
 def exactly_right(outcome: Outcome) -> float:
-    """Of a single effect: its credit, or 0 when anything else is claimed beside it."""
+    """For a single hidden effect: its credit, or 0 when anything else is claimed as well."""
     (truth,) = hidden_names(outcome)
-    return 0.0 if spurious(outcome) else credit(truth, said(outcome))
+    return 0.0 if spurious(outcome) else credit(truth, claims(outcome))
 
 
 def all_named(outcome: Outcome) -> bool:
-    """Of several effects: each is named, or in a tie with its honest rivals only."""
-    return all(credit(truth, said(outcome)) > 0 for truth in hidden_names(outcome))
+    """For several hidden effects: whether each is named, or tied with honest rivals only."""
+    return all(credit(truth, claims(outcome)) > 0 for truth in hidden_names(outcome))
 
 
 def abstained_honestly(outcome: Outcome) -> bool:
-    """Of a removed effect: unknown, or a tie of its honest rivals, and nothing named that is none of them."""
+    """For an effect left out of the catalogue: whether the answer is unknown or an honest tie, and names nothing."""
     if outcome["error"]:
         return False
     (removed,) = hidden_names(outcome)
@@ -79,8 +66,8 @@ def abstained_honestly(outcome: Outcome) -> bool:
 
 
 def false_names(outcome: Outcome) -> bool:
-    """With nothing hidden: anything claimed at all. A crash is no claim."""
-    return bool(said(outcome))
+    """With nothing hidden: whether anything is claimed. A crash is no claim."""
+    return bool(claims(outcome))
 
 
 def power_left(outcome: Outcome) -> float | None:
@@ -104,10 +91,10 @@ def predictable(name: str) -> bool:
 
 
 def bounds_hold(outcome: Outcome) -> list[bool]:
-    """For each hidden effect that was missed and bounded: whether its true size lies inside the bound."""
+    """For each hidden effect that was missed but bounded: whether its true size is within the bound."""
     if outcome["error"]:
         return []
-    claimed = {name for claim in said(outcome) for name in claim}
+    claimed = {name for claim in claims(outcome) for name in claim}
     found = []
     for h in outcome["hidden"]:
         of_axis = [
@@ -120,14 +107,14 @@ def bounds_hold(outcome: Outcome) -> list[bool]:
 
 
 def absent_bounds(outcome: Outcome) -> int:
-    """How many effects that are not there were bounded. A bound is never below 0, so all of these hold."""
+    """Number of absent effects that were bounded. A bound is never below 0, so all of these hold."""
     hidden = {(h["name"], h["axis"]) for h in outcome["hidden"]}
     bounds = () if outcome["error"] else outcome["excluded"]
     return sum((b["name"], None) not in hidden and (b["name"], b["axis"]) not in hidden for b in bounds)
 
 
 def resolved(outcome: Outcome) -> bool | None:
-    """Whether the proposed experiment turned a tie that held the truth into its name; None without such a tie."""
+    """Whether the proposed experiment replaced a tie that held the truth by its name; None without such a tie."""
     after = outcome.get("after_next")
     if not after:
         return None

@@ -1,4 +1,4 @@
-"""From outcomes to the figures of a campaign, as plain JSON types."""
+"""The numbers of a campaign, from the outcomes of its cases, as plain JSON types."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from phaselead.validation import score
 
 Outcome = dict[str, Any]
 ROWS_OF_60_S = 300_000.0
+"""Of one axis at 5 kHz."""
 NOTHING, UNKNOWN, FAILED = "nothing", "unknown", "failed"
 LEAST_SIZE = 0.2 - 1e-9
-COUPLED = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop")
-"""Kinds with one axis."""
+"""Size, as a multiple of the typical one, from which an effect counts as large."""
+SINGLE_AXIS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop")
+"""Kinds whose stage has one axis."""
 
 
 def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Numbers beside their targets, and what the figures show."""
+    """Numbers against their targets, and the data of the figures."""
     single = _of(outcomes, "single")
     return {
         "cases": len(outcomes),
@@ -42,14 +44,14 @@ def _size(outcome: Outcome) -> float:
 
 
 def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """The rows of the table: what, the target, what was reached (None without cases), over how many."""
+    """The rows of the table: what, its target, what was reached (None without cases) and over how many cases."""
     single, sines = _of(outcomes, "single"), _of(outcomes, "sines")
     several, none = _of(outcomes, "pair"), _of(outcomes, "none")
     triple, removed, poor = (_of(outcomes, kind) for kind in ("triple", "removed", "poor"))
     hiding = [o for o in outcomes if o["hidden"] and o["kind"] != "removed"]
     left = [p for o in single if _voltage_alone(o) and (p := score.power_left(o)) is not None]
     again = [r for o in outcomes if (r := score.resolved(o)) is not None]
-    times = [o["cpu_seconds"] * ROWS_OF_60_S / o["rows"] for o in _of(outcomes, *COUPLED) if not o["error"]]
+    times = [o["cpu_seconds"] * ROWS_OF_60_S / o["rows"] for o in _of(outcomes, *SINGLE_AXIS) if not o["error"]]
     large = [o for o in single if _size(o) >= LEAST_SIZE]
     small = [o for o in single if _size(o) < LEAST_SIZE]
     held = [ok for o in hiding for ok in score.bounds_hold(o)]
@@ -101,7 +103,7 @@ def _median(what: str, target: str, values: Sequence[float]) -> dict[str, Any]:
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, float]]:
-    """For each truth, how its cases were answered: all claims count alike, a tie is shared by its members."""
+    """By hidden effect, how its cases were answered: claims share a case equally, and so do the members of a tie."""
     found: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
     for outcome in outcomes:
         (truth,) = score.hidden_names(outcome)
@@ -111,19 +113,19 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, float]]:
 
 
 def _answered(outcome: Outcome) -> dict[str, float]:
-    claims = score.said(outcome)
-    if not claims:
+    claimed = score.claims(outcome)
+    if not claimed:
         unsure = UNKNOWN if UNKNOWN in outcome.get("verdicts", ()) else NOTHING
         return {FAILED if outcome["error"] else unsure: 1.0}
     weights: dict[str, float] = defaultdict(float)
-    for claim in claims:
+    for claim in claimed:
         for name in claim:
-            weights[name] += 1 / (len(claim) * len(claims))
+            weights[name] += 1 / (len(claim) * len(claimed))
     return weights
 
 
 def by_size(outcomes: Sequence[Outcome]) -> dict[str, dict[str, float]]:
-    """Share exactly right by effect and size; "all" over every effect."""
+    """Share of exactly right answers by effect and size; "all" is over every effect."""
     cells: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for outcome in outcomes:
         (truth,) = score.hidden_names(outcome)
@@ -133,7 +135,7 @@ def by_size(outcomes: Sequence[Outcome]) -> dict[str, dict[str, float]]:
 
 
 def accuracy_coverage(outcomes: Sequence[Outcome]) -> list[dict[str, float]]:
-    """Were only names accepted that beat none by so many points: the share of cases answered, and right among those."""
+    """Share of cases answered, and accuracy among these, if only names with so many points were accepted."""
     points = [(c, score.exactly_right(o)) for o in outcomes if (c := score.confidence(o)) is not None]
     points.sort(reverse=True)
     right = np.cumsum([r for _, r in points])
@@ -150,7 +152,7 @@ RIGHT: dict[str, Callable[[Outcome], bool]] = {
     "pair": lambda o: score.all_named(o) and not score.spurious(o),
     "triple": lambda o: score.all_named(o) and not score.spurious(o),
 }
-"""Whether a case of a kind was answered rightly; other kinds hide one effect."""
+"""By kind, whether a case was answered rightly. Other kinds hide a single effect."""
 
 
 def _one_right(outcome: Outcome) -> bool:
@@ -158,10 +160,11 @@ def _one_right(outcome: Outcome) -> bool:
 
 
 def wrong(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """Every case that was not answered rightly, with what was said."""
+    """Every case with a wrong answer, and that answer."""
     found = []
     for o in outcomes:
         right = RIGHT.get(o["kind"], _one_right)
         if o["error"] or not right(o):
-            found.append({"case": o["case"], "said": score.said(o), "verdicts": o.get("verdicts"), "error": o["error"]})
+            claimed, verdicts = score.claims(o), o.get("verdicts")
+            found.append({"case": o["case"], "said": claimed, "verdicts": verdicts, "error": o["error"]})
     return found

@@ -1,4 +1,4 @@
-"""The table of numbers as Markdown, put between two marks of a page."""
+"""The results as a Markdown table, placed between two marks of a page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BEGIN, END = "<!-- campaign table: begin -->", "<!-- campaign table: end -->"
 
 
 def reached(row: dict[str, Any]) -> str:
-    """A number of the summary for people."""
+    """The reached value of one row in words."""
     value = row["reached"]
     if value is None:
         return "not tried"
@@ -24,7 +24,7 @@ def reached(row: dict[str, Any]) -> str:
 
 
 def markdown(result: dict[str, Any]) -> str:
-    """Numbers, accuracy by effect and size, and where they come from."""
+    """The table of numbers, that of accuracy by effect and size, and their provenance."""
     lines = ["| | target | reached |", "|---|---|---|"]
     lines += [f"| {row['what']} | {row['target']} | {reached(row)} |" for row in result["numbers"]]
     lines += ["", *_by_size(result["accuracy_by_size"]["mixed"]), "", _provenance(result)]
@@ -53,7 +53,7 @@ def _provenance(result: dict[str, Any]) -> str:
 
 
 def write_table(path: Path, result: dict[str, Any]) -> None:
-    """Replace what stands between the marks of the page. Raises BadInput when the page has none."""
+    """Replace the text between the two marks of the page. Raises BadInput for a page without them."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:

@@ -1,4 +1,4 @@
-"""One case from its records to what the workflow said, as plain JSON types."""
+"""One case: its records, the gap workflow on them, and the answer as plain JSON types."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from phaselead.validation.truth import Case, load_truth
 
 Outcome = dict[str, Any]
 USUAL_BITS = 16
+"""Of the output converter, which a stage file need not mention."""
 
 
 def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
-    """Run the case called ``name`` of the generator in ``folder``.
+    """Run the case ``name`` of the generator in ``folder``; with ``follow_up`` the proposed experiment too.
 
-    What goes wrong is an outcome like any other: under "error", with the rest left empty.
+    An exception is an outcome like any other: its text is under "error", and the answer is missing.
     """
     keep_freed_memory()
     case = load_truth(folder).case(name)
@@ -39,7 +40,7 @@ def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
         return outcome | _tried(case, follow_up)
     except PhaseleadError as error:
         return outcome | {"error": str(error)}
-    except Exception as error:  # a crash is the workflow's answer to this case, and counts as wrong
+    except Exception as error:  # a crash of the workflow counts as a wrong answer
         return outcome | {"error": f"{type(error).__name__}: {error}"}
 
 
@@ -61,7 +62,7 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
 
 
 def base_model(case: Case, reference: Sequence[Recording]) -> Stage:
-    """What a lab would start from: the product's own fit of the driven, open-loop reference records."""
+    """The model a lab would start from: a fit of the driven, open-loop reference records."""
     driven = [r for r in reference if _driven(r)]
     open_loop = [r for r in driven if all(a.r_um is None for a in r.axes.values())]
     axes: Any = {axis: _known(case.bits) for axis in reference[0].axes}
@@ -74,7 +75,7 @@ def _known(bits: int) -> AxisModel:
 
 
 def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:
-    """What the base leaves of the held-out records with nothing hidden, each about its own offset."""
+    """RMS error (um) of the base on the held-out records with nothing hidden, each about its own offset."""
     if bare is None:
         return None
     errors = []
@@ -92,7 +93,7 @@ def _driven(record: Recording) -> bool:
 
 
 def answer(result: GapResult) -> Outcome:
-    """What is scored of a result."""
+    """The parts of a result that are scored."""
     scores: dict[str, float] = {}
     for candidate in result.candidates:
         scores[candidate.name] = max(candidate.score, scores.get(candidate.name, 0.0))
@@ -117,7 +118,7 @@ def _after_next(
     train: Sequence[Recording],
     holdout: Sequence[Recording],
 ) -> Outcome | None:
-    """What the workflow says once the experiment it asked for is among the training records."""
+    """The answer after the proposed experiment has been added to the training records; None where none was proposed."""
     proposed = result.next_experiment
     if not result.ties or proposed is None or proposed.needs_sensor:
         return None

@@ -1,4 +1,4 @@
-"""The protocol that a folder of hidden truths follows, and how it is loaded."""
+"""What a generator of blind trials must offer, and how it is loaded from its folder."""
 
 from __future__ import annotations
 
@@ -14,11 +14,16 @@ from phaselead.record import Recording, Samples
 
 MODULE = "phaselead_truth"
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
-"""What a case can be; each has its row in the table of numbers."""
+"""Kinds of cases; docs/gap-campaign.md describes them."""
+
+
+UNDER_TEST = tuple(Path(__file__).parents[1] / room for room in ("gap", "identify", "model"))
+"""Folders of the package whose code a campaign tries."""
 
 
 class Hidden(Protocol):
-    """One hidden effect: its size as a multiple of the typical, and in the unit of the catalogue's first size."""
+    """One hidden effect: ``size`` is a multiple of the typical one, ``value`` is in ``unit``, that of the first size
+    parameter in the catalogue."""
 
     @property
     def name(self) -> str: ...
@@ -48,7 +53,7 @@ class Case(Protocol):
 
     @property
     def bits(self) -> int:
-        """Of the output converter, as a lab knows it."""
+        """Resolution of the output converter, which a lab knows."""
         ...
 
     def records(self) -> tuple[list[Recording], list[Recording], list[Recording]]:
@@ -56,7 +61,7 @@ class Case(Protocol):
         ...
 
     def bare_holdout(self) -> list[Recording] | None:
-        """The held-out records as they would be without what is hidden; None where nobody can know."""
+        """The held-out records without what is hidden; None where they cannot be known."""
         ...
 
     def follow_up(self, voltage: Callable[[Samples], Samples], seconds: float, axis: str | None) -> Recording:
@@ -65,10 +70,10 @@ class Case(Protocol):
 
 
 class Truth(Protocol):
-    """The folder as a module."""
+    """The folder as a Python module."""
 
     def cases(self, set_name: str, kinds: Sequence[str], sizes: Sequence[float], scale: float) -> Sequence[Case]:
-        """In an order that any beginning of represents. Raises ValueError for what it does not have."""
+        """The cases, ordered so that any first few are a fair sample. Raises ValueError for unknown options."""
         ...
 
     def case(self, name: str) -> Case:
@@ -107,12 +112,10 @@ def load_truth(folder: str | Path) -> Truth:
 
 
 def fingerprint(folder: str | Path) -> str:
-    """Twelve digits that change with any line of the generator or of the parts of the package that are on trial."""
-    package = Path(__file__).parents[2]
-    tried = [package / room for room in ("gap", "effects", "identify", "stage")]
+    """Twelve digits that change with any line of the generator or of the rooms of the package under test."""
     digest = hashlib.sha256()
-    for root in [Path(folder).resolve(), *tried]:
+    for root in [Path(folder).resolve(), *UNDER_TEST]:
         for file in sorted(root.rglob("*")):
-            if file.suffix in (".py", ".c", ".h") and "campaign" not in file.parts:
+            if file.suffix in (".py", ".c", ".h"):
                 digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:12]

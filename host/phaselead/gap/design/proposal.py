@@ -26,7 +26,7 @@ def read_proposal(path: str) -> Mapping[str, Any]:
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror}); make it with phaselead gap --json") from None
     except ValueError:
-        raise BadInput(f"{path}: is not a gap.json; make one with phaselead gap --json") from None
+        raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
     return proposal_of(content, path)
 
 
@@ -35,7 +35,7 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
     try:
         ties, proposed = content["ties"], content["next_experiment"]
     except (KeyError, TypeError):
-        raise BadInput(f"{path}: is not a gap.json; make one with phaselead gap --json") from None
+        raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
     if not ties:
         raise BadInput(f"{path}: holds no tie, so there is no experiment to run")
     if proposed is None:

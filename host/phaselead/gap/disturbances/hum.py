@@ -44,14 +44,14 @@ def _new_lines(
 ) -> list[tuple[float, float]]:
     """Exact frequency and power (um^2) of the lines near one mains frequency; empty where they are not beyond chance
     or not larger than in the reference records."""
-    longest_s = max(len(left.error_um) / left.rate_Hz for left in train)
+    longest_s = max(len(residual.error_um) / residual.rate_Hz for residual in train)
     grid = np.linspace(mains_Hz - SEARCH_Hz, mains_Hz + SEARCH_Hz, 2 * int(4 * SEARCH_Hz * longest_s) + 5)
-    background = [_backgrounds(left, mains_Hz) for left in train]
+    background = [_backgrounds(residual, mains_Hz) for residual in train]
     scores = np.array(
-        [sum(_line_statistic(left, f, b) for left, b in zip(train, background, strict=True)) for f in grid]
+        [sum(_line_statistic(residual, f, b) for residual, b in zip(train, background, strict=True)) for f in grid]
     )
     f_Hz, score = float(grid[int(np.argmax(scores))]), float(scores.max())
-    again = sum(_line_statistic(left, f_Hz, _backgrounds(left, f_Hz)) for left in holdout)
+    again = sum(_line_statistic(residual, f_Hz, _backgrounds(residual, f_Hz)) for residual in holdout)
     p = chi2.sf(score, 6 * len(train)) * len(grid)
     if p > TRAIN_CHANCE or chi2.sf(again, 6 * len(holdout)) > HOLDOUT_CHANCE:
         return []
@@ -59,33 +59,33 @@ def _new_lines(
     return [] if power < NEW_FROM**2 * _line_power(reference, f_Hz) else [(f_Hz, power)]
 
 
-def _line_statistic(left: RunResidual, f_Hz: float, background: Sequence[float]) -> float:
+def _line_statistic(residual: RunResidual, f_Hz: float, background: Sequence[float]) -> float:
     """Power of the three lines, each over the density around it: chi squared with six degrees of freedom."""
     pairs = zip(HARMONICS, background, strict=True)
-    return float(sum(2 * _line(left, h * f_Hz)[0] / max(b, 1e-300) for h, b in pairs))
+    return float(sum(2 * _line(residual, h * f_Hz)[0] / max(b, 1e-300) for h, b in pairs))
 
 
-def _line(left: RunResidual, f_Hz: float) -> tuple[float, complex]:
+def _line(residual: RunResidual, f_Hz: float) -> tuple[float, complex]:
     """Power of the periodogram at a frequency (um^2) and the complex amplitude (um), with phases in absolute time."""
-    if f_Hz > 0.5 * left.rate_Hz:
+    if f_Hz > 0.5 * residual.rate_Hz:
         return 0.0, 0j
-    t = left.run.t_s[left.run.rows]
+    t = residual.run.t_s[residual.run.rows]
     n = len(t)
     window = np.hanning(n)
-    raw = complex(np.sum(left.error_um * window * np.exp(-2j * np.pi * f_Hz * t)))
+    raw = complex(np.sum(residual.error_um * window * np.exp(-2j * np.pi * f_Hz * t)))
     return abs(raw) ** 2 / float(np.sum(window**2)), 2 * raw / float(window.sum())
 
 
-def _backgrounds(left: RunResidual, f_Hz: float) -> list[float]:
+def _backgrounds(residual: RunResidual, f_Hz: float) -> list[float]:
     """Density of the noise around each of the three lines."""
-    return [_background(left, h * f_Hz) for h in HARMONICS]
+    return [_background(residual, h * f_Hz) for h in HARMONICS]
 
 
-def _background(left: RunResidual, f_Hz: float) -> float:
+def _background(residual: RunResidual, f_Hz: float) -> float:
     """Mean power of the periodogram around a line, the line itself left out."""
-    width = 3.0 * left.rate_Hz / len(left.error_um)
+    width = 3.0 * residual.rate_Hz / len(residual.error_um)
     away = np.concatenate([np.linspace(-BACKGROUND_Hz, -width, 12), np.linspace(width, BACKGROUND_Hz, 12)])
-    values = [_line(left, f_Hz + d)[0] for d in away if 0 < f_Hz + d < 0.5 * left.rate_Hz]
+    values = [_line(residual, f_Hz + d)[0] for d in away if 0 < f_Hz + d < 0.5 * residual.rate_Hz]
     return float(np.median(values)) / MEDIAN_OVER_MEAN if values else np.inf
 
 
@@ -93,20 +93,22 @@ def _line_power(part: Residuals, f_Hz: float) -> float:
     """Mean square (um^2) of the three lines together."""
     if not part:
         return 0.0
-    return float(np.mean([sum(abs(_line(left, h * f_Hz)[1]) ** 2 / 2 for h in HARMONICS) for left in part]))
+    return float(np.mean([sum(abs(_line(residual, h * f_Hz)[1]) ** 2 / 2 for h in HARMONICS) for residual in part]))
 
 
 def _hum_params(train: Residuals, f_Hz: float) -> dict[str, Value]:
     """Sine and cosine part of each line, averaged over the records, with an interval from noise and scatter."""
     params: dict[str, Value] = {}
     for h in HARMONICS:
-        amplitudes = np.array([_line(left, h * f_Hz)[1] for left in train])
-        noise = float(np.mean([2 * np.sqrt(_background(left, h * f_Hz) / len(left.error_um)) for left in train]))
+        amplitudes = np.array([_line(residual, h * f_Hz)[1] for residual in train])
+        noise = float(
+            np.mean([2 * np.sqrt(_background(residual, h * f_Hz) / len(residual.error_um)) for residual in train])
+        )
         for name, values in ((f"sin{h}_um", -amplitudes.imag), (f"cos{h}_um", amplitudes.real)):
             value = float(values.mean())
             spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
             half = 1.96 * float(np.hypot(spread, noise)) / np.sqrt(len(values))
             params[name] = (value, "um", (value - half, value + half))
-    resolution = 0.2 / max(float(left.run.t_s[-1] - left.run.t_s[0]) for left in train)
+    resolution = 0.2 / max(float(residual.run.t_s[-1] - residual.run.t_s[0]) for residual in train)
     params["f_Hz"] = (f_Hz, "Hz", (f_Hz - resolution, f_Hz + resolution))
     return params

@@ -55,7 +55,7 @@ def find_jitter(name: str, train: Residuals, holdout: Residuals, reference: Resi
     # What a model misses grows with speed too, but more on some records than on others.
     if not all(_alike(part, slope) for part, _ in seen):
         return None
-    each = [_speed_slope([left]) for left in reference]
+    each = [_speed_slope([residual]) for residual in reference]
     before = max([known, *(one for one, one_std in each if one > SEEN_Z * one_std)])
     if slope < NEW_FROM**2 * before:
         return None
@@ -64,32 +64,34 @@ def find_jitter(name: str, train: Residuals, holdout: Residuals, reference: Resi
         return None
     half = min(1.96 / z, 1.0)
     params: dict[str, Value] = {"rms_s": (rms, "s", (rms * np.sqrt(1 - half), rms * np.sqrt(1 + half)))}
-    speed = float(np.mean([np.mean(left.speed_um_per_s**2) for left in train]))
+    speed = float(np.mean([np.mean(residual.speed_um_per_s**2) for residual in train]))
     return Disturbance(name, params, rms**2 * speed, f"fast noise of {1e6 * rms:.3g} us times the speed")
 
 
 def _alike(part: Residuals, slope: float) -> bool:
     """Whether every record that is fast enough to tell has about this slope."""
-    telling = [left for left in part if slope * _fastest(left) > LEAST_SHARE * float(np.mean(left.error_um**2))]
-    return all(slope / SAME_SLOPE < _speed_slope([left])[0] < slope * SAME_SLOPE for left in telling)
+    telling = [
+        residual for residual in part if slope * _fastest(residual) > LEAST_SHARE * float(np.mean(residual.error_um**2))
+    ]
+    return all(slope / SAME_SLOPE < _speed_slope([residual])[0] < slope * SAME_SLOPE for residual in telling)
 
 
-def _fastest(left: RunResidual) -> float:
+def _fastest(residual: RunResidual) -> float:
     """Squared speed, (um/s)^2, that a tenth of the blocks of a record exceed."""
-    blocks = _noise_and_speed(left, DIFFERENCES)
+    blocks = _noise_and_speed(residual, DIFFERENCES)
     return float(np.quantile(blocks[1], 0.9)) if blocks is not None else 0.0
 
 
-def _noise_and_speed(left: RunResidual, order: int) -> tuple[Samples, Samples] | None:
+def _noise_and_speed(residual: RunResidual, order: int) -> tuple[Samples, Samples] | None:
     """Variance of the fast noise (um^2) and mean squared speed, (um/s)^2, of the blocks (b,) of a record.
 
     None for a record at rest or one that is too short.
     """
-    if not left.run.driven or len(left.error_um) < SHORTEST:
+    if not residual.run.driven or len(residual.error_um) < SHORTEST:
         return None
-    noise = np.diff(left.error_um, order) ** 2 / comb(2 * order, order)
-    v2 = np.convolve(left.speed_um_per_s**2, np.ones(order + 1) / (order + 1), "valid")
-    known = ~_after_jump(left.run)[order:]
+    noise = np.diff(residual.error_um, order) ** 2 / comb(2 * order, order)
+    v2 = np.convolve(residual.speed_um_per_s**2, np.ones(order + 1) / (order + 1), "valid")
+    known = ~_after_jump(residual.run)[order:]
     count = int(known.sum()) // BLOCK_ROWS
     if count < 2:
         return None
@@ -107,7 +109,7 @@ def _after_jump(run: Run) -> NDArray[np.bool_]:
 
 def _speed_slope(part: Residuals, order: int = DIFFERENCES) -> tuple[float, float]:
     """Variance of the fast noise per squared speed (s^2), fitted over all blocks, and its standard deviation."""
-    blocks = [found for found in (_noise_and_speed(left, order) for left in part) if found is not None]
+    blocks = [found for found in (_noise_and_speed(residual, order) for residual in part) if found is not None]
     if not blocks:
         return 0.0, 0.0
     y, x = (np.concatenate(values) for values in zip(*blocks, strict=True))

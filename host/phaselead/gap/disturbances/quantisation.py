@@ -11,12 +11,12 @@ from phaselead.record import Samples
 
 def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """A grid on which all positions lie, as the effect ``name``; None unless it is coarser than the reference's."""
-    steps = [grid_step(left.run.x_um) for left in train]
-    again = [grid_step(left.run.x_um) for left in holdout]
+    steps = [grid_step(residual.run.x_um) for residual in train]
+    again = [grid_step(residual.run.x_um) for residual in holdout]
     if any(s is None for s in [*steps, *again]):
         return None
     lsb = float(np.median([s for s in steps if s is not None]))
-    known = [grid_step(left.run.x_um) for left in reference]
+    known = [grid_step(residual.run.x_um) for residual in reference]
     before = max((s for s in known if s is not None), default=0.0)
     if not reference or lsb < NEW_FROM * before:
         return None

@@ -46,8 +46,8 @@ def find_disturbances(
     no name in this catalogue must not pass as nothing.
     """
     quiet = [_at_rest(part) for part in (train, holdout, reference)]
-    resting = all(part and all(left.run.idle for left in part) for part in quiet[:2])
-    moving = any(left.run.driven for left in train)
+    resting = all(part and all(residual.run.idle for residual in part) for part in quiet[:2])
+    moving = any(residual.run.driven for residual in train)
     found, untestable = [], {}
     for seen_as, test in TESTS.items():
         name = _effect_seen_as(seen_as).name
@@ -81,5 +81,5 @@ def _without_hum_as_vibration(found: Sequence[Disturbance]) -> list[Disturbance]
 
 def _at_rest(part: Residuals) -> list[RunResidual]:
     """The records at rest, or all where there are none."""
-    idle = [left for left in part if left.run.idle]
+    idle = [residual for residual in part if residual.run.idle]
     return idle or list(part)

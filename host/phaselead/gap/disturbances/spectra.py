@@ -27,7 +27,7 @@ def disturbance_spectra(
 
 def _density(lefts: Residuals) -> tuple[Samples, Samples]:
     """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz)."""
-    idle = [left for left in lefts if left.run.idle] or list(lefts)
-    length = min(SEGMENT, *(len(left.error_um) for left in idle))
-    parts = [welch(left.error_um, left.rate_Hz, nperseg=length) for left in idle]
+    idle = [residual for residual in lefts if residual.run.idle] or list(lefts)
+    length = min(SEGMENT, *(len(residual.error_um) for residual in idle))
+    parts = [welch(residual.error_um, residual.rate_Hz, nperseg=length) for residual in idle]
     return parts[0][0], np.sqrt(np.mean([s for _, s in parts], axis=0))

@@ -48,7 +48,7 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
 
 def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
     """Whether any band of the records at rest stands above the reference, the mains included, whatever its cause."""
-    now, again, was = ([left for left in part if left.run.idle] for part in (train, holdout, reference))
+    now, again, was = ([residual for residual in part if residual.run.idle] for part in (train, holdout, reference))
     if not (now and again and was):
         return False
     idle = now, again, was
@@ -69,7 +69,7 @@ class _Spectra(NamedTuple):
 
 
 def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
-    shortest = min(len(left.error_um) for left in [*train, *holdout, *reference])
+    shortest = min(len(residual.error_um) for residual in [*train, *holdout, *reference])
     length = min(SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
     before = _density(reference, length)[1] if reference else median_filter(seen, size=41, mode="nearest") / 0.97
@@ -116,8 +116,8 @@ def _band_power(part: Residuals, low_Hz: float, high_Hz: float) -> tuple[float, 
     A mode that the surroundings keep ringing fills few lines, however many segments a record is cut into.
     """
     density, freedom = [], 0.0
-    for left in part:
-        f, p = periodogram(left.error_um, left.rate_Hz, window="hann", detrend="linear")
+    for residual in part:
+        f, p = periodogram(residual.error_um, residual.rate_Hz, window="hann", detrend="linear")
         inside = p[(f >= low_Hz) & (f < high_Hz)]
         density.append(float(inside.mean()))
         freedom += 2 * float(inside.sum() ** 2 / max(float((inside**2).sum()), 1e-300))
@@ -140,6 +140,6 @@ def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int
 
 def _density(part: Residuals, length: int) -> tuple[Samples, Samples, float]:
     """Frequencies (k,), mean one-sided density (k,) and how many independent periodograms it averages."""
-    spectra = [welch(left.error_um, left.rate_Hz, nperseg=length, detrend="linear") for left in part]
-    averages = sum(1.6 * len(left.error_um) / length for left in part)
+    spectra = [welch(residual.error_um, residual.rate_Hz, nperseg=length, detrend="linear") for residual in part]
+    averages = sum(1.6 * len(residual.error_um) / length for residual in part)
     return spectra[0][0], np.mean([s for _, s in spectra], axis=0), float(averages)

@@ -50,19 +50,21 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
     """Score of every effect on every axis, best first. Those that the modes can imitate are left out."""
     records = _spread(train)
     weights = np.array([w for s, w in zip(train, fit.fit.weights, strict=True) if s in records])
-    atoms = _few(regressor_groups(_in_front_of_mechanics(effects), records[0].step_s, _longest_s(records)))
-    columns = [(atom, i, j) for atom, j in product(atoms, range(len(records[0].axes))) for i in range(len(atom.steps))]
+    groups = _few(regressor_groups(_in_front_of_mechanics(effects), records[0].step_s, _longest_s(records)))
+    columns = [
+        (group, i, j) for group, j in product(groups, range(len(records[0].axes))) for i in range(len(group.steps))
+    ]
     if not columns:
         return []
     drives = [record.drive(fit.entries) for record in records]
     found = score_test(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
     best: dict[tuple[str, int], EffectScore] = {}
-    for (atom, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):
-        key = (atom.effect.name, j)
+    for (group, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):
+        key = (group.effect.name, j)
         if np.isfinite(std) and (key not in best or share > best[key].share):
-            size, step = atom.effect.sizes[i], atom.steps[i]
+            size, step = group.effect.sizes[i], group.steps[i]
             best[key] = EffectScore(
-                atom.effect, records[0].axes[j], dict(atom.shapes), amount * step, std * abs(step), share, size.unit
+                group.effect, records[0].axes[j], dict(group.shapes), amount * step, std * abs(step), share, size.unit
             )
     return sorted(best.values(), key=lambda s: -s.share)
 
@@ -75,11 +77,11 @@ def _spread(train: Sequence[JointRecord]) -> list[JointRecord]:
     return [s for s in train if any(s is k for k in keep)]
 
 
-def _few(atoms: Sequence[RegressorGroup]) -> list[RegressorGroup]:
+def _few(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
     """At most MOST_SHAPES of each effect, spread over its shapes."""
     by_name: dict[str, list[RegressorGroup]] = {}
-    for atom in atoms:
-        by_name.setdefault(atom.effect.name, []).append(atom)
+    for group in groups:
+        by_name.setdefault(group.effect.name, []).append(group)
     found = []
     for shapes in by_name.values():
         chosen = np.unique(np.linspace(0, len(shapes) - 1, min(MOST_SHAPES, len(shapes))).round().astype(int))
@@ -97,9 +99,9 @@ def _changes(
     """For each column, what one step of the effect does to the signals at the mechanics (n + 1, axes) in um."""
     plain = [push.value for push in record.pushes(fit.entries)]
     found = []
-    for atom, i, j in columns:
-        amounts = [float(i == k) for k in range(len(atom.steps))]
-        extra = [*fit.entries.get(record.axes[j], ()), (atom.effect, atom.params(amounts))]
+    for group, i, j in columns:
+        amounts = [float(i == k) for k in range(len(group.steps))]
+        extra = [*fit.entries.get(record.axes[j], ()), (group.effect, group.params(amounts))]
         change = np.zeros((len(plain[j]), len(plain)))
         change[:, j] = record.chains[j].push(extra).value - plain[j]
         found.append(change)
