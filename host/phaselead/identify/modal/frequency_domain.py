@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import csd
 
 from phaselead.errors import BadInput
 from phaselead.identify.modal.model import Complex
@@ -156,6 +155,8 @@ def _spectra(e: JointExperiment, length: int) -> tuple[Complex, Complex]:
     Of the voltages (lines, inputs, inputs), and between positions and voltages (lines, outputs, inputs). Experiments
     count by how many segments they have, not by how strong they are.
     """
+    from scipy.signal import csd  # here, since it is slow to import and a fit of one axis does without
+
     u, x = e.u_V[e.rows] - e.u_V[e.rows].mean(axis=0), e.x_um[e.rows] - e.x_um[e.rows].mean(axis=0)
     segments = (len(u) - length) // (length // 2) + 1
     scale = float(np.mean(u**2)) or 1.0
