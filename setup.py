@@ -32,10 +32,9 @@ class BuildLibraries(build_ext):
     def build_extensions(self):
         if self.compiler.compiler_type == "msvc":
             raise SystemExit("phaselead: Microsoft's compiler cannot build the C parts; use gcc or clang (MinGW-w64)")
-        known = {}
+        flags = dict.fromkeys(flag for extension in self.extensions for flag in extension.extra_compile_args)
+        known = {flag: self.knows(flag) for flag in flags}
         for extension in self.extensions:
-            for flag in extension.extra_compile_args:
-                known.setdefault(flag, self.knows(flag))
             extension.extra_compile_args = [flag for flag in extension.extra_compile_args if known[flag]]
         super().build_extensions()
 

@@ -81,7 +81,7 @@ def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bare")
     run(python_for_the_wheel(), "-m", "venv", folder / "venv", cwd=folder)
     programs = folder / "venv" / "bin"
-    install = ("install", "--disable-pip-version-check", "-q", "-c", locked(folder))
+    install = ("install", "--disable-pip-version-check", "--no-compile", "-q", "-c", locked(folder))
     run(programs / "python", "-m", "pip", *install, wheel, cwd=folder)
     return programs
 
