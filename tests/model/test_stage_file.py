@@ -122,7 +122,7 @@ MISTAKES = [
     ("bits = 16", "bits = 0", "axes.x.sensor.bits = 0: is out of range; it must be at least 1"),
     ("bits = 16", "bits = 1.5", "axes.x.sensor.bits = 1.5: must be a whole number"),
     ("x_max_um = 270.0", "x_max_um = -20.0", "axes.x.sensor.x_max_um = -20 is not above x_min_um = -10"),
-    ('name = "creep"', 'name = "crep"', "axes.x.effects[0].name = 'crep': is no known effect; one of: dac_nonlinearity"),
+    ('name = "creep"', 'name = "crep"', "axes.x.effects[0].name = 'crep': is no known effect; one of: hysteresis"),
     ("share = 0.3", "share = 1.5", "axes.x.effects[0].share = 1.5: is out of range"),
     ("tau_s = 0.1\n", 'tau_s = "fast"\n', "axes.x.effects[0].params.tau_s = 'fast': must be a number"),
     ("k = [0.004, 0.006]", "k = [0.004, nan]", "axes.x.effects[0].params.k[1]: must be a finite number"),

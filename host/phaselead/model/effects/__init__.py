@@ -30,11 +30,11 @@ __all__ = [
 def _all() -> Mapping[str, Effect]:
     modules = [import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__)]
     effects = {m.EFFECT.name: m.EFFECT for m in modules if hasattr(m, "EFFECT")}
-    return {e.name: e for e in sorted(effects.values(), key=lambda e: (e.place, e.order, e.name))}
+    return {e.name: e for e in sorted(effects.values(), key=lambda e: (e.listed, e.name))}
 
 
 def catalogue(without: Sequence[str] = ()) -> Mapping[str, Effect]:
-    """Every effect by name, in the order in which they act; ``without`` leaves some out. Raises BadInput."""
+    """Every effect by name, in the order in which they are listed; ``without`` leaves some out. Raises BadInput."""
     for name in without:
         effect(name)
     return MappingProxyType({name: e for name, e in _all().items() if name not in without})

@@ -22,6 +22,7 @@ def undo_on_drive(params: Params) -> Undone:
 
 EFFECT = Effect(
     name="amplifier_lowpass",
+    listed=80,
     title="Amplifier low-pass",
     place=Place.AMPLIFIER,
     order=1,

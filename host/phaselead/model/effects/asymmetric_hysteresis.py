@@ -64,6 +64,7 @@ def whole_in_time_view(params: Params) -> bool:
 
 EFFECT = Effect(
     name="asymmetric_hysteresis",
+    listed=20,
     title="Asymmetric hysteresis",
     place=Place.HYSTERESIS,
     order=1,

@@ -31,6 +31,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="backlash",
+    listed=220,
     title="Backlash",
     place=Place.MECHANICS,
     order=0,

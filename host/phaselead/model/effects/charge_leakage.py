@@ -38,6 +38,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="charge_leakage",
+    listed=120,
     title="Charge leakage",
     place=Place.AMPLIFIER,
     order=3,

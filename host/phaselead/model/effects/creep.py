@@ -64,6 +64,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="creep",
+    listed=50,
     title="Creep",
     place=Place.CREEP,
     rising=("tau_first_s", "tau_last_s"),

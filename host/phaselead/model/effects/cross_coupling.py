@@ -82,6 +82,7 @@ def coupling(params: Params, other: str) -> float:
 
 EFFECT = Effect(
     name="cross_coupling",
+    listed=210,
     title="Cross-coupling",
     place=Place.COUPLING,
     equation="y_i = x_i + sum_j from_j (x_j - x_j,rest) / (1 + s lag_s)",

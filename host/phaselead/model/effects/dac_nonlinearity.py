@@ -53,6 +53,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="dac_nonlinearity",
+    listed=240,
     title="DAC nonlinearity",
     place=Place.CONVERTER,
     equation="u' = u + LSB (bow_LSB (1 - s^2) + 2.6 s_LSB s (1 - s^2) + segment_LSB sin(pi segments s)),  s = -1..1 "

@@ -37,6 +37,7 @@ def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
 
 EFFECT = Effect(
     name="delay",
+    listed=110,
     title="Delay",
     place=Place.TIMING,
     equation="v(t) = u(t - delay_s)",

@@ -44,6 +44,7 @@ def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
 
 EFFECT = Effect(
     name="gain_change",
+    listed=150,
     title="Gain change",
     place=Place.SENSOR,
     order=0,

@@ -82,6 +82,7 @@ def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
 
 EFFECT = Effect(
     name="hysteresis",
+    listed=10,
     title="Hysteresis",
     place=Place.HYSTERESIS,
     order=0,

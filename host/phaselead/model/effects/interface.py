@@ -171,6 +171,8 @@ class Effect:
     kind: Literal["response", "disturbance", "calibration"] = "response"
     order: int = 0
     """Within its place, rising."""
+    listed: int = 1000
+    """Its place where effects are listed or tried one after the other, rising; the last by default."""
     peak: tuple[str, str] | None = None
     """Of a single sharp mode: the names of its frequency in Hz and of its damping ratio."""
     rising: tuple[str, ...] = ()

@@ -53,6 +53,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="load_change",
+    listed=70,
     title="Load change",
     place=Place.MECHANICS,
     order=2,

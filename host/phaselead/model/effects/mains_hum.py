@@ -54,6 +54,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="mains_hum",
+    listed=190,
     title="Mains hum",
     place=Place.ENVIRONMENT,
     order=1,

@@ -37,6 +37,7 @@ def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
 
 EFFECT = Effect(
     name="offset",
+    listed=160,
     title="Offset",
     place=Place.SENSOR,
     order=1,

@@ -41,6 +41,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="quantisation",
+    listed=170,
     title="Quantisation",
     place=Place.SENSOR,
     order=5,

@@ -94,6 +94,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="rate_dependence",
+    listed=30,
     title="Rate dependence",
     place=Place.HYSTERESIS,
     order=2,

@@ -85,6 +85,7 @@ def undo_on_position(params: Params) -> Undone:
 
 EFFECT = Effect(
     name="resonance",
+    listed=60,
     title="Resonance",
     place=Place.MECHANICS,
     order=1,

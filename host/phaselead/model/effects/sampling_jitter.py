@@ -43,6 +43,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="sampling_jitter",
+    listed=230,
     title="Sampling jitter",
     place=Place.SENSOR,
     order=4,

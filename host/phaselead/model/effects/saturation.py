@@ -53,6 +53,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="saturation",
+    listed=100,
     title="Saturation",
     place=Place.AMPLIFIER,
     order=2,

@@ -20,6 +20,7 @@ def undo_on_position(params: Params) -> Undone:
 
 EFFECT = Effect(
     name="sensor_lowpass",
+    listed=130,
     title="Sensor low-pass",
     place=Place.SENSOR,
     order=2,

@@ -38,6 +38,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="sensor_nonlinearity",
+    listed=140,
     title="Sensor nonlinearity",
     place=Place.SENSOR,
     order=3,

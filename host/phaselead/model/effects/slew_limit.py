@@ -64,6 +64,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="slew_limit",
+    listed=90,
     title="Slew limit",
     place=Place.AMPLIFIER,
     order=0,

@@ -85,6 +85,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="softening",
+    listed=40,
     title="Softening",
     place=Place.HYSTERESIS,
     order=3,

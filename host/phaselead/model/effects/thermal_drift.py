@@ -35,6 +35,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="thermal_drift",
+    listed=180,
     title="Thermal drift",
     place=Place.ENVIRONMENT,
     order=0,

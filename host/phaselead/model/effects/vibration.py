@@ -48,6 +48,7 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
 
 EFFECT = Effect(
     name="vibration",
+    listed=200,
     title="Vibration",
     place=Place.ENVIRONMENT,
     order=2,
