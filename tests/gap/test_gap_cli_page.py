@@ -11,7 +11,8 @@ import pytest
 from rich.console import Console
 
 from phaselead.cli.gap_run import show
-from phaselead.gap.result import Bound, Candidate, Cell, Gap, GapResult, NamedEffect, NextExperiment, Trace
+from phaselead.gap.findings import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Trace
+from phaselead.gap.result import GapResult
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.report.gap import gap_page, remains, standing_out

@@ -8,7 +8,8 @@ from click.testing import CliRunner
 
 from phaselead.cli import gap_run, main
 from phaselead.errors import BadInput
-from phaselead.gap.result import Gap, GapResult
+from phaselead.gap.findings import Gap
+from phaselead.gap.result import GapResult
 from phaselead.gap.verify_on import check_port, verify_on
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
 from phaselead.model.stage_file import Stage, save_stage

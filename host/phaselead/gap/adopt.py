@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import PurePath
 
-from phaselead.gap.result import NamedEffect
+from phaselead.gap.findings import NamedEffect
 from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage
 from phaselead.record import Recording
 

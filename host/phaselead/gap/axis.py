@@ -18,16 +18,7 @@ from phaselead.gap.disturbances import (
     louder_at_rest,
     session_shifts,
 )
-from phaselead.gap.goodness_of_fit import (
-    CLEARLY_ABOVE_FLOOR,
-    FinalFit,
-    final_fit,
-    names_leave_too_much,
-    structure_remains,
-)
-from phaselead.gap.locate import ResidualAndNoise, rank_cells
-from phaselead.gap.records import Run
-from phaselead.gap.result import (
+from phaselead.gap.findings import (
     NAMED,
     Bound,
     Candidate,
@@ -39,6 +30,15 @@ from phaselead.gap.result import (
     Trace,
     Value,
 )
+from phaselead.gap.goodness_of_fit import (
+    CLEARLY_ABOVE_FLOOR,
+    FinalFit,
+    final_fit,
+    names_leave_too_much,
+    structure_remains,
+)
+from phaselead.gap.locate import ResidualAndNoise, rank_cells
+from phaselead.gap.records import Run
 from phaselead.gap.search import Growth, Progress, grow, without_names
 from phaselead.model import AxisModel, Effect
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.findings import Bound, Value
 from phaselead.gap.metric import Regressors
 from phaselead.gap.refit import Fitted, from_internal, to_internal
-from phaselead.gap.result import Bound, Value
 from phaselead.gap.scan import ScannedShape, full_moments, projection, scan, with_free
 from phaselead.gap.search import Growth
 from phaselead.model import Effect, Parameter

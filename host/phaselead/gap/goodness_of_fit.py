@@ -12,11 +12,11 @@ from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.disturbances import RecordOffset
+from phaselead.gap.findings import Gap, Trace
 from phaselead.gap.metric import Regressors
 from phaselead.gap.records import Role, Run
 from phaselead.gap.refit import Fitted, SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
-from phaselead.gap.result import Gap, Trace
 from phaselead.gap.search import Growth
 from phaselead.model import AxisModel
 from phaselead.record import Samples

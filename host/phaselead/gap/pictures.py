@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from phaselead.drawing import BLUE, GREEN, RED, figure_style, new_figure, thin
+from phaselead.gap.findings import Cell, Trace
 
 MOST_CELLS = 8
+"""That have room in the figure."""
 
 
-def gap_figure(traces: Sequence[Any], cells: Sequence[Any]) -> Figure:
+def gap_figure(traces: Sequence[Trace], cells: Sequence[Cell]) -> Figure:
     """Left: what is left of the held-out record with the largest gap, before and after. Right: the largest cells."""
     with figure_style():
         figure = new_figure(11.4, 4.0)
@@ -28,7 +29,7 @@ def gap_figure(traces: Sequence[Any], cells: Sequence[Any]) -> Figure:
         return figure
 
 
-def _trace(axes: Axes, trace: Any) -> None:
+def _trace(axes: Axes, trace: Trace) -> None:
     t, before, after = thin(trace.t_s, trace.measured_um - trace.before_um, trace.measured_um - trace.after_um)
     axes.plot(t, before, color=RED, linewidth=0.9, label="before")
     axes.plot(t, after, color=BLUE, linewidth=0.9, label="after")

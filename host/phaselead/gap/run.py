@@ -11,9 +11,10 @@ import numpy as np
 
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
+from phaselead.gap.findings import Cell, Gap
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import Run, axis_runs
-from phaselead.gap.result import Cell, Gap, GapResult
+from phaselead.gap.result import GapResult
 from phaselead.gap.several_axes import search_together
 from phaselead.model import Effect, Stage, catalogue
 from phaselead.record import Recording

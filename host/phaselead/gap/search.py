@@ -18,10 +18,10 @@ from phaselead.gap.acceptance import (
 )
 from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import MARGIN, Comparison, compare
+from phaselead.gap.findings import NAMED, Candidate
 from phaselead.gap.problem import Problem, common_with_effects, make_problem, with_effects
 from phaselead.gap.records import Run
 from phaselead.gap.refit import Fitted, refit, with_total
-from phaselead.gap.result import NAMED, Candidate
 from phaselead.gap.scan import ScannedShape, penalty, refit_best, scan
 from phaselead.model import AxisModel, Effect
 

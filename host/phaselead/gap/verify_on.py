@@ -23,7 +23,7 @@ SHOWN_PERIODS = 2
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedPath:
     """One axis on one path with both models. Errors are reference minus measured position; arrays are (n,)."""
 
     axis: str
@@ -43,11 +43,11 @@ class Tracked:
 
 
 @dataclass(frozen=True)
-class Verification:
+class TrackingComparison:
     """Tracking errors before and after; ``messages`` say what was not run, and why."""
 
     port: str
-    tracked: tuple[Tracked, ...] = ()
+    tracked: tuple[TrackedPath, ...] = ()
     messages: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, object]:
@@ -61,7 +61,7 @@ def check_port(port: str) -> None:
     Device.open(port).close()
 
 
-def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> Verification:
+def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> TrackingComparison:
     """Track with every axis whose model changed, under both models, with the stage parked in between.
 
     Modes are ``inverse``, feed-forward alone, and ``inverse+pid`` where the stage file has gains. An error of the
@@ -69,13 +69,13 @@ def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | No
     """
     changed = [name for name in sorted(after.axes) if after.axes[name] != before.axes.get(name)]
     if not changed:
-        return Verification(port, messages=("the model did not change; there is nothing to verify",))
+        return TrackingComparison(port, messages=("the model did not change; there is nothing to verify",))
     named = _with_neighbours(changed, after)
     reasons = {name: _not_run(name, before, after) for name in named}
     messages = [reason for reason in reasons.values() if reason is not None]
     axes = [name for name in named if reasons[name] is None]
     runs = [(mode, paths) for mode in _modes(axes, after) for paths in _paths(axes, before, after)]
-    tracked: list[Tracked] = []
+    tracked: list[TrackedPath] = []
     try:
         for i, (mode, (label, paths)) in enumerate(runs):
             tracked += _with_both_models(port, label, paths, mode, before, after)
@@ -83,7 +83,7 @@ def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | No
                 on_progress((i + 1) / len(runs))
     except PhaseleadError as error:
         messages.append(f"on {port} it went no further: {error}")
-    return Verification(port, tuple(tracked), tuple(messages))
+    return TrackingComparison(port, tuple(tracked), tuple(messages))
 
 
 def _with_neighbours(changed: Sequence[str], after: Stage) -> list[str]:
@@ -148,7 +148,7 @@ def _span_um(*models: AxisModel) -> tuple[float, float]:
 
 def _with_both_models(
     port: str, label: str, paths: Mapping[str, Waveform], mode: str, before: Stage, after: Stage
-) -> list[Tracked]:
+) -> list[TrackedPath]:
     """One path with both models, each on a freshly opened device; a move begins where the axis stands."""
     runs = [_run(port, paths, mode, stage) for stage in (before, after)]
     found = []
@@ -158,7 +158,7 @@ def _with_both_models(
         shown = waveform.last_rows(SHOWN_PERIODS, len(t_s), TICK_HZ)
         (_, r_um, x_um), (_, r_after_um, x_after_um) = (run[name] for run in runs)
         found.append(
-            Tracked(
+            TrackedPath(
                 name,
                 label,
                 mode,

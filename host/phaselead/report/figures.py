@@ -113,7 +113,7 @@ def verification(t_s: Samples, measured_um: Samples, models_um: Mapping[str, Sam
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedRun:
     """One controller's run: arrays of shape (n,)."""
 
     t_s: Samples
@@ -123,7 +123,7 @@ class Tracked:
     feedback_V: Samples
 
 
-def tracking(runs: Mapping[str, Tracked]) -> Figure:
+def tracking(runs: Mapping[str, TrackedRun]) -> Figure:
     """Fig. 7: (a) reference, (b) errors by controller, (c) actual against desired, (d) effort split into FF and FB."""
     with figure_style():
         figure = new_figure(11.4, 7.2)

@@ -16,13 +16,13 @@ import numpy as np
 from phaselead.gap.acceptance import Named
 from phaselead.gap.comparison import TIE, Rival
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_s, excitations, span_V
+from phaselead.gap.findings import NextExperiment
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
 from phaselead.gap.refit import fresh_columns
 from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun, modelled_run
-from phaselead.gap.result import NextExperiment
 from phaselead.gap.search import Growth
 from phaselead.model import Effect, Place
 from phaselead.record import Samples

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
+from phaselead.gap.findings import Value
 from phaselead.gap.residual import RunResidual
-from phaselead.gap.result import Value
 
 MAINS_Hz = (50.0, 60.0)
 HARMONICS = (1, 2, 3)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
+from phaselead.gap.findings import Value
 from phaselead.gap.records import Run
 from phaselead.gap.residual import RunResidual
-from phaselead.gap.result import Value
 from phaselead.record import Samples
 
 LATEST = 0.05

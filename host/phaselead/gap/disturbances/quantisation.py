@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
-from phaselead.gap.result import Value
+from phaselead.gap.findings import Value
 from phaselead.record import Samples
 
 

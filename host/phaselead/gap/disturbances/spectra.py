@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import welch
 
 from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
-from phaselead.gap.result import Spectrum
+from phaselead.gap.findings import Spectrum
 from phaselead.record import Samples
 
 SEGMENT = 4096

@@ -12,7 +12,7 @@ from scipy.stats import f as f_distribution
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
 from phaselead.gap.disturbances.hum import is_mains
-from phaselead.gap.result import Value
+from phaselead.gap.findings import Value
 from phaselead.record import Samples
 
 SEGMENT = 1024

@@ -16,12 +16,12 @@ import numpy as np
 from scipy.linalg import solve_banded
 from scipy.signal import lfilter
 
+from phaselead.gap.findings import Cell
 from phaselead.gap.locate.cells import AXIS, STEP, Cut, Powers, cut
 from phaselead.gap.locate.sentences import LEVEL, sentence_of
 from phaselead.gap.locate.steps import ALL, slow_response
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import Run
-from phaselead.gap.result import Cell
 from phaselead.record import Samples
 
 DRAWS = 500

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from phaselead.gap.findings import Bound, Cell
 from phaselead.gap.locate.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.steps import ALL
-from phaselead.gap.result import Bound, Cell
 from phaselead.model import catalogue
 
 LEVEL = 0.01

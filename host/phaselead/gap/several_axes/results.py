@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.gap.axis import AxisResult
+from phaselead.gap.findings import Bound, Candidate, Cell, Gap, NamedEffect, Trace, Value, Values
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.noise import fit_noise
 from phaselead.gap.records import Run
-from phaselead.gap.result import Bound, Candidate, Cell, Gap, NamedEffect, Trace, Value, Values
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
 from phaselead.gap.several_axes.joint_records import JointRecord, effect_of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.adopt import stage_file_entry
-from phaselead.gap.result import NamedEffect, Value, Values
+from phaselead.gap.findings import NamedEffect, Value, Values
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.joint_records import softening_params
 from phaselead.model import AxisModel, TimeView, rest_position_um
