@@ -117,10 +117,10 @@ def test_a_larger_held_out_gap_counts_against_a_name(name, reference, z, worse, 
 
 def test_a_moving_base_takes_over_what_only_references_tell():
     whole = effect("sensor_nonlinearity")
-    alone = whole.beside_moving_base()
+    alone = whole.for_refitted_base()
     assert {p.name for p in whole.parameters} - {p.name for p in alone.parameters} == {"linear"}
     assert alone.complete({"quadratic": 0.1}) == whole.complete({"quadratic": 0.1})
-    assert effect("rate_dependence").beside_moving_base().complete({})["spread"] == 1.0
+    assert effect("rate_dependence").for_refitted_base().complete({})["spread"] == 1.0
 
 
 def rivals(*scored):

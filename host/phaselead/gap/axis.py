@@ -92,7 +92,7 @@ def search_axis(
     """
     candidates, refused = responses(effects, frozen)
     if not frozen and not any(run.role == "reference" for run in runs):
-        candidates = [effect.beside_moving_base() for effect in candidates]
+        candidates = [effect.for_refitted_base() for effect in candidates]
     growth, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
     named, ties, file_entries = _named(growth, final, label, seed)
     other = _beyond_voltage(axis, final, effects, {e.name for e in named} | {n for tie in ties for n in tie}, label)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from phaselead.control import TrackingError, track, tracking_error
 from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
-from phaselead.model import AxisModel, Place, Samples, Stage, compensation, effect, rest_position_um
+from phaselead.model import AxisModel, Place, Stage, compensation, effect, rest_position_um
+from phaselead.record import Samples
 from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
 
 Progress = Callable[[float], None]

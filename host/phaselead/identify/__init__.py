@@ -13,7 +13,6 @@ from phaselead.identify.experiment import (
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, FitReport, fit
 from phaselead.identify.modal import (
-    Complex,
     Drive,
     Drives,
     JointExperiment,
@@ -37,7 +36,6 @@ __all__ = [
     "STILL_V",
     "AxisRun",
     "Base",
-    "Complex",
     "Drive",
     "Drives",
     "Experiment",

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.runs import driven_axes
-from phaselead.record import Recording
+from phaselead.record import AXES, Recording
 
 Matrix3 = tuple[tuple[float, float, float], ...]
-AXES = ("x", "y", "z")
 REST_ROWS = 5
 
 

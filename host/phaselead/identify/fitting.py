@@ -16,7 +16,16 @@ from phaselead.identify.modal import FittedModes, fit_in_turn
 from phaselead.identify.operator import OperatorFit, fit_linear
 from phaselead.identify.runs import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
-from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage, TablePoint, TableView
+from phaselead.model import (
+    AdoptedEffect,
+    AxisModel,
+    DataSource,
+    Provenance,
+    Stage,
+    TablePoint,
+    TableView,
+    effect_of_modes,
+)
 from phaselead.record import Recording
 
 Base = Literal["operator", "linear"]
@@ -201,7 +210,7 @@ def _describe_modes(axis: str, found: FittedModes) -> str:
     explained = 100 * (1 - found.share_left)
     return (
         f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {explained:.0f} % of "
-        "the squared residual of the operator; adopted as effect resonance"
+        f"the squared residual of the operator; adopted as effect {effect_of_modes(found.modes)[0].name}"
     )
 
 

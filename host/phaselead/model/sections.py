@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
-from phaselead.model.operator import Samples
+from phaselead.record import Samples
 
 Roots = NDArray[np.complex128]
 

@@ -22,7 +22,7 @@ from phaselead.model.fields import Matrix3, Part
 from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
 from phaselead.model.validation_errors import explain, fault
-from phaselead.record import write_text
+from phaselead.record import AXES, write_text
 from phaselead.result import Result, Table, pairs_table
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ LARGEST_FILE = 16 * 2**20
 
 
 def _axis_name(name: str) -> str:
-    if name not in ("x", "y", "z"):
+    if name not in AXES:
         fault("is no axis; there are x, y and z")
     return name
 

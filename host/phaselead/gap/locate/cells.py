@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from phaselead.gap.records import Run
 from phaselead.identify import AxisRun, Sine
+from phaselead.model import Complex
 from phaselead.record import Samples
 
 Mask = NDArray[np.bool_]
-Complex = NDArray[np.complex128]
 
 BLOCKS = 24
 """Into which every record is cut."""

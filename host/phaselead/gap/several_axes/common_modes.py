@@ -9,7 +9,6 @@ import numpy as np
 
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
-    Complex,
     Drive,
     Drives,
     ModalFit,
@@ -19,7 +18,7 @@ from phaselead.identify import (
     fit_modes,
     frequency_response,
 )
-from phaselead.model import Entry
+from phaselead.model import Complex, Entry
 from phaselead.record import Samples
 
 Report = Callable[[float], None]

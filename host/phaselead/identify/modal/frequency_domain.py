@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify.modal.model import Complex
+from phaselead.model import Complex
 from phaselead.record import Samples
 
 REPEATS = 0.02

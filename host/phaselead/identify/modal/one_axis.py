@@ -25,10 +25,11 @@ from phaselead.model import (
     Mode,
     TimeView,
     behind_modes,
+    effect_of_modes,
     mode_coefficients,
     predict_time_view,
     resonant,
-    second_order_left,
+    second_order_residual,
 )
 from phaselead.record import Samples
 
@@ -90,10 +91,9 @@ class FittedModes:
 
     def adopted(self, view: TimeView) -> tuple[TimeView, AdoptedEffect]:
         """The time view with the delay that remains, and the entry for the stage file."""
-        c, f_Hz, zeta = zip(*self.modes, strict=True)
-        params = {"f_Hz": f_Hz[0], "zeta": zeta[0]} if len(c) == 1 else {"c": c, "f_Hz": f_Hz, "zeta": zeta}
-        effect = AdoptedEffect(name="resonance", params=params, share=min(max(1 - self.share_left, 0.0), 1.0))
-        return view.model_copy(update={"delay_s": self.delay_s}), effect
+        effect, params = effect_of_modes(self.modes)
+        adopted = AdoptedEffect(name=effect.name, params=params, share=min(max(1 - self.share_left, 0.0), 1.0))
+        return view.model_copy(update={"delay_s": self.delay_s}), adopted
 
 
 def fit_in_turn(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
@@ -169,7 +169,7 @@ class _Ringing:
         """Covariance of ``columns`` over the rows; that of one mode is worked out in C, thousands of times."""
         if len(place) == 2:
             system = mode_coefficients(place[0] * self.step_s, place[1])
-            left, across, late = second_order_left(self.base, self._measured, system, self.step_s, self._rows)
+            left, across, late = second_order_residual(self.base, self._measured, system, self.step_s, self._rows)
             return np.array([[left, across], [across, late]])
         columns = self.columns(place)
         mean = columns.mean(axis=0)

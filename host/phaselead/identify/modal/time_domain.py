@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.identify.gauss_newton import descend, ridged
-from phaselead.identify.modal.model import Complex, Drive, ModalModel
+from phaselead.identify.modal.model import Drive, ModalModel
+from phaselead.model import Complex
 from phaselead.record import Samples
 
 LEAST_ZETA, MOST_ZETA = 0.002, 0.97

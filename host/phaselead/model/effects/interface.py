@@ -14,10 +14,11 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects.filters import Mode
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Params, Value, number, numbers
-from phaselead.model.effects.place import Place
+from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.virtual import VirtualAxis
-from phaselead.model.operator import Samples, range_um, rest_plays, rest_position_um
+from phaselead.model.operator import range_um, rest_plays, rest_position_um
 from phaselead.model.sections import Undone
+from phaselead.record import Samples
 
 __all__ = [
     "CheckedParameters",
@@ -227,6 +228,11 @@ class Effect:
     hysteresis."""
     modes: Callable[[Params], Sequence[Mode]] | None = None
     """The modes of the mechanics that it adds. What passes them has no corners."""
+    from_modes: Callable[[Sequence[Mode]], dict[str, float | tuple[float, ...]]] | None = None
+    """The parameters that add these modes. One effect of the catalogue has it: fitted modes are adopted as that one."""
+    from_shares: Callable[[Mapping[str, float]], Params] | None = None
+    """The parameters that add these shares of the motion of other axes, by their names. One effect of the catalogue has
+    it: the stage file's coupling matrix acts through that one."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None
@@ -254,11 +260,17 @@ class Effect:
         inverses = (self.into_time_view, self.creep_terms, self.undo_on_drive, self.undo_on_position, self.coupling)
         return self.rewrite is not None or any(inverse is not None for inverse in inverses)
 
-    def beside_moving_base(self) -> Effect:
-        """The effect without the parameters that a base which moves with it takes over: they stay as when left out."""
-        asked = tuple(p for p in self.parameters if not p.beside_reference)
-        fixed = {p.name: p.left_out for p in self.parameters if p.beside_reference}
+    def for_refitted_base(self) -> Effect:
+        """The effect without the parameters that a base refitted together with it takes over: they stay as when left
+        out."""
+        asked = tuple(p for p in self.parameters if not p.absorbed_by_refit)
+        fixed = {p.name: p.left_out for p in self.parameters if p.absorbed_by_refit}
         return replace(self, parameters=asked, fixed=fixed)
+
+    @property
+    def before_modes(self) -> bool:
+        """Whether it acts on what the actuator gives to the moving structure, in front of every mode."""
+        return (self.place, self.order) < MODES_FROM
 
     @property
     def sizes(self) -> tuple[Parameter, ...]:
