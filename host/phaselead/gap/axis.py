@@ -23,12 +23,12 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
-    Gap,
+    Estimate,
+    GapSize,
     NamedEffect,
     NextExperiment,
     Spectrum,
     Trace,
-    Value,
 )
 from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
@@ -38,7 +38,7 @@ from phaselead.gap.goodness_of_fit import (
     structure_remains,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.search import Growth, Progress, grow, without_names
 from phaselead.model import AxisModel, Effect
 
@@ -65,7 +65,7 @@ class AxisResult:
     untestable: dict[str, str]
     """Why these records say nothing of an effect, by its name."""
     where: list[Cell]
-    gap: Gap
+    gap: GapSize
     rows: int
     """Held-out rows."""
     next_experiment: NextExperiment | None
@@ -80,7 +80,7 @@ def search_axis(
     axis: str,
     label: str | None,
     model: AxisModel,
-    runs: Sequence[Run],
+    runs: Sequence[GapRun],
     effects: Sequence[Effect],
     frozen: bool,
     seed: int,
@@ -210,7 +210,7 @@ def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
 
 
 def _credible_search(
-    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+    model: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
 ) -> tuple[Growth, FinalFit]:
     """The better search, its names withdrawn where they leave too much to be what is there."""
     growth, final = search_twice(model, runs, effects, frozen, on_progress)
@@ -221,7 +221,7 @@ def _credible_search(
 
 
 def search_twice(
-    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+    model: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
 ) -> tuple[Growth, FinalFit]:
     """The search, or a second one without the effect that the first began with, where that explains much more.
 
@@ -290,7 +290,7 @@ def _named(
     return named, ties, entries
 
 
-def _operator_params(one: Named, growth: Growth) -> dict[str, Value]:
+def _operator_params(one: Named, growth: Growth) -> dict[str, Estimate]:
     """Parameters of an effect that the base took up as plays of its own: as the catalogue describes it."""
     params = growth.operator or {}
     spread = 2 / max(one.held_out.z, 1.0)

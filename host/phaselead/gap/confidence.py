@@ -8,7 +8,7 @@ import numpy as np
 
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
-from phaselead.gap.findings import Bound, Value
+from phaselead.gap.findings import ONE_SIDED_95, Bound, Estimate
 from phaselead.gap.metric import Regressors
 from phaselead.gap.refit import Fitted, from_internal, to_internal
 from phaselead.gap.scan import ScannedShape, full_moments, projection, scan, with_free
@@ -16,10 +16,8 @@ from phaselead.gap.search import Growth
 from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
-DRAWS = 400
+BOOTSTRAP_DRAWS = 400
 """Of the bootstrap: its 2.5 % quantile is then the tenth from the end."""
-ONE_SIDED_95 = 1.645
-"""Standard deviations below which 95 % of a normal distribution lie."""
 EQUATION_MISFIT = 1.5
 """A stage's own effect has not quite the catalogue's equation, so that these records may show less of it than there is:
 by up to a third on trials."""
@@ -33,7 +31,7 @@ MANY_TIMES = 1000.0
 
 def confidence_intervals(
     fitted: Fitted, regressors: Regressors, discrepancy: Discrepancy, seed: int
-) -> list[dict[str, Value]]:
+) -> list[dict[str, Estimate]]:
     """Value, unit and 95 % interval of every parameter of every effect.
 
     ``regressors`` holds the common columns of the training records. A draw weighs the blocks of these records anew
@@ -43,7 +41,7 @@ def confidence_intervals(
     if not fitted.entries:
         return []
     draws = _draws(full_moments(regressors, fitted), discrepancy, seed)
-    found: list[dict[str, Value]] = [{} for _ in fitted.entries]
+    found: list[dict[str, Estimate]] = [{} for _ in fitted.entries]
     for j, (i, p) in enumerate(fitted.free):
         value = float(fitted.entries[i][1][p.name])
         found[i][p.name] = (value, p.unit, _interval(p, value, draws[:, j]))
@@ -51,7 +49,7 @@ def confidence_intervals(
 
 
 def _interval(p: Parameter, value: float, shifts: Samples) -> tuple[float, float]:
-    """95 % interval of a value from draws (DRAWS,) of its shift in internal units; it holds the value."""
+    """95 % interval of a value from draws (BOOTSTRAP_DRAWS,) of its shift in internal units; it holds the value."""
     low, high = np.quantile(shifts, [0.025, 0.975])
     at = to_internal(p, value)
     ends = sorted((from_internal(p, at + float(low)), from_internal(p, at + float(high))))
@@ -59,7 +57,8 @@ def _interval(p: Parameter, value: float, shifts: Samples) -> tuple[float, float
 
 
 def _draws(moments: Samples, discrepancy: Discrepancy, seed: int) -> Samples:
-    """Draws (DRAWS, tangents) of the parameters' shifts in internal units, from the moments (blocks, k, k) of a fit."""
+    """Draws (BOOTSTRAP_DRAWS, tangents) of the parameters' shifts in internal units, from the moments (blocks, k, k)
+    of a fit."""
     k = len(discrepancy.index)
     target = moments.shape[-1] - 1
     tangents = np.arange(k, target)
@@ -72,7 +71,7 @@ def _draws(moments: Samples, discrepancy: Discrepancy, seed: int) -> Samples:
     scores = (moments @ left) @ projector[:, tangents] / scale
     rng = np.random.default_rng(seed)
     blocks = len(scores)
-    weights = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=DRAWS) - 1.0
+    weights = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=BOOTSTRAP_DRAWS) - 1.0
     shifts = np.asarray((weights @ scores) @ inverse / scale)
     white = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
     spread = shifts.std(axis=0)

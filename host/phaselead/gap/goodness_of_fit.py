@@ -12,9 +12,9 @@ from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.disturbances import RecordOffset
-from phaselead.gap.findings import Gap, Trace
+from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.metric import Regressors
-from phaselead.gap.records import Role, Run
+from phaselead.gap.records import GapRun, Role
 from phaselead.gap.refit import Fitted, SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.search import Growth
@@ -46,7 +46,7 @@ class FinalFit:
     """Every run under the base as given."""
     after: tuple[ModelledRun, ...]
     """Every run under ``axis``, the effects not yet in it."""
-    gap: Gap
+    gap: GapSize
 
     @property
     def rows(self) -> int:
@@ -107,7 +107,7 @@ def _power(errors: Sequence[Samples]) -> float:
     return float(np.mean(np.concatenate(errors) ** 2))
 
 
-def final_fit(growth: Growth, runs: Sequence[Run]) -> FinalFit:
+def final_fit(growth: Growth, runs: Sequence[GapRun]) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
     now to what the effects leave."""
     axis, fitted = growth.problem.axis, growth.fitted
@@ -115,11 +115,11 @@ def final_fit(growth: Growth, runs: Sequence[Run]) -> FinalFit:
         axis = _refitted_operator(axis, fitted, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(growth.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
-    final = FinalFit(axis, fitted, before, after, Gap(0.0, 0.0, 0.0))
+    final = FinalFit(axis, fitted, before, after, GapSize(0.0, 0.0, 0.0))
     return FinalFit(axis, fitted, before, after, _gap(final, growth))
 
 
-def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) -> AxisModel:
+def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[GapRun]) -> AxisModel:
     """The axis with plays fitted to what the effects leave of the training runs, where that leaves less than before."""
     best, best_left = axis, _train_power(axis, fitted, train)
     for _ in range(OPERATOR_ROUNDS):
@@ -133,21 +133,23 @@ def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) ->
     return best
 
 
-def _train_power(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) -> float:
+def _train_power(axis: AxisModel, fitted: Fitted, train: Sequence[GapRun]) -> float:
     """Mean square in um^2 that the axis with the effects leaves of the training runs."""
     return _power([_about_mean(t.error(fitted.entries)) for t in (modelled_run(axis, run) for run in train)])
 
 
-def _gap(final: FinalFit, growth: Growth) -> Gap:
+def _gap(final: FinalFit, growth: Growth) -> GapSize:
     """RMS before and after over all held-out rows, and the floor."""
     before = float(np.sqrt(_power([left.error_um for left in final.residuals_before("holdout")])))
     after = float(np.sqrt(_power([left.error_um for left in final.residuals("holdout")])))
     reference = final.residuals("reference")
     if reference:
         floor = float(np.sqrt(_power([left.error_um for left in reference])))
-        return Gap(before, after, floor, "um", "what the model leaves of the reference records")
+        return GapSize(before, after, floor, "um", "what the model leaves of the reference records")
     floor = growth.problem.noise.level_um
-    return Gap(before, after, min(floor, after), "um", "what the richest model of all leaves of the training records")
+    return GapSize(
+        before, after, min(floor, after), "um", "what the richest model of all leaves of the training records"
+    )
 
 
 def structure_remains(growth: Growth, final: FinalFit) -> bool:

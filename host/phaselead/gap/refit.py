@@ -23,7 +23,7 @@ from phaselead.record import Samples
 SizedEffect = tuple[Effect, Mapping[str, float]]
 """An effect and its parameters, each a single number."""
 
-MOST_STEPS = 12
+MOST_REFIT_STEPS = 12
 """Of a refit, unless it ends before by LEAST_STEP_GAIN."""
 DIFFERENCE = 0.01
 """Finite difference for a tangent, in internal units."""
@@ -55,7 +55,7 @@ class Fitted:
 
 
 def refit(
-    regressors: Regressors, discrepancy: Discrepancy, start: Sequence[SizedEffect], steps: int = MOST_STEPS
+    regressors: Regressors, discrepancy: Discrepancy, start: Sequence[SizedEffect], steps: int = MOST_REFIT_STEPS
 ) -> Fitted:
     """The effects ``start`` at the parameters, all free, that leave least, found in ``steps`` at most from where they
     are.

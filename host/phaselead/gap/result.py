@@ -11,7 +11,7 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
-    Gap,
+    GapSize,
     NamedEffect,
     NextExperiment,
     Spectrum,
@@ -26,7 +26,7 @@ from phaselead.result import Result, Table, json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_CELLS = 5
+MOST_LISTED = 5
 """Of the largest cells, in the table."""
 
 
@@ -61,7 +61,7 @@ class GapResult(Result):
     excluded: tuple[Bound, ...]
     untestable: tuple[str, ...]
     where: tuple[Cell, ...]
-    gap: Gap
+    gap: GapSize
     next_experiment: NextExperiment | None
     holdout_sha256: tuple[str, ...]
     candidates: tuple[Candidate, ...] = ()
@@ -125,7 +125,7 @@ class GapResult(Result):
             parts.append(self._effects())
         parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]
         if self.where:
-            rows = ((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_CELLS])
+            rows = ((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_LISTED])
             parts.append(Table(("where", "cell", "share of the unexplained power"), tuple(rows)))
         if self.excluded:
             bounds = ((b.name, f"{b.upper_95:.2g}", "" if b.unit == "1" else b.unit) for b in self.excluded)

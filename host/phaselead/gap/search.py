@@ -20,7 +20,7 @@ from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import MARGIN, Comparison, compare
 from phaselead.gap.findings import NAMED, Candidate
 from phaselead.gap.problem import Problem, common_with_effects, make_problem, with_effects
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, refit, with_total
 from phaselead.gap.scan import ScannedShape, penalty, refit_best, scan
 from phaselead.model import AxisModel, Effect
@@ -64,13 +64,13 @@ class Growth:
 class _Given:
     """What a search is made with again when the base changes."""
 
-    runs: Sequence[Run]
+    runs: Sequence[GapRun]
     effects: Sequence[Effect]
     frozen: bool
 
 
 def grow(
-    axis: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
 ) -> Growth:
     """Name effects of ``effects`` one after the other until none pays. The base ``axis`` has a time view.
 

@@ -18,7 +18,7 @@ SINE_Hz, TRIANGLE_Hz, MOVE_Hz = 5.0, 20.0, 10.0
 """Frequencies of the paths; that of a move stands for its duration."""
 HOLD_s = 6.0
 """After a move, so that creep shows."""
-MARGIN, SWING = 0.1, 0.5
+PATH_START, PATH_SWING = 0.1, 0.5
 """Where a path begins and how far it goes, as shares of what every model can reach."""
 SHOWN_PERIODS = 2
 
@@ -122,7 +122,7 @@ def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, 
         found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)))
         found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)))
         if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in group):
-            moves = {n: Goto(SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
+            moves = {n: Goto(PATH_SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
             found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
     return found
 
@@ -130,7 +130,7 @@ def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, 
 def _periodic(spans: Mapping[str, tuple[float, float]], kind: type[Periodic], f_Hz: float) -> dict[str, Waveform]:
     """A path for each axis, at a frequency of its own, so that coupling between them shows."""
     return {
-        name: kind(SWING * (high - low), low + MARGIN * (high - low), "um", f_Hz * (1 + 0.4 * i))
+        name: kind(PATH_SWING * (high - low), low + PATH_START * (high - low), "um", f_Hz * (1 + 0.4 * i))
         for i, (name, (low, high)) in enumerate(spans.items())
     }
 

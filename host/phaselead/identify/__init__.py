@@ -26,13 +26,14 @@ from phaselead.identify.modal import (
     score_test,
 )
 from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
-from phaselead.identify.runs import STILL_V, AxisRun, Sine
+from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 from phaselead.identify.verifications import Verifications
 
 __all__ = [
     "HELD_OUT",
+    "SAME_RATE",
     "STILL_V",
     "AxisRun",
     "Base",
@@ -46,7 +47,7 @@ __all__ = [
     "ModalFit",
     "ModalModel",
     "Shaping",
-    "Sine",
+    "SineDrive",
     "Verification",
     "Verifications",
     "View",

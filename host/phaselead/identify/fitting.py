@@ -11,10 +11,10 @@ from pathlib import PurePath
 from typing import Any, Literal
 
 from phaselead.errors import BadInput
-from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
+from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_in_turn
 from phaselead.identify.operator import OperatorFit, fit_linear
-from phaselead.identify.runs import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
+from phaselead.identify.runs import SAME_RATE, AxisRun, SineDrive, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
 from phaselead.model import (
     AdoptedEffect,
@@ -29,7 +29,6 @@ from phaselead.model import (
 from phaselead.record import Recording
 
 Base = Literal["operator", "linear"]
-SAME_RATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class FitReport:
 
     time: dict[str, OperatorFit]
     table: dict[str, TableView]
-    coupling: tuple[Matrix3, Matrix3] | None = None
+    coupling: tuple[CouplingMatrix, CouplingMatrix] | None = None
     messages: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
@@ -177,7 +176,7 @@ def _table(runs: Sequence[AxisRun]) -> tuple[TableView | None, list[str]]:
         return None, [*messages, f"axis {axis}: time view only; {error}"]
 
 
-def _is_paper_sine(sine: Sine | None) -> bool:
+def _is_paper_sine(sine: SineDrive | None) -> bool:
     return sine is not None and sine.starts_at_zero
 
 

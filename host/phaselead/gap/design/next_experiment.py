@@ -15,11 +15,11 @@ import numpy as np
 
 from phaselead.gap.acceptance import Named
 from phaselead.gap.comparison import TIE, Rival
-from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_s, excitations, span_V
+from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_PROPOSED_s, excitations, span_V
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.refit import fresh_columns
 from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun, modelled_run
@@ -27,7 +27,7 @@ from phaselead.gap.search import Growth
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-MOST_ROWS = 10_000
+MOST_PREDICTED_ROWS = 10_000
 """Of one prediction; longer excitations are predicted at a coarser step."""
 MOST_MEMBERS = 4
 """Members of a tie that are told apart at once, the best first."""
@@ -37,11 +37,11 @@ VOLTAGE_SLACK = 0.02
 """Share of the span of the fitted voltages by which a drive may leave it."""
 APPROACH_s = 0.1
 """At the start, not counted: the output jumps to its first voltage, which the waveform is not chosen for."""
-NEAR = 10.0
+NEAR_TIE = 10.0
 """In units of the separation that breaks a tie: rivals that are fewer points behind are told apart as well."""
-ENOUGH = 30.0
+ENOUGH_SEPARATION = 30.0
 """In the same units: more separation is of no use, a shorter experiment is better."""
-MARGIN = 2.0
+SEPARATION_MARGIN = 2.0
 """In the same units: what a prediction must reach, since it knows neither the truth nor its own misfit."""
 SENSORS = {
     Place.AMPLIFIER: "a voltage monitor at the amplifier's output",
@@ -84,20 +84,20 @@ def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | 
 def _near(rival: Rival, tied: Sequence[Rival]) -> bool:
     """Whether a rival outside the tie could belong to it: few points behind, and known to look like a member."""
     behind = tied[0].score - rival.score
-    return behind < NEAR * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
+    return behind < NEAR_TIE * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
 
 
 def _worth(option: Excitation, apart: float) -> tuple[float, float]:
-    """What excitations are ranked by: separation per second, counted up to ENOUGH; then separation."""
-    return min(apart, ENOUGH * TIE) / option.seconds, apart
+    """What excitations are ranked by: separation per second, counted up to ENOUGH_SEPARATION; then separation."""
+    return min(apart, ENOUGH_SEPARATION * TIE) / option.seconds, apart
 
 
 def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
-    """The excitation repeated until the separation suffices, for LONGEST_s at most, and its separation then."""
+    """The excitation repeated until the separation suffices, LONGEST_PROPOSED_s at most, and its separation then."""
     for seconds in LENGTHS_s:
-        if seconds >= option.seconds and apart / option.seconds * seconds >= MARGIN * TIE:
+        if seconds >= option.seconds and apart / option.seconds * seconds >= SEPARATION_MARGIN * TIE:
             return replace(option, seconds=seconds), apart / option.seconds * seconds
-    longest = max(LONGEST_s, option.seconds)
+    longest = max(LONGEST_PROPOSED_s, option.seconds)
     return replace(option, seconds=longest), apart / option.seconds * longest
 
 
@@ -130,11 +130,11 @@ def _separation(growth: Growth, option: Excitation, members: Sequence[Member], s
 
     0 where the sensor would not see the motion, or the model was never fitted at such voltages.
     """
-    every = max(1, int(np.ceil(option.seconds / step_s / MOST_ROWS)))
+    every = max(1, int(np.ceil(option.seconds / step_s / MOST_PREDICTED_ROWS)))
     n = int(option.seconds / (every * step_s))
     t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
     start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
-    run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
+    run = GapRun("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
     made = modelled_run(growth.problem.axis, run)
     shown = [made.answer(m.rival.fitted.entries) for m in members]
     if not _within_sensor(growth, shown) or not _within_fitted_voltages(growth, made, members):

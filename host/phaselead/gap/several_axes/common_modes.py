@@ -23,9 +23,9 @@ from phaselead.record import Samples
 
 Report = Callable[[float], None]
 
-NEAR = 0.03
+SAME_POLE = 0.03
 """Poles at two levels that differ by less than this share belong to one mode."""
-MOST_DAMPED = 0.1
+MOST_ADDED_DAMPING = 0.1
 """Largest damping ratio of a mode that only records of a weaker level show."""
 TAUS_s = (0.1, 0.3, 1.0, 3.0)
 """Memories of the level that are tried."""
@@ -92,7 +92,9 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Co
         if found is None:
             found = np.asarray(poles, dtype=complex)
             continue
-        far = [q for q in poles if np.min(np.abs(found - q)) > NEAR * abs(q) and -q.real < MOST_DAMPED * abs(q)]
+        far = [
+            q for q in poles if np.min(np.abs(found - q)) > SAME_POLE * abs(q) and -q.real < MOST_ADDED_DAMPING * abs(q)
+        ]
         inside = [q for q in far if found[0].imag < q.imag < np.max(found.imag)]
         found = np.concatenate([found, np.array(inside, dtype=complex)])
     assert found is not None

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from phaselead.gap.records import Role, Run
+from phaselead.gap.records import GapRun, Role
 from phaselead.identify import STILL_V, Drive, JointExperiment
 from phaselead.model import AxisModel, Chain, Effect, Entry, Params, Signal, catalogue, push_level
 from phaselead.record import Samples
@@ -82,7 +82,7 @@ class JointRecord:
         return int(np.count_nonzero(np.ptp(e.u_V[e.rows], axis=0) > STILL_V)) > 1
 
 
-def joint_records(models: Mapping[str, AxisModel], runs: Mapping[str, Sequence[Run]]) -> list[JointRecord] | None:
+def joint_records(models: Mapping[str, AxisModel], runs: Mapping[str, Sequence[GapRun]]) -> list[JointRecord] | None:
     """The runs of all axes put together by record; None where a record lacks an axis.
 
     Effects that a model has adopted for the modes are left out of its chains.

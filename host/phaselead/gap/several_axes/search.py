@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
-from phaselead.gap.records import Role, Run
+from phaselead.gap.records import GapRun, Role
 from phaselead.gap.several_axes.common_modes import CommonModes, fit_linear, fit_softening
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, predict_held_out
 from phaselead.gap.several_axes.joint_records import (
@@ -23,7 +23,7 @@ from phaselead.gap.several_axes.joint_records import (
     response_groups,
 )
 from phaselead.gap.several_axes.other_effects import score_other_effects
-from phaselead.gap.several_axes.results import Findings, axis_results
+from phaselead.gap.several_axes.results import StageFit, axis_results
 from phaselead.identify import frequency_response
 from phaselead.model import AxisModel, Effect, Stage
 from phaselead.record import Recording
@@ -40,7 +40,7 @@ LOWEST_LINES = 8
 
 def search_together(
     stage: Stage,
-    runs: Mapping[str, Sequence[Run]],
+    runs: Mapping[str, Sequence[GapRun]],
     holdout: Sequence[Recording],
     reference: Sequence[Recording],
     effects: Sequence[Effect],
@@ -71,7 +71,7 @@ def search_together(
     others = score_other_effects(train, modes, effects)
     report(0.95)
     allowed = tuple(e.name for e in effects)
-    findings = Findings(stage, models, modes, softening, others, before, train, held, allowed)
+    findings = StageFit(stage, models, modes, softening, others, before, train, held, allowed)
     return axis_results(findings, runs, holdout, seed)
 
 
@@ -81,7 +81,7 @@ def has_common_modes(stage: Stage) -> bool:
     return any(e.name == own_path and "velocity" in e.params for a in stage.axes.values() for e in a.effects)
 
 
-def _moving_together(stage: Stage, runs: Mapping[str, Sequence[Run]]) -> list[JointRecord] | None:
+def _moving_together(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> list[JointRecord] | None:
     """The records of all axes; None where there is one axis only, or one axis is driven at a time."""
     records = joint_records({a: stage.axes[a] for a in runs}, runs) if len(runs) > 1 else None
     if records is None or not all(r.together for r in records if r.role != "reference"):

@@ -133,14 +133,14 @@ class Signal:
 
 Loops = Literal["loop", "loops", "difference"]
 Times = Literal["sine", "holds", "steps", "idle", "line", "ramp", "neighbour"]
-View = Loops | Times | Literal["response", "level"]
+PictureView = Loops | Times | Literal["response", "level"]
 
 
 @dataclass(frozen=True)
 class Picture:
     """The small figure on the effect's page: which experiment, at which (exaggerated) size, on which base."""
 
-    view: View
+    view: PictureView
     params: Params
     base: Literal["linear", "plays", "mode"] = "linear"
 
