@@ -90,19 +90,13 @@ def search_axis(
 
     ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for intervals and cells.
     """
-    candidates, refused = responses(effects, frozen)
-    if not frozen and not any(run.role == "reference" for run in runs):
-        candidates = [effect.for_refitted_base() for effect in candidates]
+    candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
     growth, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
     named, ties, file_entries = _named(growth, final, label, seed)
-    other = _beyond_voltage(axis, final, effects, {e.name for e in named} | {n for tie in ties for n in tie}, label)
+    other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
     ties += other.ties
-    taken = {e.name for e in [*named, *other.named]} | {n for tie in ties for n in tie}
+    taken = _names([*named, *other.named], ties)
     excluded, hidden = upper_bounds(growth, candidates, taken, label)
-    if growth.substitute is not None and growth.substitute not in taken:
-        hidden[growth.substitute] = SUBSTITUTE
-    if other.zero_tested:
-        refused = {name: why for name, why in refused.items() if why != NEEDS_SESSION}
     on_progress(0.97)
     return AxisResult(
         axis,
@@ -111,7 +105,7 @@ def search_axis(
         ties,
         structure_remains(growth, final) or other.unknown,
         [*excluded, *other.excluded],
-        {**{n: w for n, w in {**refused, **other.untested}.items() if n not in taken}, **hidden},
+        {**_untested(refused, other, taken), **hidden, **_substituted(growth, taken)},
         _where(growth, final, seed, label),
         final.gap,
         final.rows,
@@ -123,10 +117,29 @@ def search_axis(
     )
 
 
-def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], dict[str, str]]:
+def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set[str]:
+    """Every name that is claimed, for certain or in a tie."""
+    return {effect.name for effect in named} | {name for tie in ties for name in tie}
+
+
+def _untested(refused: dict[str, str], other: _BeyondVoltage, taken: set[str]) -> dict[str, str]:
+    """Why effects that are not ``taken`` were not tested, by name."""
+    why = {n: w for n, w in refused.items() if not (other.zero_tested and w == NEEDS_SESSION)} | other.untested
+    return {n: w for n, w in why.items() if n not in taken}
+
+
+def _substituted(growth: Growth, taken: set[str]) -> dict[str, str]:
+    """Why the effect that the search went without is not named, by its name; empty without one."""
+    left_out = growth.substitute
+    return {} if left_out is None or left_out in taken else {left_out: SUBSTITUTE}
+
+
+def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:
     """Effects that the search may name, and why others are not among them, by name.
 
-    Disturbances have tests of their own, but a drift is fitted like a response: its course in time is known.
+    ``referenced``: whether there are reference records. Without them, a base that is not frozen is refitted together
+    with the effects. Disturbances have tests of their own, but a drift is fitted like a response: its course in time
+    is known.
     """
     allowed, refused = [], {}
     for effect in effects:
@@ -135,7 +148,7 @@ def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], di
         elif effect.kind == "calibration" and not frozen:
             refused[effect.name] = NEEDS_FROZEN
         elif effect.kind != "disturbance" or effect.moves_zero == "steadily":
-            allowed.append(effect)
+            allowed.append(effect if frozen or referenced else effect.for_refitted_base())
     return allowed, refused
 
 

@@ -12,6 +12,7 @@ from phaselead.identify.experiment import (
 )
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, FitReport, fit
+from phaselead.identify.gauss_newton import descend
 from phaselead.identify.modal import (
     Drive,
     Drives,
@@ -54,6 +55,7 @@ __all__ = [
     "common_period",
     "common_poles",
     "compare_with_table_1",
+    "descend",
     "fit",
     "fit_modes",
     "fit_plays",

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import PurePath
 from typing import Any, Literal
 
 from phaselead.errors import BadInput
@@ -19,12 +16,11 @@ from phaselead.identify.table import compare_with_table_1, comparison_text, lock
 from phaselead.model import (
     AdoptedEffect,
     AxisModel,
-    DataSource,
-    Provenance,
     Stage,
     TablePoint,
     TableView,
     effect_of_modes,
+    provenance_of,
 )
 from phaselead.record import Recording
 
@@ -116,7 +112,7 @@ def fit(
     axes: dict[Any, AxisModel] = {a: _axis_model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
     stage = Stage(
         name=parent.name if parent else name,
-        provenance=_provenance(recordings, parent),
+        provenance=provenance_of(parent, recordings),
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )
@@ -210,23 +206,4 @@ def _describe_modes(axis: str, found: FittedModes) -> str:
     return (
         f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {explained:.0f} % of "
         f"the squared residual of the operator; adopted as effect {effect_of_modes(found.modes)[0].name}"
-    )
-
-
-def _provenance(recordings: Sequence[Recording], parent: Stage | None) -> Provenance:
-    data = {
-        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256)
-        for r in recordings
-        if r.sha256
-    }
-    try:
-        tool = f"phaselead {version('phaselead')}"
-    except PackageNotFoundError:
-        tool = "phaselead"
-    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
-    return Provenance(
-        parent_sha256=parent.sha256 if parent else None,
-        data=tuple(data.values()),
-        tool=tool,
-        created=now.isoformat().replace("+00:00", "Z"),
     )

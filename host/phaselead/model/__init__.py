@@ -34,7 +34,14 @@ from phaselead.model.operator import plays, predict_time_view, respond, rest_pla
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_argument import StageLike, as_stage
-from phaselead.model.stage_file import DataSource, Provenance, Stage, load_stage, parse_stage, save_stage, stage_text
+from phaselead.model.stage_file import (
+    Stage,
+    load_stage,
+    parse_stage,
+    provenance_of,
+    save_stage,
+    stage_text,
+)
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
@@ -52,7 +59,6 @@ __all__ = [
     "CheckedParameters",
     "Compensation",
     "Complex",
-    "DataSource",
     "Effect",
     "Entry",
     "Extra",
@@ -63,7 +69,6 @@ __all__ = [
     "Parameter",
     "Params",
     "Place",
-    "Provenance",
     "Section",
     "Sensor",
     "Signal",
@@ -88,6 +93,7 @@ __all__ = [
     "plays",
     "predict",
     "predict_time_view",
+    "provenance_of",
     "push_level",
     "resonant",
     "respond",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from phaselead.validation.journal import Journal, Outcome
 from phaselead.validation.pool import run_cases
 from phaselead.validation.summary import summary
 from phaselead.validation.truth import KINDS, Case, fingerprint, load_truth
+from phaselead.version import VERSION
 
 Progress = Callable[[float], None]
 
@@ -78,7 +78,7 @@ def _provenance(plan: CampaignPlan, code: str, commit: str, outcomes: Sequence[O
         "set": plan.set_name,
         "scale": plan.scale,
         "limit": plan.limit,
-        "version": version("phaselead"),
+        "version": VERSION,
         "commit": commit,
         "code": code,
         "cpu_hours": sum(o.get("cpu_seconds") or 0.0 for o in outcomes) / 3600,

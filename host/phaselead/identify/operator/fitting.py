@@ -29,7 +29,7 @@ from phaselead.identify.operator.solution import (
     moments,
     solve_slopes,
 )
-from phaselead.identify.operator.starting_memory import OTHER_MEMORY, settled, with_memories
+from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, with_memories
 from phaselead.identify.runs import AxisRun, distinct, longest_delay_s, period_s
 from phaselead.model import Mode
 from phaselead.record import Samples

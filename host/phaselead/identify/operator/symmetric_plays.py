@@ -12,7 +12,7 @@ import numpy as np
 
 from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import Solution, best_slopes
-from phaselead.identify.operator.starting_memory import starting_memory
+from phaselead.identify.operator.starting_memories import starting_memory
 from phaselead.identify.runs import AxisRun
 from phaselead.model import TimeView
 
