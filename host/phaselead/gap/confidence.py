@@ -12,7 +12,7 @@ from phaselead.gap.findings import ONE_SIDED_95, Bound, Estimate
 from phaselead.gap.metric import Regressors
 from phaselead.gap.refit import Fitted, from_internal, to_internal
 from phaselead.gap.scan import ScannedShape, full_moments, projection, scan, with_free
-from phaselead.gap.search import Growth
+from phaselead.gap.search import Selection
 from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
@@ -79,13 +79,13 @@ def _draws(moments: Samples, discrepancy: Discrepancy, seed: int) -> Samples:
 
 
 def upper_bounds(
-    growth: Growth, effects: Sequence[Effect], without: set[str], axis: str | None
+    selection: Selection, effects: Sequence[Effect], without: set[str], axis: str | None
 ) -> tuple[list[Bound], dict[str, str]]:
     """The largest size at 95 % of every effect that is not among ``without``, and why others have none, by name.
 
     ``axis`` is the axis in the result: None for single-axis data.
     """
-    shapes = {s[0].effect.name: s for s in scan(growth.problem, growth.fitted, effects)}
+    shapes = {s[0].effect.name: s for s in scan(selection.problem, selection.fitted, effects)}
     found, untestable = [], {}
     for effect in effects:
         if effect.name in without:
@@ -93,7 +93,7 @@ def upper_bounds(
         if effect.name not in shapes:
             untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
             continue
-        upper = max(*(_upper(s) for s in shapes[effect.name]), _in_place_of_a_named(growth, effect))
+        upper = max(*(_upper(s) for s in shapes[effect.name]), _in_place_of_a_named(selection, effect))
         size = effect.sizes[0]
         if upper > HOPELESS * size.typical or upper >= max(abs(size.low), size.high):
             untestable[effect.name] = f"{_hidden(upper / size.typical)}; what would show it: {effect.reveals}"
@@ -109,12 +109,12 @@ def _hidden(times: float) -> str:
     return f"{times:.0f} times its typical size could hide here"
 
 
-def _in_place_of_a_named(growth: Growth, effect: Effect) -> float:
+def _in_place_of_a_named(selection: Selection, effect: Effect) -> float:
     """Its size when it was fitted in the place of an effect that was named, where its score came near: should the name
     be wrong, it may be that large. Otherwise 0."""
     near = [
         rival.fitted.entries[-1][1]
-        for one in growth.named
+        for one in selection.named
         for rival in one.rivals
         if rival.effect.name == effect.name and rival.score > NEAR_SCORE_SHARE * one.score
     ]

@@ -87,9 +87,9 @@ def _best_start(axis: AxisModel, run: GapRun) -> Samples | None:
     r, rest, u = np.asarray(view.play_r_V), rest_plays(view), run.u_V
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
     left = (run.x_um - _chain(axis, run, None).run())[rows]
-    v, aside_V = _at_plays(axis, run, None)
-    at_rest = respond(view, v, rest + aside_V)[0][rows]
-    v, aside_V = _at_plays(axis, run, rest)
+    v, offset_V = _at_plays(axis, run, None)
+    at_rest = respond(view, v, rest + offset_V)[0][rows]
+    v, offset_V = _at_plays(axis, run, rest)
 
     def plays_from(turned_V: float) -> Samples:
         return np.asarray(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r))
@@ -97,7 +97,7 @@ def _best_start(axis: AxisModel, run: GapRun) -> Samples | None:
     def variance(turned_V: float | None) -> float:
         if turned_V is None:
             return float(np.var(left))
-        change = respond(view, v, plays_from(turned_V) + aside_V)[0][rows] - at_rest
+        change = respond(view, v, plays_from(turned_V) + offset_V)[0][rows] - at_rest
         return float(np.var(left - change))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
@@ -114,8 +114,8 @@ def nuisance_columns(axis: AxisModel, run: GapRun, plays_V: Samples | None) -> S
     columns = [np.ones(n)]
     if view.play_r_V:
         r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
-        v, aside_V = _at_plays(axis, run, plays_V)
-        start = aside_V + (rest_plays(view) if plays_V is None else plays_V)
+        v, offset_V = _at_plays(axis, run, plays_V)
+        start = offset_V + (rest_plays(view) if plays_V is None else plays_V)
         for j, moved_at in enumerate(_first_moves(v, r, start)):
             still = min(moved_at, run.stop) - run.start
             if 0 < still < n and w[j] > 0:

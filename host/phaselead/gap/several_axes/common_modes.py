@@ -103,7 +103,7 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Co
 
 def softening_entries(axes: Sequence[str], kappa: Sequence[float], tau_s: float) -> dict[str, list[Entry]]:
     """Softening of each actuator: gain ``kappa`` and memory ``tau_s``. How the modes move is left to their fit."""
-    softening = effect_of("softening")
+    softening = effect_of("level")
     return {
         a: [(softening, {"kappa": float(k), "tau_s": tau_s, "about_mean": 0.0})]
         for a, k in zip(axes, kappa, strict=True)
@@ -131,7 +131,7 @@ def fit_softening(train: Sequence[JointRecord], start: CommonModes, report: Repo
     axes = train[0].axes
     count = len(axes)
     shift = np.zeros(len(start.model.poles), dtype=complex)
-    bound = np.full(count, float(effect_of("softening").parameter("kappa").high))
+    bound = np.full(count, float(effect_of("level").parameter("kappa").high))
 
     def fitted(begin: ModalFit, from_shift: Complex, kappa: Samples, tau_s: float, steps: int) -> ModalFit:
         shaping = Shaping(_softening_drives(train, tau_s), kappa, np.full(count, KAPPA_STEP), -bound, bound)
@@ -170,5 +170,5 @@ def _between(left: Mapping[float, float]) -> tuple[float, float]:
     least = min(left.values())
     allowed = [t for t, value in left.items() if value < 1.01 * least]
     low, high = min(allowed), max(allowed)
-    bounds = effect_of("softening").parameter("tau_s")
+    bounds = effect_of("level").parameter("tau_s")
     return (low if low > min(left) else bounds.low, high if high < max(left) else bounds.high)

@@ -74,7 +74,7 @@ class StageFit:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
         part = catalogue()[name].shared_modes
-        if part == "softening":
+        if part == "level":
             none = {a: [(e, {**p, "kappa": 0.0}) for e, p in of_axis] for a, of_axis in self.fit.entries.items()}
             return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=replace(model, drop=None)))
         weights = model.weights.copy()
@@ -147,7 +147,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
         effect_of("coupling").name: coupling_params(found.fit, axis, found.axes),
     }
     if found.softens:
-        params[effect_of("softening").name] = softening_values(found.fit, axis)
+        params[effect_of("level").name] = softening_values(found.fit, axis)
     result = []
     label = found.axes[axis]
     for name, values in params.items():
@@ -199,7 +199,7 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
     reasons = {}
     for name in found.names:
         entry = catalogue()[name]
-        softening = entry.shared_modes == "softening"
+        softening = entry.shared_modes == "level"
         if name in tested or (softening and found.softening is not None):
             continue
         reasons[name] = ONE_LEVEL if softening else ABSORBED if entry.absorbed_by_modes else NOT_LOOKED_FOR

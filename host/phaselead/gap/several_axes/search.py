@@ -65,7 +65,7 @@ def search_together(
     train, held = _of(records, "train"), _of(records, "holdout")
     strongest, linear = fit_linear(train, lambda share: report(0.35 * share))
     softened = None
-    if effect_of("softening").name in names and len(level_groups(train)) > 1:
+    if effect_of("level").name in names and len(level_groups(train)) > 1:
         softened = fit_softening(train, strongest, lambda share: report(0.35 + 0.5 * share))
     modes, softening = _better(linear, softened, held)
     others = score_other_effects(train, modes, effects)

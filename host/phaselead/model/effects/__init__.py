@@ -17,7 +17,7 @@ from phaselead.model.effects.filters import (
     resonant,
     second_order_residual,
 )
-from phaselead.model.effects.interface import Effect, Entry, Params, Signal, rewritten
+from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
 from phaselead.model.effects.mode_bank import Complex, modes_of, shares, states, states_and_slopes
 from phaselead.model.effects.parameters import CheckedParameters, Parameter
 from phaselead.model.effects.place import MODES_FROM, Place
@@ -31,6 +31,7 @@ __all__ = [
     "Effect",
     "Entry",
     "Mode",
+    "ModePart",
     "NotPlayed",
     "Parameter",
     "Params",

@@ -98,10 +98,10 @@ class Signal:
     def start_plays_V(self) -> Samples:
         """Positions of the time view's plays in the first row: about the voltage that the hysteresis stood at, which a
         rail keeps off the recorded one."""
-        aside_V = float(self.driven_V[0] - self.u_V[0])
+        offset_V = float(self.driven_V[0] - self.u_V[0])
         if self.plays_V is not None:
-            return self.plays_V + aside_V
-        return rest_plays(self.axis.time) + aside_V if self.axis.time is not None else np.zeros(0)
+            return self.plays_V + offset_V
+        return rest_plays(self.axis.time) + offset_V if self.axis.time is not None else np.zeros(0)
 
     @cached_property
     def rest_um(self) -> float:
@@ -130,6 +130,9 @@ class Signal:
         low, high = self.span_V
         return (2 * self.driven_V - (low + high)) / (high - low)
 
+
+ModePart = Literal["own path", "coupling", "level"]
+"""Of modes that axes share: what an actuator does at its own axis, at the others, and how its level moves the modes."""
 
 Loops = Literal["loop", "loops", "difference"]
 Times = Literal["sine", "holds", "steps", "idle", "line", "ramp", "neighbour"]
@@ -207,7 +210,7 @@ class Effect:
     with speed; None where it has no test of that kind."""
     moves_zero: Literal["at once", "steadily"] | None = None
     """How it moves the zero from one session to the next; None where it does not."""
-    shared_modes: Literal["own path", "coupling", "softening"] | None = None
+    shared_modes: ModePart | None = None
     """Which part of the modes that the axes of a stage share it describes, if any."""
     absorbed_by_modes: bool = False
     """Whether modes fitted to axes that move together take it up, so that such records cannot show it."""
