@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
+from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.model import Effect, Stage, catalogue
 from phaselead.record import Recording
@@ -23,8 +24,6 @@ _TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4
 """Options of mallopt(3), as in glibc's malloc.h."""
 KEPT_bytes, PAD_bytes = 2**31 - 1, 2**26
 """Freed memory that is kept, and by how much more the heap grows than was asked for."""
-
-Progress = Callable[[float], None]
 
 
 def run_gap(

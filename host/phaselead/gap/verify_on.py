@@ -12,8 +12,6 @@ from phaselead.model import AxisModel, Place, Stage, compensation, effect, rest_
 from phaselead.record import Samples
 from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
 
-Progress = Callable[[float], None]
-
 SINE_Hz, TRIANGLE_Hz, MOVE_Hz = 5.0, 20.0, 10.0
 """Frequencies of the paths; that of a move stands for its duration."""
 HOLD_s = 6.0
@@ -62,7 +60,9 @@ def check_port(port: str) -> None:
     Device.open(port).close()
 
 
-def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> TrackingComparison:
+def verify_on(
+    port: str, before: Stage, after: Stage, on_progress: Callable[[float], None] | None = None
+) -> TrackingComparison:
     """Track with every axis whose model changed, under both models, with the stage parked in between.
 
     Modes are ``inverse``, feed-forward alone, and ``inverse+pid`` where the stage file has gains. An error of the

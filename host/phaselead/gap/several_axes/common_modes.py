@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.gap.search import Progress
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
     Drive,
@@ -20,8 +21,6 @@ from phaselead.identify import (
 )
 from phaselead.model import Complex, Entry
 from phaselead.record import Samples
-
-Report = Callable[[float], None]
 
 SAME_POLE = 0.03
 """Poles at two levels that differ by less than this share belong to one mode."""
@@ -63,7 +62,7 @@ def no_shaping(records: Sequence[JointRecord], entries: Entries) -> Shaping:
     return Shaping(lambda _: drives, none, none, none, none)
 
 
-def fit_linear(train: Sequence[JointRecord], report: Report) -> tuple[CommonModes, CommonModes]:
+def fit_linear(train: Sequence[JointRecord], report: Progress) -> tuple[CommonModes, CommonModes]:
     """Modes fitted to the records of the strongest level, and the same modes fitted to all records.
 
     Raises BadInput where the records cannot tell the inputs apart.
@@ -80,7 +79,7 @@ def fit_linear(train: Sequence[JointRecord], report: Report) -> tuple[CommonMode
     return strongest, CommonModes(common, {}, common.model.participation())
 
 
-def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Complex:
+def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Progress) -> Complex:
     """Poles of the records of the strongest level, and lightly damped ones that only weaker records show."""
     found: Complex | None = None
     for i, group in enumerate(groups):
@@ -126,7 +125,7 @@ def _softening_drives(records: Sequence[JointRecord], tau_s: float) -> Drives:
     return drives
 
 
-def fit_softening(train: Sequence[JointRecord], start: CommonModes, report: Report) -> CommonModes:
+def fit_softening(train: Sequence[JointRecord], start: CommonModes, report: Progress) -> CommonModes:
     """The modes of ``start``, with poles and gains that follow the level of the actuators."""
     axes = train[0].axes
     count = len(axes)

@@ -8,11 +8,12 @@ the catalogue shows what else there could be. Every name must improve the predic
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
 from phaselead.gap.records import GapRun, Role
+from phaselead.gap.search import Progress
 from phaselead.gap.several_axes.common_modes import CommonModes, fit_linear, fit_softening
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, predict_held_out
 from phaselead.gap.several_axes.joint_records import (
@@ -27,8 +28,6 @@ from phaselead.gap.several_axes.results import StageFit, axis_results
 from phaselead.identify import frequency_response
 from phaselead.model import AxisModel, Effect, Stage
 from phaselead.record import Recording
-
-Report = Callable[[float], None]
 
 LEAST_ERROR = 0.1
 """Share of the output's power below which a stage without shared modes needs none."""
@@ -45,7 +44,7 @@ def search_together(
     reference: Sequence[Recording],
     effects: Sequence[Effect],
     seed: int,
-    report: Report,
+    report: Progress,
 ) -> list[AxisResult] | None:
     """One result per axis, or None where the axes do not move together or nothing is missing that they share.
 
