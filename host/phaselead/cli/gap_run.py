@@ -13,12 +13,12 @@ from phaselead.cli.common import progress, read_recordings, record_files, tell
 from phaselead.errors import BadInput
 from phaselead.gap import (
     GapResult,
-    Verification,
-    brief,
+    TrackingComparison,
     check_port,
     excludes,
     headline,
     keep_freed_memory,
+    parameter_texts,
     percent,
     run_gap,
     unit_of,
@@ -81,14 +81,16 @@ def check_outputs(output: str | None, report: str | None, json_to: str | None, i
         raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
-def show(console: Console, result: GapResult, written: list[str], verification: Verification | None = None) -> None:
+def show(
+    console: Console, result: GapResult, written: list[str], verification: TrackingComparison | None = None
+) -> None:
     """Print the result for a person."""
     console.print(f"verdict: {', '.join(result.verdicts)}")
     for effect in result.effects:
         on = f" ({effect.axis})" if effect.axis else ""
         console.print(f"{effect.name}{on}: {percent(effect.share)} of the unexplained power; {effect.why}")
         table = Table("parameter", "value", "95 % interval", "unit")
-        for row in brief(effect.params):
+        for row in parameter_texts(effect.params):
             table.add_row(*row)
         console.print(table)
     for tie in result.ties:
@@ -115,7 +117,7 @@ def show(console: Console, result: GapResult, written: list[str], verification: 
         console.print(f"wrote {path}")
 
 
-def show_verification(console: Console, verification: Verification) -> None:
+def show_verification(console: Console, verification: TrackingComparison) -> None:
     """Print the tracking errors with both models."""
     table = Table("axis", "path", "mode", "before (µm rms)", "after (µm rms)", title=f"tracking on {verification.port}")
     for row in verification.tracked:

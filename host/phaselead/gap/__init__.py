@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from phaselead.gap.design import excitation_of, proposal_of, read_proposal, run_proposal
+from phaselead.gap.findings import (
+    NAMED,
+    Bound,
+    Candidate,
+    Cell,
+    NamedEffect,
+    Spectrum,
+    Trace,
+    parameter_rows,
+    parameter_texts,
+)
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
-from phaselead.gap.result import NAMED, Bound, Candidate, Cell, GapResult, NamedEffect, Spectrum, Trace, brief, lines
+from phaselead.gap.result import GapResult
 from phaselead.gap.run import keep_freed_memory, run_gap
-from phaselead.gap.verify_on import Tracked, Verification, check_port, verify_on
+from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port, verify_on
 
 __all__ = [
     "LEVEL",
@@ -18,15 +29,15 @@ __all__ = [
     "NamedEffect",
     "Spectrum",
     "Trace",
-    "Tracked",
-    "Verification",
-    "brief",
+    "TrackedPath",
+    "TrackingComparison",
     "check_port",
     "excitation_of",
     "excludes",
     "headline",
     "keep_freed_memory",
-    "lines",
+    "parameter_rows",
+    "parameter_texts",
     "percent",
     "proposal_of",
     "read_proposal",

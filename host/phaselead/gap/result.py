@@ -1,130 +1,37 @@
-"""What the gap workflow found, as one value: what gap.json says and what the report draws."""
+"""What the gap workflow found, as one value: tables, columns, a figure, gap.json, and what the report draws."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import os
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from phaselead.gap.summary import GapSummary
-from phaselead.gap.verify_on import Verification
+from phaselead.gap.findings import (
+    Bound,
+    Candidate,
+    Cell,
+    GapSize,
+    NamedEffect,
+    NextExperiment,
+    Spectrum,
+    Trace,
+    parameter_rows,
+)
+from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Stage
-from phaselead.record import Samples
+from phaselead.record import write_text
+from phaselead.result import Result, Table, json_text
 
-Interval = tuple[float, float]
-Value = tuple[float, str, Interval]
-"""Value, unit, 95 % interval."""
-Values = tuple[tuple[float, ...], str, tuple[Interval, ...]]
-"""One for each of several modes."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-
-@dataclass(frozen=True)
-class NamedEffect:
-    """An effect the data demand."""
-
-    name: str
-    axis: str | None
-    params: Mapping[str, Value | Values]
-    share: float
-    """Share of the unexplained power of the held-out records that it explains."""
-    why: str = ""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One cell of the residual: a part of it by frequency, voltage, time since a step, direction, order or axis."""
-
-    by: str
-    cell: str
-    share: float
-    """Of the unexplained power."""
-    sentence: str
-    p: float = 1.0
-    """Probability of so large a share by chance, over all cells together."""
-    axis: str | None = None
-
-
-@dataclass(frozen=True)
-class Bound:
-    """The largest size of an effect that the data allow at 95 %."""
-
-    name: str
-    upper_95: float
-    unit: str
-    axis: str | None = None
-
-
-@dataclass(frozen=True)
-class Gap:
-    """RMS error over all held-out records, before and after, and the floor that no model is expected to beat."""
-
-    before: float
-    after: float
-    floor: float
-    unit: str = "um"
-    floor_from: str = ""
-
-
-@dataclass(frozen=True)
-class NextExperiment:
-    """The excitation that would best tell the members of a tie apart."""
-
-    waveform: str
-    level: float
-    band: tuple[float, float]
-    bias: float
-    axis: str | None
-    seconds: float
-    separation: float
-    """Predicted smallest squared distance between two members, in standard deviations."""
-    needs_sensor: str | None = None
-
-
-NAMED = "named"
-"""Remark of a candidate that was named."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """How one effect did in one step of the search; ``score`` is in points."""
-
-    step: int
-    name: str
-    score: float
-    held_out_z: float
-    rms_um: float
-    """RMS residual of the training records after its refit; nan where it was not refitted."""
-    remark: str
-    axis: str | None = None
-
-
-@dataclass(frozen=True)
-class Trace:
-    """One held-out record: (n,) arrays over its scored rows."""
-
-    source: str
-    axis: str
-    t_s: Samples
-    u_V: Samples
-    measured_um: Samples
-    before_um: Samples
-    after_um: Samples
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Amplitude densities (n,) in um/sqrt(Hz) in which a disturbance shows, of held-out and of reference records."""
-
-    name: str
-    axis: str
-    f_Hz: Samples
-    seen: Samples
-    reference: Samples | None
+MOST_LISTED = 5
+"""Of the largest cells, in the table."""
 
 
 @dataclass(frozen=True, repr=False)
-class GapResult(GapSummary):
+class GapResult(Result):
     """The answer of the gap workflow and what led to it. ``stage`` is the next stage; the input is untouched.
 
     ``effects`` are what the data demand, strongest first; ``gap`` the held-out rms ``before`` and ``after`` and its
@@ -154,7 +61,7 @@ class GapResult(GapSummary):
     excluded: tuple[Bound, ...]
     untestable: tuple[str, ...]
     where: tuple[Cell, ...]
-    gap: Gap
+    gap: GapSize
     next_experiment: NextExperiment | None
     holdout_sha256: tuple[str, ...]
     candidates: tuple[Candidate, ...] = ()
@@ -167,7 +74,7 @@ class GapResult(GapSummary):
     seconds: float = 0.0
     base: Stage | None = None
     """The model that was compared."""
-    verification: Verification | None = None
+    verification: TrackingComparison | None = None
     """What tracking on a device came to, where that was asked for."""
 
     def as_json(self) -> dict[str, Any]:
@@ -190,33 +97,74 @@ class GapResult(GapSummary):
             "holdout_sha256": list(self.holdout_sha256),
         }
 
+    @property
+    def next_model(self) -> Stage:
+        """The model with what was found; the one that was compared is untouched."""
+        return self.stage
 
-SHOWN = 6
-"""Values of a list that are shown in a line of text."""
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One entry for each number of each named effect: effect, axis, parameter, value, low_95, high_95, unit and
+        share (of the unexplained power)."""
+        names = ("effect", "axis", "parameter", "value", "low_95", "high_95", "unit", "share")
+        rows = [
+            (effect.name, effect.axis, label, value, low, high, "" if unit == "1" else unit, effect.share)
+            for effect in self.effects
+            for label, value, low, high, unit in parameter_rows(effect.params)
+        ]
+        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+    def tables(self) -> list[Table | str]:
+        gap = self.gap
+        floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
+        parts: list[Table | str] = [
+            f"verdict: {', '.join(self.verdicts)}",
+            f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}",
+        ]
+        if self.effects:
+            parts.append(self._effects())
+        parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]
+        if self.where:
+            rows = ((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_LISTED])
+            parts.append(Table(("where", "cell", "share of the unexplained power"), tuple(rows)))
+        if self.excluded:
+            bounds = ((b.name, f"{b.upper_95:.2g}", "" if b.unit == "1" else b.unit) for b in self.excluded)
+            parts.append(Table(("not named", "at most (95 %)", "unit"), tuple(bounds)))
+        if self.untestable:
+            parts.append(f"not testable with these records: {', '.join(self.untestable)}")
+        if self.next_experiment is not None:
+            parts.append(_experiment_text(self.next_experiment))
+        return [*parts, *self.messages]
+
+    def _effects(self) -> Table:
+        rows = tuple(
+            (effect, axis or "", parameter, f"{value:.4g}", f"{low:.4g} .. {high:.4g}", unit, f"{100 * share:.0f} %")
+            for effect, axis, parameter, value, low, high, unit, share in zip(*self.columns.values(), strict=True)
+        )
+        return Table(("effect", "axis", "parameter", "value", "95 % interval", "unit", "share"), rows)
+
+    def save_json(self, path: str | os.PathLike[str]) -> None:
+        """Writes gap.json, with what tracking on a device came to where that was asked for."""
+        tracked = {} if self.verification is None else self.verification.as_dict()
+        write_text(os.fspath(path), json_text(self.as_json() | tracked))
+
+    def plot(self) -> Figure:
+        """What the model left of the held-out record it missed most, before and after; and the cells it lies in."""
+        from phaselead.gap.pictures import gap_figure  # matplotlib is slow to load and is needed here only
+
+        return gap_figure(self.traces, self.where)
+
+    def __repr__(self) -> str:
+        return f"<GapResult: {', '.join(self.verdicts)}; {self.gap.before:.3g} -> {self.gap.after:.3g} {self.gap.unit}>"
 
 
-def brief(params: Mapping[str, Value | Values]) -> list[tuple[str, str, str, str]]:
-    """Name, value, interval and unit as text, a list in one line."""
-    found = []
-    for name, (value, unit, interval) in params.items():
-        if isinstance(value, tuple):
-            shown = ", ".join(f"{v:.4g}" for v in value[:SHOWN])
-            found.append((f"{name} ({len(value)})", shown + (", ..." if len(value) > SHOWN else ""), "", unit))
-        else:
-            found.append((name, f"{value:.4g}", f"{interval[0]:.4g} .. {interval[1]:.4g}", unit))
-    return found
-
-
-def lines(params: Mapping[str, Value | Values]) -> list[tuple[str, float, float, float, str]]:
-    """Name, value, low, high and unit of every number; those of a list are numbered from 1."""
-    found = []
-    for name, (value, unit, interval) in params.items():
-        if isinstance(value, tuple):
-            pairs = zip(value, interval, strict=True)
-            found += [(f"{name} {i + 1}", v, float(p[0]), float(p[1]), unit) for i, (v, p) in enumerate(pairs)]  # type: ignore[index]
-        else:
-            found.append((name, value, interval[0], interval[1], unit))  # type: ignore[arg-type]
-    return found
+def _experiment_text(e: NextExperiment) -> str:
+    low, high = e.band
+    band = f"{low:.3g} Hz" if low == high else f"{low:.3g}..{high:.4g} Hz"
+    text = (
+        f"next experiment: {e.waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, {e.seconds:.3g} s"
+    )
+    return f"{text}; no voltage tells them apart, it takes {e.needs_sensor}" if e.needs_sensor else text
 
 
 def _effect(effect: NamedEffect) -> dict[str, Any]:

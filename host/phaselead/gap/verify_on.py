@@ -8,22 +8,21 @@ from dataclasses import dataclass
 from phaselead.control import TrackingError, track, tracking_error
 from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
-from phaselead.model import AxisModel, Place, Samples, Stage, compensation, effect, rest_position_um
+from phaselead.model import AxisModel, Place, Stage, compensation, effect, rest_position_um
+from phaselead.record import Samples
 from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
-
-Progress = Callable[[float], None]
 
 SINE_Hz, TRIANGLE_Hz, MOVE_Hz = 5.0, 20.0, 10.0
 """Frequencies of the paths; that of a move stands for its duration."""
 HOLD_s = 6.0
 """After a move, so that creep shows."""
-MARGIN, SWING = 0.1, 0.5
+PATH_START, PATH_SWING = 0.1, 0.5
 """Where a path begins and how far it goes, as shares of what every model can reach."""
 SHOWN_PERIODS = 2
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedPath:
     """One axis on one path with both models. Errors are reference minus measured position; arrays are (n,)."""
 
     axis: str
@@ -43,11 +42,11 @@ class Tracked:
 
 
 @dataclass(frozen=True)
-class Verification:
+class TrackingComparison:
     """Tracking errors before and after; ``messages`` say what was not run, and why."""
 
     port: str
-    tracked: tuple[Tracked, ...] = ()
+    tracked: tuple[TrackedPath, ...] = ()
     messages: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, object]:
@@ -61,7 +60,9 @@ def check_port(port: str) -> None:
     Device.open(port).close()
 
 
-def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> Verification:
+def verify_on(
+    port: str, before: Stage, after: Stage, on_progress: Callable[[float], None] | None = None
+) -> TrackingComparison:
     """Track with every axis whose model changed, under both models, with the stage parked in between.
 
     Modes are ``inverse``, feed-forward alone, and ``inverse+pid`` where the stage file has gains. An error of the
@@ -69,13 +70,13 @@ def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | No
     """
     changed = [name for name in sorted(after.axes) if after.axes[name] != before.axes.get(name)]
     if not changed:
-        return Verification(port, messages=("the model did not change; there is nothing to verify",))
+        return TrackingComparison(port, messages=("the model did not change; there is nothing to verify",))
     named = _with_neighbours(changed, after)
     reasons = {name: _not_run(name, before, after) for name in named}
     messages = [reason for reason in reasons.values() if reason is not None]
     axes = [name for name in named if reasons[name] is None]
     runs = [(mode, paths) for mode in _modes(axes, after) for paths in _paths(axes, before, after)]
-    tracked: list[Tracked] = []
+    tracked: list[TrackedPath] = []
     try:
         for i, (mode, (label, paths)) in enumerate(runs):
             tracked += _with_both_models(port, label, paths, mode, before, after)
@@ -83,7 +84,7 @@ def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | No
                 on_progress((i + 1) / len(runs))
     except PhaseleadError as error:
         messages.append(f"on {port} it went no further: {error}")
-    return Verification(port, tuple(tracked), tuple(messages))
+    return TrackingComparison(port, tuple(tracked), tuple(messages))
 
 
 def _with_neighbours(changed: Sequence[str], after: Stage) -> list[str]:
@@ -121,7 +122,7 @@ def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, 
         found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)))
         found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)))
         if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in group):
-            moves = {n: Goto(SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
+            moves = {n: Goto(PATH_SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
             found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
     return found
 
@@ -129,7 +130,7 @@ def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, 
 def _periodic(spans: Mapping[str, tuple[float, float]], kind: type[Periodic], f_Hz: float) -> dict[str, Waveform]:
     """A path for each axis, at a frequency of its own, so that coupling between them shows."""
     return {
-        name: kind(SWING * (high - low), low + MARGIN * (high - low), "um", f_Hz * (1 + 0.4 * i))
+        name: kind(PATH_SWING * (high - low), low + PATH_START * (high - low), "um", f_Hz * (1 + 0.4 * i))
         for i, (name, (low, high)) in enumerate(spans.items())
     }
 
@@ -148,7 +149,7 @@ def _span_um(*models: AxisModel) -> tuple[float, float]:
 
 def _with_both_models(
     port: str, label: str, paths: Mapping[str, Waveform], mode: str, before: Stage, after: Stage
-) -> list[Tracked]:
+) -> list[TrackedPath]:
     """One path with both models, each on a freshly opened device; a move begins where the axis stands."""
     runs = [_run(port, paths, mode, stage) for stage in (before, after)]
     found = []
@@ -158,7 +159,7 @@ def _with_both_models(
         shown = waveform.last_rows(SHOWN_PERIODS, len(t_s), TICK_HZ)
         (_, r_um, x_um), (_, r_after_um, x_after_um) = (run[name] for run in runs)
         found.append(
-            Tracked(
+            TrackedPath(
                 name,
                 label,
                 mode,

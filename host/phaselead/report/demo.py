@@ -106,7 +106,7 @@ def cards(results: DemoResults) -> list[dict[str, str]]:
     ]
 
 
-def tracked(run: Run) -> figures.Tracked:
+def tracked(run: Run) -> figures.TrackedRun:
     """One run as the figure takes it."""
     record = run.recording.axes["x"]
     stream = run.capture.axes["x"]
@@ -116,7 +116,7 @@ def tracked(run: Run) -> figures.Tracked:
     assert stream.feedback is not None
     start = int(np.searchsorted(run.capture.ticks, run.capture.start_tick))
     rows = slice(start, start + len(run.recording.t_s))
-    return figures.Tracked(
+    return figures.TrackedRun(
         run.recording.t_s,
         record.r_um,
         record.x_um,

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from phaselead.drawing import AXIS_COLOURS, BLUE, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
 from phaselead.model import TableView
-
-Samples = NDArray[np.float64]
+from phaselead.record import Samples
 
 MODE_COLOURS = {"pid": RED, "ff": ORANGE, "ff+pid": BLUE}
 MODE_NAMES = {"pid": "PID", "ff": "FF", "ff+pid": "FF + PID"}
@@ -113,7 +111,7 @@ def verification(t_s: Samples, measured_um: Samples, models_um: Mapping[str, Sam
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedRun:
     """One controller's run: arrays of shape (n,)."""
 
     t_s: Samples
@@ -123,7 +121,7 @@ class Tracked:
     feedback_V: Samples
 
 
-def tracking(runs: Mapping[str, Tracked]) -> Figure:
+def tracking(runs: Mapping[str, TrackedRun]) -> Figure:
     """Fig. 7: (a) reference, (b) errors by controller, (c) actual against desired, (d) effort split into FF and FB."""
     with figure_style():
         figure = new_figure(11.4, 7.2)

@@ -20,10 +20,10 @@ from phaselead.gap import (
     NamedEffect,
     Spectrum,
     Trace,
-    Tracked,
-    Verification,
+    TrackedPath,
+    TrackingComparison,
     excludes,
-    lines,
+    parameter_rows,
     percent,
     typical_of,
     unit_of,
@@ -35,7 +35,7 @@ from phaselead.report.page import render
 
 MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
-SEGMENT = 8192
+DENSITY_SEGMENT = 8192
 """Rows of one periodogram."""
 
 
@@ -43,7 +43,7 @@ def gap_page(
     result: GapResult,
     stage: Stage,
     model_name: str,
-    verification: Verification | None = None,
+    verification: TrackingComparison | None = None,
     json_name: str = "gap.json",
 ) -> str:
     """The page as HTML.
@@ -136,7 +136,7 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
     entry = catalogue().get(effect.name)
     rows = [
         {"name": name, "value": value, "low": low, "high": high, "unit": unit}
-        for name, value, low, high, unit in lines(effect.params)
+        for name, value, low, high, unit in parameter_rows(effect.params)
     ]
     return {
         "title": _title(effect).capitalize(), "share": percent(effect.share), "why": effect.why, "rows": rows,
@@ -187,7 +187,7 @@ def trace_figure(trace: Trace) -> Figure:
         return figure
 
 
-def tracking_part(verification: Verification) -> dict[str, Any]:
+def tracking_part(verification: TrackingComparison) -> dict[str, Any]:
     """The runs on a device for the template: a row and a figure each."""
     rows = [
         {
@@ -199,7 +199,7 @@ def tracking_part(verification: Verification) -> dict[str, Any]:
     return {"port": verification.port, "rows": rows, "messages": verification.messages}
 
 
-def tracking_figure(tracked: Tracked) -> Figure:
+def tracking_figure(tracked: TrackedPath) -> Figure:
     """The reference above, the tracking error with each model below."""
     before, after = tracked.before_error_um, tracked.after_error_um
     t, r, before, after = thin(tracked.t_s, tracked.r_um, before, after)
@@ -257,7 +257,7 @@ def residual_figure(traces: Sequence[Trace]) -> Figure:
 
 def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples]:
     """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz), over records weighted by their length."""
-    length = min(SEGMENT, *(len(t.t_s) for t in traces))
+    length = min(DENSITY_SEGMENT, *(len(t.t_s) for t in traces))
     total, rows, f = np.zeros(length // 2), 0, np.zeros(length // 2)
     for t in traces:
         error = t.measured_um - (t.before_um if which == "before" else t.after_um)

@@ -1,0 +1,149 @@
+"""What an answer of the gap workflow is made of: named effects, bounds, cells, candidates, traces, spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from phaselead.record import Samples
+
+TWO_SIDED_95, ONE_SIDED_95 = 1.96, 1.645
+"""Standard deviations of a normal distribution: within the first of its mean lie 95 %, below the second 95 %."""
+
+Interval = tuple[float, float]
+Estimate = tuple[float, str, Interval]
+"""Value, unit, 95 % interval."""
+Estimates = tuple[tuple[float, ...], str, tuple[Interval, ...]]
+"""One for each of several modes."""
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect the data demand."""
+
+    name: str
+    axis: str | None
+    params: Mapping[str, Estimate | Estimates]
+    share: float
+    """Share of the unexplained power of the held-out records that it explains."""
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell of the residual: a part of it by frequency, voltage, time since a step, direction, order or axis."""
+
+    by: str
+    cell: str
+    share: float
+    """Of the unexplained power."""
+    sentence: str
+    p: float = 1.0
+    """Probability of so large a share by chance, over all cells together."""
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The largest size of an effect that the data allow at 95 %."""
+
+    name: str
+    upper_95: float
+    unit: str
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class GapSize:
+    """RMS error over all held-out records, before and after, and the floor that no model is expected to beat."""
+
+    before: float
+    after: float
+    floor: float
+    unit: str = "um"
+    floor_from: str = ""
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The excitation that would best tell the members of a tie apart."""
+
+    waveform: str
+    level: float
+    band: tuple[float, float]
+    bias: float
+    axis: str | None
+    seconds: float
+    separation: float
+    """Predicted smallest squared distance between two members, in standard deviations."""
+    needs_sensor: str | None = None
+
+
+NAMED = "named"
+"""Remark of a candidate that was named."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """How one effect did in one step of the search; ``score`` is in points."""
+
+    step: int
+    name: str
+    score: float
+    held_out_z: float
+    rms_um: float
+    """RMS residual of the training records after its refit; nan where it was not refitted."""
+    remark: str
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One held-out record: (n,) arrays over its scored rows."""
+
+    source: str
+    axis: str
+    t_s: Samples
+    u_V: Samples
+    measured_um: Samples
+    before_um: Samples
+    after_um: Samples
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Amplitude densities (n,) in um/sqrt(Hz) in which a disturbance shows, of held-out and of reference records."""
+
+    name: str
+    axis: str
+    f_Hz: Samples
+    seen: Samples
+    reference: Samples | None
+
+
+SHOWN_VALUES = 6
+"""Values of a list that are shown in a line of text."""
+
+
+def parameter_texts(params: Mapping[str, Estimate | Estimates]) -> list[tuple[str, str, str, str]]:
+    """Name, value, interval and unit as text, a list in one line."""
+    found = []
+    for name, (value, unit, interval) in params.items():
+        if isinstance(value, tuple):
+            shown = ", ".join(f"{v:.4g}" for v in value[:SHOWN_VALUES])
+            found.append((f"{name} ({len(value)})", shown + (", ..." if len(value) > SHOWN_VALUES else ""), "", unit))
+        else:
+            found.append((name, f"{value:.4g}", f"{interval[0]:.4g} .. {interval[1]:.4g}", unit))
+    return found
+
+
+def parameter_rows(params: Mapping[str, Estimate | Estimates]) -> list[tuple[str, float, float, float, str]]:
+    """Name, value, low, high and unit of every number; those of a list are numbered from 1."""
+    found = []
+    for name, (value, unit, interval) in params.items():
+        if isinstance(value, tuple):
+            pairs = zip(value, interval, strict=True)
+            found += [(f"{name} {i + 1}", v, float(p[0]), float(p[1]), unit) for i, (v, p) in enumerate(pairs)]  # type: ignore[index]
+        else:
+            found.append((name, value, interval[0], interval[1], unit))  # type: ignore[arg-type]
+    return found
