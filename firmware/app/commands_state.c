@@ -146,7 +146,7 @@ enum wire_status command_stop(struct device *device, const struct request *reque
 
 enum wire_status command_clear_fault(struct device *device, const struct request *request, struct answer *answer)
 {
-    bool at_rest = device_at_rest_mask(device) == (1u << AXES) - 1;
+    bool at_rest = device_at_rest_mask(device) == ALL_AXES;
     (void)request;
     (void)answer;
     enum wire_status status = device_event(device, at_rest ? EVENT_CLEAR : EVENT_CLEAR_EARLY, 0);
