@@ -16,7 +16,7 @@ Numbers are little-endian. COBS (consistent overhead byte stuffing) removes the 
 frame and nothing else: a reader that has lost its place finds it again at the next zero. The CRC is
 CRC-32/ISO-HDLC (polynomial 0x04C11DB7 reflected, initial value and final exclusive-or 0xFFFFFFFF, check value
 0xCBF43926) over header and payload, appended little-endian. A frame that fails COBS, CRC or length is counted
-and dropped; nothing answers it.
+and dropped without an answer.
 
 A payload has at most {max_payload} bytes. The fingerprint of this layout is `0x{fingerprint:08X}`; HELLO's
 reply begins with it, and a host refuses a device whose fingerprint is another.
@@ -29,10 +29,11 @@ a device that has restarted, or that another host has taken over, says so instea
 may be repeated.
 
 A reply has its command's number plus 0x80 and repeats its `id` and `session`. A host that sees no reply sends
-the very same frame again; the device recognises session and id, does nothing twice, and repeats the reply it
-gave. A reply begins with `status` and `tick`; when the status is not `ok` it may end there.
+the very same frame again; the device recognises session and id, does not execute the command twice, and repeats its
+reply. A reply begins with `status` and `tick`; when the status is not `ok` it may end there.
 
-Stream messages (samples, events) are sent without being asked for, never repeated, and carry `id` 0.
+Stream messages (samples, events) are sent without being asked for and never repeated. Samples carry `id` 0; the `id`
+of events counts them, so that a lost one leaves a hole in the numbers.
 
 ## Header
 

@@ -7,8 +7,8 @@
 /* Axes whose output can change: those that do not rest. */
 uint32_t axes_moving(const struct device *device);
 
-/* Reference, look-ahead and feed-forward of the next tick, of the axes that follow a path: when they start, and behind
- * the output of every tick. */
+/* Reference, look-ahead and feed-forward of the next tick, for the axes that follow a path. Called when they start, and
+ * after the output of every tick. */
 void axes_set_targets(struct device *device);
 
 /* Errors of the axes under feedback, decoupled; 0 for the others. */
@@ -17,13 +17,13 @@ void axes_find_errors(struct device *device, uint32_t moving, int32_t error_q16[
 /* Feedback, limits and DAC codes. */
 void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[AXES]);
 
-/* Behind the output: the memory of the inverses goes along with it. */
+/* After the output: lets the memory of the inverses follow it. */
 void axes_follow_outputs(struct device *device, uint32_t moving);
 
-/* Those of the mask begin their paths. */
+/* The axes of the mask begin their paths. */
 void axes_start(struct device *device, uint8_t axis_mask);
 
-/* All of them leave their paths, to hold or to ramp to their safe value. */
+/* All axes leave their paths, to hold or to ramp to their safe value. */
 void axes_leave_paths(struct device *device, enum axis_drive drive);
 
 #endif

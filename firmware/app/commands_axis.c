@@ -95,7 +95,7 @@ static enum wire_status check_tables(const struct device *device, const struct w
                                                                            : WIRE_STATUS_OUTSIDE_LIMITS;
 }
 
-/* step x preview, of which only the part of a turn counts. */
+/* step x preview; whole turns wrap around. */
 static int32_t preview_turn32(const struct compensation *compensation, uint64_t step_turn64)
 {
     uint64_t ticks_q16 = compensation->preview_ticks_q16;
@@ -123,7 +123,7 @@ static enum wire_status check_path(const struct device *device, const struct wir
     bool saturated = false;
     int64_t low, high;
     if (config->mode == AXIS_IDLE)
-        return WIRE_STATUS_MODE_UNSUPPORTED; /* set a mode first: the path's unit hangs on it */
+        return WIRE_STATUS_MODE_UNSUPPORTED; /* the path's unit depends on the mode */
     if (!path_is_sane(set) || (set->path == PATH_WAVE && !device_wave_q30(device, set->axis)))
         return WIRE_STATUS_BAD_VALUE;
     path_span(set, &low, &high);
@@ -182,7 +182,7 @@ enum wire_status command_wave_chunk(struct device *device, const struct request 
             return WIRE_STATUS_BAD_VALUE;
     }
     device_lock(device);
-    device->wave_mask &= ~(1u << chunk.axis); /* not whole again before its commit */
+    device->wave_mask &= ~(1u << chunk.axis); /* incomplete until its commit */
     device_link_models(device);
     device_unlock(device);
     memcpy(&device->waves_q30[chunk.axis][chunk.offset], chunk.data, chunk.data_size);

@@ -20,7 +20,7 @@ enum wire_status command_model_chunk(struct device *device, const struct request
     return model_store_chunk(&device->models, chunk.offset, chunk.data, chunk.data_size);
 }
 
-/* New limits that the present output lies outside of would make it jump. */
+/* New limits that leave out the present output would make it jump. */
 static bool would_clamp(struct device *device)
 {
     const struct model_slot *slot = model_store_prepared(&device->models);
@@ -33,8 +33,8 @@ static bool would_clamp(struct device *device)
     return false;
 }
 
-/* The DAC does not know what its codes mean: another calibration moves the output although u stays. Tolerated is what
- * the park ramp moves in one tick by the calibration in force. Returns the field that is to blame, 0 for none. */
+/* Another calibration of the DAC changes its code, and so the output, although u stays. A step of the park ramp is
+ * tolerated. Returns the field that is to blame, 0 for none. */
 static uint16_t would_jump(struct device *device)
 {
     const struct model_slot *slot = model_store_prepared(&device->models);

@@ -22,8 +22,8 @@ static bool session_alive(const struct device *device)
            (control->timeout_ticks == 0 || control->tick - control->heard_tick < control->timeout_ticks);
 }
 
-/* A new host finds a parked device as after power-on, but for the model and what the output does. An armed one is taken
- * over as it is: whoever armed it has been told so by its session ending. */
+/* A new session resets a parked device, except for its model and its outputs. An armed device is taken over as it is;
+ * commands of the host that armed it are refused from then on. */
 static void begin_session(struct device *device, uint64_t session)
 {
     struct wire_event stale;
@@ -146,7 +146,7 @@ enum wire_status command_stop(struct device *device, const struct request *reque
 
 enum wire_status command_clear_fault(struct device *device, const struct request *request, struct answer *answer)
 {
-    bool at_rest = device_at_rest_mask(device) == (1u << AXES) - 1;
+    bool at_rest = device_at_rest_mask(device) == ALL_AXES;
     (void)request;
     (void)answer;
     enum wire_status status = device_event(device, at_rest ? EVENT_CLEAR : EVENT_CLEAR_EARLY, 0);

@@ -61,10 +61,10 @@ struct device {
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
-    bool rare; /* a tick did what few do: what can wait for the next one should. The port takes it back */
+    bool rare; /* this tick did something that few do, so the port puts off what can wait; the port clears it */
     _Atomic uint32_t path_done; /* axes whose path has ended, at these ticks: for device_put_path_events() */
     uint64_t path_done_tick[AXES];
-    uint32_t resting; /* axes whose next tick would be like their last one: they need no step, their trace stays */
+    uint32_t resting; /* axes that need no step: it would change nothing, and their trace stays valid */
     struct model_store models;
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
@@ -86,13 +86,13 @@ _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits t
 /* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. */
 void device_reset_axes(struct device *device);
 
-/* The memory of the active model as of a stage at rest at 0 V whose voltages have then gone to where they are. */
+/* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
 void device_rest(struct device *device);
 
-/* After the configuration or the state of an axis was changed by other than a tick. */
+/* To be called after anything but a tick has changed the configuration or the state of an axis. */
 void device_wake(struct device *device, unsigned axis);
 
-/* After a model or a waveform came or went. */
+/* To be called after a model or a waveform was loaded or dropped. */
 void device_link_models(struct device *device);
 
 uint8_t device_at_rest_mask(const struct device *device);

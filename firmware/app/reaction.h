@@ -1,4 +1,4 @@
-/* What a device does on an event and on a fault: what the supervisor's tables say. */
+/* What a device does on an event and on a fault, by the supervisor's tables. */
 #ifndef PHASELEAD_APP_REACTION_H
 #define PHASELEAD_APP_REACTION_H
 

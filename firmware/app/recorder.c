@@ -43,7 +43,7 @@ void recorder_start(struct recorder *recorder, const struct recorder_format *for
     recorder->recording = true;
 }
 
-static struct recorder_batch *behind(struct recorder *recorder, struct recorder_batch *batch)
+static struct recorder_batch *batch_after(struct recorder *recorder, struct recorder_batch *batch)
 {
     return batch == &recorder->batches[RECORDER_BATCHES - 1] ? recorder->batches : batch + 1;
 }
@@ -52,7 +52,7 @@ static void close_batch(struct recorder *recorder)
 {
     if (!recorder->open)
         return;
-    recorder->next = behind(recorder, recorder->open);
+    recorder->next = batch_after(recorder, recorder->open);
     recorder->open = NULL;
     uint32_t filled = atomic_load_explicit(&recorder->filled, memory_order_relaxed); /* nobody else writes it */
     atomic_store_explicit(&recorder->filled, filled + 1, memory_order_release);
@@ -154,7 +154,7 @@ uint64_t recorder_taken(struct recorder *recorder)
     struct recorder_batch *batch = recorder->oldest;
     for (uint32_t i = 0; i < waiting; i++) {
         bytes += batch->size;
-        batch = behind(recorder, batch);
+        batch = batch_after(recorder, batch);
     }
     return bytes == 0 ? 0 : bytes / recorder->format.tick_size;
 }
@@ -193,6 +193,6 @@ void recorder_release(struct recorder *recorder)
 {
     recorder->sequence++;
     recorder->released += recorder->oldest->size;
-    recorder->oldest = behind(recorder, recorder->oldest);
+    recorder->oldest = batch_after(recorder, recorder->oldest);
     atomic_fetch_add_explicit(&recorder->drained, 1, memory_order_release);
 }

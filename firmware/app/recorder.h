@@ -40,14 +40,14 @@ struct recorder {
     uint32_t sequence;    /* of the next batch to be sent */
     uint64_t released;    /* bytes of data that were sent */
     uint64_t dropped;
-    struct recorder_batch *open; /* being filled, or NULL */
-    struct recorder_batch *next; /* to be filled; and to be drained: a tick does not divide by their number */
-    struct recorder_batch *oldest;
+    struct recorder_batch *open;   /* being filled, or NULL */
+    struct recorder_batch *next;   /* to be filled: a pointer, so that a tick does not divide by their number */
+    struct recorder_batch *oldest; /* to be sent */
     _Atomic uint32_t filled, drained;
     struct recorder_batch batches[RECORDER_BATCHES];
 };
 
-/* False when the line cannot name such a stream. */
+/* False when channels, axes or decimation are not valid. */
 bool recorder_format(struct recorder_format *format, uint8_t channels, uint8_t axis_mask, uint16_t decimation);
 
 /* Bytes a second that it takes on the line, frames and all. */
@@ -56,28 +56,29 @@ uint32_t recorder_bytes_per_s(const struct recorder_format *format);
 /* Empties the ring and records from the next tick on. */
 void recorder_start(struct recorder *recorder, const struct recorder_format *format);
 
-/* What is buffered can still be taken. */
+/* What is buffered can still be sent. */
 void recorder_stop(struct recorder *recorder);
 
-/* Stops after the post-trigger; nothing is taken any more, so nothing counts as dropped. */
+/* Stops RECORDER_POST_TRIGGER_TICKS later; from then on nothing is recorded, and nothing counts as dropped. */
 void recorder_freeze(struct recorder *recorder);
 
 /* Empties the ring too. */
 void recorder_discard(struct recorder *recorder);
 
 enum recorder_took {
-    RECORDER_TOOK = 0, /* as nearly always */
-    RECORDER_TURNED,   /* and opened or closed a batch */
-    RECORDER_DROPS     /* not: it is the first of a row that has to be dropped */
+    RECORDER_TOOK = 0, /* recorded, or not asked for: nearly always */
+    RECORDER_TURNED,   /* opened or closed a batch as well */
+    RECORDER_DROPS     /* dropped for want of a free batch, the first tick of a row of such */
 };
 
+/* Records a tick; both arrays have RECORDER_AXES elements. */
 enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
                                  const struct axis_trace *traces);
 
 /* Ticks taken since it was started, without those in a batch that is still open. Not for the tick. */
 uint64_t recorder_taken(struct recorder *recorder);
 
-/* These ticks went by unseen: they count as dropped. */
+/* These ticks passed without recorder_tick(): they count as dropped. */
 void recorder_miss(struct recorder *recorder, uint32_t ticks);
 
 /* The oldest full batch, its payload complete but for header and CRC; NULL when there is none. */

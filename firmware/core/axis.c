@@ -80,7 +80,7 @@ static int32_t feedforward_q24(const struct axis_config *config, const struct ax
         return state->target.reference; /* the path is volts */
     if (axis_mode_uses_tables(config->mode))
         return table_feedforward_q24(config, model, state, saturated);
-    return 0; /* pid; of the inverse it comes from axis_invert() */
+    return 0; /* pid has none; that of the inverse comes from axis_invert() */
 }
 
 bool axis_set_target(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
@@ -135,7 +135,7 @@ static int32_t feedback_q24(const struct axis_config *config, struct axis_state 
     return pid_step_q24(&config->pid, &state->pid, error_q16, saturated);
 }
 
-/* Slew limit and clamp; the integrator hears of what they cut off. */
+/* Slew limit and clamp, with anti-windup for what they cut off. */
 static int32_t limit_q24(const struct axis_config *config, struct axis_state *state, int32_t forward_q24,
                          int32_t back_q24, bool *saturated)
 {
@@ -161,7 +161,7 @@ static void follow_path(const struct axis_config *config, struct axis_state *sta
     state->u_q24 = limit_q24(config, state, trace->feedforward_q24, trace->feedback_q24, saturated);
 }
 
-/* True: the output stands still, and will. */
+/* True: the output stands still and will stay so. */
 static bool hold_or_ramp(const struct axis_config *config, struct axis_state *state, bool *saturated)
 {
     const int32_t before_q24 = state->u_q24;

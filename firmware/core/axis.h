@@ -1,10 +1,10 @@
 /* One axis, one tick: reference -> look-ahead -> feed-forward -> feedback -> limit -> DAC code. Pure: everything it
  * needs is in its arguments.
  *
- * The first three do not hang on the sample, so they are found before it, and little lies between sample and output:
- * axis_set_target() and, when the inverse is at work, axis_invert(), behind the output of the tick before. With the
- * sample come axis_error_q16() and axis_step(), and behind the output axis_follow_output(). Positions ahead of all
- * axes, and their errors, may be decoupled (decouple.h) in between. */
+ * Reference, look-ahead and feed-forward do not depend on the sample. So they are worked out in advance, after the
+ * output of the tick before: axis_set_target() and, with the inverse, axis_invert(). With the sample come
+ * axis_error_q16() and axis_step(), after the output axis_follow_output(). In between, the positions ahead and the
+ * errors of all axes may be decoupled (decouple.h). */
 #ifndef PHASELEAD_CORE_AXIS_H
 #define PHASELEAD_CORE_AXIS_H
 
@@ -18,7 +18,7 @@
 #include "core/path.h"
 #include "core/pid.h"
 
-/* What the axis is being made to do by the supervisor. */
+/* What the supervisor makes the axis do. */
 enum axis_drive { DRIVE_HOLD, DRIVE_PATH, DRIVE_RAMP };
 
 struct axis_config { /* fixed-size fields, explicit padding: read back as it lies in memory */
@@ -41,15 +41,15 @@ struct axis_model {                          /* what came with the stage model a
 };
 
 enum axis_target_flag {
-    TARGET_READY = 1,        /* found for the tick to come; without it the axis holds */
+    TARGET_READY = 1,        /* worked out for the next tick; without it the axis holds */
     TARGET_FOLLOWS_PATH = 2, /* the path decides the output */
-    TARGET_FEEDBACK = 4,     /* feedback is at work */
-    TARGET_INVERSE = 8,      /* the inverse is */
+    TARGET_FEEDBACK = 4,     /* with feedback */
+    TARGET_INVERSE = 8,      /* with feed-forward by the inverse */
     TARGET_SATURATED = 16,
     TARGET_PATH_DONE = 32 /* the path ends in that tick */
 };
 
-/* What the path asks for in the tick to come. */
+/* What the path asks for in the next tick. */
 struct axis_target {
     int32_t reference; /* um q16, or V q24 in mode open; kept when the axis no longer follows its path */
     int32_t ahead_q16; /* TARGET_INVERSE: where the axis should be one preview later, from its rest */
@@ -68,7 +68,7 @@ struct axis_state {
     uint32_t rail_ticks;  /* consecutive ticks on the path with the ADC at a rail */
 };
 
-/* Both travel byte for byte between 32- and 64-bit builds, so neither may hold padding a compiler chose. */
+/* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
 _Static_assert(sizeof(struct axis_config) == 104 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
 _Static_assert(sizeof(struct axis_state) == 552 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
 
@@ -84,20 +84,20 @@ struct axis_trace { /* what a tick did, for the recorder */
  * set so that the loop carries on from u_q24; the slew limit spreads what feed-forward alone would jump. */
 void axis_start(struct axis_state *state);
 
-/* The axis was given a path that it does not follow yet: its reference is where that begins. */
+/* For an axis that was given a path and does not follow it yet: its reference becomes the path's first value. */
 void axis_set_reference(const struct axis_config *config, const struct axis_model *model, struct axis_state *state);
 
-/* It follows its path, and the target of the tick to come is not known yet. */
+/* It follows its path, and the target of the next tick is not known yet. */
 bool axis_needs_target(const struct axis_state *state);
 
-/* Reference, look-ahead and feed-forward of the tick to come; the path goes on. For an axis that needs it. True: the
- * feed-forward is still to come from axis_invert(). */
+/* Reference, look-ahead and feed-forward of the next tick; advances the path. For an axis that needs a target. True:
+ * axis_invert() must follow and gives the feed-forward. */
 bool axis_set_target(const struct axis_config *config, const struct axis_model *model, struct axis_state *state);
 
 /* Feed-forward by the inverse: the voltage for target.ahead_q16, decoupled. */
 void axis_invert(const struct axis_model *model, struct axis_state *state, int32_t ahead_q16);
 
-/* Feedback is at work in this tick. */
+/* This tick has feedback. */
 bool axis_has_feedback(const struct axis_state *state);
 
 /* Reference - position, for an axis with feedback. */
@@ -107,8 +107,8 @@ int32_t axis_error_q16(const struct axis_config *config, struct axis_state *stat
 bool axis_step(const struct axis_config *config, struct axis_state *state, uint16_t adc_code, int32_t error_q16,
                struct axis_trace *trace);
 
-/* The memory of an inverse that did not make the output goes along with it. True when it goes on even with an output
- * that stands still: creep. */
+/* Lets the memory of the inverse follow an output that the inverse did not make. True when the memory keeps changing
+ * while the output stands still (creep). */
 bool axis_follow_output(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace);
 
 #endif

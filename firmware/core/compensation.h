@@ -2,8 +2,8 @@
  *
  *     position ahead -> shape (sensor, mechanics) -> creep undone -> plays and dead zones undone -> drive (amplifier)
  *
- * The delay is undone by looking ahead. The memory (plays, creep) goes with the output in every tick and mode, so that
- * it is the stage's own when an inverse mode begins.
+ * The delay is undone by looking ahead. The memory (plays, creep) follows the output in every tick and mode, so that it
+ * agrees with the stage's when an inverse mode begins.
  */
 #ifndef PHASELEAD_CORE_COMPENSATION_H
 #define PHASELEAD_CORE_COMPENSATION_H
@@ -18,7 +18,7 @@
 struct compensation { /* of one axis, made when a model is committed */
     uint32_t preview_ticks_q16;
     int32_t rest_q16;         /* position at rest at 0 V */
-    int64_t rest_q40;         /* the same */
+    int64_t rest_q40;         /* the same in another format */
     uint32_t sections_in_use; /* those that change anything: bit i for shape[i], and DRIVE_IN_USE */
     uint32_t reserved;
     struct biquad_config shape[SHAPE_SECTIONS];
@@ -36,8 +36,8 @@ struct compensation_state {
     uint32_t reserved;
 };
 
-/* Works out rest_q16, rest_q40 and sections_in_use from the others. False when the position at rest does not fit. Like
- * the next two not for the tick. */
+/* Works out rest_q16, rest_q40 and sections_in_use from the others. False when the position at rest does not fit. This
+ * and the next two are not for the tick. */
 bool compensation_make(struct compensation *compensation);
 
 /* A stage at rest at 0 V that begins to follow u. */

@@ -24,7 +24,7 @@ struct creep_state {
     int64_t lag_q40[CREEP_TERMS]; /* um from rest */
 };
 
-/* Works out in_use. False when the terms are not usable. Like creep_admit() not for the tick. */
+/* Works out in_use. False when the terms are not usable. This and creep_admit() are not for the tick. */
 bool creep_make(struct creep_config *config);
 
 bool creep_is_in_use(const struct creep_config *config);

@@ -1,8 +1,8 @@
-/* Cross-coupling, y_i = sum c_ij x_j with c_ii = 1, undone: the motions x of the axes that show as y.
+/* Cross-coupling, y_i = sum c_ij x_j with c_ii = 1, undone: the motions x of the axes that the sensors see as y.
  *
- * Which inverse is the right one depends on which axes move: one that stands still cannot help to cancel the others. So
- * there is one for every set of moving axes, made when a model is committed. Products are exact, the sum is the nearest
- * q16; the matrices are within 8 LSB of q28 of the exact inverse for couplings up to 1/4.
+ * Which inverse is the right one depends on which axes move: one that stands still cannot cancel what the others cause.
+ * So there is one for every set of moving axes, made when a model is committed. Products are exact, the sum is the
+ * nearest q16; the matrices are within 8 LSB of q28 of the exact inverse for couplings up to 1/4.
  */
 #ifndef PHASELEAD_CORE_DECOUPLE_H
 #define PHASELEAD_CORE_DECOUPLE_H

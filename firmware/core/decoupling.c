@@ -40,7 +40,7 @@ bool decoupling_takes(const int32_t row_q28[N], unsigned axis)
     return true;
 }
 
-/* The coupling of a set of axes; of those that stand still nothing is seen. */
+/* The coupling among a set of axes; the others have none. */
 static void coupling_among(const int32_t coupling_q28[N][N], unsigned set, int64_t m_q28[N][N])
 {
     for (unsigned i = 0; i < N; i++)
@@ -50,7 +50,7 @@ static void coupling_among(const int32_t coupling_q28[N][N], unsigned set, int64
         }
 }
 
-/* What rounding made of the rows and columns of those that stand still. */
+/* Makes the rows and columns of the other axes exactly those of the unit matrix, which rounding may have changed. */
 static void leave_others(unsigned set, int32_t inverse_q28[N][N])
 {
     for (unsigned i = 0; i < N; i++)

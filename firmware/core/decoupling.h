@@ -1,4 +1,4 @@
-/* The inverses of the cross-coupling, made when a model is committed: decouple.h says what of. Not for the tick. */
+/* The inverses of the cross-coupling that decouple.h uses, made when a model is committed. Not for the tick. */
 #ifndef PHASELEAD_CORE_DECOUPLING_H
 #define PHASELEAD_CORE_DECOUPLING_H
 

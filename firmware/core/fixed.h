@@ -2,8 +2,8 @@
  *
  * Formats, by suffix:  _q16 micrometres x 2^16   _q24 control volts x 2^24   _qN value x 2^N
  *                      _turn32 uint32, 2^32 is one turn (a lead is the same thing signed)   _turn64 likewise in 64 bits
- * Every product is 64 bits wide, rounded to nearest (ties away from minus infinity: floor(x + 1/2)), then saturated.
- * All of these are exact: tests/core/test_fixed.py compares them with unbounded integers over every input.
+ * Every product is 64 bits wide, rounded to nearest (ties up: floor(x + 1/2)), then saturated. All of these functions
+ * are exact: tests/core/test_fixed.py compares them with unbounded integers.
  */
 #ifndef PHASELEAD_CORE_FIXED_H
 #define PHASELEAD_CORE_FIXED_H
@@ -13,7 +13,7 @@
 
 #define TICK_RATE_HZ 5000
 
-/* C leaves these two to the compiler. Every one we build with does the obvious; one that does not is refused here. */
+/* C leaves these two to the compiler. A compiler that does something unusual is refused here. */
 _Static_assert(((int64_t)-3 >> 1) == -2, "right shift of a signed value must be arithmetic");
 _Static_assert((int32_t)0x80000000u == INT32_MIN, "unsigned to signed must wrap");
 
@@ -92,7 +92,7 @@ static inline int32_t sat_sub_i32(int32_t a, int32_t b, bool *saturated)
     return sat_i32((int64_t)a - b, saturated);
 }
 
-/* a + b and a - b, or the limit of int32 beyond which they are: for those who need not know. */
+/* a + b and a - b, saturated to int32, where the caller need not know whether they were. */
 static inline int32_t add_i32(int32_t a, int32_t b)
 {
     bool saturated = false;
@@ -204,10 +204,10 @@ static inline int64_t mul_shift_i64(int64_t a, int64_t b, unsigned bits, bool *s
     return negative ? (int64_t)(0 - size) : (int64_t)size;
 }
 
-/* a / b, towards 0, in the same time whatever the values: without a division. a < 2^32 b. */
+/* a / b, rounded towards 0, without a division, so that every value takes the same time. a < 2^32 b. */
 uint32_t ratio_u32(uint64_t a, uint32_t b);
 
-/* Zeros that a word begins with, value != 0. By halving: for compilers without a word for it. */
+/* Leading zeros of a word, value != 0, in plain C: for compilers without a builtin. */
 static inline unsigned leading_zeros_portable_u32(uint32_t value)
 {
     unsigned zeros = 0;
@@ -221,7 +221,7 @@ static inline unsigned leading_zeros_portable_u32(uint32_t value)
     return zeros;
 }
 
-/* Zeros that a word begins with, and ends with. value != 0. */
+/* Leading and trailing zeros of a word, value != 0. */
 static inline unsigned leading_zeros_u32(uint32_t value)
 {
 #if defined(__GNUC__)

@@ -2,8 +2,8 @@
 
 #include "core/fixed.h"
 
-/* A way up or down. Places on it are told by their distance from where it began, so that up and down are the same from
- * there on. What lies behind the beginning wraps around, and adds up all the same. */
+/* A way up or down. A place on it is its distance from where the way began, so that the rest of the code is the same
+ * for up and down. The distance of a place before the beginning wraps around, and sums with it still come out right. */
 struct walk {
     const struct inverse_config *config;
     const struct inverse_state *state;
@@ -14,10 +14,10 @@ struct walk {
     const struct inverse_play *play; /* the first one that does not move */
     const struct inverse_play *group_end;
     uint32_t turn_at_q24; /* the last turn: plays below group_end begin to move at twice their threshold from it */
-    bool onward;          /* all up to the last turn begin to move at it */
+    bool onward;          /* the way leads back to the last turn, where all its plays begin to move together */
     uint32_t knots, turns;
     uint32_t curve_q20; /* slope without plays */
-    int64_t rest_q44;   /* of the way to go, in position */
+    int64_t rest_q44;   /* change of position still to come */
 };
 
 static uint32_t distance_q24(const struct walk *walk, int32_t voltage_q24)
@@ -31,7 +31,7 @@ static uint32_t slope_q20(const struct walk *walk)
     return walk->curve_q20 + (uint32_t)walk->play->sum_q20;
 }
 
-/* Of a play that has not moved since the stage was at rest. */
+/* Where the next play begins to move, if it has not moved since the stage was at rest. */
 static uint32_t rest_play_at_q24(const struct walk *walk)
 {
     if (walk->play >= walk->config->play + walk->config->plays)
@@ -39,14 +39,14 @@ static uint32_t rest_play_at_q24(const struct walk *walk)
     return distance_q24(walk, walk->play->rest_q24) + (uint32_t)walk->play->r_q24;
 }
 
-/* Of one that stopped at the last turn and must go the other way. */
+/* The same, if it stopped at the last turn and has to move the other way. */
 static uint32_t turned_play_at_q24(const struct walk *walk)
 {
     return walk->turn_at_q24 + 2 * (uint32_t)walk->play->r_q24;
 }
 
-/* Where another play begins to move. Those that stopped at the last turn begin all together where the way comes back to
- * it, or else one by one. */
+/* Where the next play begins to move. Plays that stopped at the last turn begin together if the way comes back to that
+ * turn, else one by one. */
 static void find_play(struct walk *walk)
 {
     walk->onward = false;
@@ -80,7 +80,7 @@ static void pass_play(struct walk *walk)
         return;
     }
     walk->play = walk->onward ? &walk->config->play[trailing_zeros_u32(walk->turns)] + 1 : walk->play + 1;
-    walk->turns &= walk->turns - 1; /* the way has closed: this turn is forgotten */
+    walk->turns &= walk->turns - 1; /* the loop is closed: this turn is forgotten */
     find_play(walk);
 }
 
@@ -103,8 +103,8 @@ static bool goes_to(struct walk *walk, uint32_t bend_at_q24)
     return true;
 }
 
-/* Past the next bend. False when the way ends before it. Where a play and a knot coincide, the play is first; a play
- * beyond the limit is none, one at it, where the way ends, may be left. */
+/* Past the next bend. False when the way ends before it. Where a play and a knot coincide, the play is first. A play
+ * beyond the limit does not count; one exactly at the limit, where the way ends, may be left out. */
 static bool walk_on(struct walk *walk)
 {
     const bool knot_is_near = walk->knot_at_q24 < walk->end_q24;
@@ -132,7 +132,7 @@ static void turn(struct inverse_state *state, bool rises)
     state->rises = rises;
 }
 
-/* On the last piece: to the nearest voltage, or to the end. False when the end is nearer than the position. */
+/* On the last piece: to the nearest voltage, or to the limit. False when the limit comes before the position. */
 static bool finish(struct walk *walk)
 {
     const uint32_t slope = slope_q20(walk), room_q24 = walk->end_q24 - walk->at_q24;
@@ -140,7 +140,7 @@ static bool finish(struct walk *walk)
     bool reached = rounded_q44 < (uint64_t)slope * room_q24 + slope;
     uint32_t length_q24 = reached ? ratio_u32(rounded_q44, slope) : room_q24;
     walk->at_q24 += length_q24;
-    walk->rest_q44 -= (int64_t)((uint64_t)slope * length_q24); /* by half an LSB below 0, perhaps */
+    walk->rest_q44 -= (int64_t)((uint64_t)slope * length_q24); /* perhaps half an LSB below 0 */
     return reached;
 }
 
@@ -156,7 +156,7 @@ static void arrive(const struct walk *walk, struct inverse_state *state, int64_t
     state->turns = walk->turns;
 }
 
-/* As far as voltage and position allow, and the bends of a tick. False when the position was not reached. */
+/* As far as voltage, position and the bends of a tick allow. False when the position was not reached. */
 static bool walk_to(const struct inverse_config *config, struct inverse_state *state, bool rises, int32_t end_q24,
                     int64_t way_q44)
 {

@@ -7,7 +7,7 @@
 #define SLOPE_LEAST_Q20 (1 << 10)          /* 2^-10 um/V */
 #define SLOPES_MOST_Q20 ((int64_t)1 << 30) /* with voltages of 2^32 LSB: positions below 2^62 */
 
-/* Smallest slope on the way from u_min to u_max that no play helps, that is right after a turn. */
+/* Whether the position rises from u_min to u_max even where no play moves, that is right after a turn. */
 static bool rises_everywhere(const struct inverse_config *config)
 {
     int64_t slope_q20 = config->gain_q20, least_q20 = INT64_MAX;
@@ -100,7 +100,7 @@ enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t p
     return INVERSE_EXISTS;
 }
 
-/* Everything pulled along to v from `side` (1: from below). */
+/* Position when all plays were pulled along to v from `side` (1: from below). */
 static int32_t extreme_q16(const struct inverse_config *config, int32_t v_q24, int side)
 {
     bool saturated = false;

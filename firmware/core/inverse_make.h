@@ -20,7 +20,7 @@ enum inverse_verdict {
  * the inverse exists. */
 enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t play_w_q20[INVERSE_PLAYS]);
 
-/* What can be reached whatever the memory: from everything drawn down to u_min, to everything pushed up to u_max. */
+/* Positions that can be reached whatever the memory: from all plays drawn down to u_min to all pushed up to u_max. */
 void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16);
 
 #endif

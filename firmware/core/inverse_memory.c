@@ -21,7 +21,7 @@ int64_t inverse_curve_q44(const struct inverse_config *config, int32_t v_q24, ui
 int64_t inverse_play_q24(const struct inverse_config *config, const struct inverse_state *state, unsigned play)
 {
     int64_t r_q24 = config->play[play].r_q24;
-    uint32_t turns = state->turns >> play; /* the nearest one above tells */
+    uint32_t turns = state->turns >> play; /* the play stopped at the nearest turn from here on up */
     if (play < state->moving)
         return state->rises != 0 ? state->v_q24 - r_q24 : state->v_q24 + r_q24;
     if (turns == 0)

@@ -1,4 +1,4 @@
-/* The last block before the converter: slew limit, then clamp. Its word is final.
+/* The last block before the converter: slew limit, then clamp.
  *
  * Exact. The clamp wins over the slew limit, and holds whatever the other numbers are. */
 #ifndef PHASELEAD_CORE_OUTPUT_H

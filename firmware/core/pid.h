@@ -1,8 +1,7 @@
 /* PID on the position error (Xu & Li 2010, eq. 13), error = reference - position, output in volts.
  *
  * u = Kp e + sum(Ki Ts e) + D, D = alpha-filtered Kd/Ts (e - e_previous); alpha 0x7fffffff means unfiltered, exactly.
- * The derivative must stay unfiltered (or filtered well above 2 kHz) with the paper's gains: their stability hangs on
- * it.
+ * With the paper's gains the derivative must stay unfiltered (or filtered well above 2 kHz), or the loop is unstable.
  *
  * Exact in its sums: the integrator and the unfiltered derivative are whole products, the filtered derivative moves
  * within 1 LSB of q40 per tick of the exact recursion, and the output is within 0.51 LSB of q24 of the sum of the

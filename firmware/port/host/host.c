@@ -151,7 +151,7 @@ static void force_rail(struct host_device *host, uint16_t adc_codes[AXES])
     adc_codes[host->rail_axis] = UINT16_MAX;
 }
 
-/* The line carries so many bytes a tick; what it could not use is lost, as on a line that was idle. */
+/* The line carries a number of bytes each tick; capacity that was not used is lost, as on an idle line. */
 static void run_line(struct host_device *host)
 {
     host->line_credit += host->port.baud;

@@ -48,7 +48,7 @@ enum host_restored { HOST_RESTORED, HOST_NOT_A_STATE, HOST_WITHOUT_WAVE, HOST_WI
  * is written. */
 HOST_API int host_restore(struct host_device *device, uint64_t session, const uint8_t *state, size_t size);
 
-/* Mask of the axes whose output follows a path, and so may hang on their ADC codes. */
+/* Mask of the axes whose output follows a path, and so may depend on their ADC codes. */
 HOST_API uint32_t host_driven_axes(const struct host_device *device);
 
 /* Bytes of the control state. */

@@ -20,7 +20,7 @@
 #define DAC_NOP 0u
 
 static bool word_lost;
-static uint16_t said; /* data that came back with the first frame of the last drive */
+static uint16_t dac_answer; /* data that came back with the first frame of the last drive */
 
 static uint32_t exchange(struct spi *spi, uint32_t word)
 {
@@ -86,7 +86,7 @@ bool converters_start(void)
     dac_frame(DAC_DATA | DAC_ALL_CHANNELS);
     pin_high(GPIOC, PIN_DAC_CLEAR);
     converters_ask_dac();
-    said = dac_frame(DAC_NOP);
+    dac_answer = dac_frame(DAC_NOP);
     return converters_dac_answered();
 }
 
@@ -103,9 +103,10 @@ bool converters_sample(uint16_t codes[CONVERTER_AXES])
     bool done = conversion_is_done();
     word_lost = false;
     pin_low(GPIOA, PIN_ADC_CS);
-    bool first = pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* high while the first channel is on the line, and */
+    /* FRSTDATA is high during the first channel and low after it; otherwise no converter is there. */
+    bool first = pin_is_high(GPIOB, PIN_ADC_FRSTDATA);
     uint32_t x = exchange(SPI1, 0);
-    bool still_first = pin_is_high(GPIOB, PIN_ADC_FRSTDATA); /* low behind it: something is there that counts */
+    bool still_first = pin_is_high(GPIOB, PIN_ADC_FRSTDATA);
     uint32_t y = exchange(SPI1, 0);
     uint32_t z = exchange(SPI1, 0);
     pin_high(GPIOA, PIN_ADC_CS);
@@ -119,7 +120,7 @@ bool converters_sample(uint16_t codes[CONVERTER_AXES])
 
 void converters_drive(const uint16_t codes[CONVERTER_AXES])
 {
-    said = dac_frame(DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
+    dac_answer = dac_frame(DAC_DATA | DAC_CHANNEL(0) | (codes[0] ^ CONVERTERS_TWOS_COMPLEMENT));
     dac_frame(DAC_DATA | DAC_CHANNEL(1) | (codes[1] ^ CONVERTERS_TWOS_COMPLEMENT));
     dac_frame(DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
@@ -131,12 +132,12 @@ void converters_ask_dac(void)
 
 bool converters_dac_answered(void)
 {
-    return said == DAC_RANGE_10V26;
+    return dac_answer == DAC_RANGE_10V26;
 }
 
 void converters_listen(void)
 {
-    said = dac_frame(DAC_NOP);
+    dac_answer = dac_frame(DAC_NOP);
 }
 
 void converters_read_back(uint16_t codes[CONVERTER_AXES])

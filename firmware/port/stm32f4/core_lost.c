@@ -10,25 +10,25 @@
 #define HARD_FAULT 3u
 _Static_assert(WIRE_CORE_LOSS_USAGE_FAULT - WIRE_CORE_LOSS_HARD_FAULT == 3, "faults have lost their order");
 
-struct testament {
+struct last_loss {
     uint32_t magic, detail, inverse;
 };
 
 /* Linker script. */
 extern uint32_t stack_guard_start[], stack_bottom[], stack_top[];
 
-static struct testament testament __attribute__((section(".kept")));
+static struct last_loss last_loss __attribute__((section(".kept")));
 
-/* The stack may be what is broken. */
+/* For the handlers: the main stack may be what is broken. */
 uint64_t fault_stack[32] __attribute__((used));
 
 RAM_CODE _Noreturn void core_lost(enum wire_core_loss loss, uint32_t address)
 {
     GPIOC->BSRR = BIT(PIN_DAC_CLEAR + 16u);
     uint32_t detail = CORE_LOST_DETAIL(loss, address);
-    testament.magic = MAGIC;
-    testament.detail = detail;
-    testament.inverse = ~detail;
+    last_loss.magic = MAGIC;
+    last_loss.detail = detail;
+    last_loss.inverse = ~detail;
     __asm volatile("dsb");
     SCB->AIRCR = SCB_AIRCR_RESET;
     for (;;)
@@ -70,10 +70,10 @@ RAM_CODE void core_lost_on_stray(void)
 
 uint32_t core_lost_take(void)
 {
-    uint32_t detail = testament.detail;
-    if (testament.magic != MAGIC || testament.inverse != ~detail)
+    uint32_t detail = last_loss.detail;
+    if (last_loss.magic != MAGIC || last_loss.inverse != ~detail)
         detail = 0;
-    testament.magic = 0;
+    last_loss.magic = 0;
     return detail;
 }
 

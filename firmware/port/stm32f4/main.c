@@ -55,7 +55,7 @@ int main(void)
                                .reset_cause = cause,
                                .target = BOARD_NAME};
     build_id(port.build_id);
-    device_init(&device, &port); /* some 17 ms with a model, tables and inverse of three axes */
+    device_init(&device, &port); /* some 18 ms with a model, tables and inverse of three axes */
     watchdog_start();            /* until here the converter is cleared by its pin, so nothing needs it */
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());

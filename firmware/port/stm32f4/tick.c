@@ -15,8 +15,8 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 
 /* The longest the main loop is busy is the expansion of a model's tables, some 10 ms. */
 #define MAIN_LOOP_TICKS 500u
-/* Between two questions to the DAC; it answers in the tick that follows. Where ticks have done something rare beside
- * their work, the question waits, but not for long. */
+/* Between two questions to the DAC; it answers in the tick that follows. The question is not put in a tick that did
+ * something rare; it waits, but not for long. */
 #define DAC_TICKS 7u
 #define DAC_TICKS_MOST 10u
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
@@ -38,7 +38,7 @@ static void watch_interlock(void)
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
 }
 
-/* It hears again: what it missed it is not told at once. */
+/* A DAC that answers again is not sent its present code at once, which would be a jump. */
 static void dac_answered(bool answered)
 {
     if (!answered) {
@@ -50,7 +50,7 @@ static void dac_answered(bool answered)
     }
 }
 
-/* Axis by axis towards its code, by the step of its ramp. */
+/* Moves the DAC's codes towards those that it should have, each axis by the step of its ramp. */
 static void catch_up(const uint16_t codes[AXES])
 {
     bool behind = false;
@@ -65,7 +65,7 @@ static void catch_up(const uint16_t codes[AXES])
         dac = DAC_HEARS;
 }
 
-/* What it is told that did not hear everything; NULL: nothing yet. */
+/* What to send to a DAC that missed some codes; NULL: nothing yet. */
 static const uint16_t *codes_behind(const uint16_t codes[AXES])
 {
     if (dac == DAC_SILENT)
@@ -138,7 +138,7 @@ RAM_CODE void tick_parked(void)
     TIM2->SR = ~TIM_SR_CC3IF;
     if ((GPIOC->IDR >> PIN_INTERLOCK & 1u) == 0)
         interlock_open_ticks = 0;
-    else if (interlock_open_ticks < INTERLOCK_TICKS - 1) /* the last of them is left to a tick that can react */
+    else if (interlock_open_ticks < INTERLOCK_TICKS - 1) /* the last one is left to a tick that can react */
         interlock_open_ticks++;
     tick_parked_count++;
     IWDG->KR = IWDG_FEED;
