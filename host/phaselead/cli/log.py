@@ -10,6 +10,7 @@ from phaselead.cli.common import (
     axis_option,
     duration_option,
     emit,
+    emit_pairs,
     json_option,
     map_option,
     port_option,
@@ -18,7 +19,6 @@ from phaselead.cli.common import (
     read_recordings,
     record_files,
 )
-from phaselead.cli.device import emit_pairs
 from phaselead.cli.listing import top_level
 from phaselead.record import RUN_SUFFIXES, check_output
 
@@ -117,5 +117,5 @@ def replay(run: str, json_to: str | None) -> None:
     from phaselead.api import replay as execute_again
 
     replayed = execute_again(run)
-    emit(replayed.as_dict(), json_to, lambda console: console.print(str(replayed)))
+    emit(replayed.as_dict(), json_to, replayed.tables())
     sys.exit(0 if replayed else 1)

@@ -16,8 +16,7 @@ from phaselead.control.gains import parse_gains
 from phaselead.control.journal import journalled_listen, journalled_track
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits
-from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model
-from phaselead.device import selftest as test_axis
+from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, selftest
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
@@ -25,7 +24,7 @@ from phaselead.result import Facts, Result, Table, pairs_table
 from phaselead.waveforms import Waveform, parse_wave, parse_waves
 
 if TYPE_CHECKING:
-    from phaselead.identify import FitResult, Verification, View
+    from phaselead.identify import FitResult
 
 DEFAULT_PORT = "sim://xyz250"
 PORT_VARIABLE = "PHASELEAD_PORT"
@@ -177,9 +176,7 @@ class Controller:
 
         Raises BadInput for axes that make no sense, PhaseleadError when the device holds a model.
         """
-        if not axes or any(axis not in "xyz" for axis in axes) or len(set(axes)) != len(axes):
-            raise BadInput(f"axes {axes!r}: letters of x, y and z, each once")
-        return SelfTest({axis: test_axis(self.device, axis) for axis in axes})
+        return selftest(self.device, axes)
 
     # ---------------------------------------------------------------- the model
 
@@ -209,7 +206,7 @@ class Controller:
         which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import FitResult, Verifications, identify_device  # slow to load, needed here only
+        from phaselead.identify import identify_device  # slow to load, needed here only
 
         letters = tuple(axes.replace(",", "").replace(" ", ""))
         if not letters or not set(letters) <= set("xyz") or len(set(letters)) != len(letters):
@@ -218,10 +215,7 @@ class Controller:
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
         folder = None if save is None else os.fspath(save)
-        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage)
-        judged: list[tuple[View, list[Verification]]] = [(v, found.verifications[v]) for v in ("time", "table")]
-        held_out = {view: Verifications(errors, view, found.stage.name) for view, errors in judged}
-        return FitResult(found.stage, found.report, found.recordings, held_out)
+        return identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
 
     # ---------------------------------------------------------------- running
 

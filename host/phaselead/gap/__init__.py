@@ -16,8 +16,8 @@ from phaselead.gap.findings import (
 )
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.result import GapResult
-from phaselead.gap.run import keep_freed_memory, run_gap
-from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port, verify_on
+from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
+from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port
 
 __all__ = [
     "LEVEL",
@@ -45,5 +45,5 @@ __all__ = [
     "run_proposal",
     "typical_of",
     "unit_of",
-    "verify_on",
+    "verified_on",
 ]
