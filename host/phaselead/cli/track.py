@@ -8,7 +8,7 @@ import click
 
 from phaselead.cli.common import axis_option, duration_option, emit, json_option, port_option, progress
 from phaselead.cli.listing import top_level
-from phaselead.control import MODES, journalled_track, parse_gains
+from phaselead.control import MODES, parse_gains, track_to_file
 from phaselead.device import Device
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
@@ -57,7 +57,7 @@ def track(
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
-        run = journalled_track(
+        run = track_to_file(
             device,
             waveforms,
             mode,

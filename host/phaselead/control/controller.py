@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from phaselead import interrupt
 from phaselead.control.gains import parse_gains
-from phaselead.control.journal import journalled_listen, journalled_track
+from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits
 from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, selftest
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = "sim://xyz250"
 PORT_VARIABLE = "PHASELEAD_PORT"
-LISTEN_S = 1.0
 
 Progress = Callable[[float], None]
 """Is given the fraction done, now and then."""
@@ -251,7 +250,7 @@ class Controller:
         waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
-        run = journalled_track(
+        run = track_to_file(
             self.device,
             waveforms,
             mode,
@@ -284,12 +283,17 @@ class Controller:
         codes that a replay needs. Raises as ``track`` does.
         """
         path = _output(output)
-        if drive is not None:
-            run = self.track(drive, mode="open", axis=axis, duration=duration, output=output, on_progress=on_progress)
-            return run.recording
-        seconds = LISTEN_S if duration is None else duration
-        recording = journalled_listen(self.device, axis, seconds, output=path, on_progress=on_progress)
-        return _named(recording, path or f"{axis} at rest")
+        waveforms = None if drive is None else _waves(drive, axis, {})
+        recording = record_open_loop(
+            self.device,
+            waveforms,
+            axis,
+            output=path,
+            stage=None if waveforms is None else self._own_model(waveforms, "open"),
+            duration_s=duration,
+            on_progress=on_progress,
+        )
+        return _named(recording, path or _text(drive) or f"{axis} at rest")
 
 
 def _named(recording: Recording, name: str) -> Recording:

@@ -11,7 +11,7 @@ from phaselead.record.gather import MapLike, RecordLike, RecordsLike, from_colum
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.journal import JournalWriter, read_journal
 from phaselead.record.read import read_recording, split_argument
-from phaselead.record.recording import Recording, Recordings, recording_facts
+from phaselead.record.recording import Recording, Recordings
 from phaselead.record.sampled import SampledResult
 
 __all__ = [
@@ -38,7 +38,6 @@ __all__ = [
     "read_hdf5",
     "read_journal",
     "read_recording",
-    "recording_facts",
     "refuse_clipped",
     "refuse_gapped",
     "split_argument",
