@@ -81,10 +81,10 @@ def gap_next(
     Traceback (most recent call last):
     phaselead.errors.BadInput: gap.json: cannot be read (No such file or directory); make it with phaselead gap --json
     """
-    from phaselead.control import default_port
     from phaselead.gap import proposal_of, read_proposal, run_proposal
     from phaselead.model import as_stage
     from phaselead.record import RUN_SUFFIXES, check_output, gather_one
+    from phaselead.serial_ports import default_port
 
     inputs = [one for one in (proposal, model) if isinstance(one, str | os.PathLike)]
     check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs)

@@ -18,6 +18,7 @@ from rich.table import Table as TerminalTable
 
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
+from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
 
 if TYPE_CHECKING:
     from phaselead.record import Recording
@@ -26,8 +27,8 @@ SHORTEST_S = 0.0004
 
 port_option = click.option(
     "--port",
-    default="sim://xyz250",
-    envvar="PHASELEAD_PORT",
+    default=DEFAULT_PORT,
+    envvar=PORT_VARIABLE,
     show_default=True,
     show_envvar=True,
     help="Serial port, or sim://xyz250, or sim://STAGE.toml.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.control.controller import Controller, Upload, connect, default_port
+from phaselead.control.controller import Controller, connect
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.gains import PAPER_GAINS, parse_gains
 from phaselead.control.journal import record_open_loop, recover_run, track_to_file
@@ -15,10 +15,8 @@ __all__ = [
     "Controller",
     "Run",
     "TrackingError",
-    "Upload",
     "assumed_limits",
     "connect",
-    "default_port",
     "parse_gains",
     "record_open_loop",
     "recover_run",

@@ -21,13 +21,11 @@ from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
 from phaselead.result import Facts, Result, Table, pairs_table
+from phaselead.serial_ports import default_port
 from phaselead.waveforms import Waveform, parse_wave, parse_waves
 
 if TYPE_CHECKING:
     from phaselead.identify import FitResult
-
-DEFAULT_PORT = "sim://xyz250"
-PORT_VARIABLE = "PHASELEAD_PORT"
 
 Progress = Callable[[float], None]
 """Is given the fraction done, now and then."""
@@ -35,11 +33,6 @@ WaveLike = str | Waveform
 WavesLike = WaveLike | Mapping[str, WaveLike]
 GainsLike = str | Gains | tuple[float, float, float]
 """``"paper"``, ``"KP,KI,KD"`` or three numbers in V/um, V/(um s), V s/um, or ``Gains``."""
-
-
-def default_port() -> str:
-    """``$PHASELEAD_PORT`` as it is now, else the built-in virtual stage."""
-    return os.environ.get(PORT_VARIABLE) or DEFAULT_PORT
 
 
 def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:

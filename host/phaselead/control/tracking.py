@@ -35,7 +35,7 @@ REMANENCE_um = 15.0
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
     """Ten periods of the slowest path; a move and a second."""
-    return max(waveform.usual_s for waveform in waveforms.values())
+    return max(waveform.default_duration_s for waveform in waveforms.values())
 
 
 def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None) -> None:

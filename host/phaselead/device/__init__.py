@@ -14,7 +14,7 @@ from phaselead.device.run_file import read_capture, recording_of, write_run
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.device.stream import AXES, Capture, axes_of, decode_samples
 from phaselead.device.wire import Channel, Mode
-from phaselead.serial_ports import BAUD, Ports, list_ports
+from phaselead.serial_ports import BAUD
 
 __all__ = [
     "AXES",
@@ -28,7 +28,6 @@ __all__ = [
     "DeviceStatus",
     "FrameReader",
     "Mode",
-    "Ports",
     "SelfTest",
     "Standing",
     "axes_of",
@@ -39,7 +38,6 @@ __all__ = [
     "flash_board",
     "from_device_model",
     "inverse_refusal",
-    "list_ports",
     "read_capture",
     "recording_of",
     "selftest",

@@ -107,7 +107,7 @@ def selftest(device: Device, axes: str = AXES) -> SelfTest:
 
 
 def measure_loop(device: Device, axis: str) -> LoopResult:
-    """The same for one axis."""
+    """Drives one axis through some voltages, reads each back, and parks. Raises PhaseleadError as ``selftest``."""
     if device.hello.model_flags & 1:
         raise PhaseleadError("the device has a model; a self-test is for a board without one: power it on afresh")
     dac, adc, noise = [], [], [0.0]

@@ -12,7 +12,6 @@ from phaselead.gap.findings import (
     Spectrum,
     Trace,
     parameter_rows,
-    parameter_texts,
 )
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.result import GapResult
@@ -37,7 +36,6 @@ __all__ = [
     "headline",
     "keep_freed_memory",
     "parameter_rows",
-    "parameter_texts",
     "percent",
     "proposal_of",
     "read_proposal",
