@@ -90,6 +90,16 @@ def circle(files: Files) -> list[str]:
     return []
 
 
+def namesakes(files: Files) -> list[str]:
+    """Doors that offer a function from a file of the same name: the import of one would hide the other."""
+    return [
+        f"{door} offers {name} from {module}; call the file otherwise"
+        for door, file in files.items()
+        for module, name in file.imports
+        if door.count(".") == 1 and module == f"{door}.{name}"
+    ]
+
+
 @pytest.fixture(scope="module")
 def files() -> dict[str, File]:
     """Every module of the package by its dotted name."""
@@ -116,6 +126,10 @@ def test_nobody_climbs_through_a_window(files):
     assert windows(files) == []
 
 
+def test_no_file_is_called_like_what_its_door_offers(files):
+    assert namesakes(files) == []
+
+
 def test_no_files_import_each_other_in_a_circle(files):
     assert circle(files) == []
 
@@ -129,6 +143,7 @@ def test_no_files_import_each_other_in_a_circle(files):
         ("phaselead.gap.noise", "import phaselead.model.operator", windows),
         ("phaselead.gap.noise", "from phaselead.model import _private", windows),
         ("phaselead.record.recording", "from phaselead.record.text import read_text", circle),
+        ("phaselead.record", "from phaselead.record.export import export", namesakes),
     ],
 )
 def test_a_breach_is_seen(files, path, line, breach):
