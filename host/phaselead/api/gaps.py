@@ -58,7 +58,7 @@ def gap(
         check_port(verify_on)
     keep_freed_memory()
     result = run_gap(stage, *parts, frozen=frozen, on_progress=on_progress)
-    return result if verify_on is None else verified_on(verify_on, result)
+    return result if verify_on is None else verified_on(verify_on, stage, result)
 
 
 def gap_next(

@@ -43,7 +43,7 @@ def compare(
         result = run_gap(stage, *parts, frozen=frozen, on_progress=advance)
     if verify_on:
         with progress(f"verifying on {verify_on}", 1.0) as advance:
-            result = verified_on(verify_on, result, advance)
+            result = verified_on(verify_on, stage, result, advance)
     texts = {output: stage_text(result.stage)} if output else {}
     if report:
         from phaselead.report import gap_page

@@ -29,6 +29,9 @@ from phaselead.result import Result, Table, json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MOST_CELLS = 5
+"""Of the largest cells, in a notebook."""
+
 
 @dataclass(frozen=True, repr=False)
 class GapResult(Result):
@@ -136,6 +139,16 @@ class GapResult(Result):
             parts.append(_experiment_text(self.next_experiment))
         tracked = [] if self.verification is None else self.verification.tables()
         return [*parts, *self.messages, *tracked]
+
+    def _repr_html_(self) -> str:
+        """What is printed, and below it the largest cells of the residual and every bound."""
+        cells = tuple((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_CELLS])
+        bounds = tuple((b.name, f"{b.upper_95:.2g}", unit_of(b.unit)) for b in self.excluded)
+        below = (
+            Table(("where", "cell", "share of the unexplained power"), cells),
+            Table(("not named", "at most (95 %)", "unit"), bounds),
+        )
+        return super()._repr_html_() + "".join(table.html() for table in below if table.rows)
 
     def save_json(self, path: str | os.PathLike[str]) -> None:
         """Writes gap.json."""

@@ -61,10 +61,9 @@ def run_gap(
     return replace(found, base=stage)
 
 
-def verified_on(port: str, result: GapResult, on_progress: Progress | None = None) -> GapResult:
-    """The result with how well the device at ``port`` tracks under the model before and under the one after."""
-    assert result.base is not None
-    return replace(result, verification=verify_on(port, result.base, result.stage, on_progress))
+def verified_on(port: str, base: Stage, result: GapResult, on_progress: Progress | None = None) -> GapResult:
+    """The result with how well the device at ``port`` tracks under ``base``, which was compared, and the next stage."""
+    return replace(result, verification=verify_on(port, base, result.stage, on_progress))
 
 
 def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[str, ...], seconds: float) -> GapResult:

@@ -3,8 +3,8 @@
 The linked kernel is a chain: the voltage passes from link to link (filters, clips, the hysteresis operator) up to the
 sensor. It takes effects in any number and order; the exact kernel of ``plant.py`` takes a few, each at one place.
 
-Each effect says in its file (``virtual``) which parts it is made of. The equations of the parts are written out here and
-in ``kernel/link.c`` a second time, so that what a virtual stage does can be held against what a model says.
+Each effect says in its file (``virtual``) which parts it is made of. The equations of the parts are written out here
+and in ``kernel/link.c`` a second time, so that what a virtual stage does can be held against what a model says.
 """
 
 from __future__ import annotations
