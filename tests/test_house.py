@@ -80,6 +80,18 @@ def windows(files: Files) -> list[str]:
     return found
 
 
+def inner_windows(files: Files) -> list[str]:
+    """The same inside a room: imports that reach into one of its folders past that folder's door."""
+    folders = {module for module in files if module.count(".") > 1 and any(f.startswith(f"{module}.") for f in files)}
+    return [
+        f"{reader} reaches into {module}; import from {folder}"
+        for reader, file in files.items()
+        for module, name in file.imports
+        for folder in folders
+        if target(files, module, name).startswith(f"{folder}.") and not f"{reader}.".startswith(f"{folder}.")
+    ]
+
+
 def circle(files: Files) -> list[str]:
     """Files that import each other in a circle, empty where there are none."""
     graph = {reader: {target(files, *one) for one in file.imports} - {reader} for reader, file in files.items()}
@@ -130,6 +142,10 @@ def test_no_file_is_called_like_what_its_door_offers(files):
     assert namesakes(files) == []
 
 
+def test_folders_inside_a_room_are_entered_by_their_doors(files):
+    assert inner_windows(files) == []
+
+
 def test_no_files_import_each_other_in_a_circle(files):
     assert circle(files) == []
 
@@ -142,6 +158,8 @@ def test_no_files_import_each_other_in_a_circle(files):
         ("phaselead.gap.noise", "from phaselead.model.operator import plays", windows),
         ("phaselead.gap.noise", "import phaselead.model.operator", windows),
         ("phaselead.gap.noise", "from phaselead.model import _private", windows),
+        ("phaselead.gap.run", "from phaselead.gap.design.excitation import Excitation", inner_windows),
+        ("phaselead.gap.run", "from phaselead.gap.design import excitation", inner_windows),
         ("phaselead.record.recording", "from phaselead.record.text import read_text", circle),
         ("phaselead.record", "from phaselead.record.export import export", namesakes),
     ],

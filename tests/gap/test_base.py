@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from phaselead.gap.comparison import MARGIN
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import Freedom, base_columns
 from phaselead.gap.residual import modelled_run
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
@@ -32,7 +32,7 @@ def a_track():
         rest_fraction=-1.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s, residual_um_rms=0.1,
     )  # fmt: skip
     mode = AdoptedEffect(name="resonance", params={"c": (0.9, 0.1), "f_Hz": (150.0, 420.0), "zeta": (0.02, 0.05)})
-    run = Run("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", "", {}, {})
+    run = GapRun("x", "train", t, u, np.zeros(2000), None, 0, 2000, "made.csv", "", {}, {})
     return modelled_run(AxisModel(time=view, effects=(mode,)), run)
 
 

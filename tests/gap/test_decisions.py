@@ -8,17 +8,17 @@ import pytest
 
 from phaselead.gap import acceptance, axis, comparison, goodness_of_fit
 from phaselead.gap.comparison import Rival
-from phaselead.gap.search import Growth
+from phaselead.gap.search import Selection
 from phaselead.model.effects import effect
 
 EFFECTS = [Made(name=name) for name in ("resonance", "load_change", "sensor_lowpass")]
 
 
-def growth(*names, reference=True):
+def selection(*names, reference=True):
     """A search that named these, if any."""
     candidates = [Made(name="resonance", remark="too little"), *(Made(name=n, remark="named") for n in names)]
     named = [Made(effect=Made(name=n)) for n in names]
-    return Growth(Made(reference=Made() if reference else None), None, None, named, candidates)
+    return Selection(Made(reference=Made() if reference else None), None, None, named, candidates)
 
 
 def final(after, floor=0.05, before=2.0):
@@ -29,11 +29,11 @@ def explained(monkeypatch, first, second, left):
     """The answer when the first search ends as ``first`` and one without its beginning as ``second``."""
     asked = []
 
-    def grow(model, runs, effects, frozen, on_progress):
+    def select_effects(model, runs, effects, frozen, on_progress):
         asked.append([e.name for e in effects])
         return first if len(asked) == 1 else second
 
-    monkeypatch.setattr(axis, "grow", grow)
+    monkeypatch.setattr(axis, "select_effects", select_effects)
     monkeypatch.setattr(axis, "final_fit", lambda found, runs: final(left[found is second]))
     found, _ = axis.search_twice(None, [], EFFECTS, False, lambda share: None)
     assert (found.substitute == "resonance") == (found.candidates is second.candidates)
@@ -41,14 +41,14 @@ def explained(monkeypatch, first, second, left):
 
 
 def test_two_effects_replace_the_one_that_stood_in_for_them(monkeypatch):
-    first, second = growth("resonance"), growth("load_change", "sensor_lowpass")
+    first, second = selection("resonance"), selection("load_change", "sensor_lowpass")
     named, asked = explained(monkeypatch, first, second, (0.4, 0.06))
     assert named == ["load_change", "sensor_lowpass"]
     assert asked[1] == ["load_change", "sensor_lowpass"]
 
 
 def test_where_nothing_was_named_what_came_nearest_is_left_out(monkeypatch):
-    named, asked = explained(monkeypatch, growth(), growth("load_change", "sensor_lowpass"), (1.9, 0.06))
+    named, asked = explained(monkeypatch, selection(), selection("load_change", "sensor_lowpass"), (1.9, 0.06))
     assert named == ["load_change", "sensor_lowpass"]
     assert "resonance" not in asked[1]
 
@@ -56,10 +56,10 @@ def test_where_nothing_was_named_what_came_nearest_is_left_out(monkeypatch):
 @pytest.mark.parametrize(
     ("first", "second", "left", "searches"),
     [
-        (growth("resonance"), growth("load_change"), (0.09, 0.05), 1),  # little is left: nobody else is asked
-        (growth("resonance"), growth("load_change"), (0.4, 0.35), 2),  # hardly better
-        (growth("resonance"), growth(), (0.4, 0.06), 2),  # names nothing
-        (growth("resonance", reference=False), growth("load_change"), (0.4, 0.06), 1),  # no floor to go by
+        (selection("resonance"), selection("load_change"), (0.09, 0.05), 1),  # little is left: nobody else is asked
+        (selection("resonance"), selection("load_change"), (0.4, 0.35), 2),  # hardly better
+        (selection("resonance"), selection(), (0.4, 0.06), 2),  # names nothing
+        (selection("resonance", reference=False), selection("load_change"), (0.4, 0.06), 1),  # no floor to go by
     ],
 )
 def test_otherwise_the_first_search_stands(monkeypatch, first, second, left, searches):
@@ -117,10 +117,10 @@ def test_a_larger_held_out_gap_counts_against_a_name(name, reference, z, worse, 
 
 def test_a_moving_base_takes_over_what_only_references_tell():
     whole = effect("sensor_nonlinearity")
-    alone = whole.beside_moving_base()
+    alone = whole.for_refitted_base()
     assert {p.name for p in whole.parameters} - {p.name for p in alone.parameters} == {"linear"}
     assert alone.complete({"quadratic": 0.1}) == whole.complete({"quadratic": 0.1})
-    assert effect("rate_dependence").beside_moving_base().complete({})["spread"] == 1.0
+    assert effect("rate_dependence").for_refitted_base().complete({})["spread"] == 1.0
 
 
 def rivals(*scored):

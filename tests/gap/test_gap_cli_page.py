@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from phaselead.cli.gap_run import printed
-from phaselead.gap.findings import Bound, Candidate, Cell, Gap, NamedEffect, NextExperiment, Trace
+from phaselead.gap.findings import Bound, Candidate, Cell, GapSize, NamedEffect, NextExperiment, Trace
 from phaselead.gap.result import GapResult
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage
@@ -38,7 +38,7 @@ def result() -> GapResult:
             Cell("direction", "rising", 0.5, "50 % is left while the voltage rises", 0.6),
             Cell("frequency", "0..32 Hz", 0.1, "10 % lies between 0 and 32 Hz", 0.002),
         ),
-        gap=Gap(0.3, 0.02, 0.015, "um", "what the model leaves of the reference records"),
+        gap=GapSize(0.3, 0.02, 0.015, "um", "what the model leaves of the reference records"),
         next_experiment=NextExperiment("multisine", 2.0, (5.0, 500.0), 3.0, None, 2.0, 120.0),
         holdout_sha256=("ab" * 32,),
         candidates=(
@@ -83,7 +83,7 @@ def test_the_page_says_what_where_and_what_remains():
 def test_a_page_of_nothing():
     still = replace(
         result(), verdicts=("none",), effects=(), ties=(), excluded=(), untestable=(), where=(), next_experiment=None,
-        candidates=(), traces=(), gap=Gap(0.01, 0.01, 0.01),
+        candidates=(), traces=(), gap=GapSize(0.01, 0.01, 0.01),
     )  # fmt: skip
     said = text(gap_page(still, STAGE, "model.toml"))
     assert "Model and measurement agree within the noise and the known errors of the base model." in said
@@ -97,7 +97,7 @@ def test_only_the_largest_sure_cell_of_a_kind_is_a_bullet():
 
 @pytest.mark.parametrize(("after", "words"), [(0.3, "100.0 %"), (0.015, "0.0 %"), (0.01, "0.0 %")])
 def test_what_remains_is_counted_above_the_floor(after, words):
-    assert words in remains(replace(result(), gap=Gap(0.3, after, 0.015)))
+    assert words in remains(replace(result(), gap=GapSize(0.3, after, 0.015)))
 
 
 def test_the_terminal_says_the_same():

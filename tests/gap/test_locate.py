@@ -11,17 +11,17 @@ from phaselead.gap.locate.cells import AMPLITUDE, DIRECTION, FREQUENCY, HARMONIC
 from phaselead.gap.locate.ranking import LEVEL, ResidualAndNoise, axis_cells, rank_cells, simulate_noise
 from phaselead.gap.locate.sentences import headline
 from phaselead.gap.noise import Noise
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 
 RATE_HZ = 1000.0
 SENSOR = Noise(np.array([1.0, -0.5]), 0.01, 0.0, 1.0, 0.0, np.ones(1))
 WANDERING = Noise(np.array([1.0, -0.3]), 0.005, 0.03, 0.4, 1e-7, np.ones(1))
 
 
-def run_of(u: np.ndarray, name: str = "rec") -> Run:
+def run_of(u: np.ndarray, name: str = "rec") -> GapRun:
     n = len(u)
     t = np.arange(n) / RATE_HZ
-    return Run("x", "holdout", t, u, np.zeros(n), None, 0, n, name, name, {}, {})
+    return GapRun("x", "holdout", t, u, np.zeros(n), None, 0, n, name, name, {}, {})
 
 
 def steps(seconds: float = 24.0) -> np.ndarray:
@@ -34,7 +34,7 @@ def sine(f_Hz: float = 5.0, seconds: float = 8.0) -> np.ndarray:
     return 4 - 4 * np.cos(2 * np.pi * f_Hz * t)
 
 
-def records() -> list[Run]:
+def records() -> list[GapRun]:
     return [run_of(sine(), "sine"), run_of(steps(), "steps"), run_of(np.zeros(4000), "idle")]
 
 
@@ -53,7 +53,7 @@ def first(cells, by):
     return next(c for c in cells if c.by == by)
 
 
-def creep(run: Run, per_V: float = 0.02, up: float = 1.0, down: float = 1.0) -> np.ndarray:
+def creep(run: GapRun, per_V: float = 0.02, up: float = 1.0, down: float = 1.0) -> np.ndarray:
     """A line over the logarithm of time after every step, in its direction."""
     e = np.zeros(len(run.u_V))
     jumps = [*(np.flatnonzero(np.abs(np.diff(run.u_V)) > 0.5) + 1), len(e)]

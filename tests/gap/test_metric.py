@@ -14,7 +14,7 @@ from phaselead.gap.disturbances.search import find_disturbances
 from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
 from phaselead.gap.metric import metric_of, whitened_regressors
 from phaselead.gap.noise import Noise, as_idle, differences_factor, fit_noise, whitened
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import Layout, SimulatedRegressors
 from phaselead.gap.residual import RunResidual, modelled_run
 from phaselead.gap.scan import _inverse
@@ -23,10 +23,10 @@ from phaselead.model.axis import AxisModel, TimeView
 STEP_s = 1e-3
 
 
-def run_of(u_V: np.ndarray, x_um: np.ndarray, role: str = "train") -> Run:
+def run_of(u_V: np.ndarray, x_um: np.ndarray, role: str = "train") -> GapRun:
     t = np.arange(len(u_V)) * STEP_s
     digest = hashlib.sha256(x_um.tobytes()).hexdigest()
-    return Run("x", role, t, u_V, x_um, None, 0, len(u_V), "made.csv", digest, {}, {})  # type: ignore[arg-type]
+    return GapRun("x", role, t, u_V, x_um, None, 0, len(u_V), "made.csv", digest, {}, {})  # type: ignore[arg-type]
 
 
 def wave(n: int) -> np.ndarray:

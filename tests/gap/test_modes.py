@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete, lfilter
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.metric import metric_of, whitened_regressors
 from phaselead.gap.noise import Noise
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted
 from phaselead.gap.regressors import Layout, SimulatedRegressors
 from phaselead.gap.residual import modelled_run
@@ -42,7 +42,7 @@ def started(f_Hz: float, zeta: float, share: float) -> list[dict[str, float]]:
     own = AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
     axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
     digest = hashlib.sha256(x.tobytes()).hexdigest()
-    run = Run("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
+    run = GapRun("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
     of = modelled_run(axis, run)
     metric = metric_of([of], Noise(np.ones(1), 0.01, 0.02, 2.0, 1e-3, np.ones(1)))
     made = whitened_regressors(

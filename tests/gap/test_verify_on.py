@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from phaselead.cli import gap_run, main
 from phaselead.errors import BadInput
-from phaselead.gap.findings import Gap
+from phaselead.gap.findings import GapSize
 from phaselead.gap.result import GapResult
 from phaselead.gap.verify_on import check_port, verify_on
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
@@ -80,7 +80,7 @@ def test_what_cannot_be_run_is_said(port):
 def adopted(monkeypatch, tmp_path):
     """`phaselead gap` with a search that has named the hysteresis; the model's file."""
     after = stage(axis(HYSTERESIS))
-    result = GapResult(after, ("named",), (), (), (), (), (), Gap(2.0, 0.1, 0.05, "um", "noise"), None, ("0" * 64,))
+    result = GapResult(after, ("named",), (), (), (), (), (), GapSize(2.0, 0.1, 0.05, "um", "noise"), None, ("0" * 64,))
     monkeypatch.setattr(gap_run, "run_gap", lambda *_, **__: replace(result))
     monkeypatch.setattr(gap_run, "read_recordings", lambda *_: [])
     save_stage(tmp_path / "base.toml", stage(axis()))

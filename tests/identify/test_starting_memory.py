@@ -7,7 +7,7 @@ import pytest
 from bench_stage import Array, record, rising_sine
 
 from phaselead.identify.operator.regressors import FitRun, rows_to_fit
-from phaselead.identify.operator.starting_memory import settled, starting_memory, with_memories
+from phaselead.identify.operator.starting_memories import settled, starting_memory, with_memories
 from phaselead.identify.runs import axis_run
 from phaselead.record.recording import Recording
 

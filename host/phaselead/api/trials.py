@@ -63,10 +63,10 @@ def campaign(
     from phaselead.record import check_output, write_text
     from phaselead.report import write_campaign_report
     from phaselead.result import json_text
-    from phaselead.validation import KINDS, CampaignResult, Plan, run_campaign, write_table
+    from phaselead.validation import KINDS, CampaignPlan, CampaignResult, run_campaign, write_table
 
     folder = Path(output)
-    plan = Plan(Path(truth), set, tuple(kinds or KINDS), tuple(sizes), scale, limit)
+    plan = CampaignPlan(Path(truth), set, tuple(kinds or KINDS), tuple(sizes), scale, limit)
     plan.cases()
     check_output(None if table is None else os.fspath(table))
     if folder.exists() and not folder.is_dir():

@@ -126,7 +126,7 @@ def shown_by_reference(problem: Problem, new: SizedEffect) -> bool:
     return found.slope > REFERENCE_SHOWS_SHARE and z > REFERENCE_SHOWS_Z
 
 
-class Regression(NamedTuple):
+class _ResidualShare(NamedTuple):
     """Of the residual of some runs on what a new effect says."""
 
     slope: float
@@ -144,7 +144,7 @@ def _regression(
     discrepancy: Discrepancy,
     before: Sequence[SizedEffect],
     after: Sequence[SizedEffect],
-) -> Regression:
+) -> _ResidualShare:
     """Regress the residual of the effects ``before`` on what those ``after`` add, conditional on the discrepancy."""
     fresh = []
     for modelled in regressors.metric.modelled_runs:
@@ -156,7 +156,7 @@ def _regression(
     power = float(total[target - 1, target - 1])
     whole = float(moments[:, target - 1, target - 1].sum())
     if not power > NO_POWER:
-        return Regression(0.0, 0.0, 1.0, whole)
+        return _ResidualShare(0.0, 0.0, 1.0, whole)
     slope = float(total[target - 1, target]) / power
     explained = np.zeros(len(total))
     explained[target - 1] = 1.0
@@ -164,7 +164,7 @@ def _regression(
     left = residual_amounts(moments, discrepancy) - slope * (projector @ explained)
     squares_left = float(total[target, target]) - slope**2 * power
     scatter = float(block_inflation(moments, projector, left)[target - 1])
-    return Regression(slope, power, max(1.0, squares_left / regressors.metric.rows, scatter), whole)
+    return _ResidualShare(slope, power, max(1.0, squares_left / regressors.metric.rows, scatter), whole)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import PurePath
 
 from phaselead.gap.findings import NamedEffect
-from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage
+from phaselead.model import AdoptedEffect, AxisModel, Stage, provenance_of
 from phaselead.record import Recording
 
 
@@ -29,18 +26,9 @@ def stage_file_entry(named: NamedEffect) -> AdoptedEffect:
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:
     """The stage with ``axes`` replaced, and with the parent's hash and the records learned from as its provenance."""
-    sources = {
-        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256) for r in data if r.sha256
-    }
-    try:
-        tool = f"phaselead {version('phaselead')}"
-    except PackageNotFoundError:
-        tool = "phaselead"
-    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z")
-    provenance = Provenance(parent_sha256=stage.sha256, data=tuple(sources.values()), tool=tool, created=now)
     return Stage(
         name=stage.name,
-        provenance=provenance,
+        provenance=provenance_of(stage, data),
         cross_coupling=stage.cross_coupling,
         axes={**stage.axes, **axes},
     )

@@ -23,12 +23,12 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
-    Gap,
+    Estimate,
+    GapSize,
     NamedEffect,
     NextExperiment,
     Spectrum,
     Trace,
-    Value,
 )
 from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
@@ -38,8 +38,8 @@ from phaselead.gap.goodness_of_fit import (
     structure_remains,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
-from phaselead.gap.records import Run
-from phaselead.gap.search import Growth, Progress, grow, without_names
+from phaselead.gap.records import GapRun
+from phaselead.gap.search import Progress, Selection, select_effects, without_names
 from phaselead.model import AxisModel, Effect
 
 SECOND_SEARCH_LEAVES = 0.5
@@ -65,7 +65,7 @@ class AxisResult:
     untestable: dict[str, str]
     """Why these records say nothing of an effect, by its name."""
     where: list[Cell]
-    gap: Gap
+    gap: GapSize
     rows: int
     """Held-out rows."""
     next_experiment: NextExperiment | None
@@ -80,7 +80,7 @@ def search_axis(
     axis: str,
     label: str | None,
     model: AxisModel,
-    runs: Sequence[Run],
+    runs: Sequence[GapRun],
     effects: Sequence[Effect],
     frozen: bool,
     seed: int,
@@ -90,43 +90,56 @@ def search_axis(
 
     ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for intervals and cells.
     """
-    candidates, refused = responses(effects, frozen)
-    if not frozen and not any(run.role == "reference" for run in runs):
-        candidates = [effect.beside_moving_base() for effect in candidates]
-    growth, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
-    named, ties, file_entries = _named(growth, final, label, seed)
-    other = _beyond_voltage(axis, final, effects, {e.name for e in named} | {n for tie in ties for n in tie}, label)
+    candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
+    selection, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
+    named, ties, file_entries = _named(selection, final, label, seed)
+    other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
     ties += other.ties
-    taken = {e.name for e in [*named, *other.named]} | {n for tie in ties for n in tie}
-    excluded, hidden = upper_bounds(growth, candidates, taken, label)
-    if growth.substitute is not None and growth.substitute not in taken:
-        hidden[growth.substitute] = SUBSTITUTE
-    if other.zero_tested:
-        refused = {name: why for name, why in refused.items() if why != NEEDS_SESSION}
+    taken = _names([*named, *other.named], ties)
+    excluded, hidden = upper_bounds(selection, candidates, taken, label)
     on_progress(0.97)
     return AxisResult(
         axis,
         adopted(final.axis, [*file_entries, *other.named]),
         [*named, *other.named],
         ties,
-        structure_remains(growth, final) or other.unknown,
+        structure_remains(selection, final) or other.unknown,
         [*excluded, *other.excluded],
-        {**{n: w for n, w in {**refused, **other.untested}.items() if n not in taken}, **hidden},
-        _where(growth, final, seed, label),
+        {**_untested(refused, other, taken), **hidden, **_substituted(selection, taken)},
+        _where(selection, final, seed, label),
         final.gap,
         final.rows,
-        _proposal(growth, label),
-        growth.candidates,
+        _proposal(selection, label),
+        selection.candidates,
         final.traces(),
         other.spectra,
-        [*growth.messages, *other.messages],
+        [*selection.messages, *other.messages],
     )
 
 
-def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], dict[str, str]]:
+def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set[str]:
+    """Every name that is claimed, for certain or in a tie."""
+    return {effect.name for effect in named} | {name for tie in ties for name in tie}
+
+
+def _untested(refused: dict[str, str], other: _BeyondVoltage, taken: set[str]) -> dict[str, str]:
+    """Why effects that are not ``taken`` were not tested, by name."""
+    why = {n: w for n, w in refused.items() if not (other.zero_tested and w == NEEDS_SESSION)} | other.untested
+    return {n: w for n, w in why.items() if n not in taken}
+
+
+def _substituted(selection: Selection, taken: set[str]) -> dict[str, str]:
+    """Why the effect that the search went without is not named, by its name; empty without one."""
+    left_out = selection.substitute
+    return {} if left_out is None or left_out in taken else {left_out: SUBSTITUTE}
+
+
+def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:
     """Effects that the search may name, and why others are not among them, by name.
 
-    Disturbances have tests of their own, but a drift is fitted like a response: its course in time is known.
+    ``referenced``: whether there are reference records. Without them, a base that is not frozen is refitted together
+    with the effects. Disturbances have tests of their own, but a drift is fitted like a response: its course in time
+    is known.
     """
     allowed, refused = [], {}
     for effect in effects:
@@ -135,7 +148,7 @@ def responses(effects: Sequence[Effect], frozen: bool) -> tuple[list[Effect], di
         elif effect.kind == "calibration" and not frozen:
             refused[effect.name] = NEEDS_FROZEN
         elif effect.kind != "disturbance" or effect.moves_zero == "steadily":
-            allowed.append(effect)
+            allowed.append(effect if frozen or referenced else effect.for_refitted_base())
     return allowed, refused
 
 
@@ -210,43 +223,43 @@ def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
 
 
 def _credible_search(
-    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
-) -> tuple[Growth, FinalFit]:
+    model: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> tuple[Selection, FinalFit]:
     """The better search, its names withdrawn where they leave too much to be what is there."""
-    growth, final = search_twice(model, runs, effects, frozen, on_progress)
-    if names_leave_too_much(growth, final):
-        growth = without_names(growth)
-        final = final_fit(growth, runs)
-    return growth, final
+    selection, final = search_twice(model, runs, effects, frozen, on_progress)
+    if names_leave_too_much(selection, final):
+        selection = without_names(selection)
+        final = final_fit(selection, runs)
+    return selection, final
 
 
 def search_twice(
-    model: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
-) -> tuple[Growth, FinalFit]:
+    model: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> tuple[Selection, FinalFit]:
     """The search, or a second one without the effect that the first began with, where that explains much more.
 
     The search names one effect after the other, and the one that explains most alone may imitate two that act
     together: a mode for a load and a lag. So where clearly more is left than the reference records allow, the search
     is run again without it, and the better explanation of the held-out records is kept.
     """
-    growth = grow(model, runs, effects, frozen, lambda share: on_progress(0.8 * share))
-    final = final_fit(growth, runs)
-    first = _first_named(growth)
-    if first is None or growth.problem.reference is None or final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor:
-        return growth, final
+    selection = select_effects(model, runs, effects, frozen, lambda share: on_progress(0.8 * share))
+    final = final_fit(selection, runs)
+    first = _first_named(selection)
+    if first is None or selection.problem.reference is None or final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor:
+        return selection, final
     others = [effect for effect in effects if effect.name != first]
-    again = grow(model, runs, others, frozen, lambda share: on_progress(0.8 + 0.2 * share))
+    again = select_effects(model, runs, others, frozen, lambda share: on_progress(0.8 + 0.2 * share))
     second = final_fit(again, runs)
     if not again.named or _above_floor(second) > SECOND_SEARCH_LEAVES * _above_floor(final):
-        return growth, final
+        return selection, final
     names = " and ".join(n.effect.name for n in again.named)
     said = f"{first} alone explains most, but {names} without it leave less of the held-out records"
     return replace(again, substitute=first, messages=[*again.messages, said]), second
 
 
-def _first_named(growth: Growth) -> str | None:
+def _first_named(selection: Selection) -> str | None:
     """Name of the effect that was named first, though it may have been dropped since, or that came nearest to it."""
-    names = [c.name for c in growth.candidates if c.remark == NAMED] or [c.name for c in growth.candidates]
+    names = [c.name for c in selection.candidates if c.remark == NAMED] or [c.name for c in selection.candidates]
     return names[0] if names else None
 
 
@@ -255,31 +268,31 @@ def _above_floor(final: FinalFit) -> float:
     return float(final.gap.after**2 - final.gap.floor**2)
 
 
-def _where(growth: Growth, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
+def _where(selection: Selection, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
     """Where the base as given leaves most of the held-out records."""
-    noise = growth.problem.noise
+    noise = selection.problem.noise
     parts = [ResidualAndNoise(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
     return rank_cells(parts, seed, label)
 
 
-def _proposal(growth: Growth, label: str | None) -> NextExperiment | None:
+def _proposal(selection: Selection, label: str | None) -> NextExperiment | None:
     """The experiment that would best break a tie; None where no tie has two members that were refitted."""
-    ties = [one for one in growth.named if len(one.tied) > 1]
+    ties = [one for one in selection.named if len(one.tied) > 1]
     tied = max(ties, key=lambda one: sum(r.effect.name in one.tied for r in one.rivals) > 1, default=None)
-    return propose(growth, tied, label) if tied is not None else None
+    return propose(selection, tied, label) if tied is not None else None
 
 
 def _named(
-    growth: Growth, final: FinalFit, label: str | None, seed: int
+    selection: Selection, final: FinalFit, label: str | None, seed: int
 ) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
     """Named effects, ties, and the effects for the stage file: those named, and the best of each tie, so that the model
     predicts. An effect that the base took up as plays is in none of its lists of effects."""
-    values = confidence_intervals(final.fitted, growth.problem.train_common, growth.problem.discrepancy, seed)
+    values = confidence_intervals(final.fitted, selection.problem.train_common, selection.problem.discrepancy, seed)
     by_name = {effect.name: v for (effect, _), v in zip(final.fitted.entries, values, strict=True)}
     named, ties, entries = [], [], []
-    for one in growth.named:
+    for one in selection.named:
         name = one.effect.name
-        params = by_name.get(name) or _operator_params(one, growth)
+        params = by_name.get(name) or _operator_params(one, selection)
         found = NamedEffect(name, label, params, final.share_of(name), _why(one))
         if len(one.tied) > 1:
             ties.append(one.tied)
@@ -290,9 +303,9 @@ def _named(
     return named, ties, entries
 
 
-def _operator_params(one: Named, growth: Growth) -> dict[str, Value]:
+def _operator_params(one: Named, selection: Selection) -> dict[str, Estimate]:
     """Parameters of an effect that the base took up as plays of its own: as the catalogue describes it."""
-    params = growth.operator or {}
+    params = selection.operator or {}
     spread = 2 / max(one.held_out.z, 1.0)
     return {
         p.name: (params[p.name], p.unit, _around(params[p.name], spread))

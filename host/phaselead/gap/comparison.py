@@ -174,7 +174,7 @@ def _simple_first(rivals: list[Rival]) -> list[Rival]:
 
 def one_loop(modelled_runs: Sequence[ModelledRun]) -> bool:
     """Whether all driven records go round one loop: one frequency, one level, one bias."""
-    sines = [t.sine for t in modelled_runs if t.run.driven]
+    sines = [t.run.sine for t in modelled_runs if t.run.driven]
     kinds = [(sine.f_Hz, sine.swing_V, sine.mean_V + sine.swing_V) for sine in sines if sine is not None]
     if not kinds or len(kinds) < len(sines):
         return False

@@ -8,18 +8,16 @@ import numpy as np
 
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
-from phaselead.gap.findings import Bound, Value
+from phaselead.gap.findings import ONE_SIDED_95, Bound, Estimate
 from phaselead.gap.metric import Regressors
 from phaselead.gap.refit import Fitted, from_internal, to_internal
 from phaselead.gap.scan import ScannedShape, full_moments, projection, scan, with_free
-from phaselead.gap.search import Growth
+from phaselead.gap.search import Selection
 from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
-DRAWS = 400
+BOOTSTRAP_DRAWS = 400
 """Of the bootstrap: its 2.5 % quantile is then the tenth from the end."""
-ONE_SIDED_95 = 1.645
-"""Standard deviations below which 95 % of a normal distribution lie."""
 EQUATION_MISFIT = 1.5
 """A stage's own effect has not quite the catalogue's equation, so that these records may show less of it than there is:
 by up to a third on trials."""
@@ -33,7 +31,7 @@ MANY_TIMES = 1000.0
 
 def confidence_intervals(
     fitted: Fitted, regressors: Regressors, discrepancy: Discrepancy, seed: int
-) -> list[dict[str, Value]]:
+) -> list[dict[str, Estimate]]:
     """Value, unit and 95 % interval of every parameter of every effect.
 
     ``regressors`` holds the common columns of the training records. A draw weighs the blocks of these records anew
@@ -43,7 +41,7 @@ def confidence_intervals(
     if not fitted.entries:
         return []
     draws = _draws(full_moments(regressors, fitted), discrepancy, seed)
-    found: list[dict[str, Value]] = [{} for _ in fitted.entries]
+    found: list[dict[str, Estimate]] = [{} for _ in fitted.entries]
     for j, (i, p) in enumerate(fitted.free):
         value = float(fitted.entries[i][1][p.name])
         found[i][p.name] = (value, p.unit, _interval(p, value, draws[:, j]))
@@ -51,7 +49,7 @@ def confidence_intervals(
 
 
 def _interval(p: Parameter, value: float, shifts: Samples) -> tuple[float, float]:
-    """95 % interval of a value from draws (DRAWS,) of its shift in internal units; it holds the value."""
+    """95 % interval of a value from draws (BOOTSTRAP_DRAWS,) of its shift in internal units; it holds the value."""
     low, high = np.quantile(shifts, [0.025, 0.975])
     at = to_internal(p, value)
     ends = sorted((from_internal(p, at + float(low)), from_internal(p, at + float(high))))
@@ -59,7 +57,8 @@ def _interval(p: Parameter, value: float, shifts: Samples) -> tuple[float, float
 
 
 def _draws(moments: Samples, discrepancy: Discrepancy, seed: int) -> Samples:
-    """Draws (DRAWS, tangents) of the parameters' shifts in internal units, from the moments (blocks, k, k) of a fit."""
+    """Draws (BOOTSTRAP_DRAWS, tangents) of the parameters' shifts in internal units, from the moments (blocks, k, k)
+    of a fit."""
     k = len(discrepancy.index)
     target = moments.shape[-1] - 1
     tangents = np.arange(k, target)
@@ -72,7 +71,7 @@ def _draws(moments: Samples, discrepancy: Discrepancy, seed: int) -> Samples:
     scores = (moments @ left) @ projector[:, tangents] / scale
     rng = np.random.default_rng(seed)
     blocks = len(scores)
-    weights = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=DRAWS) - 1.0
+    weights = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=BOOTSTRAP_DRAWS) - 1.0
     shifts = np.asarray((weights @ scores) @ inverse / scale)
     white = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
     spread = shifts.std(axis=0)
@@ -80,13 +79,13 @@ def _draws(moments: Samples, discrepancy: Discrepancy, seed: int) -> Samples:
 
 
 def upper_bounds(
-    growth: Growth, effects: Sequence[Effect], without: set[str], axis: str | None
+    selection: Selection, effects: Sequence[Effect], without: set[str], axis: str | None
 ) -> tuple[list[Bound], dict[str, str]]:
     """The largest size at 95 % of every effect that is not among ``without``, and why others have none, by name.
 
     ``axis`` is the axis in the result: None for single-axis data.
     """
-    shapes = {s[0].effect.name: s for s in scan(growth.problem, growth.fitted, effects)}
+    shapes = {s[0].effect.name: s for s in scan(selection.problem, selection.fitted, effects)}
     found, untestable = [], {}
     for effect in effects:
         if effect.name in without:
@@ -94,7 +93,7 @@ def upper_bounds(
         if effect.name not in shapes:
             untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
             continue
-        upper = max(*(_upper(s) for s in shapes[effect.name]), _in_place_of_a_named(growth, effect))
+        upper = max(*(_upper(s) for s in shapes[effect.name]), _in_place_of_a_named(selection, effect))
         size = effect.sizes[0]
         if upper > HOPELESS * size.typical or upper >= max(abs(size.low), size.high):
             untestable[effect.name] = f"{_hidden(upper / size.typical)}; what would show it: {effect.reveals}"
@@ -110,12 +109,12 @@ def _hidden(times: float) -> str:
     return f"{times:.0f} times its typical size could hide here"
 
 
-def _in_place_of_a_named(growth: Growth, effect: Effect) -> float:
+def _in_place_of_a_named(selection: Selection, effect: Effect) -> float:
     """Its size when it was fitted in the place of an effect that was named, where its score came near: should the name
     be wrong, it may be that large. Otherwise 0."""
     near = [
         rival.fitted.entries[-1][1]
-        for one in growth.named
+        for one in selection.named
         for rival in one.rivals
         if rival.effect.name == effect.name and rival.score > NEAR_SCORE_SHARE * one.score
     ]

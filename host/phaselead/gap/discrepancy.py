@@ -26,7 +26,7 @@ FLEXIBLE_STD = 3.0
 """The same where every column may explain the residual, to learn what noise remains."""
 HELD_PRECISION = 1e12
 """Prior precision of a column that may take nothing."""
-WEIGHT_ROUNDS = 3
+REFERENCE_WEIGHT_ROUNDS = 3
 """In which weights and discrepancy are found in turn."""
 
 
@@ -79,7 +79,7 @@ def reference_discrepancy(regressors: Regressors, errors: Sequence[Samples]) -> 
     precision = np.eye(len(index)) / MISSED_STD**2
     rows = [np.diff(e) for e in regressors.metric.edges]
     weights, folds = list(regressors.metric.weights), folds_of(regressors.metric)
-    for _ in range(WEIGHT_ROUNDS):
+    for _ in range(REFERENCE_WEIGHT_ROUNDS):
         scaled = moments * np.concatenate(weights)[:, None, None]
         left = _left_out(moments, scaled, index, target, precision, folds)
         parts = np.split(left, np.cumsum([len(r) for r in rows])[:-1])

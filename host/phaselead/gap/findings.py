@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 from phaselead.record import Samples
 
+TWO_SIDED_95, ONE_SIDED_95 = 1.96, 1.645
+"""Standard deviations of a normal distribution: within the first of its mean lie 95 %, below the second 95 %."""
+
 Interval = tuple[float, float]
-Value = tuple[float, str, Interval]
+Estimate = tuple[float, str, Interval]
 """Value, unit, 95 % interval."""
-Values = tuple[tuple[float, ...], str, tuple[Interval, ...]]
+Estimates = tuple[tuple[float, ...], str, tuple[Interval, ...]]
 """One for each of several modes."""
 
 
@@ -20,7 +23,7 @@ class NamedEffect:
 
     name: str
     axis: str | None
-    params: Mapping[str, Value | Values]
+    params: Mapping[str, Estimate | Estimates]
     share: float
     """Share of the unexplained power of the held-out records that it explains."""
     why: str = ""
@@ -51,7 +54,7 @@ class Bound:
 
 
 @dataclass(frozen=True)
-class Gap:
+class GapSize:
     """RMS error over all held-out records, before and after, and the floor that no model is expected to beat."""
 
     before: float
@@ -118,23 +121,23 @@ class Spectrum:
     reference: Samples | None
 
 
-SHOWN = 6
+SHOWN_VALUES = 6
 """Values of a list that are shown in a line of text."""
 
 
-def parameter_texts(params: Mapping[str, Value | Values]) -> list[tuple[str, str, str, str]]:
+def parameter_texts(params: Mapping[str, Estimate | Estimates]) -> list[tuple[str, str, str, str]]:
     """Name, value, interval and unit as text, a list in one line."""
     found = []
     for name, (value, unit, interval) in params.items():
         if isinstance(value, tuple):
-            shown = ", ".join(f"{v:.4g}" for v in value[:SHOWN])
-            found.append((f"{name} ({len(value)})", shown + (", ..." if len(value) > SHOWN else ""), "", unit))
+            shown = ", ".join(f"{v:.4g}" for v in value[:SHOWN_VALUES])
+            found.append((f"{name} ({len(value)})", shown + (", ..." if len(value) > SHOWN_VALUES else ""), "", unit))
         else:
             found.append((name, f"{value:.4g}", f"{interval[0]:.4g} .. {interval[1]:.4g}", unit))
     return found
 
 
-def parameter_rows(params: Mapping[str, Value | Values]) -> list[tuple[str, float, float, float, str]]:
+def parameter_rows(params: Mapping[str, Estimate | Estimates]) -> list[tuple[str, float, float, float, str]]:
     """Name, value, low, high and unit of every number; those of a list are numbered from 1."""
     found = []
     for name, (value, unit, interval) in params.items():

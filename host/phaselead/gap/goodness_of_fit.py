@@ -12,12 +12,12 @@ from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.disturbances import RecordOffset
-from phaselead.gap.findings import Gap, Trace
+from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.metric import Regressors
-from phaselead.gap.records import Role, Run
+from phaselead.gap.records import GapRun, Role
 from phaselead.gap.refit import Fitted, SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
-from phaselead.gap.search import Growth
+from phaselead.gap.search import Selection
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 
@@ -46,7 +46,7 @@ class FinalFit:
     """Every run under the base as given."""
     after: tuple[ModelledRun, ...]
     """Every run under ``axis``, the effects not yet in it."""
-    gap: Gap
+    gap: GapSize
 
     @property
     def rows(self) -> int:
@@ -107,19 +107,19 @@ def _power(errors: Sequence[Samples]) -> float:
     return float(np.mean(np.concatenate(errors) ** 2))
 
 
-def final_fit(growth: Growth, runs: Sequence[Run]) -> FinalFit:
+def final_fit(selection: Selection, runs: Sequence[GapRun]) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
     now to what the effects leave."""
-    axis, fitted = growth.problem.axis, growth.fitted
-    if growth.operator is not None and fitted.entries:
+    axis, fitted = selection.problem.axis, selection.fitted
+    if selection.operator is not None and fitted.entries:
         axis = _refitted_operator(axis, fitted, [r for r in runs if r.role == "train"])
-    before = tuple(modelled_run(growth.start, run) for run in runs)
+    before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
-    final = FinalFit(axis, fitted, before, after, Gap(0.0, 0.0, 0.0))
-    return FinalFit(axis, fitted, before, after, _gap(final, growth))
+    final = FinalFit(axis, fitted, before, after, GapSize(0.0, 0.0, 0.0))
+    return FinalFit(axis, fitted, before, after, _gap(final, selection))
 
 
-def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) -> AxisModel:
+def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[GapRun]) -> AxisModel:
     """The axis with plays fitted to what the effects leave of the training runs, where that leaves less than before."""
     best, best_left = axis, _train_power(axis, fitted, train)
     for _ in range(OPERATOR_ROUNDS):
@@ -133,61 +133,63 @@ def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) ->
     return best
 
 
-def _train_power(axis: AxisModel, fitted: Fitted, train: Sequence[Run]) -> float:
+def _train_power(axis: AxisModel, fitted: Fitted, train: Sequence[GapRun]) -> float:
     """Mean square in um^2 that the axis with the effects leaves of the training runs."""
     return _power([_about_mean(t.error(fitted.entries)) for t in (modelled_run(axis, run) for run in train)])
 
 
-def _gap(final: FinalFit, growth: Growth) -> Gap:
+def _gap(final: FinalFit, selection: Selection) -> GapSize:
     """RMS before and after over all held-out rows, and the floor."""
     before = float(np.sqrt(_power([left.error_um for left in final.residuals_before("holdout")])))
     after = float(np.sqrt(_power([left.error_um for left in final.residuals("holdout")])))
     reference = final.residuals("reference")
     if reference:
         floor = float(np.sqrt(_power([left.error_um for left in reference])))
-        return Gap(before, after, floor, "um", "what the model leaves of the reference records")
-    floor = growth.problem.noise.level_um
-    return Gap(before, after, min(floor, after), "um", "what the richest model of all leaves of the training records")
+        return GapSize(before, after, floor, "um", "what the model leaves of the reference records")
+    floor = selection.problem.noise.level_um
+    return GapSize(
+        before, after, min(floor, after), "um", "what the richest model of all leaves of the training records"
+    )
 
 
-def structure_remains(growth: Growth, final: FinalFit) -> bool:
+def structure_remains(selection: Selection, final: FinalFit) -> bool:
     """Whether structure remains in the held-out records that no entry of the catalogue explains.
 
     It must be significant (p), of a size (share of the power), and beyond what noise model and misfit of the base allow
     (chi^2): at a high signal-to-noise ratio every model fails significance alone. Without reference records the noise
     was learned from the training residual itself, and only a difference to it can show.
     """
-    problem, gap = growth.problem, final.gap
+    problem, gap = selection.problem, final.gap
     if (gap.after**2 - gap.floor**2) <= STRUCTURE_SHARE * max(gap.before**2, 1e-30):
         return False
     if problem.reference is not None and gap.after > CLEARLY_ABOVE_FLOOR * gap.floor:
         return True
-    held = _mean_squares(problem.holdout, problem.discrepancy, growth.fitted.entries)
+    held = _mean_squares(problem.holdout, problem.discrepancy, selection.fitted.entries)
     if problem.reference is not None:
         known = _mean_squares(problem.reference, problem.discrepancy, ())
     else:
-        known = _mean_squares(problem.train_common, problem.discrepancy, growth.fitted.entries)
+        known = _mean_squares(problem.train_common, problem.discrepancy, selection.fitted.entries)
     if np.median(held) <= STRUCTURE_CHI2 * np.median(known) and held.mean() <= STRUCTURE_CHI2 * known.mean():
         return False
     return float(mannwhitneyu(held, known, alternative="greater").pvalue) < STRUCTURE_P
 
 
-def names_leave_too_much(growth: Growth, final: FinalFit) -> bool:
+def names_leave_too_much(selection: Selection, final: FinalFit) -> bool:
     """Whether the names explain so little of what is new since the reference that something else must be behind it.
 
     Judged by the power in um^2 of the held-out records, and in the metric by that of the training records. What is slow
     has moved the records' offsets before they began: that shows in um and is no fault of a name.
     """
-    problem, gap = growth.problem, final.gap
-    if problem.reference is None or not growth.named or gap.after < CLEARLY_ABOVE_FLOOR * gap.floor:
+    problem, gap = selection.problem, final.gap
+    if problem.reference is None or not selection.named or gap.after < CLEARLY_ABOVE_FLOOR * gap.floor:
         return False
     left = (gap.after**2 - gap.floor**2) / max(gap.before**2 - gap.floor**2, 1e-30)
-    slow = any(one.effect.slow for one in growth.named)
+    slow = any(one.effect.slow for one in selection.named)
     if left <= FINE_LEFT_um or (left >= MOST_LEFT_um and not slow):
         return left >= MOST_LEFT_um
     known = float(_mean_squares(problem.reference, problem.discrepancy, ()).mean())
     before = float(_mean_squares(problem.train_common, problem.discrepancy, ()).mean())
-    after = float(_mean_squares(problem.train_common, problem.discrepancy, growth.fitted.entries).mean())
+    after = float(_mean_squares(problem.train_common, problem.discrepancy, selection.fitted.entries).mean())
     return after - known > MOST_LEFT_WHITENED * (before - known)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from phaselead.drawing import BLUE, GREEN, RED, figure_style, new_figure, thin
 from phaselead.gap.findings import Cell, Trace
 
-MOST_CELLS = 8
+MOST_DRAWN = 8
 """That have room in the figure."""
 
 
@@ -22,7 +22,7 @@ def gap_figure(traces: Sequence[Trace], cells: Sequence[Cell]) -> Figure:
         left, right = figure.subplots(1, 2, width_ratios=[1.7, 1])
         if traces:
             _trace(left, max(traces, key=lambda trace: float(np.std(trace.measured_um - trace.before_um))))
-        shown = list(reversed(cells[:MOST_CELLS]))
+        shown = list(reversed(cells[:MOST_DRAWN]))
         right.barh(range(len(shown)), [100 * cell.share for cell in shown], color=GREEN)
         right.set_yticks(range(len(shown)), [f"{cell.by}: {cell.cell}" for cell in shown])
         right.set(xlabel="share of the unexplained power (%)", xlim=(0, 100))

@@ -17,7 +17,7 @@ from phaselead.gap.discrepancy import (
 )
 from phaselead.gap.metric import Regressors, fair_weights, metric_of, noise_of, whitened_regressors
 from phaselead.gap.noise import Noise, as_idle
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import (
     Freedom,
     Layout,
@@ -74,7 +74,7 @@ class Problem:
 
 def make_problem(
     axis: AxisModel,
-    runs: Sequence[Run],
+    runs: Sequence[GapRun],
     effects: Sequence[Effect],
     frozen: bool,
     open_plays: bool = False,

@@ -11,22 +11,20 @@ from typing import Literal
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify import STILL_V
+from phaselead.identify import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
 from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped
 
 Role = Literal["train", "holdout", "reference"]
 
-FEWEST_ROWS = 256
+FEWEST_SCORED = 256
 """Scored rows of a record: with fewer neither its noise nor a block of it can be judged."""
-SAME_RATE = 0.01
-"""Largest relative difference between the sampling rates of a record and of the model."""
 SAME_SHARE = 1e-6
 """Of the span of a position: what printing it can change."""
 
 
 @dataclass(frozen=True)
-class Run:
+class GapRun:
     """One axis of one recording, arrays (n,)."""
 
     axis: str
@@ -63,6 +61,17 @@ class Run:
         return PurePath(self.source).name or "recording"
 
     @cached_property
+    def sine(self) -> SineDrive | None:
+        """The sine that drives it, apart from still stretches at either end; None where it is idle or driven by another
+        wave."""
+        return self.as_fitted.sine if self.driven else None
+
+    @property
+    def as_fitted(self) -> AxisRun:
+        """As the fits of ``identify`` take it."""
+        return AxisRun(self.t_s, self.u_V, self.x_um, self.rows, self.axis, self.source)
+
+    @cached_property
     def driven(self) -> bool:
         """Whether its own voltage moves where it is scored."""
         return bool(np.ptp(self.u_V[self.rows]) > STILL_V)
@@ -79,7 +88,7 @@ def axis_runs(
     train: Sequence[Recording],
     holdout: Sequence[Recording],
     reference: Sequence[Recording],
-) -> dict[str, list[Run]]:
+) -> dict[str, list[GapRun]]:
     """The runs of every axis that model and records share. Raises BadInput, one line, for what cannot be used."""
     if not train or not holdout:
         raise BadInput("the gap needs training and held-out records; give --train and --holdout")
@@ -145,7 +154,7 @@ def _copy_of(a: Recording, b: Recording) -> bool:
     ta, tb = early.t_s[early.scored], late.t_s[late.scored]
     start = int(np.searchsorted(ta, tb[0] - 1e-3 / early.rate_Hz))
     count = min(len(ta) - start, len(tb))
-    if count < FEWEST_ROWS or abs(ta[start] - tb[0]) > 1e-3 / early.rate_Hz:
+    if count < FEWEST_SCORED or abs(ta[start] - tb[0]) > 1e-3 / early.rate_Hz:
         return False
     first, second = (r.scored.indices(len(r.t_s))[0] for r in (early, late))
     return _equal_rows(early, late, slice(first + start, first + start + count), slice(second, second + count))
@@ -175,9 +184,9 @@ def _check(record: Recording) -> None:
     refuse_gapped(record)
     refuse_clipped(record)
     rows = len(record.t_s[record.scored])
-    if rows < FEWEST_ROWS:
+    if rows < FEWEST_SCORED:
         raise BadInput(
-            f"{record.source}: {rows} rows are too short to compare a model with; record at least {FEWEST_ROWS}"
+            f"{record.source}: {rows} rows are too short to compare a model with; record at least {FEWEST_SCORED}"
         )
     for name, axis in record.axes.items():
         for column, values in (("u_V", axis.u_V), ("x_um", axis.x_um)):
@@ -198,21 +207,21 @@ def _all_have(axis: str, records: Sequence[Recording]) -> bool:
     return all(_has(record, axis) for record in records)
 
 
-def _run(record: Recording, axis: str, role: Role) -> Run:
+def _run(record: Recording, axis: str, role: Role) -> GapRun:
     """One axis of a record, which has it."""
     own = record.axes[axis]
     assert own.u_V is not None
     assert own.x_um is not None
     start, stop, _ = record.scored.indices(len(record.t_s))
     others = {name: a for name, a in record.axes.items() if name != axis and _complete(a)}
-    return Run(
+    return GapRun(
         axis, role, record.t_s, own.u_V, own.x_um, own.r_um, start, stop, record.source, record.sha256,
         {name: a.x_um for name, a in others.items() if a.x_um is not None},
         {name: a.u_V for name, a in others.items() if a.u_V is not None},
     )  # fmt: skip
 
 
-def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[Run]) -> None:
+def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[GapRun]) -> None:
     """Refuse runs at another sampling rate than the model's, and a sensor that says nothing."""
     view = stage.axes[axis].time
     assert view is not None
@@ -227,7 +236,7 @@ def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[Run]) -> None:
             raise BadInput(f"{run.source}: the position of {axis} never changes; is the sensor connected and mapped?")
 
 
-def _refuse_all_still(runs: Sequence[Run]) -> None:
+def _refuse_all_still(runs: Sequence[GapRun]) -> None:
     """Refuse training or held-out records of which none is driven."""
     for role in ("train", "holdout"):
         mine = [run for run in runs if run.role == role]

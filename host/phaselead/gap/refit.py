@@ -1,4 +1,4 @@
-"""Joint nonlinear refit of effects in the metric: Levenberg-Marquardt on moments.
+"""Joint nonlinear refit of effects in the metric: steps of Levenberg and Marquardt on moments.
 
 The residual and its tangents are simulated exactly; each record's nuisances and what the base may absorb are projected
 out in every step (variable projection, Golub and Pereyra 1973), so the parameters come out as if all had been fitted
@@ -7,7 +7,7 @@ together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,20 +17,24 @@ from phaselead.gap.discrepancy import Discrepancy
 from phaselead.gap.metric import Regressors
 from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.gap.residual import ModelledRun
+from phaselead.identify import descend
 from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
 SizedEffect = tuple[Effect, Mapping[str, float]]
 """An effect and its parameters, each a single number."""
 
-MOST_STEPS = 12
+MOST_REFIT_STEPS = 12
 """Of a refit, unless it ends before by LEAST_STEP_GAIN."""
 DIFFERENCE = 0.01
 """Finite difference for a tangent, in internal units."""
 LEAST_STEP_GAIN = 0.05
 """A step that gains less than this in whitened squares ends the fit."""
 DAMPINGS, FIRST_DAMPING, LEAST_DAMPING = 5, 1e-3, 1e-8
-"""Tried in one step of Levenberg and Marquardt, and relative to the normal matrix."""
+"""How many are tried in one step, and their values as a share of the normal matrix's diagonal: the first, the least."""
+CALMER, CALMED_FROM, BOLDER = 8, 1e-4, 5
+"""Factors by which the damping grows, from the second at least, after a step that gained nothing, and by which it falls
+after one that did."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Fitted:
 
 
 def refit(
-    regressors: Regressors, discrepancy: Discrepancy, start: Sequence[SizedEffect], steps: int = MOST_STEPS
+    regressors: Regressors, discrepancy: Discrepancy, start: Sequence[SizedEffect], steps: int = MOST_REFIT_STEPS
 ) -> Fitted:
     """The effects ``start`` at the parameters, all free, that leave least, found in ``steps`` at most from where they
     are.
@@ -65,25 +69,35 @@ def refit(
     highest_Hz = HIGHEST_OF_RATE / regressors.metric.modelled_runs[0].run.step_s
     start = [(_sampled(effect, highest_Hz), params) for effect, params in start]
     conditional = _Conditional(regressors, discrepancy)
-    best = Fitted(tuple(start), conditional.squares_left(start))
-    damping = FIRST_DAMPING
-    for _ in range(steps if best.free else 0):
-        gained = 0.0
-        left = conditional.moments(_total(regressors, best))
-        normal, right = left[:-1, :-1], left[:-1, -1]
-        for _ in range(DAMPINGS):
-            step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
-            tried = _moved(best, step)
-            tried_squares = conditional.squares_left(tried)
-            if tried_squares < best.squares:
-                gained = best.squares - tried_squares
-                best = Fitted(tuple(tried), tried_squares)
-                damping = max(damping / 5, LEAST_DAMPING)
-                break
-            damping = max(damping, 1e-4) * 8
-        if gained < LEAST_STEP_GAIN:
-            break
-    return best
+    first = _Damped(Fitted(tuple(start), conditional.squares_left(start)), FIRST_DAMPING)
+    found = descend(
+        first,
+        lambda at: _trials(regressors, conditional, at),
+        lambda at: at.fitted.squares,
+        steps if first.fitted.free else 0,
+        least_saved=LEAST_STEP_GAIN,
+    )
+    return found.fitted
+
+
+@dataclass(frozen=True)
+class _Damped:
+    """A point of the search and the damping of the next step."""
+
+    fitted: Fitted
+    damping: float
+
+
+def _trials(regressors: Regressors, conditional: _Conditional, at: _Damped) -> Iterator[_Damped]:
+    """Effects a damped Gauss-Newton step away, ever more damped."""
+    left = conditional.moments(_total(regressors, at.fitted))
+    normal, right = left[:-1, :-1], left[:-1, -1]
+    damping = at.damping
+    for _ in range(DAMPINGS):
+        step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
+        moved = _moved(at.fitted, step)
+        yield _Damped(Fitted(tuple(moved), conditional.squares_left(moved)), max(damping / BOLDER, LEAST_DAMPING))
+        damping = max(damping, CALMED_FROM) * CALMER
 
 
 def with_total(regressors: Regressors, fitted: Fitted) -> Fitted:

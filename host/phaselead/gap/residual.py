@@ -12,15 +12,13 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from phaselead.gap.records import Run
-from phaselead.identify import AxisRun, Sine, starting_memory
+from phaselead.gap.records import GapRun
+from phaselead.identify import starting_memory
 from phaselead.model import AxisModel, Chain, Extra, Place, respond, rest_plays
 from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
 """Most rows of a record on which starting memories are compared; of longer ones some are left out."""
-OTHER_MEMORY = 0.8
-"""A record starts from another memory than rest only when that leaves less than this share of the variance."""
 TURNING_POINTS = 15
 """How many last turning points are tried, from the lowest to the highest voltage of model and record."""
 PLAY_SPREAD = 0.5
@@ -33,7 +31,7 @@ PERIODIC = 0.98
 class ModelledRun:
     """A run under one model of its axis: the chain that simulates it, the memory it starts from, its nuisances."""
 
-    run: Run
+    run: GapRun
     axis: AxisModel
     chain: Chain
     plays_V: Samples | None
@@ -45,15 +43,9 @@ class ModelledRun:
     @cached_property
     def period_rows(self) -> int | None:
         """Rows after which its voltage repeats; None where it does not."""
-        if self.sine is not None:
-            return round(1 / (self.sine.f_Hz * self.run.step_s))
+        if self.run.sine is not None:
+            return round(1 / (self.run.sine.f_Hz * self.run.step_s))
         return period_of(self.run.u_V[self.run.rows])
-
-    @cached_property
-    def sine(self) -> Sine | None:
-        """The sine that drives it, apart from still stretches at either end; None where it is another wave."""
-        run = self.run
-        return AxisRun(run.t_s, run.u_V, run.x_um, run.rows, run.axis, run.source).sine if run.driven else None
 
     def answer(self, extra: Extra = ()) -> Samples:
         """Position (n,) in um over the scored rows, of the model with the effects ``extra``."""
@@ -69,7 +61,7 @@ class ModelledRun:
         return np.asarray(self.run.x_um[self.run.rows] - self.answer(extra))
 
 
-def modelled_run(axis: AxisModel, run: Run) -> ModelledRun:
+def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
     """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or from one
     turning point."""
     assert axis.time is not None
@@ -77,27 +69,27 @@ def modelled_run(axis: AxisModel, run: Run) -> ModelledRun:
     return ModelledRun(run, axis, _chain(axis, run, start), start, nuisance_columns(axis, run, start))
 
 
-def _chain(axis: AxisModel, run: Run, start: Samples | None) -> Chain:
+def _chain(axis: AxisModel, run: GapRun, start: Samples | None) -> Chain:
     others = {name: x - np.median(x[: max(1, len(x) // 100)]) for name, x in run.others_um.items()}
     return Chain(axis, run.t_s, run.u_V, others_um=others, start=start)
 
 
-def _at_plays(axis: AxisModel, run: Run, start: Samples | None) -> tuple[Samples, float]:
+def _at_plays(axis: AxisModel, run: GapRun, start: Samples | None) -> tuple[Samples, float]:
     """Voltage (n,) at the plays, and by how much it stood off the recorded one before the record: on a rail, say."""
     signal = _chain(axis, run, start).signal_at(Place.AMPLIFIER)
     return signal.value[1:], float(signal.value[0] - signal.u_V[0])
 
 
-def _best_start(axis: AxisModel, run: Run) -> Samples | None:
+def _best_start(axis: AxisModel, run: GapRun) -> Samples | None:
     """Plays (m,) at the start of the record, pushed there from the best last turning point; None is from rest."""
     view = axis.time
     assert view is not None
     r, rest, u = np.asarray(view.play_r_V), rest_plays(view), run.u_V
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
     left = (run.x_um - _chain(axis, run, None).run())[rows]
-    v, aside_V = _at_plays(axis, run, None)
-    at_rest = respond(view, v, rest + aside_V)[0][rows]
-    v, aside_V = _at_plays(axis, run, rest)
+    v, offset_V = _at_plays(axis, run, None)
+    at_rest = respond(view, v, rest + offset_V)[0][rows]
+    v, offset_V = _at_plays(axis, run, rest)
 
     def plays_from(turned_V: float) -> Samples:
         return np.asarray(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r))
@@ -105,15 +97,15 @@ def _best_start(axis: AxisModel, run: Run) -> Samples | None:
     def variance(turned_V: float | None) -> float:
         if turned_V is None:
             return float(np.var(left))
-        change = respond(view, v, plays_from(turned_V) + aside_V)[0][rows] - at_rest
+        change = respond(view, v, plays_from(turned_V) + offset_V)[0][rows] - at_rest
         return float(np.var(left - change))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
-    turned_V = starting_memory(variance, np.linspace(low, high, TURNING_POINTS).tolist(), OTHER_MEMORY)
+    turned_V = starting_memory(variance, np.linspace(low, high, TURNING_POINTS).tolist())
     return None if turned_V is None else plays_from(turned_V)
 
 
-def nuisance_columns(axis: AxisModel, run: Run, plays_V: Samples | None) -> Samples:
+def nuisance_columns(axis: AxisModel, run: GapRun, plays_V: Samples | None) -> Samples:
     """Columns (n, k) over the scored rows that a record's own offset and memory explain: a constant, and what a shift
     of each play's start would do, its weight until the play first moves."""
     view = axis.time
@@ -122,8 +114,8 @@ def nuisance_columns(axis: AxisModel, run: Run, plays_V: Samples | None) -> Samp
     columns = [np.ones(n)]
     if view.play_r_V:
         r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
-        v, aside_V = _at_plays(axis, run, plays_V)
-        start = aside_V + (rest_plays(view) if plays_V is None else plays_V)
+        v, offset_V = _at_plays(axis, run, plays_V)
+        start = offset_V + (rest_plays(view) if plays_V is None else plays_V)
         for j, moved_at in enumerate(_first_moves(v, r, start)):
             still = min(moved_at, run.stop) - run.start
             if 0 < still < n and w[j] > 0:
@@ -166,7 +158,7 @@ def period_of(u_V: Samples) -> int | None:
 class RunResidual:
     """The residual of one run under one model, about its own mean."""
 
-    run: Run
+    run: GapRun
     error_um: Samples
     """(n,) over the scored rows."""
 

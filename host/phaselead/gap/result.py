@@ -12,7 +12,7 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
-    Gap,
+    GapSize,
     NamedEffect,
     NextExperiment,
     Spectrum,
@@ -64,7 +64,7 @@ class GapResult(Result):
     excluded: tuple[Bound, ...]
     untestable: tuple[str, ...]
     where: tuple[Cell, ...]
-    gap: Gap
+    gap: GapSize
     next_experiment: NextExperiment | None
     holdout_sha256: tuple[str, ...]
     candidates: tuple[Candidate, ...] = ()

@@ -5,17 +5,18 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
-from phaselead.gap.findings import Cell, Gap
+from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
-from phaselead.gap.records import Run, axis_runs
+from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
+from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
 from phaselead.model import Effect, Stage, catalogue
@@ -25,8 +26,6 @@ _TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4
 """Options of mallopt(3), as in glibc's malloc.h."""
 KEPT_bytes, PAD_bytes = 2**31 - 1, 2**26
 """Freed memory that is kept, and by how much more the heap grows than was asked for."""
-
-Progress = Callable[[float], None]
 
 
 def run_gap(
@@ -91,7 +90,7 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
 
 def _each_axis(
     stage: Stage,
-    runs: Mapping[str, Sequence[Run]],
+    runs: Mapping[str, Sequence[GapRun]],
     effects: Sequence[Effect],
     held: bool,
     seed: int,
@@ -140,14 +139,14 @@ def _untestable(results: Sequence[AxisResult]) -> tuple[str, ...]:
     return tuple(name for name in names if name not in tested)
 
 
-def _gap(results: Sequence[AxisResult]) -> Gap:
+def _gap(results: Sequence[AxisResult]) -> GapSize:
     """RMS over the held-out rows of all axes."""
     rows = sum(r.rows for r in results)
 
     def pooled(values: Sequence[float]) -> float:
         return float(np.sqrt(sum(v**2 * r.rows for v, r in zip(values, results, strict=True)) / rows))
 
-    return Gap(
+    return GapSize(
         pooled([r.gap.before for r in results]),
         pooled([r.gap.after for r in results]),
         pooled([r.gap.floor for r in results]),

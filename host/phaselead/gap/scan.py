@@ -30,7 +30,7 @@ SHAPE_STARTS = 2
 """From how many shapes each is refitted."""
 START_FACTORS = (0.3, 1.0, 3.0)
 """Multiples of a linear estimate from which a refit may start: some effects are linear in their size only near 0."""
-LEAST_GAIN = 10.0
+LEAST_REFIT_GAIN = 10.0
 """Gain worth a refit, where the penalty asks for less."""
 LEAST_OVER_SCATTER, LEAST_OVER_SCATTER_WITH_REFERENCE = 0.1, 0.4
 """Of the penalty, gain worth a refit over how the residual scatters along an effect; more of it with reference records,
@@ -239,7 +239,7 @@ def _promising(problem: Problem, scanned: Sequence[list[ScannedShape]]) -> list[
     worth = [
         shapes
         for shapes in scanned
-        if max(s.gain for s in shapes) > max(penalty(problem, shapes[0].effect), LEAST_GAIN)
+        if max(s.gain for s in shapes) > max(penalty(problem, shapes[0].effect), LEAST_REFIT_GAIN)
         and max(s.gain / s.inflation for s in shapes) > scattered * penalty(problem, shapes[0].effect)
     ]
     return sorted(worth, key=lambda shapes: -max(s.gain for s in shapes))[:MOST_REFITTED]

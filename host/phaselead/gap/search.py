@@ -20,7 +20,7 @@ from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import MARGIN, Comparison, compare
 from phaselead.gap.findings import NAMED, Candidate
 from phaselead.gap.problem import Problem, common_with_effects, make_problem, with_effects
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, refit, with_total
 from phaselead.gap.scan import ScannedShape, penalty, refit_best, scan
 from phaselead.model import AxisModel, Effect
@@ -37,7 +37,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass
-class Growth:
+class Selection:
     """Where the search of one axis ended."""
 
     problem: Problem
@@ -61,86 +61,86 @@ class Growth:
 
 
 @dataclass(frozen=True)
-class _Given:
+class _Inputs:
     """What a search is made with again when the base changes."""
 
-    runs: Sequence[Run]
+    runs: Sequence[GapRun]
     effects: Sequence[Effect]
     frozen: bool
 
 
-def grow(
-    axis: AxisModel, runs: Sequence[Run], effects: Sequence[Effect], frozen: bool, on_progress: Progress
-) -> Growth:
+def select_effects(
+    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+) -> Selection:
     """Name effects of ``effects`` one after the other until none pays. The base ``axis`` has a time view.
 
     ``frozen``: without reference runs, whether nothing may be wrong with the base. A base without plays is given its
     memory first, where that explains most.
     """
-    given = _Given(runs, effects, frozen)
+    given = _Inputs(runs, effects, frozen)
     view = axis.time
     assert view is not None
     made = make_problem(axis, runs, effects, frozen, unwhitened=not view.play_r_V)
-    growth = Growth(made, axis, refit(made.train_common, made.discrepancy, []))
-    if not view.play_r_V and not _gave_memory(growth, given):
+    selection = Selection(made, axis, refit(made.train_common, made.discrepancy, []))
+    if not view.play_r_V and not _gave_memory(selection, given):
         made = make_problem(axis, runs, effects, frozen)
-        growth.problem, growth.fitted = made, refit(made.train_common, made.discrepancy, [])
+        selection.problem, selection.fitted = made, refit(made.train_common, made.discrepancy, [])
     for step in range(MOST_EFFECTS):
         on_progress((step + 1) / (MOST_EFFECTS + 1))
-        taken = {name for n in growth.named for name in n.tied}
+        taken = {name for n in selection.named for name in n.tied}
         left = [e for e in effects if e.name not in taken]
-        growth.last_scan = scan(growth.problem, growth.fitted, left)
-        if not _named_one(growth, given, left, step + 1):
+        selection.last_scan = scan(selection.problem, selection.fitted, left)
+        if not _named_one(selection, given, left, step + 1):
             break
-    _prune(growth)
-    return growth
+    _prune(selection)
+    return selection
 
 
-def without_names(growth: Growth) -> Growth:
+def without_names(selection: Selection) -> Selection:
     """The search with its names withdrawn, where they leave too much: the nearest of the catalogue is not the
     effect."""
-    bare = with_effects(growth.problem, [])
-    names = " and ".join(n.effect.name for n in growth.named)
+    bare = with_effects(selection.problem, [])
+    names = " and ".join(n.effect.name for n in selection.named)
     said = f"{names} would come nearest, but leaves too much of what is new since the reference to be it"
     return replace(
-        growth,
+        selection,
         problem=bare,
         fitted=refit(bare.train_common, bare.discrepancy, []),
         named=[],
         candidates=[
-            replace(c, remark="nearest, but leaves too much") if c.remark == NAMED else c for c in growth.candidates
+            replace(c, remark="nearest, but leaves too much") if c.remark == NAMED else c for c in selection.candidates
         ],
-        messages=[*growth.messages, said],
+        messages=[*selection.messages, said],
     )
 
 
-def _gave_memory(growth: Growth, given: _Given) -> bool:
+def _gave_memory(selection: Selection, given: _Inputs) -> bool:
     """Give a base without plays its memory, if that explains most of the unwhitened residual; whether it was done."""
-    growth.last_scan = scan(growth.problem, growth.fitted, given.effects)
-    tried = refit_best(growth.problem, growth.fitted, growth.last_scan)
+    selection.last_scan = scan(selection.problem, selection.fitted, given.effects)
+    tried = refit_best(selection.problem, selection.fitted, selection.last_scan)
     if not tried:
         return False
-    found = compare(growth.problem, growth.fitted, tried)
+    found = compare(selection.problem, selection.fitted, tried)
     held = _held_out_score(found)
     pays = found.best.effect.becomes_plays and pays_for_a_name(found, held, len(given.effects))
     if pays:
-        _note(growth, found, held, 0, pays)
-        _accept(growth, found, held, given)
+        _note(selection, found, held, 0, pays)
+        _accept(selection, found, held, given)
     return pays
 
 
-def _named_one(growth: Growth, given: _Given, left: Sequence[Effect], step: int) -> bool:
+def _named_one(selection: Selection, given: _Inputs, left: Sequence[Effect], step: int) -> bool:
     """Name one more of the effects ``left``, if one pays; whether one was named."""
-    tried = refit_best(growth.problem, growth.fitted, growth.last_scan)
+    tried = refit_best(selection.problem, selection.fitted, selection.last_scan)
     for _ in range(TRIES_PER_STEP):
         if not tried:
             return False
-        found = compare(growth.problem, growth.fitted, tried)
+        found = compare(selection.problem, selection.fitted, tried)
         held = _held_out_score(found)
-        pays = pays_for_a_name(found, held, len(left), growth.named)
-        _note(growth, found, held, step, pays)
+        pays = pays_for_a_name(found, held, len(left), selection.named)
+        _note(selection, found, held, step, pays)
         if pays:
-            _accept(growth, found, held, given)
+            _accept(selection, found, held, given)
             return True
         if found.best.score < MARGIN:
             return False
@@ -154,69 +154,69 @@ def _held_out_score(found: Comparison) -> HeldOutScore:
     return held_out_score(found.problem, found.before.entries, found.best.fitted.entries, least)
 
 
-def _accept(growth: Growth, found: Comparison, held: HeldOutScore, given: _Given) -> None:
+def _accept(selection: Selection, found: Comparison, held: HeldOutScore, given: _Inputs) -> None:
     """Name the best effect of a comparison: it joins the model, or the base takes it up as plays of its own."""
     best = found.best
-    tied = (*(r.effect.name for r in found.tied()), *_uncompared(growth, found, given.effects))
-    view = growth.problem.axis.time
+    tied = (*(r.effect.name for r in found.tied()), *_uncompared(selection, found, given.effects))
+    view = selection.problem.axis.time
     assert view is not None
     becomes_plays = best.effect.becomes_plays and not view.play_r_V
     alike_share = OPERATOR_SHARE if becomes_plays else ALIKE_SHARE
     rivals = tuple(replace(r, fitted=with_total(found.problem.train_common, r.fitted)) for r in found.rivals)
-    growth.named.append(Named(best.effect, best.score, held, rivals, tied, alike_share))
-    growth.inflation = found.inflation
+    selection.named.append(Named(best.effect, best.score, held, rivals, tied, alike_share))
+    selection.inflation = found.inflation
     if not becomes_plays:
-        growth.problem = with_effects(found.problem, best.fitted.entries)
-        growth.fitted = refit(growth.problem.train_common, growth.problem.discrepancy, best.fitted.entries)
+        selection.problem = with_effects(found.problem, best.fitted.entries)
+        selection.fitted = refit(selection.problem.train_common, selection.problem.discrepancy, best.fitted.entries)
         return
     # A base without plays gets a whole operator, not the catalogue's compact one.
-    growth.operator = dict(best.fitted.entries[-1][1])
-    axis = with_operator(growth.problem.axis, [r for r in given.runs if r.role == "train"])
-    growth.problem = make_problem(axis, given.runs, given.effects, given.frozen, open_plays=True)
+    selection.operator = dict(best.fitted.entries[-1][1])
+    axis = with_operator(selection.problem.axis, [r for r in given.runs if r.role == "train"])
+    selection.problem = make_problem(axis, given.runs, given.effects, given.frozen, open_plays=True)
     others = list(best.fitted.entries[:-1])
-    growth.fitted = refit(growth.problem.train_common, growth.problem.discrepancy, others)
+    selection.fitted = refit(selection.problem.train_common, selection.problem.discrepancy, others)
 
 
-def _uncompared(growth: Growth, found: Comparison, effects: Sequence[Effect]) -> list[str]:
+def _uncompared(selection: Selection, found: Comparison, effects: Sequence[Effect]) -> list[str]:
     """Names of effects that were not compared with the best but are confused with it, where all records go round one
     loop and little is gained: one loop does not rule them out."""
     best = found.best.effect
     if not found.one_loop or found.best.score > CLEAR_ON_ONE_LOOP:
         return []
     compared = {r.effect.name for r in found.rivals}
-    shown = {shapes[0].effect.name for shapes in growth.last_scan}
+    shown = {shapes[0].effect.name for shapes in selection.last_scan}
     near = [e for e in effects if e.name in best.confused_with or best.name in e.confused_with]
     return [e.name for e in near if e.name in shown - compared]
 
 
-def _prune(growth: Growth) -> None:
+def _prune(selection: Selection) -> None:
     """Drop names that no longer pay beside the others. What the base can absorb is then simulated without the effect:
     simulated with it, the base's own columns carry some of it."""
-    fitted = {effect.name for effect, _ in growth.fitted.entries}
-    for name in [n.effect.name for n in growth.named if n.effect.name in fitted]:
-        entries = [entry for entry in growth.fitted.entries if entry[0].name != name]
+    fitted = {effect.name for effect, _ in selection.fitted.entries}
+    for name in [n.effect.name for n in selection.named if n.effect.name in fitted]:
+        entries = [entry for entry in selection.fitted.entries if entry[0].name != name]
         if not entries:
             return
-        without = refit(common_with_effects(growth.problem, entries), growth.problem.discrepancy, entries)
-        effect = next(n.effect for n in growth.named if n.effect.name == name)
-        gained = (without.squares - growth.fitted.squares) / growth.inflation - penalty(growth.problem, effect)
+        without = refit(common_with_effects(selection.problem, entries), selection.problem.discrepancy, entries)
+        effect = next(n.effect for n in selection.named if n.effect.name == name)
+        gained = (without.squares - selection.fitted.squares) / selection.inflation - penalty(selection.problem, effect)
         if gained < MARGIN:
-            growth.problem = with_effects(growth.problem, without.entries)
-            growth.fitted = refit(growth.problem.train_common, growth.problem.discrepancy, without.entries)
-            growth.named = [n for n in growth.named if n.effect.name != name]
+            selection.problem = with_effects(selection.problem, without.entries)
+            selection.fitted = refit(selection.problem.train_common, selection.problem.discrepancy, without.entries)
+            selection.named = [n for n in selection.named if n.effect.name != name]
 
 
-def _note(growth: Growth, found: Comparison, held: HeldOutScore, step: int, pays: bool) -> None:
+def _note(selection: Selection, found: Comparison, held: HeldOutScore, step: int, pays: bool) -> None:
     """Write down how every effect of a comparison did, for the table of candidates."""
     rows = found.problem.train_common.metric.rows
     for rival in found.rivals:
         best = rival is found.best
         if best:
-            remark = NAMED if pays else why_not_named(found, held, growth.named)
+            remark = NAMED if pays else why_not_named(found, held, selection.named)
         elif found.is_tied(rival):
             remark = f"these records cannot tell it from {found.best.effect.name}"
         else:
             remark = f"{found.best.score - rival.score:.0f} points behind {found.best.effect.name}"
         rms = float(np.sqrt(rival.fitted.squares / rows))
         z = held.z if best else float("nan")
-        growth.candidates.append(Candidate(step, rival.effect.name, rival.score, z, rms, remark))
+        selection.candidates.append(Candidate(step, rival.effect.name, rival.score, z, rms, remark))

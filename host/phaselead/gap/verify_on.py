@@ -8,17 +8,16 @@ from dataclasses import dataclass
 from phaselead.control import TrackingError, track, tracking_error
 from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
-from phaselead.model import AxisModel, Place, Samples, Stage, compensation, effect, rest_position_um
+from phaselead.model import AxisModel, Place, Stage, compensation, effect, rest_position_um
+from phaselead.record import Samples
 from phaselead.result import Result, Table
 from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
-
-Progress = Callable[[float], None]
 
 SINE_Hz, TRIANGLE_Hz, MOVE_Hz = 5.0, 20.0, 10.0
 """Frequencies of the paths; that of a move stands for its duration."""
 HOLD_s = 6.0
 """After a move, so that creep shows."""
-MARGIN, SWING = 0.1, 0.5
+PATH_START, PATH_SWING = 0.1, 0.5
 """Where a path begins and how far it goes, as shares of what every model can reach."""
 SHOWN_PERIODS = 2
 ROW = ("axis", "path", "mode")
@@ -76,7 +75,9 @@ def check_port(port: str) -> None:
     Device.open(port).close()
 
 
-def verify_on(port: str, before: Stage, after: Stage, on_progress: Progress | None = None) -> TrackingComparison:
+def verify_on(
+    port: str, before: Stage, after: Stage, on_progress: Callable[[float], None] | None = None
+) -> TrackingComparison:
     """Track with every axis whose model changed, under both models, with the stage parked in between.
 
     Modes are ``inverse``, feed-forward alone, and ``inverse+pid`` where the stage file has gains. An error of the
@@ -136,7 +137,7 @@ def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, 
         found.append((f"sine, {SINE_Hz:g} Hz", _periodic(spans, Sine, SINE_Hz)))
         found.append((f"triangle, {TRIANGLE_Hz:g} Hz", _periodic(spans, Triangle, TRIANGLE_Hz)))
         if any(_has_effect_at(Place.CREEP, after.axes[name]) for name in group):
-            moves = {n: Goto(SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
+            moves = {n: Goto(PATH_SWING * (high - low), low, "um", MOVE_Hz) for n, (low, high) in spans.items()}
             found.append((f"move and hold, {HOLD_s:g} s", {**moves}))
     return found
 
@@ -144,7 +145,7 @@ def _paths(axes: Sequence[str], before: Stage, after: Stage) -> list[tuple[str, 
 def _periodic(spans: Mapping[str, tuple[float, float]], kind: type[Periodic], f_Hz: float) -> dict[str, Waveform]:
     """A path for each axis, at a frequency of its own, so that coupling between them shows."""
     return {
-        name: kind(SWING * (high - low), low + MARGIN * (high - low), "um", f_Hz * (1 + 0.4 * i))
+        name: kind(PATH_SWING * (high - low), low + PATH_START * (high - low), "um", f_Hz * (1 + 0.4 * i))
         for i, (name, (low, high)) in enumerate(spans.items())
     }
 

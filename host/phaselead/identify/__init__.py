@@ -12,8 +12,8 @@ from phaselead.identify.experiment import (
 )
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, fit
+from phaselead.identify.gauss_newton import descend
 from phaselead.identify.modal import (
-    Complex,
     Drive,
     Drives,
     JointExperiment,
@@ -27,17 +27,17 @@ from phaselead.identify.modal import (
     score_test,
 )
 from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
-from phaselead.identify.runs import STILL_V, AxisRun, Sine
+from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
 
 __all__ = [
     "HELD_OUT",
+    "SAME_RATE",
     "STILL_V",
     "AxisRun",
     "Base",
-    "Complex",
     "Drive",
     "Drives",
     "Experiment",
@@ -47,13 +47,14 @@ __all__ = [
     "ModalFit",
     "ModalModel",
     "Shaping",
-    "Sine",
+    "SineDrive",
     "Verification",
     "Verifications",
     "View",
     "common_period",
     "common_poles",
     "compare_with_table_1",
+    "descend",
     "fit",
     "fit_modes",
     "fit_plays",

@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from phaselead.identify.runs import driven_axes
-from phaselead.record import Recording
+from phaselead.record import AXES, Recording
 
-Matrix3 = tuple[tuple[float, float, float], ...]
-AXES = ("x", "y", "z")
+CouplingMatrix = tuple[tuple[float, float, float], ...]
 REST_ROWS = 5
 
 
-def cross_coupling(recordings: Sequence[Recording]) -> tuple[Matrix3, Matrix3] | None:
+def cross_coupling(recordings: Sequence[Recording]) -> tuple[CouplingMatrix, CouplingMatrix] | None:
     """(matrix, standard deviations), row: responding axis, column: driven axis; None without a usable record.
 
     Each entry is the regression of the idle axis' position on the driven one's over the scored rows of a
@@ -48,7 +47,7 @@ def cross_coupling(recordings: Sequence[Recording]) -> tuple[Matrix3, Matrix3] |
     return _plain(matrix), _plain(std)
 
 
-def decoupled(recordings: Sequence[Recording], matrix: Matrix3) -> list[Recording]:
+def decoupled(recordings: Sequence[Recording], matrix: CouplingMatrix) -> list[Recording]:
     """The recordings with what each axis sees of the others taken away, (x - rest) = matrix (own - rest).
 
     An axis that another has been driven before keeps a share of its remanence, which is no memory of its
@@ -81,5 +80,5 @@ def _centred(recording: Recording, axis: str) -> np.ndarray[tuple[int], np.dtype
     return np.asarray(scored - scored.mean())
 
 
-def _plain(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> Matrix3:
+def _plain(matrix: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> CouplingMatrix:
     return tuple((float(a), float(b), float(c)) for a, b, c in matrix)

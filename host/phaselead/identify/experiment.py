@@ -32,7 +32,7 @@ from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
 from phaselead.model import AxisModel, Stage
-from phaselead.record import Recording, refuse_gapped
+from phaselead.record import AXES, Recording, refuse_gapped
 from phaselead.waveforms import Sine, refuse_out_of_range
 
 LEVELS_V = (0.5, 1.0, 2.0, 3.5, 4.5, 6.0, 8.0, 10.0)
@@ -80,7 +80,7 @@ def plan_grid(
     Within a level the slow sines come last, and every sine waits ``rest_s`` at 0 V: else the creep of one is
     the offset of the next, by half a per cent of the range. Raises BadInput.
     """
-    if len(set(axes)) != len(axes) or not set(axes) <= {"x", "y", "z"}:
+    if len(set(axes)) != len(axes) or not set(axes) <= set(AXES):
         raise BadInput(f"axes {','.join(axes)}: name each of x, y, z at most once")
     if not all(v > 0 for v in (*levels_V, *f_Hz)) or settle_periods < 0 or measure_periods < 2:
         raise BadInput("the grid needs positive levels and frequencies, and at least 2 periods to measure")
@@ -121,7 +121,7 @@ class Identified:
 def parse_axes(text: str) -> tuple[str, ...]:
     """ "x" or "x,y,z" as letters. Raises BadInput."""
     axes = tuple(part.strip() for part in text.split(","))
-    if not set(axes) <= {"x", "y", "z"} or len(set(axes)) != len(axes):
+    if not set(axes) <= set(AXES) or len(set(axes)) != len(axes):
         raise BadInput(f"--axis {text!r}: name each of x, y, z at most once, e.g. x or x,y,z")
     return axes
 
@@ -254,7 +254,7 @@ def run_experiment(device: Device, experiment: Experiment, *, alone: bool) -> tu
     ticks = round(seconds * TICK_HZ)
     if experiment.rest_s:
         device.wait(experiment.rest_s)
-    others = () if alone else tuple(a for a in "xyz" if a != experiment.axis)
+    others = () if alone else tuple(a for a in AXES if a != experiment.axis)
     device.set_axis(experiment.axis, Mode.OPEN)
     device.set_path(experiment.axis, "sine", swing=experiment.swing_V, f_Hz=experiment.f_Hz, ticks=ticks)
     for other in others:

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import PurePath
 from typing import Any, Literal
 
 from phaselead.errors import BadInput
-from phaselead.identify.coupling import Matrix3, cross_coupling, decoupled
+from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_in_turn
 from phaselead.identify.operator import OperatorFit, fit_linear
-from phaselead.identify.runs import AxisRun, Sine, axis_run, driven_axes, refuse_too_short
+from phaselead.identify.runs import SAME_RATE, AxisRun, SineDrive, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
-from phaselead.model import AdoptedEffect, AxisModel, DataSource, Provenance, Stage, TablePoint, TableView
+from phaselead.model import (
+    AdoptedEffect,
+    AxisModel,
+    Stage,
+    TablePoint,
+    TableView,
+    effect_of_modes,
+    provenance_of,
+)
 from phaselead.record import Recording
 
 Base = Literal["operator", "linear"]
-SAME_RATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class FitReport:
 
     time: dict[str, OperatorFit]
     table: dict[str, TableView]
-    coupling: tuple[Matrix3, Matrix3] | None = None
+    coupling: tuple[CouplingMatrix, CouplingMatrix] | None = None
     messages: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
@@ -108,7 +112,7 @@ def fit(
     axes: dict[Any, AxisModel] = {a: _axis_model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
     stage = Stage(
         name=parent.name if parent else name,
-        provenance=_provenance(recordings, parent),
+        provenance=provenance_of(parent, recordings),
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )
@@ -168,7 +172,7 @@ def _table(runs: Sequence[AxisRun]) -> tuple[TableView | None, list[str]]:
         return None, [*messages, f"axis {axis}: time view only; {error}"]
 
 
-def _is_paper_sine(sine: Sine | None) -> bool:
+def _is_paper_sine(sine: SineDrive | None) -> bool:
     return sine is not None and sine.starts_at_zero
 
 
@@ -201,24 +205,5 @@ def _describe_modes(axis: str, found: FittedModes) -> str:
     explained = 100 * (1 - found.share_left)
     return (
         f"axis {axis}: {' and '.join(each)}, explain{'s' if len(each) == 1 else ''} {explained:.0f} % of "
-        "the squared residual of the operator; adopted as effect resonance"
-    )
-
-
-def _provenance(recordings: Sequence[Recording], parent: Stage | None) -> Provenance:
-    data = {
-        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256)
-        for r in recordings
-        if r.sha256
-    }
-    try:
-        tool = f"phaselead {version('phaselead')}"
-    except PackageNotFoundError:
-        tool = "phaselead"
-    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
-    return Provenance(
-        parent_sha256=parent.sha256 if parent else None,
-        data=tuple(data.values()),
-        tool=tool,
-        created=now.isoformat().replace("+00:00", "Z"),
+        f"the squared residual of the operator; adopted as effect {effect_of_modes(found.modes)[0].name}"
     )

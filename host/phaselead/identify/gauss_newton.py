@@ -1,6 +1,6 @@
-"""Separable least squares: the Gauss-Newton search that the operator and the common modes share.
+"""Separable least squares: the Gauss-Newton search of the operator, of the common modes and of the gap's effects.
 
-Both models are linear in most of their parameters. Those are solved for at every point (variable projection, Golub &
+All three are linear in most of their parameters. Those are solved for at every point (variable projection, Golub &
 Pereyra 1973; Kaufman 1975), and only the others are searched, by ``descend``.
 
 ``scipy.optimize.least_squares`` would want the residual and the Jacobian of every row of every record at once. Here a
@@ -29,6 +29,7 @@ def descend(
     *,
     least_gain: float = 0.0,
     enough: float = 0.0,
+    least_saved: float = 0.0,
     fewest_steps: int = 0,
     reweighed: Callable[[Point, int], Point] | None = None,
     report: Callable[[float], None] | None = None,
@@ -37,7 +38,8 @@ def descend(
 
     ``trials`` gives points away from one, ever more cautious; the first that lowers its cost by the share
     ``least_gain`` is gone on from, and when none does the search ends. So it does, after ``fewest_steps``, with a step
-    that gained less than the share ``enough``. ``reweighed`` may replace the point before each step, by its number.
+    that gained less than the share ``enough`` or lowered the cost by less than ``least_saved``.
+    ``reweighed`` may replace the point before each step, by its number.
     """
     point = start
     for step in range(most_steps):
@@ -50,7 +52,8 @@ def descend(
         if better is None:
             break
         point = better
-        if step + 1 >= fewest_steps and (before - cost(point)) / before < enough:
+        saved = before - cost(point)
+        if step + 1 >= fewest_steps and (saved / before < enough or saved < least_saved):
             break
     return point
 

@@ -25,6 +25,9 @@ DRIVEN_SHARE = 0.02
 SINE_RESIDUAL = 0.01
 """Rms departure from a sine, as a share of its amplitude, up to which a voltage is called one."""
 
+SAME_RATE = 0.01
+"""Largest relative difference between sampling rates that count as one."""
+
 ROWS_PER_PERIOD = 32
 """A sine is estimated from about this many rows per period; more add time and no precision."""
 FEWEST_PERIODS = 2
@@ -35,7 +38,7 @@ JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 
 
-class Sine(NamedTuple):
+class SineDrive(NamedTuple):
     """A sine voltage, ``mean_V + swing_V / 2 cos(2 pi f_Hz t + phase)``, on ``rows`` of the whole recording."""
 
     f_Hz: float
@@ -69,7 +72,7 @@ class AxisRun:
         return float(self.t_s[-1] - self.t_s[0]) / (len(self.t_s) - 1)
 
     @cached_property
-    def sine(self) -> Sine | None:
+    def sine(self) -> SineDrive | None:
         """The sine that the scored voltage is, or None."""
         return sine_of(self)
 
@@ -155,7 +158,7 @@ def moving_rows(run: AxisRun) -> slice:
     return slice(start + int(moves[0]), start + int(moves[-1]) + 2)
 
 
-def sine_of(run: AxisRun, f_Hz: float | None = None) -> Sine | None:
+def sine_of(run: AxisRun, f_Hz: float | None = None) -> SineDrive | None:
     """The sine that the scored voltage is, or None when it is something else. ``f_Hz``: known beforehand."""
     rows = moving_rows(run)
     u = run.u_V[rows]
@@ -171,7 +174,7 @@ def sine_of(run: AxisRun, f_Hz: float | None = None) -> Sine | None:
     amplitude = float(np.hypot(cosine, sine))
     if not amplitude > 0 or np.sqrt(squares / len(u)) > SINE_RESIDUAL * amplitude:
         return None
-    return Sine(f_Hz, 2 * amplitude, float(mean), rows)
+    return SineDrive(f_Hz, 2 * amplitude, float(mean), rows)
 
 
 def _strongest_line(u: Samples, step_s: float) -> float:

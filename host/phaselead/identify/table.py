@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from phaselead.errors import BadInput
-from phaselead.identify.runs import FEWEST_PERIODS, AxisRun, Sine, axis_run, distinct, sine_of
+from phaselead.identify.runs import FEWEST_PERIODS, AxisRun, SineDrive, axis_run, distinct, sine_of
 from phaselead.model import XU_LI_2010, TablePoint, TableView
 from phaselead.record import Recording, Samples
 
-HARMONICS = 7
+LOCK_IN_HARMONICS = 7
 """Orders fitted with the fundamental: over inexact periods the odd harmonics of a loop would leak into it."""
 STEADY = 0.01
 """Largest change from period to period, as a share of the amplitude, that counts as steady (creep: 0.2 %)."""
-FEWEST_ROWS_PER_PERIOD = 2 * (HARMONICS + 1) + 4
+FEWEST_ROWS_PER_PERIOD = 2 * (LOCK_IN_HARMONICS + 1) + 4
 FEWEST_LEVELS = 3
 FEWEST_FREQUENCIES = 3
 WORST_CONDITION = 1e6
@@ -99,7 +99,7 @@ def lock_in(run: AxisRun, f_Hz: float | None = None) -> LockIn:
     )  # fmt: skip
 
 
-def rows_per_period(run: AxisRun, sine: Sine) -> float:
+def rows_per_period(run: AxisRun, sine: SineDrive) -> float:
     """Rows in one period of the sine; no whole number in general."""
     return 1.0 / (sine.f_Hz * run.step_s)
 
@@ -110,7 +110,7 @@ def _std_of_mean(values: Samples, floor: float) -> float:
     return max(float(values.std(ddof=1) / np.sqrt(len(values))), float(floor))
 
 
-def _whole_periods(run: AxisRun, sine: Sine) -> list[slice]:
+def _whole_periods(run: AxisRun, sine: SineDrive) -> list[slice]:
     """Rows of each usable period, counted back from the end."""
     rows = rows_per_period(run, sine)
     if rows < FEWEST_ROWS_PER_PERIOD:
@@ -136,25 +136,25 @@ def _first_move(run: AxisRun) -> int:
 
 
 def _steady_periods(
-    run: AxisRun, sine: Sine, periods: list[slice]
+    run: AxisRun, sine: SineDrive, periods: list[slice]
 ) -> tuple[tuple[np.ndarray[tuple[int, int], np.dtype[np.complex128]], ...], float]:
-    """Fourier coefficients (period, order 0..HARMONICS) of u and x over steady periods; rms noise of x."""
+    """Fourier coefficients (period, order 0..LOCK_IN_HARMONICS) of u and x over steady periods; rms noise of x."""
     u, x, squares = [], [], []
     for rows in periods:
         turn = 2 * np.pi * sine.f_Hz * (run.t_s[rows] - run.t_s[periods[0].start])
-        angles = turn * np.arange(1, HARMONICS + 1)[:, None]
+        angles = turn * np.arange(1, LOCK_IN_HARMONICS + 1)[:, None]
         basis = np.concatenate([np.ones((1, len(turn))), np.cos(angles), np.sin(angles)])
         both = np.stack([run.u_V[rows], run.x_um[rows]])
         fitted = np.linalg.solve(basis @ basis.T, basis @ both.T).T
         squares.append(float(np.mean((both[1] - fitted[1] @ basis) ** 2)))
-        waves = fitted[:, 1 : HARMONICS + 1] - 1j * fitted[:, HARMONICS + 1 :]
+        waves = fitted[:, 1 : LOCK_IN_HARMONICS + 1] - 1j * fitted[:, LOCK_IN_HARMONICS + 1 :]
         u.append(np.concatenate([fitted[0, :1], waves[0]]))
         x.append(np.concatenate([fitted[1, :1], waves[1]]))
     u_all, x_all = np.array(u), np.array(x)
     change = np.linalg.norm(np.diff(x_all, axis=0), axis=1) / np.abs(x_all[1:, 1])
     noise_um = float(np.sqrt(np.mean(squares)))
-    # Each of the 2 HARMONICS + 1 coefficients scatters by noise sqrt(2/N); a difference by sqrt(2) more.
-    scatter = noise_um * np.sqrt(4 * (2 * HARMONICS + 1) / rows_per_period(run, sine)) / np.abs(x_all[1:, 1])
+    # Each of the 2 LOCK_IN_HARMONICS + 1 coefficients scatters by noise sqrt(2/N); a difference by sqrt(2) more.
+    scatter = noise_um * np.sqrt(4 * (2 * LOCK_IN_HARMONICS + 1) / rows_per_period(run, sine)) / np.abs(x_all[1:, 1])
     unsettled = np.flatnonzero(change > STEADY + 3 * scatter)
     first = int(unsettled[-1]) + 1 if len(unsettled) else 0
     if len(periods) - first < FEWEST_PERIODS:

@@ -5,29 +5,44 @@ from __future__ import annotations
 from phaselead.model.axis import Actuator, AdoptedEffect, AxisModel, Gains, Limits, Sensor, TimeView
 from phaselead.model.chain import Chain, Extra, simulate
 from phaselead.model.effects import (
+    CheckedParameters,
+    Complex,
     Effect,
     Entry,
+    Mode,
+    ModePart,
+    NotPlayed,
     Parameter,
     Params,
-    Picture,
     Place,
-    Samples,
     Signal,
+    VirtualAxis,
+    behind_modes,
     catalogue,
     effect,
-    number,
+    effect_of_modes,
+    mode_coefficients,
+    modes_of,
+    push_level,
+    resonant,
+    second_order_residual,
+    shares,
+    states,
+    states_and_slopes,
 )
-from phaselead.model.effects.filters import Mode, behind_modes, mode_coefficients, resonant, second_order_left
-from phaselead.model.effects.interface import CheckedParameters, VirtualAxis
-from phaselead.model.effects.mode_bank import modes_of, shares, states, states_and_slopes
-from phaselead.model.effects.softening import push_level
-from phaselead.model.effects.virtual import NotPlayed
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
-from phaselead.model.operator import ends_um, plays, predict_time_view, respond, rest_plays, rest_position_um
+from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_argument import StageLike, as_stage
-from phaselead.model.stage_file import DataSource, Provenance, Stage, load_stage, parse_stage, save_stage, stage_text
+from phaselead.model.stage_file import (
+    Stage,
+    load_stage,
+    parse_stage,
+    provenance_of,
+    save_stage,
+    stage_text,
+)
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
@@ -44,20 +59,18 @@ __all__ = [
     "Chain",
     "CheckedParameters",
     "Compensation",
-    "DataSource",
+    "Complex",
     "Effect",
     "Entry",
     "Extra",
     "Gains",
     "Limits",
     "Mode",
+    "ModePart",
     "NotPlayed",
     "Parameter",
     "Params",
-    "Picture",
     "Place",
-    "Provenance",
-    "Samples",
     "Section",
     "Sensor",
     "Signal",
@@ -73,23 +86,23 @@ __all__ = [
     "compensation",
     "coupling",
     "effect",
-    "ends_um",
+    "effect_of_modes",
     "explained",
     "load_stage",
     "mode_coefficients",
     "modes_of",
-    "number",
     "parse_stage",
     "plays",
     "predict",
     "predict_time_view",
+    "provenance_of",
     "push_level",
     "resonant",
     "respond",
     "rest_plays",
     "rest_position_um",
     "save_stage",
-    "second_order_left",
+    "second_order_residual",
     "shares",
     "simulate",
     "stage_text",

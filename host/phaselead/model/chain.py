@@ -16,10 +16,19 @@ from numpy.typing import ArrayLike
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
-from phaselead.model.effects import effect
-from phaselead.model.effects.filters import relaxed_late
-from phaselead.model.effects.interface import Effect, Entry, Params, Place, Samples, Signal, rewritten
+from phaselead.model.effects import (
+    MODES_FROM,
+    Effect,
+    Entry,
+    Params,
+    Place,
+    Signal,
+    effect,
+    relaxed_late,
+    rewritten,
+)
 from phaselead.model.operator import delayed, respond, rest_plays
+from phaselead.record import Samples
 
 Extra = Sequence[tuple[Effect, Params]]
 
@@ -83,8 +92,8 @@ class Chain:
         entries = self._entries(extra)
         return self._through(self._links(entries), entries, rng).value[1:].copy()
 
-    def seeing(self, others_um: Mapping[str, Samples]) -> Chain:
-        """The same record, and all that is known of it, beside the displacements (n,) of other axes."""
+    def with_others(self, others_um: Mapping[str, Samples]) -> Chain:
+        """The same record, and all that is known of it, with the displacements (n,) of other axes in um from rest."""
         chain = copy(self)
         chain._known = {path: value for path, value in self._known.items() if path[1].place < Place.COUPLING}
         chain._see(others_um)
@@ -97,7 +106,7 @@ class Chain:
         value, drive = self._through(links, entries, None)
         return replace(self._input, value=value, drive_V=drive, active=tuple(entries), pushes={})
 
-    def beside(self, pushes: Mapping[str, Signal]) -> Chain:
+    def with_pushes(self, pushes: Mapping[str, Signal]) -> Chain:
         """The same record, and all that is known of it, with what pushes the mechanics on every axis."""
         chain = copy(self)
         chain._known = {path: value for path, value in self._known.items() if path[1].place < Place.MECHANICS}
@@ -146,8 +155,6 @@ class Chain:
 
 
 OPERATOR = "operator"
-MODES_FROM = (Place.MECHANICS, 1)
-"""Place and order from which on effects belong to the moving structure; what comes before is the actuator's own."""
 
 
 class _Passed(NamedTuple):

@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
-from phaselead.model.effects import effect
-from phaselead.model.effects.interface import Entry, Samples, rewritten
+from phaselead.model.effects import Entry, effect, rewritten
 from phaselead.model.sections import PASS, Section
 from phaselead.model.stage_file import Stage
+from phaselead.record import AXES, Samples
 
 PLAYS, KNOTS, TERMS, SECTIONS = 32, 24, 8, 6
 """What the device holds of each (firmware/core)."""
 LARGEST_THRESHOLD_V = 64.0
-"""Of a play, and the fastest creep: alpha is at most 1/4."""
+"""Of a play."""
 FASTEST_CREEP_s = 0.0007
+"""Shortest time constant: the device's filter coefficient for creep, tick over time constant, is at most about 1/4."""
 LEAST_SLOPE = 2.0**-10
 """um/V; flatter than this the device does not invert."""
 
@@ -77,14 +78,13 @@ def compensation(axis: AxisModel) -> Compensation:
 
 def coupling(stage: Stage) -> list[list[float]]:
     """What axis i (row) sees of the motion of axis j, 1 on the diagonal: the stage's matrix and the adopted effects."""
-    names = ("x", "y", "z")
     matrix = [[float(i == j) for j in range(3)] for i in range(3)]
-    for i, name in enumerate(names):
+    for i, name in enumerate(AXES):
         for j in range(3):
             if i != j and stage.cross_coupling is not None:
                 matrix[i][j] = float(stage.cross_coupling[i][j])
         for e, params in _entries(stage.axes.get(name, AxisModel())):
-            for j, other in enumerate(names):
+            for j, other in enumerate(AXES):
                 if i != j and e.coupling is not None:
                     matrix[i][j] += e.coupling(params, other)
     return matrix

@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.model.axis import AxisModel, TimeView
-
-Samples = NDArray[np.float64]
+from phaselead.record import Samples
 
 
 class _Operator(ctypes.Structure):

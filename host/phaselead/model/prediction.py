@@ -8,12 +8,9 @@ from dataclasses import replace
 from phaselead.errors import BadInput
 from phaselead.model.axis import TimeView
 from phaselead.model.chain import Chain
-from phaselead.model.effects import effect
-from phaselead.model.effects.interface import Effect, Params, Place
+from phaselead.model.effects import Entry, Place, effect_of_shares
 from phaselead.model.stage_file import Stage
-from phaselead.record import AxisRecord, Recording, refuse_gapped
-
-AXES = ("x", "y", "z")
+from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped
 
 
 def predict(stage: Stage, recording: Recording) -> Recording:
@@ -30,12 +27,12 @@ def predict(stage: Stage, recording: Recording) -> Recording:
     known = [name for name in with_voltage if name in stage.axes] or with_voltage
     alone = {name: _chain(stage, recording, name) for name in known}
     pushes = {name: chain.push() for name, chain in alone.items()}
-    chains = {name: chain.beside(pushes) for name, chain in alone.items()}
+    chains = {name: chain.with_pushes(pushes) for name, chain in alone.items()}
     moved = {name: chain.signal_at(Place.MECHANICS).displacement_um[1:] for name, chain in chains.items()}
     axes = {}
     for name, chain in chains.items():
         others = {other: x for other, x in moved.items() if other != name}
-        x = chain.seeing(others).run(_seen(stage, name, others))
+        x = chain.with_others(others).run(_seen(stage, name, others))
         axes[name] = AxisRecord(recording.axes[name].u_V, x)
     return replace(recording, axes=axes, meta={})
 
@@ -55,9 +52,9 @@ def _chain(stage: Stage, recording: Recording, axis: str) -> Chain:
     return Chain(stage.axis(axis), recording.t_s, u)
 
 
-def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[tuple[Effect, Params]]:
+def _seen(stage: Stage, axis: str, others: Iterable[str]) -> list[Entry]:
     """The row of the coupling matrix as an effect."""
     if stage.cross_coupling is None:
         return []
     row = stage.cross_coupling[AXES.index(axis)]
-    return [(effect("cross_coupling"), {f"from_{other}": row[AXES.index(other)] for other in others})]
+    return [effect_of_shares({other: row[AXES.index(other)] for other in others})]

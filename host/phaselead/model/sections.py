@@ -14,20 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
-from phaselead.model.operator import Samples
+from phaselead.record import Samples
 
 Roots = NDArray[np.complex128]
 
 TICK_S = 1 / 5000
 FASTER = 8.0
-"""By which a lead's own pole lies above the corner it undoes: it amplifies the fastest part of a path by as much."""
+"""A lead's own pole lies this factor above the corner that it undoes, and amplifies the fastest part of a path by as
+much."""
 ROLL_OFF = 3.0
 """Times the mode's frequency: where a section that undoes a mode gives up, both poles real. Zeros of the mechanics
 further away than that are not followed: the section would amplify the fastest part of a path more than it helps."""
-SLOWEST_SHARE = 0.05
-"""A time constant below this share of a tick is all preview."""
-NEAREST_WRONG = 1.5
-"""Times the highest mode: a zero in the right half-plane below cannot be left to the roll-off."""
+LEAST_TAU_SHARE = 0.05
+"""Of a tick: a shorter time constant is undone by looking ahead alone."""
+NEAREST_UNSTABLE = 1.5
+"""Of the highest mode's frequency: a zero in the right half-plane below that has no stable inverse, and is too slow
+to be left to the roll-off."""
 HIGHEST_Hz = 2250.0
 """Modes and zeros above are beyond what a section of this tick rate can undo; they are all preview."""
 
@@ -66,7 +68,7 @@ def section_of(zeros: Sequence[complex], poles: Sequence[complex]) -> Section:
 
 def lead(tau_s: float) -> Section | None:
     """(1 + s tau)/(1 + s tau/8), or None for a low-pass too fast to be undone."""
-    if tau_s < SLOWEST_SHARE * TICK_S:
+    if tau_s < LEAST_TAU_SHARE * TICK_S:
         return None
     return section_of([np.exp(-TICK_S / tau_s)], [np.exp(-FASTER * TICK_S / tau_s)])
 
@@ -136,7 +138,7 @@ def _usable(zeros: Roots, modes: Sequence[tuple[float, float, float]]) -> Roots:
     """Those that can be poles of the inverse; others far enough away are left to the roll-off."""
     highest = 2 * np.pi * max(f for _, f, _ in modes)
     wrong = zeros[np.real(zeros) >= 0]
-    if len(wrong) and np.abs(wrong).min() < NEAREST_WRONG * highest:
+    if len(wrong) and np.abs(wrong).min() < NEAREST_UNSTABLE * highest:
         raise BadInput(
             f"its mechanics have a zero in the right half-plane at {np.abs(wrong).min() / (2 * np.pi):.4g} Hz: what "
             "undoes them is not stable"

@@ -10,14 +10,14 @@ from phaselead.model.stage_file import Stage, load_stage
 
 
 @runtime_checkable
-class Fitted(Protocol):
+class CarriesStage(Protocol):
     """What carries a stage, as the result of a fit does."""
 
     @property
     def model(self) -> Stage: ...
 
 
-StageLike = Stage | Fitted | str | os.PathLike[str]
+StageLike = Stage | CarriesStage | str | os.PathLike[str]
 """A stage, the result of a fit, or the name of a stage file."""
 
 
@@ -27,6 +27,6 @@ def as_stage(model: StageLike) -> Stage:
         return model
     if isinstance(model, str | os.PathLike):
         return load_stage(os.fspath(model))
-    if isinstance(model, Fitted):
+    if isinstance(model, CarriesStage):
         return model.model
     raise BadInput(f"a {type(model).__name__} is no model; give a stage, the result of a fit, or a stage file's name")

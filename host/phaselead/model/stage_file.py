@@ -7,10 +7,12 @@ the same words become the comments of a saved file.
 
 from __future__ import annotations
 
+import datetime
 import hashlib
 import json
 import tomllib
-from pathlib import Path
+from collections.abc import Sequence
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError, field_validator, model_validator
@@ -22,8 +24,9 @@ from phaselead.model.fields import Matrix3, Part
 from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
 from phaselead.model.validation_errors import explain, fault
-from phaselead.record import write_text
+from phaselead.record import AXES, Recording, write_text
 from phaselead.result import Result, Table, pairs_table
+from phaselead.version import VERSION as PROGRAM_VERSION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +37,7 @@ LARGEST_FILE = 16 * 2**20
 
 
 def _axis_name(name: str) -> str:
-    if name not in ("x", "y", "z"):
+    if name not in AXES:
         fault("is no axis; there are x, y and z")
     return name
 
@@ -62,6 +65,22 @@ class Provenance(Part):
     @classmethod
     def _empty_is_none(cls, value: object) -> object:
         return None if value == "" else value
+
+
+def provenance_of(parent: Stage | None, recordings: Sequence[Recording]) -> Provenance:
+    """Of a stage file that is made now, by this program, from the one before and from what was learned."""
+    sources = {
+        r.sha256: DataSource(file=PurePath(r.source).name or "recording", sha256=r.sha256)
+        for r in recordings
+        if r.sha256
+    }
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return Provenance(
+        parent_sha256=parent.sha256 if parent is not None else None,
+        data=tuple(sources.values()),
+        tool=f"phaselead {PROGRAM_VERSION}",
+        created=now.isoformat().replace("+00:00", "Z"),
+    )
 
 
 class Stage(Result, Part):

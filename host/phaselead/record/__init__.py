@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.checks import refuse_clipped, refuse_gapped
-from phaselead.record.columns import parse_column_map, parse_rate
+from phaselead.record.columns import AXES, parse_column_map, parse_rate
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
@@ -15,6 +15,7 @@ from phaselead.record.recording import Recording, Recordings
 from phaselead.record.sampled import SampledResult
 
 __all__ = [
+    "AXES",
     "RUN_SUFFIXES",
     "SUFFIXES",
     "AxisRecord",

@@ -25,7 +25,7 @@ PLACES = {
     Place.SENSOR: "sensor",
     Place.ENVIRONMENT: "environment",
 }
-KINDS = {
+KIND_WORDS = {
     "response": "predicted by the voltage",
     "calibration": "a constant that differs between sessions",
     "disturbance": "predicted by no voltage",
@@ -138,7 +138,7 @@ def _section(e: Effect) -> str:
         title=e.title,
         name=e.name,
         place=PLACES[e.place],
-        kind=KINDS[e.kind],
+        kind=KIND_WORDS[e.kind],
         caption=caption[0].upper() + caption[1:],
         drawn=", ".join(f"{name} = {value:g}" for name, value in e.picture.params.items()),
         equation=e.equation,

@@ -9,21 +9,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from phaselead.drawing import BLUE, GREY, figure_style, new_figure, thin
-from phaselead.model import AdoptedEffect as Adopted
-from phaselead.model import AxisModel, Effect, Params, Samples, TimeView, simulate
+from phaselead.model import AdoptedEffect, AxisModel, Effect, Params, TimeView, effect_of_modes, simulate
+from phaselead.record import Samples
 
 RATE_HZ = 5000.0
 LINEAR = TimeView(gain_um_per_V=10.0, u_range_V=(0.0, 10.0), rate_Hz=RATE_HZ)
 PLAYS = LINEAR.model_copy(
     update={"gain_um_per_V": 5.5, "play_r_V": (0.3, 0.8, 1.6), "play_w_um_per_V": (1.5, 1.5, 1.5)}
 )
-BASES = {
-    "linear": AxisModel(time=LINEAR),
-    "plays": AxisModel(time=PLAYS),
-    "mode": AxisModel(
-        time=LINEAR, effects=(Adopted(name="resonance", params={"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),)
-    ),
+BASES: dict[str, Callable[[], AxisModel]] = {
+    "linear": lambda: AxisModel(time=LINEAR),
+    "plays": lambda: AxisModel(time=PLAYS),
+    "mode": lambda: AxisModel(time=LINEAR, effects=(_mode(),)),
 }
+
+
+def _mode() -> AdoptedEffect:
+    """A single mode."""
+    effect, params = effect_of_modes([(1.0, 200.0, 0.02)])
+    return AdoptedEffect(name=effect.name, params=params)
 
 
 def draw(effect: Effect) -> Figure:
@@ -37,7 +41,7 @@ def draw(effect: Effect) -> Figure:
 def _run(effect: Effect, t: Samples, u: Samples, with_it: bool, neighbour: Samples | None = None) -> Samples:
     extra: list[tuple[Effect, Params]] = [(effect, effect.picture.params)] if with_it else []
     others = {} if neighbour is None else {"y": neighbour}
-    return simulate(BASES[effect.picture.base], t, u, others_um=others, extra=extra, rng=np.random.default_rng(0))
+    return simulate(BASES[effect.picture.base](), t, u, others_um=others, extra=extra, rng=np.random.default_rng(0))
 
 
 def _both(axes: Axes, effect: Effect, t: Samples, u: Samples, over: Samples, last: int | None = None) -> None:

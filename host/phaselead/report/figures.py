@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from phaselead.drawing import AXIS_COLOURS, BLUE, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
 from phaselead.model import TableView
-
-Samples = NDArray[np.float64]
+from phaselead.record import Samples
 
 MODE_COLOURS = {"pid": RED, "ff": ORANGE, "ff+pid": BLUE}
 MODE_NAMES = {"pid": "PID", "ff": "FF", "ff+pid": "FF + PID"}

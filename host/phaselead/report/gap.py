@@ -35,7 +35,7 @@ from phaselead.report.page import render
 
 MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
-SEGMENT = 8192
+DENSITY_SEGMENT = 8192
 """Rows of one periodogram."""
 
 
@@ -257,7 +257,7 @@ def residual_figure(traces: Sequence[Trace]) -> Figure:
 
 def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples]:
     """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz), over records weighted by their length."""
-    length = min(SEGMENT, *(len(t.t_s) for t in traces))
+    length = min(DENSITY_SEGMENT, *(len(t.t_s) for t in traces))
     total, rows, f = np.zeros(length // 2), 0, np.zeros(length // 2)
     for t in traces:
         error = t.measured_um - (t.before_um if which == "before" else t.after_um)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.validation.campaign import Plan, run_campaign
+from phaselead.validation.campaign import CampaignPlan, run_campaign
 from phaselead.validation.result import CampaignResult
 from phaselead.validation.summary import FAILED, NOTHING, UNKNOWN
 from phaselead.validation.table import reached, write_table
@@ -13,8 +13,8 @@ __all__ = [
     "KINDS",
     "NOTHING",
     "UNKNOWN",
+    "CampaignPlan",
     "CampaignResult",
-    "Plan",
     "reached",
     "run_campaign",
     "write_table",

@@ -5,21 +5,21 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from phaselead.errors import BadInput
-from phaselead.validation.journal import Journal
+from phaselead.validation.journal import Journal, Outcome
 from phaselead.validation.pool import run_cases
 from phaselead.validation.summary import summary
 from phaselead.validation.truth import KINDS, Case, fingerprint, load_truth
+from phaselead.version import VERSION
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Plan:
+class CampaignPlan:
     """Which cases to run: ``sizes`` are of single effects, as multiples of the typical one."""
 
     folder: Path
@@ -42,7 +42,7 @@ class Plan:
 
 
 def run_campaign(
-    plan: Plan,
+    plan: CampaignPlan,
     journal_path: Path,
     *,
     jobs: int,
@@ -61,7 +61,7 @@ def run_campaign(
     to_run = [name for name in names if name not in journal.outcomes]
     done = len(names) - len(to_run)
 
-    def take(outcome: dict[str, Any]) -> None:
+    def take(outcome: Outcome) -> None:
         nonlocal done
         journal.add(outcome)
         done += 1
@@ -73,12 +73,12 @@ def run_campaign(
     return {**summary(outcomes), "run": _provenance(plan, code, commit, outcomes)}
 
 
-def _provenance(plan: Plan, code: str, commit: str, outcomes: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _provenance(plan: CampaignPlan, code: str, commit: str, outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return {
         "set": plan.set_name,
         "scale": plan.scale,
         "limit": plan.limit,
-        "version": version("phaselead"),
+        "version": VERSION,
         "commit": commit,
         "code": code,
         "cpu_hours": sum(o.get("cpu_seconds") or 0.0 for o in outcomes) / 3600,

@@ -9,6 +9,7 @@ from typing import Any
 from phaselead.errors import BadInput
 
 Outcome = dict[str, Any]
+"""One finished case as plain JSON types: what was hidden, and what was answered. ``trial.try_case`` makes it."""
 
 
 class Journal:

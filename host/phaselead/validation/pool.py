@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from phaselead.errors import BadInput
-from phaselead.validation.trial import Outcome, try_case
+from phaselead.validation.journal import Outcome
+from phaselead.validation.trial import try_case
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 

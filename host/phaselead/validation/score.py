@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from phaselead.model import catalogue
-
-Outcome = dict[str, Any]
+from phaselead.validation.journal import Outcome
 
 
 def honest_rivals(name: str) -> set[str]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from phaselead.validation import score
+from phaselead.validation.journal import Outcome
 
-Outcome = dict[str, Any]
 ROWS_OF_60_S = 300_000.0
 """Of one axis at 5 kHz."""
 NOTHING, UNKNOWN, FAILED = "nothing", "unknown", "failed"

@@ -13,9 +13,9 @@ from phaselead.gap import GapResult, excitation_of, keep_freed_memory, run_gap
 from phaselead.identify import STILL_V, fit
 from phaselead.model import Actuator, AxisModel, Stage, predict
 from phaselead.record import Recording
+from phaselead.validation.journal import Outcome
 from phaselead.validation.truth import Case, load_truth
 
-Outcome = dict[str, Any]
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
 

@@ -123,7 +123,9 @@ def test_other_axes_can_come_later():
     extra = chosen(["cross_coupling", "creep"])
     chain = Chain(axis(PIEZO), t, u)
     alone = chain.run(extra)
-    assert np.array_equal(chain.seeing(moved).run(extra), simulate(axis(PIEZO), t, u, others_um=moved, extra=extra))
+    assert np.array_equal(
+        chain.with_others(moved).run(extra), simulate(axis(PIEZO), t, u, others_um=moved, extra=extra)
+    )
     assert np.array_equal(chain.run(extra), alone)
 
 

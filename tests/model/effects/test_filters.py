@@ -18,7 +18,7 @@ from phaselead.model.effects.filters import (
     relaxed,
     relaxed_late,
     resonant,
-    second_order_left,
+    second_order_residual,
     smoothly_relaxed,
 )
 from phaselead.model.effects.rate_dependence import scaled_plays
@@ -127,7 +127,7 @@ def test_what_a_mode_leaves_is_counted_without_making_it(rows):
     y = resonant(x, 17.0, 0.03, step)
     left, late = (measured - y)[rows], np.gradient(y, step)[rows]
     expected = np.cov(left, late, bias=True) if len(left) > 1 else np.zeros((2, 2))
-    found = second_order_left(
+    found = second_order_residual(
         x, measured, mode_coefficients(17.0 * step, 0.03), step, np.arange(60, dtype=np.uintp)[rows]
     )
     assert found == pytest.approx((expected[0, 0], expected[0, 1], expected[1, 1]), rel=1e-9, abs=1e-9)

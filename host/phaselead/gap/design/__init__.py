@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design.excitation import Excitation
 from phaselead.gap.design.next_experiment import propose
 from phaselead.gap.design.proposal import excitation_of, proposal_of, read_proposal, run_proposal
 
-__all__ = ["Excitation", "excitation_of", "proposal_of", "propose", "read_proposal", "run_proposal"]
+__all__ = ["excitation_of", "proposal_of", "propose", "read_proposal", "run_proposal"]

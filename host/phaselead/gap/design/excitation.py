@@ -17,8 +17,8 @@ FEWEST_POINTS = 5
 """Points of a waveform on one cycle of its highest line."""
 LEAST_LEVEL = 0.02
 """Of the voltage range: a weaker drive is not worth its time."""
-LONGEST_s = 60.0
-LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, LONGEST_s)
+LONGEST_PROPOSED_s = 60.0
+LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, LONGEST_PROPOSED_s)
 """That an experiment may take."""
 
 

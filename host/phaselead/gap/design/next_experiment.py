@@ -15,19 +15,19 @@ import numpy as np
 
 from phaselead.gap.acceptance import Named
 from phaselead.gap.comparison import TIE, Rival
-from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_s, excitations, span_V
+from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_PROPOSED_s, excitations, span_V
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.refit import fresh_columns
 from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun, modelled_run
-from phaselead.gap.search import Growth
+from phaselead.gap.search import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-MOST_ROWS = 10_000
+MOST_PREDICTED_ROWS = 10_000
 """Of one prediction; longer excitations are predicted at a coarser step."""
 MOST_MEMBERS = 4
 """Members of a tie that are told apart at once, the best first."""
@@ -37,11 +37,11 @@ VOLTAGE_SLACK = 0.02
 """Share of the span of the fitted voltages by which a drive may leave it."""
 APPROACH_s = 0.1
 """At the start, not counted: the output jumps to its first voltage, which the waveform is not chosen for."""
-NEAR = 10.0
+NEAR_TIE = 10.0
 """In units of the separation that breaks a tie: rivals that are fewer points behind are told apart as well."""
-ENOUGH = 30.0
+ENOUGH_SEPARATION = 30.0
 """In the same units: more separation is of no use, a shorter experiment is better."""
-MARGIN = 2.0
+SEPARATION_MARGIN = 2.0
 """In the same units: what a prediction must reach, since it knows neither the truth nor its own misfit."""
 SENSORS = {
     Place.AMPLIFIER: "a voltage monitor at the amplifier's output",
@@ -61,16 +61,17 @@ class Member:
     """Information matrix (k, k): the base's columns, then the parameters of all effects, in the units of the refit."""
 
 
-def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | None:
+def propose(selection: Selection, tied: Named, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
     rivals = [r for r in tied.rivals if r.effect.name in tied.tied]
-    if len(rivals) < 2 or growth.problem.axis.time is None:
+    if len(rivals) < 2 or selection.problem.axis.time is None:
         return None
     rivals += [r for r in tied.rivals if r.effect.name not in tied.tied and _near(r, rivals)]
-    members = [Member(r, _known(growth, r)) for r in rivals[:MOST_MEMBERS]]
-    step_s = growth.problem.train_runs()[0].run.step_s
+    members = [Member(r, _known(selection, r)) for r in rivals[:MOST_MEMBERS]]
+    step_s = selection.problem.train_runs()[0].run.step_s
     tried = [
-        (option, _separation(growth, option, members, step_s)) for option in excitations(growth.problem.axis, step_s)
+        (option, _separation(selection, option, members, step_s))
+        for option in excitations(selection.problem.axis, step_s)
     ]
     if not tried:
         return None
@@ -84,34 +85,34 @@ def propose(growth: Growth, tied: Named, label: str | None) -> NextExperiment | 
 def _near(rival: Rival, tied: Sequence[Rival]) -> bool:
     """Whether a rival outside the tie could belong to it: few points behind, and known to look like a member."""
     behind = tied[0].score - rival.score
-    return behind < NEAR * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
+    return behind < NEAR_TIE * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
 
 
 def _worth(option: Excitation, apart: float) -> tuple[float, float]:
-    """What excitations are ranked by: separation per second, counted up to ENOUGH; then separation."""
-    return min(apart, ENOUGH * TIE) / option.seconds, apart
+    """What excitations are ranked by: separation per second, counted up to ENOUGH_SEPARATION; then separation."""
+    return min(apart, ENOUGH_SEPARATION * TIE) / option.seconds, apart
 
 
 def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
-    """The excitation repeated until the separation suffices, for LONGEST_s at most, and its separation then."""
+    """The excitation repeated until the separation suffices, LONGEST_PROPOSED_s at most, and its separation then."""
     for seconds in LENGTHS_s:
-        if seconds >= option.seconds and apart / option.seconds * seconds >= MARGIN * TIE:
+        if seconds >= option.seconds and apart / option.seconds * seconds >= SEPARATION_MARGIN * TIE:
             return replace(option, seconds=seconds), apart / option.seconds * seconds
-    longest = max(LONGEST_s, option.seconds)
+    longest = max(LONGEST_PROPOSED_s, option.seconds)
     return replace(option, seconds=longest), apart / option.seconds * longest
 
 
-def _known(growth: Growth, rival: Rival) -> Samples:
+def _known(selection: Selection, rival: Rival) -> Samples:
     """Information matrix of a member's columns, from the moments of its refit and what is known of the base."""
     total = rival.fitted.total
-    correction, k = growth.problem.discrepancy, len(growth.problem.layout.common())
+    correction, k = selection.problem.discrepancy, len(selection.problem.layout.common())
     assert total is not None
     size = len(total) - 1
     if size != k + rival.fitted.n_tangents:  # the base was given an operator since
-        return np.eye(growth.problem.layout.n_base + rival.fitted.n_tangents)
-    inner = total[:size, :size] / growth.inflation
+        return np.eye(selection.problem.layout.n_base + rival.fitted.n_tangents)
+    inner = total[:size, :size] / selection.inflation
     inner[np.ix_(correction.index, correction.index)] += correction.precision
-    base = np.arange(k - growth.problem.layout.n_base, k)
+    base = np.arange(k - selection.problem.layout.n_base, k)
     kept = np.concatenate([base, np.arange(k, size)])
     return _marginal(inner, kept)
 
@@ -125,50 +126,50 @@ def _marginal(information: Samples, kept: Samples) -> Samples:
     return np.asarray(information[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(inner, cross))
 
 
-def _separation(growth: Growth, option: Excitation, members: Sequence[Member], step_s: float) -> float:
+def _separation(selection: Selection, option: Excitation, members: Sequence[Member], step_s: float) -> float:
     """Smallest squared distance between two members, after one was fitted to what the other shows.
 
     0 where the sensor would not see the motion, or the model was never fitted at such voltages.
     """
-    every = max(1, int(np.ceil(option.seconds / step_s / MOST_ROWS)))
+    every = max(1, int(np.ceil(option.seconds / step_s / MOST_PREDICTED_ROWS)))
     n = int(option.seconds / (every * step_s))
     t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
     start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
-    run = Run("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
-    made = modelled_run(growth.problem.axis, run)
+    run = GapRun("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
+    made = modelled_run(selection.problem.axis, run)
     shown = [made.answer(m.rival.fitted.entries) for m in members]
-    if not _within_sensor(growth, shown) or not _within_fitted_voltages(growth, made, members):
+    if not _within_sensor(selection, shown) or not _within_fitted_voltages(selection, made, members):
         return 0.0
-    metric = metric_of([made], coarser(growth.problem.noise, every))
-    base = metric.project(0, base_columns(made, growth.problem.freedom, members[0].rival.fitted.entries))
+    metric = metric_of([made], coarser(selection.problem.noise, every))
+    base = metric.project(0, base_columns(made, selection.problem.freedom, members[0].rival.fitted.entries))
     answers = [metric.project(0, answer[:, None])[:, 0] for answer in shown]
     least = np.inf
     for j, member in enumerate(members[1:], 1):
         fitted = member.rival.fitted
         tangents = metric.project(0, fresh_columns(made, fitted.entries, fitted.free)[:, :-1])
         columns = np.concatenate([base, tangents], axis=1)
-        normal = columns.T @ columns / growth.inflation + member.known
+        normal = columns.T @ columns / selection.inflation + member.known
         normal += 1e-9 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
         for answer in answers[:j]:
             apart = answer - answers[j]
-            right = columns.T @ apart / growth.inflation
-            left = apart @ apart / growth.inflation - right @ np.linalg.solve(normal, right)
+            right = columns.T @ apart / selection.inflation
+            left = apart @ apart / selection.inflation - right @ np.linalg.solve(normal, right)
             least = min(least, float(left))
     return max(least, 0.0)
 
 
-def _within_sensor(growth: Growth, answers: Sequence[Samples]) -> bool:
+def _within_sensor(selection: Selection, answers: Sequence[Samples]) -> bool:
     """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always count."""
-    sensor, been = growth.problem.axis.sensor, [t.run.x_um for t in growth.problem.train_runs()]
+    sensor, been = selection.problem.axis.sensor, [t.run.x_um for t in selection.problem.train_runs()]
     room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
     low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
     high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
     return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
 
 
-def _within_fitted_voltages(growth: Growth, made: ModelledRun, members: Sequence[Member]) -> bool:
+def _within_fitted_voltages(selection: Selection, made: ModelledRun, members: Sequence[Member]) -> bool:
     """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below them."""
-    low, high = span_V(growth.problem.axis)
+    low, high = span_V(selection.problem.axis)
     slack = VOLTAGE_SLACK * (high - low)
     drives = [made.chain.signal_at(Place.AMPLIFIER, m.rival.fitted.entries).value for m in members]
     return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)

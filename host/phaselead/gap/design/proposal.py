@@ -15,7 +15,7 @@ from phaselead.gap.design.excitation import SHAPES, Excitation
 from phaselead.model import Stage
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
-LONGEST_s = 3600.0
+LONGEST_ACCEPTED_s = 3600.0
 """That an experiment from a file may take."""
 
 
@@ -58,7 +58,7 @@ def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"the next experiment lacks one of {', '.join(KEYS)}; make gap.json anew") from None
     numbers = (found.level_V, low, high, found.bias_V, found.seconds)
-    sound = all(map(math.isfinite, numbers)) and 0 < low <= high and 0 < found.seconds <= LONGEST_s
+    sound = all(map(math.isfinite, numbers)) and 0 < low <= high and 0 < found.seconds <= LONGEST_ACCEPTED_s
     if not sound or not (found.idle or (found.waveform in SHAPES and found.level_V > 0)):
         raise BadInput(
             f"the next experiment {found.waveform!r}, {found.level_V:g} V for {found.seconds:g} s cannot "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from phaselead.gap.findings import Value
+from phaselead.gap.findings import Estimate
 from phaselead.gap.residual import RunResidual
 
 TRAIN_CHANCE, HOLDOUT_CHANCE = 1e-6, 1e-3
@@ -19,7 +19,7 @@ class Disturbance:
     """A disturbance that was found: its parameters, its mean power and why it is believed."""
 
     name: str
-    params: dict[str, Value]
+    params: dict[str, Estimate]
     power_um2: float
     why: str
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
-from phaselead.gap.findings import Value
+from phaselead.gap.findings import TWO_SIDED_95, Estimate
 from phaselead.gap.residual import RunResidual
 
 MAINS_Hz = (50.0, 60.0)
@@ -96,9 +96,9 @@ def _line_power(part: Residuals, f_Hz: float) -> float:
     return float(np.mean([sum(abs(_line(residual, h * f_Hz)[1]) ** 2 / 2 for h in HARMONICS) for residual in part]))
 
 
-def _hum_params(train: Residuals, f_Hz: float) -> dict[str, Value]:
+def _hum_params(train: Residuals, f_Hz: float) -> dict[str, Estimate]:
     """Sine and cosine part of each line, averaged over the records, with an interval from noise and scatter."""
-    params: dict[str, Value] = {}
+    params: dict[str, Estimate] = {}
     for h in HARMONICS:
         amplitudes = np.array([_line(residual, h * f_Hz)[1] for residual in train])
         noise = float(
@@ -107,7 +107,7 @@ def _hum_params(train: Residuals, f_Hz: float) -> dict[str, Value]:
         for name, values in ((f"sin{h}_um", -amplitudes.imag), (f"cos{h}_um", amplitudes.real)):
             value = float(values.mean())
             spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-            half = 1.96 * float(np.hypot(spread, noise)) / np.sqrt(len(values))
+            half = TWO_SIDED_95 * float(np.hypot(spread, noise)) / np.sqrt(len(values))
             params[name] = (value, "um", (value - half, value + half))
     resolution = 0.2 / max(float(residual.run.t_s[-1] - residual.run.t_s[0]) for residual in train)
     params["f_Hz"] = (f_Hz, "Hz", (f_Hz - resolution, f_Hz + resolution))

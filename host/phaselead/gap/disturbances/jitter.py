@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
-from phaselead.gap.findings import Value
-from phaselead.gap.records import Run
+from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
 from phaselead.record import Samples
 
@@ -20,14 +20,14 @@ SEEN_Z = 2.0
 """Significance from which a slope that the reference itself shows counts."""
 SAME_SLOPE = 2.5
 """Largest factor between the slope of one record and that of all: a clock treats all records alike."""
-LEAST_SHARE = 0.05
+LEAST_JITTER_SHARE = 0.05
 """Of a record's residual, that jitter must explain before the record's own slope is asked for."""
 SHORTEST, BLOCK_ROWS = 256, 64
 DIFFERENCES, MORE_DIFFERENCES = 4, 7
 """Order of the differences that remove the slow part of the residual, which the model's modes may leave."""
 WHITE = 1.3
 """Largest factor between the slopes at the two orders: the noise of a clock is white, what a model misses is not."""
-JUMP_SHARE, AFTER_JUMP_ROWS = 0.02, 40
+ABRUPT_SHARE, AFTER_ABRUPT_ROWS = 0.02, 40
 """A change of the voltage in one row, as a share of its range, that counts as a jump, and the rows left out after it:
 a fast mode rings that long."""
 
@@ -62,8 +62,8 @@ def find_jitter(name: str, train: Residuals, holdout: Residuals, reference: Resi
     rms = float(np.sqrt(slope - known))
     if rms > LATEST * train[0].run.step_s:
         return None
-    half = min(1.96 / z, 1.0)
-    params: dict[str, Value] = {"rms_s": (rms, "s", (rms * np.sqrt(1 - half), rms * np.sqrt(1 + half)))}
+    half = min(TWO_SIDED_95 / z, 1.0)
+    params: dict[str, Estimate] = {"rms_s": (rms, "s", (rms * np.sqrt(1 - half), rms * np.sqrt(1 + half)))}
     speed = float(np.mean([np.mean(residual.speed_um_per_s**2) for residual in train]))
     return Disturbance(name, params, rms**2 * speed, f"fast noise of {1e6 * rms:.3g} us times the speed")
 
@@ -71,7 +71,9 @@ def find_jitter(name: str, train: Residuals, holdout: Residuals, reference: Resi
 def _alike(part: Residuals, slope: float) -> bool:
     """Whether every record that is fast enough to tell has about this slope."""
     telling = [
-        residual for residual in part if slope * _fastest(residual) > LEAST_SHARE * float(np.mean(residual.error_um**2))
+        residual
+        for residual in part
+        if slope * _fastest(residual) > LEAST_JITTER_SHARE * float(np.mean(residual.error_um**2))
     ]
     return all(slope / SAME_SLOPE < _speed_slope([residual])[0] < slope * SAME_SLOPE for residual in telling)
 
@@ -99,12 +101,12 @@ def _noise_and_speed(residual: RunResidual, order: int) -> tuple[Samples, Sample
     return noise, v2
 
 
-def _after_jump(run: Run) -> NDArray[np.bool_]:
+def _after_jump(run: GapRun) -> NDArray[np.bool_]:
     """Whether each scored row (n,) comes soon after a jump, where a delay of a fraction of a row looks like noise."""
     u = run.u_V[run.rows]
     steps = np.abs(np.diff(u, prepend=u[0]))
-    jumped = steps > max(JUMP_SHARE * float(np.ptp(run.u_V)), 5 * float(np.quantile(steps, 0.9)))
-    return np.convolve(jumped, np.ones(AFTER_JUMP_ROWS))[: len(u)] > 0
+    jumped = steps > max(ABRUPT_SHARE * float(np.ptp(run.u_V)), 5 * float(np.quantile(steps, 0.9)))
+    return np.convolve(jumped, np.ones(AFTER_ABRUPT_ROWS))[: len(u)] > 0
 
 
 def _speed_slope(part: Residuals, order: int = DIFFERENCES) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
-from phaselead.gap.findings import Value
+from phaselead.gap.findings import Estimate
 from phaselead.record import Samples
 
 
@@ -20,7 +20,7 @@ def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residu
     before = max((s for s in known if s is not None), default=0.0)
     if not reference or lsb < NEW_FROM * before:
         return None
-    params: dict[str, Value] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
+    params: dict[str, Estimate] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
     return Disturbance(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
 
 

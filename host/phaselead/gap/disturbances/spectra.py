@@ -11,7 +11,7 @@ from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
 from phaselead.gap.findings import Spectrum
 from phaselead.record import Samples
 
-SEGMENT = 4096
+SPECTRUM_SEGMENT = 4096
 
 
 def disturbance_spectra(
@@ -28,6 +28,6 @@ def disturbance_spectra(
 def _density(lefts: Residuals) -> tuple[Samples, Samples]:
     """Frequencies (k,) and amplitude density (k,) in um/sqrt(Hz)."""
     idle = [residual for residual in lefts if residual.run.idle] or list(lefts)
-    length = min(SEGMENT, *(len(residual.error_um) for residual in idle))
+    length = min(SPECTRUM_SEGMENT, *(len(residual.error_um) for residual in idle))
     parts = [welch(residual.error_um, residual.rate_Hz, nperseg=length) for residual in idle]
     return parts[0][0], np.sqrt(np.mean([s for _, s in parts], axis=0))

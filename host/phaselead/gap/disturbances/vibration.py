@@ -12,13 +12,13 @@ from scipy.stats import f as f_distribution
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
 from phaselead.gap.disturbances.hum import is_mains
-from phaselead.gap.findings import Value
+from phaselead.gap.findings import Estimate
 from phaselead.record import Samples
 
-SEGMENT = 1024
-SURE_BAND = 1e-4
+VIBRATION_SEGMENT = 1024
+CHANCE_ANY_BAND = 1e-4
 """Probability, over all bands looked at, that training and held-out records at rest exceed the reference by chance."""
-SURE_HERE, AROUND = 0.01, 8
+CHANCE_THIS_BAND, AROUND = 0.01, 8
 """The same probability in the band found alone, and the lines to either side of it that say what is usual there."""
 WIDTHS = (1, 3, 7, 15)
 """Widths of the bands that are looked at, in lines of the spectrum."""
@@ -70,7 +70,7 @@ class _Spectra(NamedTuple):
 
 def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
     shortest = min(len(residual.error_um) for residual in [*train, *holdout, *reference])
-    length = min(SEGMENT, shortest // 4)
+    length = min(VIBRATION_SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
     before = _density(reference, length)[1] if reference else median_filter(seen, size=41, mode="nearest") / 0.97
     return _Spectra(f, seen, before, averages)
@@ -80,7 +80,7 @@ def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> t
     """First and last line (excluded) of the most significant new band among the ``live`` lines; None without one."""
     f, seen, before, _ = spectra
     bands, looked = _new_bands(seen * live, before * live)
-    found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= SURE_BAND]
+    found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= CHANCE_ANY_BAND]
     return min(found)[1] if found else None
 
 
@@ -95,7 +95,7 @@ def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -
         old = around = float(before[low:high].mean()), np.inf
     # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
     p, p_here = (float(f_distribution.sf(both[0] / part[0], both[1], min(part[1], 1e6))) for part in (around, old))
-    return p if p_here <= SURE_HERE and min(new[0], again[0]) >= NEW_FROM * max(old[0], around[0]) else 1.0
+    return p if p_here <= CHANCE_THIS_BAND and min(new[0], again[0]) >= NEW_FROM * max(old[0], around[0]) else 1.0
 
 
 def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
@@ -130,7 +130,7 @@ def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int
     width = (high - low) * step
     rms = float(np.sqrt(excess[max(low - 2, 1) : high + 2].sum() * step))
     error = 2 / np.sqrt(averages)
-    params: dict[str, Value] = {
+    params: dict[str, Estimate] = {
         "rms_um": (rms, "um", (rms * max(1 - error, 0.0), rms * (1 + error))),
         "f_Hz": (float(f[top]), "Hz", (float(f[low]) - step, float(f[high - 1]) + step)),
         "bandwidth_Hz": (width, "Hz", (0.3 * width, 3 * width)),

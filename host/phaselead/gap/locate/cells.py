@@ -9,14 +9,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.gap.records import Run
-from phaselead.identify import AxisRun, Sine
+from phaselead.gap.records import GapRun
+from phaselead.model import Complex
 from phaselead.record import Samples
 
 Mask = NDArray[np.bool_]
-Complex = NDArray[np.complex128]
 
-BLOCKS = 24
+BLOCKS_PER_RECORD = 24
 """Into which every record is cut."""
 LEVELS = 4
 """Voltage bands of equal width."""
@@ -57,7 +56,7 @@ class Cut:
 
     def powers(self, errors_um: Samples) -> Powers:
         """Powers of k residuals (k, n) in um."""
-        blocks = errors_um[:, : BLOCKS * self.length].reshape(len(errors_um), BLOCKS, self.length)
+        blocks = errors_um[:, : BLOCKS_PER_RECORD * self.length].reshape(len(errors_um), BLOCKS_PER_RECORD, self.length)
         squares = (blocks**2).astype(np.float32)
         by_time = np.einsum("cbl,kbl->kbc", self.masks, squares, optimize=True)
         additive = np.concatenate([self._octaves(blocks), by_time], axis=2).astype(np.float64)
@@ -80,21 +79,21 @@ class Cut:
         """(k, blocks, orders) in um; zeros where no single sine drives the record."""
         if self.turn is None:
             return np.zeros((*blocks.shape[:2], len(ORDERS)), np.complex128)
-        turn = self.turn[: BLOCKS * self.length].reshape(BLOCKS, self.length)
+        turn = self.turn[: BLOCKS_PER_RECORD * self.length].reshape(BLOCKS_PER_RECORD, self.length)
         waves = np.exp(-1j * np.array(ORDERS)[:, None, None] * turn) * np.sqrt(2 / turn.size)
         return np.asarray(np.einsum("obl,kbl->kbo", waves, blocks, optimize=True))
 
 
-def cut(runs: Sequence[Run]) -> tuple[list[Cut], list[tuple[str, str]]]:
+def cut(runs: Sequence[GapRun]) -> tuple[list[Cut], list[tuple[str, str]]]:
     """Every record cut, and the kind and name of each cell: additive cells first, then the harmonic orders."""
     masks = _masks(runs)
-    lengths = [(r.stop - r.start) // BLOCKS for r in runs]
+    lengths = [(r.stop - r.start) // BLOCKS_PER_RECORD for r in runs]
     longest_s = max(length * r.step_s for length, r in zip(lengths, runs, strict=True))
     octaves = 2.0 ** np.arange(np.floor(np.log2(2 / longest_s)), np.ceil(np.log2(0.5 / runs[0].step_s)) + 1)
     cuts = []
     for length, run in zip(lengths, runs, strict=True):
-        inside = np.stack([of_run(run)[: BLOCKS * length] for _, _, of_run in masks])
-        of_cells = inside.reshape(len(masks), BLOCKS, length).astype(np.float32)
+        inside = np.stack([of_run(run)[: BLOCKS_PER_RECORD * length] for _, _, of_run in masks])
+        of_cells = inside.reshape(len(masks), BLOCKS_PER_RECORD, length).astype(np.float32)
         cuts.append(Cut(length, of_cells, octaves, run.step_s, _turn(run)))
     names = [(FREQUENCY, f"0..{octaves[1]:.3g} Hz"), *((FREQUENCY, f"{a:.3g}..{b:.3g} Hz") for a, b in _pairs(octaves))]
     names += [(by, name) for by, name, _ in masks] + [(HARMONIC, str(order)) for order in ORDERS]
@@ -105,9 +104,9 @@ def _pairs(octaves: Samples) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in pairwise(octaves[1:])]
 
 
-def _masks(runs: Sequence[Run]) -> list[tuple[str, str, Callable[[Run], Mask]]]:
+def _masks(runs: Sequence[GapRun]) -> list[tuple[str, str, Callable[[GapRun], Mask]]]:
     """Kind, name and scored rows of the cells by direction, voltage and time since a step."""
-    found: list[tuple[str, str, Callable[[Run], Mask]]] = [
+    found: list[tuple[str, str, Callable[[GapRun], Mask]]] = [
         (DIRECTION, "rising", lambda r: _slope(r) > 0),
         (DIRECTION, "falling", lambda r: _slope(r) < 0),
         (DIRECTION, "still", lambda r: _slope(r) == 0),
@@ -124,33 +123,33 @@ def _masks(runs: Sequence[Run]) -> list[tuple[str, str, Callable[[Run], Mask]]]:
     return found
 
 
-def _slope(run: Run) -> Samples:
+def _slope(run: GapRun) -> Samples:
     return np.diff(run.u_V, prepend=run.u_V[0])[run.rows]
 
 
-def _between(a: float, b: float, last: bool) -> Callable[[Run], Mask]:
-    def cell(run: Run) -> Mask:
+def _between(a: float, b: float, last: bool) -> Callable[[GapRun], Mask]:
+    def cell(run: GapRun) -> Mask:
         u = run.u_V[run.rows]
         return np.asarray((u >= a) & ((u <= b) if last else (u < b)) & run.driven)
 
     return cell
 
 
-def _since(a: float, b: float) -> Callable[[Run], Mask]:
-    def cell(run: Run) -> Mask:
+def _since(a: float, b: float) -> Callable[[GapRun], Mask]:
+    def cell(run: GapRun) -> Mask:
         since = since_step(run)
         return np.asarray((since >= a) & (since < b))
 
     return cell
 
 
-def steps_of(run: Run) -> NDArray[np.intp]:
+def steps_of(run: GapRun) -> NDArray[np.intp]:
     """Rows (m,) of the whole recording at which the voltage jumps."""
     jumps = np.abs(np.diff(run.u_V, prepend=run.u_V[0])) > STEP_SHARE * max(float(np.ptp(run.u_V)), 1e-12)
     return np.flatnonzero(jumps)
 
 
-def since_step(run: Run) -> Samples:
+def since_step(run: GapRun) -> Samples:
     """Seconds since the last jump of the voltage (n,) over the scored rows; infinite before the first."""
     rows = np.arange(len(run.u_V))
     lasts = np.full(len(rows), -1)
@@ -159,8 +158,5 @@ def since_step(run: Run) -> Samples:
     return np.where(last >= 0, (rows - last + 1) * run.step_s, np.inf)[run.rows]
 
 
-def _turn(run: Run) -> Samples | None:
-    sine: Sine | None = None
-    if run.driven:
-        sine = AxisRun(run.t_s, run.u_V, run.x_um, run.rows, run.axis, run.source).sine
-    return None if sine is None else np.asarray(2 * np.pi * sine.f_Hz * run.t_s[run.rows])
+def _turn(run: GapRun) -> Samples | None:
+    return None if run.sine is None else np.asarray(2 * np.pi * run.sine.f_Hz * run.t_s[run.rows])

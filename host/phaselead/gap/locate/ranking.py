@@ -21,16 +21,16 @@ from phaselead.gap.locate.cells import AXIS, STEP, Cut, Powers, cut
 from phaselead.gap.locate.sentences import LEVEL, sentence_of
 from phaselead.gap.locate.steps import ALL, slow_response
 from phaselead.gap.noise import Noise
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.record import Samples
 
-DRAWS = 500
+NULL_DRAWS = 500
 """Of the null distribution."""
 SIMULATIONS = 24
 """Of the noise of every record; a draw picks one for each block."""
-LEAST_SHARE = 0.02
+LEAST_CELL_SHARE = 0.02
 """Of the unexplained power, below which a cell is not listed."""
-MOST_CELLS = 14
+MOST_RANKED = 14
 SCATTER_BLOCKS = 24
 """Per record, from which the scatter of an axis' power is taken."""
 
@@ -39,7 +39,7 @@ SCATTER_BLOCKS = 24
 class ResidualAndNoise:
     """Residual (n,) in um of one run about its own offset, and the noise it has when nothing is missing."""
 
-    run: Run
+    run: GapRun
     error_um: Samples
     noise: Noise
 
@@ -47,7 +47,8 @@ class ResidualAndNoise:
 def rank_cells(parts: Sequence[ResidualAndNoise], seed: int, axis: str | None = None) -> list[Cell]:
     """Cells ranked by their share of the unexplained power, those that stand out first.
 
-    At most MOST_CELLS of at least LEAST_SHARE; empty where the residual is 0 everywhere. ``seed`` fixes the draws.
+    At most MOST_RANKED of at least LEAST_CELL_SHARE; empty where the residual is 0 everywhere. ``seed`` fixes the
+    draws.
     """
     power = sum(float(np.sum(p.error_um**2)) for p in parts)
     if not power > 0:
@@ -56,22 +57,22 @@ def rank_cells(parts: Sequence[ResidualAndNoise], seed: int, axis: str | None = 
     rng = np.random.default_rng(seed)
     simulated = [_simulated(c, p, rng) for c, p in zip(cuts, parts, strict=True)]
     seen = [c.powers(p.error_um[None]) for c, p in zip(cuts, parts, strict=True)]
-    blocks = _shares([_dealt(s, rng, by_block=True) for s in simulated])
-    whole = _shares([_dealt(s, rng, by_block=False) for s in simulated])
-    shares = _shares([_dealt(s, rng, by_block=False, draws=1) for s in seen])[0]
+    blocks = _shares([_drawn(s, rng, by_block=True) for s in simulated])
+    whole = _shares([_drawn(s, rng, by_block=False) for s in simulated])
+    shares = _shares([_drawn(s, rng, by_block=False, draws=1) for s in seen])[0]
     p_values = _family_wise(shares, blocks, whole.std(axis=0))
     floor = sum(float(s.total.sum(axis=1).mean()) for s in simulated)
     excess = _excess(shares, whole.mean(axis=0), min(floor / power, 1.0))
     found = [
         Cell(by, name, float(share), sentence_of(by, name, float(share)), float(p), axis)
         for (by, name), share, p in zip(names, excess, p_values, strict=True)
-        if share > LEAST_SHARE
+        if share > LEAST_CELL_SHARE
     ]
     found += _after_steps(parts, found, axis)
-    return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_CELLS]
+    return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_RANKED]
 
 
-def simulate_noise(noise: Noise, run: Run, rng: np.random.Generator) -> Samples:
+def simulate_noise(noise: Noise, run: GapRun, rng: np.random.Generator) -> Samples:
     """One draw (n,) in um over the scored rows: sensor noise, and a misfit that changes along the voltage's path."""
     u, n = run.u_V[run.rows], run.stop - run.start
     lead = 8 * len(noise.sensor)
@@ -90,7 +91,7 @@ def _simulated(of_run: Cut, part: ResidualAndNoise, rng: np.random.Generator) ->
 
 
 @dataclass(frozen=True)
-class _Dealt:
+class _Drawn:
     """Power (um^2) of one record in every draw: (draws, cells), (draws,) and (draws, orders)."""
 
     additive: Samples
@@ -98,17 +99,17 @@ class _Dealt:
     orders: Samples
 
 
-def _dealt(powers: Powers, rng: np.random.Generator, *, by_block: bool, draws: int = DRAWS) -> _Dealt:
+def _drawn(powers: Powers, rng: np.random.Generator, *, by_block: bool, draws: int = NULL_DRAWS) -> _Drawn:
     """Draws from simulations: each block from one picked at random, or all blocks from the same one."""
     simulations, blocks = powers.total.shape
     picked = rng.integers(simulations, size=(draws, blocks if by_block else 1))
     at = (picked, np.arange(blocks))
-    return _Dealt(
+    return _Drawn(
         powers.additive[at].sum(axis=1), powers.total[at].sum(axis=1), np.abs(powers.coherent[at].sum(axis=1)) ** 2
     )
 
 
-def _shares(records: Sequence[_Dealt]) -> Samples:
+def _shares(records: Sequence[_Drawn]) -> Samples:
     """Share (draws, cells) of each cell in the power of all records."""
     total = np.sum([r.total for r in records], axis=0)
     cells = np.sum([np.concatenate([r.additive, r.orders], axis=1) for r in records], axis=0)
@@ -157,7 +158,7 @@ def axis_cells(errors: Mapping[str, Sequence[Samples]], floors_um: Mapping[str, 
     ratios = np.array([power[a] / max(floor[a], 1e-30) for a in errors])
     scatter = np.array([_scatter(of_axis) for of_axis in errors.values()])
     rng = np.random.default_rng(0)
-    null = np.exp(scatter * rng.standard_normal((DRAWS, len(errors))))
+    null = np.exp(scatter * rng.standard_normal((NULL_DRAWS, len(errors))))
     null = null / null.mean(axis=1, keepdims=True) / scatter
     p = _family_wise(ratios / ratios.mean() / scatter, null, np.zeros(len(ratios)))
     return [

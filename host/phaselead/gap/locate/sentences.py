@@ -13,15 +13,15 @@ LEVEL = 0.01
 """Family-wise error rate at which a cell stands out."""
 HEADLINE_SHARE = 0.25
 """Of the unexplained power, from which a cell may be the headline."""
-KINDS = (HARMONIC, FREQUENCY, STEP, AXIS, AMPLITUDE, DIRECTION)
+CELL_KINDS = (HARMONIC, FREQUENCY, STEP, AXIS, AMPLITUDE, DIRECTION)
 """Kinds of cells, the one that points at a cause most directly first."""
 
-DIRECTIONS = {
+DIRECTION_WORDS = {
     "rising": "occurs while the voltage rises",
     "falling": "occurs while the voltage falls",
     "still": "occurs while the voltage is constant",
 }
-ORDERS = {
+ORDER_WORDS = {
     "1": "is at the frequency of the drive: a wrong gain or phase",
     "2": "is at the second harmonic of the drive: one half of the loop differs from the other",
     "3": "is at the third harmonic of the drive: both halves of the loop are wrong in the same way",
@@ -34,8 +34,8 @@ def sentence_of(by: str, cell: str, share: float) -> str:
         FREQUENCY: f"lies between {_words(cell)}",
         AMPLITUDE: f"occurs while the voltage is between {_words(cell)}",
         STEP: f"comes {_words(cell, ' to ')} after a step",
-        DIRECTION: DIRECTIONS.get(cell, ""),
-        HARMONIC: ORDERS.get(cell, f"is at harmonic {cell} of the drive"),
+        DIRECTION: DIRECTION_WORDS.get(cell, ""),
+        HARMONIC: ORDER_WORDS.get(cell, f"is at harmonic {cell} of the drive"),
         AXIS: f"is on axis {cell}",
     }[by]
     return f"{100 * share:.0f} % of the unexplained power {words}"
@@ -69,7 +69,7 @@ def headline(cells: Sequence[Cell]) -> str | None:
     telling = [c for c in cells if c.p <= LEVEL and c.share >= HEADLINE_SHARE]
     if not telling:
         return None
-    return min(telling, key=lambda c: (c.cell != ALL, KINDS.index(c.by), -c.share)).sentence
+    return min(telling, key=lambda c: (c.cell != ALL, CELL_KINDS.index(c.by), -c.share)).sentence
 
 
 def _words(cell: str, between: str = " and ") -> str:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from phaselead.gap.locate.cells import steps_of
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.record import Samples
 
 SHORTEST_HOLD_s = 0.05
@@ -17,9 +17,9 @@ FIRST_s = 1e-3
 """After a step, left out: modes and low-passes need that long."""
 LEAST_FIT = 0.3
 """Share of the variance within holds that the lines must explain."""
-LEAST_SHARE = 0.002
+LEAST_SLOW_SHARE = 0.002
 """Share of the unexplained power that the lines must explain."""
-ALIKE = (0.5, 2.0)
+ALIKE_SLOPES = (0.5, 2.0)
 """Ratio of the slopes after steps up and down that counts as the same."""
 ALL = "all"
 """Name of the cell of all times after steps."""
@@ -42,16 +42,17 @@ class SlowResponse:
         said = f"{100 * self.share:.0f} % of the unexplained power is a slow {along} after steps"
         if len(slopes) < 2:
             return f"{said} {'up' if np.isfinite(self.up) else 'down'}"
-        if self.up * self.down > 0 and ALIKE[0] < self.up / self.down < ALIKE[1]:
+        if self.up * self.down > 0 and ALIKE_SLOPES[0] < self.up / self.down < ALIKE_SLOPES[1]:
             return f"{said}, the same in both directions"
-        if self.up * self.down < 0 and min(abs(self.up), abs(self.down)) > ALIKE[0] * max(abs(self.up), abs(self.down)):
+        less, more = sorted((abs(self.up), abs(self.down)))
+        if self.up * self.down < 0 and less > ALIKE_SLOPES[0] * more:
             return (
                 f"{100 * self.share:.0f} % of the unexplained power drifts one way after steps, whichever way they go"
             )
         return f"{said}, mostly after steps {'up' if abs(self.up) > abs(self.down) else 'down'}"
 
 
-def slow_response(errors: Sequence[tuple[Run, Samples]]) -> SlowResponse | None:
+def slow_response(errors: Sequence[tuple[GapRun, Samples]]) -> SlowResponse | None:
     """Regression of residuals (n,) in um on the logarithm of time since a step, each hold with a level of its own.
 
     None where there are no holds, or where the lines explain too little of them.
@@ -71,7 +72,7 @@ def slow_response(errors: Sequence[tuple[Run, Samples]]) -> SlowResponse | None:
         within += float(np.sum(about**2))
         explained += float(np.sum(about**2) - np.sum((about - fit) ** 2))
         level += float(np.sum((fit + e.mean()) ** 2))
-    if explained < max(LEAST_FIT * within, LEAST_SHARE * power):
+    if explained < max(LEAST_FIT * within, LEAST_SLOW_SHARE * power):
         return None
     return SlowResponse(min(level / power, 1.0), slopes[1.0], slopes[-1.0])
 
@@ -87,7 +88,7 @@ def _slope(kept: Sequence[tuple[float, Samples, Samples]], side: float) -> float
     return up / down if down > 0 else np.nan
 
 
-def _holds_of(run: Run, error: Samples) -> list[tuple[float, Samples, Samples]]:
+def _holds_of(run: GapRun, error: Samples) -> list[tuple[float, Samples, Samples]]:
     """Step (V), logarithm of the seconds since then (m,) and residual (m,) in um of every hold that is long enough."""
     found = []
     for start, stop in pairwise([*steps_of(run).tolist(), len(run.u_V)]):

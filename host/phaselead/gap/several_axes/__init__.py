@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from phaselead.gap.several_axes.search import has_common_modes, search_together
+from phaselead.gap.several_axes.search import search_together
 
-__all__ = ["has_common_modes", "search_together"]
+__all__ = ["search_together"]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.gap.search import Progress
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
-    Complex,
     Drive,
     Drives,
     ModalFit,
@@ -19,14 +19,12 @@ from phaselead.identify import (
     fit_modes,
     frequency_response,
 )
-from phaselead.model import Entry
+from phaselead.model import Complex, Entry
 from phaselead.record import Samples
 
-Report = Callable[[float], None]
-
-NEAR = 0.03
+SAME_POLE = 0.03
 """Poles at two levels that differ by less than this share belong to one mode."""
-MOST_DAMPED = 0.1
+MOST_ADDED_DAMPING = 0.1
 """Largest damping ratio of a mode that only records of a weaker level show."""
 TAUS_s = (0.1, 0.3, 1.0, 3.0)
 """Memories of the level that are tried."""
@@ -64,7 +62,7 @@ def no_shaping(records: Sequence[JointRecord], entries: Entries) -> Shaping:
     return Shaping(lambda _: drives, none, none, none, none)
 
 
-def fit_linear(train: Sequence[JointRecord], report: Report) -> tuple[CommonModes, CommonModes]:
+def fit_linear(train: Sequence[JointRecord], report: Progress) -> tuple[CommonModes, CommonModes]:
     """Modes fitted to the records of the strongest level, and the same modes fitted to all records.
 
     Raises BadInput where the records cannot tell the inputs apart.
@@ -81,7 +79,7 @@ def fit_linear(train: Sequence[JointRecord], report: Report) -> tuple[CommonMode
     return strongest, CommonModes(common, {}, common.model.participation())
 
 
-def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Complex:
+def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Progress) -> Complex:
     """Poles of the records of the strongest level, and lightly damped ones that only weaker records show."""
     found: Complex | None = None
     for i, group in enumerate(groups):
@@ -93,7 +91,9 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Co
         if found is None:
             found = np.asarray(poles, dtype=complex)
             continue
-        far = [q for q in poles if np.min(np.abs(found - q)) > NEAR * abs(q) and -q.real < MOST_DAMPED * abs(q)]
+        far = [
+            q for q in poles if np.min(np.abs(found - q)) > SAME_POLE * abs(q) and -q.real < MOST_ADDED_DAMPING * abs(q)
+        ]
         inside = [q for q in far if found[0].imag < q.imag < np.max(found.imag)]
         found = np.concatenate([found, np.array(inside, dtype=complex)])
     assert found is not None
@@ -102,7 +102,7 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Report) -> Co
 
 def softening_entries(axes: Sequence[str], kappa: Sequence[float], tau_s: float) -> dict[str, list[Entry]]:
     """Softening of each actuator: gain ``kappa`` and memory ``tau_s``. How the modes move is left to their fit."""
-    softening = effect_of("softening")
+    softening = effect_of("level")
     return {
         a: [(softening, {"kappa": float(k), "tau_s": tau_s, "about_mean": 0.0})]
         for a, k in zip(axes, kappa, strict=True)
@@ -125,12 +125,12 @@ def _softening_drives(records: Sequence[JointRecord], tau_s: float) -> Drives:
     return drives
 
 
-def fit_softening(train: Sequence[JointRecord], start: CommonModes, report: Report) -> CommonModes:
+def fit_softening(train: Sequence[JointRecord], start: CommonModes, report: Progress) -> CommonModes:
     """The modes of ``start``, with poles and gains that follow the level of the actuators."""
     axes = train[0].axes
     count = len(axes)
     shift = np.zeros(len(start.model.poles), dtype=complex)
-    bound = np.full(count, float(effect_of("softening").parameter("kappa").high))
+    bound = np.full(count, float(effect_of("level").parameter("kappa").high))
 
     def fitted(begin: ModalFit, from_shift: Complex, kappa: Samples, tau_s: float, steps: int) -> ModalFit:
         shaping = Shaping(_softening_drives(train, tau_s), kappa, np.full(count, KAPPA_STEP), -bound, bound)
@@ -169,5 +169,5 @@ def _between(left: Mapping[float, float]) -> tuple[float, float]:
     least = min(left.values())
     allowed = [t for t, value in left.items() if value < 1.01 * least]
     low, high = min(allowed), max(allowed)
-    bounds = effect_of("softening").parameter("tau_s")
+    bounds = effect_of("level").parameter("tau_s")
     return (low if low > min(left) else bounds.low, high if high < max(left) else bounds.high)

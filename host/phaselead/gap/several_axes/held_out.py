@@ -12,7 +12,7 @@ from phaselead.identify import common_period
 from phaselead.model import Stage, predict
 from phaselead.record import Recording, Samples
 
-BLOCK_s, FEWEST_BLOCKS = 0.25, 8
+COMPARED_BLOCK_s, FEWEST_COMPARED = 0.25, 8
 """Length of the blocks over which squares are compared, and how many a record must have."""
 LEAST_Z = 3.3
 """Of the mean saving over blocks, for an improvement beyond chance."""
@@ -94,7 +94,7 @@ def improvement(held: Sequence[JointRecord], before: Answer, after: Answer, axis
         was, now = (
             np.sum((x - _scored(answer(record), record, axis)) ** 2, axis=1) / size for answer in (before, after)
         )
-        length = max(1, min(round(BLOCK_s / record.step_s), len(x) // FEWEST_BLOCKS))
+        length = max(1, min(round(COMPARED_BLOCK_s / record.step_s), len(x) // FEWEST_COMPARED))
         edges = np.arange(0, len(x) - length + 1, length)
         saved.append(np.add.reduceat(was - now, edges))
         left.append(float(was.sum()))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from phaselead.gap.records import Role, Run
+from phaselead.gap.records import GapRun, Role
 from phaselead.identify import STILL_V, Drive, JointExperiment
-from phaselead.model import AxisModel, Chain, Effect, Entry, Params, Signal, catalogue, push_level
+from phaselead.model import AxisModel, Chain, Effect, Entry, ModePart, Params, Signal, catalogue, push_level
 from phaselead.record import Samples
 
 LEVEL_RATIO = 1.2
@@ -18,10 +17,9 @@ LEVEL_RATIO = 1.2
 
 Entries = Mapping[str, Sequence[Entry]]
 """By axis: the effects between voltage and mechanics."""
-Part = Literal["own path", "coupling", "softening"]
 
 
-def effect_of(part: Part) -> Effect:
+def effect_of(part: ModePart) -> Effect:
     """The effect of the catalogue that describes one part of the modes that axes share."""
     return next(effect for effect in catalogue().values() if effect.shared_modes == part)
 
@@ -82,7 +80,7 @@ class JointRecord:
         return int(np.count_nonzero(np.ptp(e.u_V[e.rows], axis=0) > STILL_V)) > 1
 
 
-def joint_records(models: Mapping[str, AxisModel], runs: Mapping[str, Sequence[Run]]) -> list[JointRecord] | None:
+def joint_records(models: Mapping[str, AxisModel], runs: Mapping[str, Sequence[GapRun]]) -> list[JointRecord] | None:
     """The runs of all axes put together by record; None where a record lacks an axis.
 
     Effects that a model has adopted for the modes are left out of its chains.
@@ -119,7 +117,7 @@ def _without_mechanics(model: AxisModel) -> AxisModel:
 
 def softening_params(entries: Sequence[Entry]) -> Params | None:
     """Parameters of the softening among the effects of one axis; None where it does not soften."""
-    return next((params for e, params in entries if e.shared_modes == "softening"), None)
+    return next((params for e, params in entries if e.shared_modes == "level"), None)
 
 
 def response_groups(records: Sequence[JointRecord]) -> list[list[JointRecord]]:

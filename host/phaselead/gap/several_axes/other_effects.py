@@ -12,7 +12,7 @@ from phaselead.gap.regressors import RegressorGroup, regressor_groups
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.joint_records import JointRecord
 from phaselead.identify import score_test
-from phaselead.model import Effect, Place
+from phaselead.model import Effect
 from phaselead.record import Samples
 
 MOST_RECORDS = 4
@@ -37,13 +37,7 @@ class EffectScore:
 
 def _in_front_of_mechanics(effects: Sequence[Effect]) -> list[Effect]:
     """Effects between voltage and mechanics that a voltage predicts."""
-    return [
-        e
-        for e in effects
-        if e.kind == "response"
-        and e.shared_modes is None
-        and (e.place < Place.MECHANICS or (e.place == Place.MECHANICS and e.order < 1))
-    ]
+    return [e for e in effects if e.kind == "response" and e.shared_modes is None and e.before_modes]
 
 
 def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects: Sequence[Effect]) -> list[EffectScore]:

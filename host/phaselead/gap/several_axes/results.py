@@ -8,10 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.gap.axis import AxisResult
-from phaselead.gap.findings import Bound, Candidate, Cell, Gap, NamedEffect, Trace, Value, Values
+from phaselead.gap.findings import (
+    ONE_SIDED_95,
+    Bound,
+    Candidate,
+    Cell,
+    Estimate,
+    Estimates,
+    GapSize,
+    NamedEffect,
+    Trace,
+)
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.noise import fit_noise
-from phaselead.gap.records import Run
+from phaselead.gap.records import GapRun
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
 from phaselead.gap.several_axes.joint_records import JointRecord, effect_of
@@ -26,8 +36,6 @@ from phaselead.gap.several_axes.stage_effects import (
 from phaselead.model import AxisModel, Stage, catalogue
 from phaselead.record import Recording, Samples
 
-Z_BOUND = 1.645
-"""Of a one-sided 95 % bound, in standard deviations."""
 UNEXPLAINED = 0.02
 """Share of the power before that may remain above the floor; with more the verdict is unknown."""
 ABSORBED = "modes that are fitted to axes moving together absorb it"
@@ -36,7 +44,7 @@ NOT_LOOKED_FOR = "not looked for in records in which several axes move at once; 
 
 
 @dataclass(frozen=True)
-class Findings:
+class StageFit:
     """Everything that the search has found out about the stage."""
 
     stage: Stage
@@ -66,7 +74,7 @@ class Findings:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
         part = catalogue()[name].shared_modes
-        if part == "softening":
+        if part == "level":
             none = {a: [(e, {**p, "kappa": 0.0}) for e, p in of_axis] for a, of_axis in self.fit.entries.items()}
             return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=replace(model, drop=None)))
         weights = model.weights.copy()
@@ -87,7 +95,7 @@ def _columns(inputs: int, axis: int, modes: int) -> slice:
 
 
 def axis_results(
-    found: Findings, runs: Mapping[str, Sequence[Run]], holdout: Sequence[Recording], seed: int
+    found: StageFit, runs: Mapping[str, Sequence[GapRun]], holdout: Sequence[Recording], seed: int
 ) -> list[AxisResult]:
     """One result per axis; messages about the whole stage go with the first."""
     gains = own_gains(found.fit)
@@ -118,28 +126,28 @@ def axis_results(
     return results
 
 
-def _named(found: Findings, axis: int) -> list[NamedEffect]:
+def _named(found: StageFit, axis: int) -> list[NamedEffect]:
     """Effects that the stage lacked and that improve the held-out records, largest share first."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
     candidates = [one for one in _effects(found, axis) if one.name not in known]
     return sorted((one for one in candidates if one.share > 0), key=lambda one: -one.share)
 
 
-def _adopted(found: Findings, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
+def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
     """The named effects, and those that the stage had, with their new values."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
     names = {one.name for one in named} | known
     return [one for one in _effects(found, axis) if one.name in names]
 
 
-def _effects(found: Findings, axis: int) -> list[NamedEffect]:
+def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
     """Every effect of the fit on one axis, with share 0 where it does not improve the held-out records."""
-    params: dict[str, Mapping[str, Value | Values]] = {
+    params: dict[str, Mapping[str, Estimate | Estimates]] = {
         effect_of("own path").name: resonance_params(found.fit, axis),
         effect_of("coupling").name: coupling_params(found.fit, axis, found.axes),
     }
     if found.softens:
-        params[effect_of("softening").name] = softening_values(found.fit, axis)
+        params[effect_of("level").name] = softening_values(found.fit, axis)
     result = []
     label = found.axes[axis]
     for name, values in params.items():
@@ -152,7 +160,7 @@ def _effects(found: Findings, axis: int) -> list[NamedEffect]:
     return result
 
 
-def _share(found: Findings, without: CommonModes, axis: int) -> float:
+def _share(found: StageFit, without: CommonModes, axis: int) -> float:
     """Share of the power before that comes back without the effect."""
     before = found.before.rms(found.axes[axis]) ** 2
     power = [float(np.mean(_error(record, fit, axis) ** 2)) for fit in (without, found.fit) for record in found.held]
@@ -165,44 +173,46 @@ def _error(record: JointRecord, fit: CommonModes, axis: int) -> Samples:
     return np.asarray(error - error.mean())
 
 
-def _gap(found: Findings, after: HeldOutPrediction, axis: int) -> Gap:
+def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
     name = found.axes[axis]
     left = after.rms(name)
     noise = noise_um(found.held, axis)
     if noise is not None:
-        return Gap(found.before.rms(name), left, min(noise, left), "um", "what does not repeat from period to period")
+        return GapSize(
+            found.before.rms(name), left, min(noise, left), "um", "what does not repeat from period to period"
+        )
     train = float(np.sqrt(np.mean([np.mean(_error(s, found.fit, axis) ** 2) for s in found.train])))
-    return Gap(found.before.rms(name), left, min(train, left), "um", "what the modes leave of the training records")
+    return GapSize(found.before.rms(name), left, min(train, left), "um", "what the modes leave of the training records")
 
 
-def _excluded(found: Findings, axis: str, taken: set[str]) -> list[Bound]:
+def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     """Largest size of each effect in front of the mechanics that the records still allow."""
     return [
-        Bound(one.effect.name, abs(one.amount) + Z_BOUND * one.std, one.unit, axis)
+        Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit, axis)
         for one in found.others
         if one.axis == axis and one.effect.name not in taken and not one.effect.absorbed_by_modes
     ]
 
 
-def _untestable(found: Findings, tested: set[str]) -> dict[str, str]:
+def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
     """Why each of the remaining effects could not be tested, by name."""
     reasons = {}
     for name in found.names:
         entry = catalogue()[name]
-        softening = entry.shared_modes == "softening"
+        softening = entry.shared_modes == "level"
         if name in tested or (softening and found.softening is not None):
             continue
         reasons[name] = ONE_LEVEL if softening else ABSORBED if entry.absorbed_by_modes else NOT_LOOKED_FOR
     return reasons
 
 
-def _where(found: Findings, held: Sequence[Run], axis: str, seed: int) -> list[Cell]:
+def _where(found: StageFit, held: Sequence[GapRun], axis: str, seed: int) -> list[Cell]:
     errors = found.before.errors(axis)
     noise = fit_noise([(e, run.u_V[run.rows]) for e, run in zip(errors, held, strict=True)], [], held[0].step_s)
     return rank_cells([ResidualAndNoise(run, e, noise) for run, e in zip(held, errors, strict=True)], seed, axis)
 
 
-def _candidates(found: Findings, axis: str) -> list[Candidate]:
+def _candidates(found: StageFit, axis: str) -> list[Candidate]:
     """The other effects that were scored, most promising first."""
     return [
         Candidate(
@@ -213,7 +223,7 @@ def _candidates(found: Findings, axis: str) -> list[Candidate]:
     ]  # fmt: skip
 
 
-def _traces(found: Findings, after: HeldOutPrediction, held: Sequence[Run], axis: str) -> list[Trace]:
+def _traces(found: StageFit, after: HeldOutPrediction, held: Sequence[GapRun], axis: str) -> list[Trace]:
     return [
         Trace(
             run.name, axis, run.t_s[run.rows], run.u_V[run.rows], run.x_um[run.rows],
@@ -223,7 +233,7 @@ def _traces(found: Findings, after: HeldOutPrediction, held: Sequence[Run], axis
     ]  # fmt: skip
 
 
-def _messages(found: Findings, after: HeldOutPrediction) -> list[str]:
+def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
     """The error over all axes relative to the output's rms, level by level, as publications on such stages give it."""
     levels: dict[str, list[int]] = {}
     for i, record in enumerate(found.held):

@@ -8,11 +8,12 @@ the catalogue shows what else there could be. Every name must improve the predic
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
-from phaselead.gap.records import Role, Run
+from phaselead.gap.records import GapRun, Role
+from phaselead.gap.search import Progress
 from phaselead.gap.several_axes.common_modes import CommonModes, fit_linear, fit_softening
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, predict_held_out
 from phaselead.gap.several_axes.joint_records import (
@@ -23,12 +24,10 @@ from phaselead.gap.several_axes.joint_records import (
     response_groups,
 )
 from phaselead.gap.several_axes.other_effects import score_other_effects
-from phaselead.gap.several_axes.results import Findings, axis_results
+from phaselead.gap.several_axes.results import StageFit, axis_results
 from phaselead.identify import frequency_response
 from phaselead.model import AxisModel, Effect, Stage
 from phaselead.record import Recording
-
-Report = Callable[[float], None]
 
 LEAST_ERROR = 0.1
 """Share of the output's power below which a stage without shared modes needs none."""
@@ -40,12 +39,12 @@ LOWEST_LINES = 8
 
 def search_together(
     stage: Stage,
-    runs: Mapping[str, Sequence[Run]],
+    runs: Mapping[str, Sequence[GapRun]],
     holdout: Sequence[Recording],
     reference: Sequence[Recording],
     effects: Sequence[Effect],
     seed: int,
-    report: Report,
+    report: Progress,
 ) -> list[AxisResult] | None:
     """One result per axis, or None where the axes do not move together or nothing is missing that they share.
 
@@ -65,13 +64,13 @@ def search_together(
     train, held = _of(records, "train"), _of(records, "holdout")
     strongest, linear = fit_linear(train, lambda share: report(0.35 * share))
     softened = None
-    if effect_of("softening").name in names and len(level_groups(train)) > 1:
+    if effect_of("level").name in names and len(level_groups(train)) > 1:
         softened = fit_softening(train, strongest, lambda share: report(0.35 + 0.5 * share))
     modes, softening = _better(linear, softened, held)
     others = score_other_effects(train, modes, effects)
     report(0.95)
     allowed = tuple(e.name for e in effects)
-    findings = Findings(stage, models, modes, softening, others, before, train, held, allowed)
+    findings = StageFit(stage, models, modes, softening, others, before, train, held, allowed)
     return axis_results(findings, runs, holdout, seed)
 
 
@@ -81,7 +80,7 @@ def has_common_modes(stage: Stage) -> bool:
     return any(e.name == own_path and "velocity" in e.params for a in stage.axes.values() for e in a.effects)
 
 
-def _moving_together(stage: Stage, runs: Mapping[str, Sequence[Run]]) -> list[JointRecord] | None:
+def _moving_together(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> list[JointRecord] | None:
     """The records of all axes; None where there is one axis only, or one axis is driven at a time."""
     records = joint_records({a: stage.axes[a] for a in runs}, runs) if len(runs) > 1 else None
     if records is None or not all(r.together for r in records if r.role != "reference"):

@@ -7,26 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.adopt import stage_file_entry
-from phaselead.gap.findings import NamedEffect, Value, Values
+from phaselead.gap.findings import TWO_SIDED_95, Estimate, Estimates, NamedEffect
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.joint_records import softening_params
 from phaselead.model import AxisModel, TimeView, rest_position_um
 from phaselead.record import Samples
 
-Z_95 = 1.96
-"""Half-width of a 95 % interval in standard deviations."""
-LEAST_GAIN = 1e-3
+LEAST_STATIC_GAIN = 1e-3
 """Smallest static gain of an axis' own path, as a share of that of the base."""
 
 
 def own_gains(fit: CommonModes) -> Samples:
     """(axes,) static gain of each axis' own path, as a multiple of the base's."""
     gains = np.diag(fit.model.static).copy()
-    gains[np.abs(gains) < LEAST_GAIN] = LEAST_GAIN
+    gains[np.abs(gains) < LEAST_STATIC_GAIN] = LEAST_STATIC_GAIN
     return np.asarray(gains)
 
 
-def resonance_params(fit: CommonModes, axis: int) -> dict[str, Value | Values]:
+def resonance_params(fit: CommonModes, axis: int) -> dict[str, Estimate | Estimates]:
     """Modes of one axis' own path, as shares of its static motion."""
     model, gain = fit.model, own_gains(fit)[axis]
     f_std, zeta_std, c_std, v_std = _stds(fit, axis)
@@ -39,11 +37,11 @@ def resonance_params(fit: CommonModes, axis: int) -> dict[str, Value | Values]:
     }
 
 
-def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[str, Value | Values]:
+def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[str, Estimate | Estimates]:
     """What the other actuators do at one axis, per um of their own static motion."""
     model, gains = fit.model, own_gains(fit)
     f_std, zeta_std, _, _ = _stds(fit, axis)
-    found: dict[str, Value | Values] = {
+    found: dict[str, Estimate | Estimates] = {
         "f_Hz": _with_intervals(model.f_Hz, f_std, "Hz"),
         "zeta": _with_intervals(model.zeta, zeta_std, "1"),
     }
@@ -55,11 +53,11 @@ def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[st
         found[f"from_{other}"] = _with_intervals(model.displacement[axis, j] / gain, c_std / abs(gain), "um/um")
         found[f"velocity_{other}"] = _with_intervals(model.velocity[axis, j] / gain, v_std / abs(gain), "um/um")
         direct, std = float(model.direct[axis, j] / gain), float(fit.fit.share_std[j] / abs(gain))
-        found[f"direct_{other}"] = (direct, "um/um", (direct - Z_95 * std, direct + Z_95 * std))
+        found[f"direct_{other}"] = (direct, "um/um", (direct - TWO_SIDED_95 * std, direct + TWO_SIDED_95 * std))
     return found
 
 
-def softening_values(fit: CommonModes, axis: int) -> dict[str, Value | Values]:
+def softening_values(fit: CommonModes, axis: int) -> dict[str, Estimate | Estimates]:
     """What the level of one actuator does to its gain and to the modes."""
     shift = fit.fit.shift
     assert shift is not None
@@ -69,7 +67,7 @@ def softening_values(fit: CommonModes, axis: int) -> dict[str, Value | Values]:
     kappa, std = float(params["kappa"]), float(fit.fit.value_std[axis])  # type: ignore[arg-type]
     low, high = fit.taus_s or (0.0, np.inf)
     return {
-        "kappa": (kappa, "1", (kappa - Z_95 * std, kappa + Z_95 * std)),
+        "kappa": (kappa, "1", (kappa - TWO_SIDED_95 * std, kappa + TWO_SIDED_95 * std)),
         "tau_s": (float(params["tau_s"]), "s", (low, high)),  # type: ignore[arg-type]
         "about_mean": (0.0, "1", (0.0, 0.0)),
         "f_drop": _with_intervals(shift.real * split, fit.fit.shift_std[0::2] * split, "1"),
@@ -90,9 +88,9 @@ def _stds(fit: CommonModes, source: int) -> tuple[Samples, Samples, Samples, Sam
     return model.f_Hz * along, eta * across, np.hypot(eta * turning, model.zeta * velocity), velocity
 
 
-def _with_intervals(values: Samples, std: Samples, unit: str) -> Values:
+def _with_intervals(values: Samples, std: Samples, unit: str) -> Estimates:
     """A list parameter with its unit and 95 % intervals."""
-    pairs = tuple((float(v - Z_95 * s), float(v + Z_95 * s)) for v, s in zip(values, std, strict=True))
+    pairs = tuple((float(v - TWO_SIDED_95 * s), float(v + TWO_SIDED_95 * s)) for v, s in zip(values, std, strict=True))
     return tuple(float(v) for v in values), unit, pairs
 
 

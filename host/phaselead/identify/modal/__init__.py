@@ -8,12 +8,11 @@ from phaselead.identify.modal.frequency_domain import (
     common_poles,
     frequency_response,
 )
-from phaselead.identify.modal.model import Complex, Drive, ModalModel
+from phaselead.identify.modal.model import Drive, ModalModel
 from phaselead.identify.modal.one_axis import FittedModes, fit_in_turn
 from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes, score_test
 
 __all__ = [
-    "Complex",
     "Drive",
     "Drives",
     "FittedModes",

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify.modal.model import Complex
+from phaselead.model import Complex
 from phaselead.record import Samples
 
 REPEATS = 0.02
@@ -39,7 +39,7 @@ DAMPED = (0.002, 0.95)
 """Range of damping. Lighter damped ones stand for noise on single lines; real poles become well damped modes."""
 BEYOND = 2.5
 """Of the highest line: modes above it are left to the direct term."""
-OUTSIDE, REST, REST_ZETA = 1.15, 1.6, 0.7
+OUTSIDE_BAND, REST, REST_ZETA = 1.15, 1.6, 0.7
 """A mode at this multiple of the highest line stands for all above the band where none was found there."""
 
 
@@ -271,7 +271,7 @@ def _usable(p: Complex, highest_Hz: float) -> Complex:
     kept = (np.abs(p) < 2 * np.pi * BEYOND * highest_Hz) & (zeta > DAMPED[0]) & (np.abs(p) > 0)
     damped = np.minimum(zeta[kept], DAMPED[1])
     size = np.abs(p[kept])
-    if not (size > 2 * np.pi * OUTSIDE * highest_Hz).any():
+    if not (size > 2 * np.pi * OUTSIDE_BAND * highest_Hz).any():
         size, damped = np.append(size, 2 * np.pi * REST * highest_Hz), np.append(damped, REST_ZETA)
     modes = size * (-damped + 1j * np.sqrt(1 - damped**2))
     return np.asarray(modes[np.argsort(size)])

@@ -11,12 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from phaselead.model import modes_of, shares, states, states_and_slopes
+from phaselead.model import Complex, modes_of, shares, states, states_and_slopes
 from phaselead.record import Samples
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -25,15 +25,16 @@ from phaselead.model import (
     Mode,
     TimeView,
     behind_modes,
+    effect_of_modes,
     mode_coefficients,
     predict_time_view,
     resonant,
-    second_order_left,
+    second_order_residual,
 )
 from phaselead.record import Samples
 
 SLOWEST_RATE_HZ = 400.0
-LOWEST_HZ, HIGHEST_OF_RATE, SECOND_OF_RATE = 30.0, 0.9, 0.45
+LOWEST_HZ, FIRST_OF_RATE, SECOND_OF_RATE = 30.0, 0.9, 0.45
 """Range searched: a ringing slower than this is creep or drift to us. A mode beyond half of the rate is not seen to
 ring, but it raises the response below it, by (f/f_Hz)^2; a second one, of less weight, is to be seen."""
 APART = 1.3
@@ -46,7 +47,7 @@ ZETA, UNDAMPED = (0.002, 0.5), 0.0022
 MOST_SHARE = 0.1
 """Of the motion: a second mode that carries more stands in for what happens between rows."""
 MOST_RUNS = 16
-FEW_RUNS, BLOCKS = 8, 24
+FEW_RUNS, ALTERNATING_BLOCKS = 8, 24
 """Below so many runs each is fitted and judged on alternating blocks of itself, not on alternating runs, and fitted by
 its second differences: what the operator misses of the slow way would outweigh the ringing."""
 SPECTRUM_ROWS, PEAK_WIDTH = 4096, 8
@@ -55,7 +56,7 @@ PEAKS = 4
 PAYS, SECOND_PAYS = 0.9, 0.95
 """Adopted when it leaves less than this share of the squared residual where it was not fitted; a second one, of its
 second differences."""
-OUTSIDE = 1e30
+OUTSIDE_COST = 1e30
 """Cost beyond the range."""
 PRECISE = 1e-4
 """Of the squared residual: what a search may leave on the table."""
@@ -90,10 +91,9 @@ class FittedModes:
 
     def adopted(self, view: TimeView) -> tuple[TimeView, AdoptedEffect]:
         """The time view with the delay that remains, and the entry for the stage file."""
-        c, f_Hz, zeta = zip(*self.modes, strict=True)
-        params = {"f_Hz": f_Hz[0], "zeta": zeta[0]} if len(c) == 1 else {"c": c, "f_Hz": f_Hz, "zeta": zeta}
-        effect = AdoptedEffect(name="resonance", params=params, share=min(max(1 - self.share_left, 0.0), 1.0))
-        return view.model_copy(update={"delay_s": self.delay_s}), effect
+        effect, params = effect_of_modes(self.modes)
+        adopted = AdoptedEffect(name=effect.name, params=params, share=min(max(1 - self.share_left, 0.0), 1.0))
+        return view.model_copy(update={"delay_s": self.delay_s}), adopted
 
 
 def fit_in_turn(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
@@ -169,7 +169,7 @@ class _Ringing:
         """Covariance of ``columns`` over the rows; that of one mode is worked out in C, thousands of times."""
         if len(place) == 2:
             system = mode_coefficients(place[0] * self.step_s, place[1])
-            left, across, late = second_order_left(self.base, self._measured, system, self.step_s, self._rows)
+            left, across, late = second_order_residual(self.base, self._measured, system, self.step_s, self._rows)
             return np.array([[left, across], [across, late]])
         columns = self.columns(place)
         mean = columns.mean(axis=0)
@@ -248,7 +248,7 @@ def _parts(runs: Sequence[_Ringing]) -> tuple[list[_Ringing], list[_Ringing]]:
     for run in runs:
         rows = np.arange(len(run.base))[run.rows]
         for half in (0, 1):
-            part = replace(run, rows=rows[(np.arange(len(rows)) * BLOCKS // len(rows)) % 2 == half])
+            part = replace(run, rows=rows[(np.arange(len(rows)) * ALTERNATING_BLOCKS // len(rows)) % 2 == half])
             parts[half].append(part if half else part.differenced())
     return parts
 
@@ -286,7 +286,7 @@ def _tried_Hz(residuals: Sequence[Samples], step_s: float, highest_Hz: float) ->
 def _first(runs: Sequence[_Ringing]) -> Place:
     """Frequency and damping with the least residual: the best of those tried, then downhill from there."""
     step_s, few = runs[-1].step_s, runs[:TRIED_ON_RUNS]
-    tried = _tried_Hz([run.residual for run in runs], step_s, HIGHEST_OF_RATE / step_s)
+    tried = _tried_Hz([run.residual for run in runs], step_s, FIRST_OF_RATE / step_s)
     start = min(product(tried, TRIED_ZETAS), key=lambda place: _least_squares(few, place))
     return _downhill(runs, start, FIRST_REACH)
 
@@ -305,13 +305,13 @@ def _second(runs: Sequence[_Ringing], one: Place) -> Place | None:
 def _downhill(runs: Sequence[_Ringing], start: Place, reach: float) -> Place:
     """The place within the range that leaves least, downhill from ``start``; ``reach``: first relative steps."""
     first = np.log(start)
-    highest_Hz = np.array([HIGHEST_OF_RATE, SECOND_OF_RATE])[: len(start) // 2] / runs[0].step_s
+    highest_Hz = np.array([FIRST_OF_RATE, SECOND_OF_RATE])[: len(start) // 2] / runs[0].step_s
 
     def cost(logs: Samples) -> float:
         f_Hz, zeta = np.exp(logs[::2]), np.exp(logs[1::2])
         inside = (f_Hz >= LOWEST_HZ).all() and (f_Hz <= highest_Hz).all()
         if not (inside and (zeta >= ZETA[0]).all() and (zeta <= ZETA[1]).all()):
-            return OUTSIDE
+            return OUTSIDE_COST
         return _least_squares(runs, tuple(np.exp(logs).tolist()))
 
     simplex = first + np.vstack([np.zeros(len(first)), np.diag(np.tile([reach, ZETA_REACH], len(first) // 2))])

@@ -12,19 +12,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.identify.gauss_newton import descend, ridged
-from phaselead.identify.modal.model import Complex, Drive, ModalModel
+from phaselead.identify.modal.model import Drive, ModalModel
+from phaselead.model import Complex
 from phaselead.record import Samples
 
 LEAST_ZETA, MOST_ZETA = 0.002, 0.97
 """Range of damping that a step stays in."""
-LARGEST_STEP = 0.1
+LARGEST_POLE_STEP = 0.1
 """Of a pole, in one step."""
 SHIFT_STD = 0.02
 """Prior of how far a level can move a pole, as a share of it: modes that the records hardly show stay."""
 LARGEST_SHIFT = 0.3
-MARGIN = 2.0
+LEVEL_MARGIN = 2.0
 """Poles stay damped, and shifts below LARGEST_SHIFT, up to this multiple of the highest level of the records."""
-ENOUGH, FEWEST_STEPS = 1e-3, 6
+ENOUGH_GAIN, FEWEST_STEPS = 1e-3, 6
 """Less than this share of the squares gained in a step, after so many steps: done."""
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-7, 1e5
 """Of a step, as a share of the diagonal of the normal matrix: at first, at least, and where the search gives up."""
@@ -32,7 +33,7 @@ CALMER, BOLDER = 8, 5
 """Factors by which the damping grows after a step that gained nothing, and falls after one that did."""
 REWEIGHED = (1, 4)
 """Steps before which the records are weighed anew: once the first errors of the start are out, and once more."""
-RIDGE = 1e-10
+SHARES_RIDGE = 1e-10
 """Of the mean diagonal: keeps shares that the records cannot tell apart from dividing by zero."""
 GUARD = 1e-12
 """Of the largest diagonal element: the same for poles, shifts and shaping."""
@@ -152,7 +153,7 @@ def fit_modes(
         lambda at: _trials(at, shaping),
         lambda at: at.squares,
         most_steps,
-        enough=ENOUGH,
+        enough=ENOUGH_GAIN,
         fewest_steps=FEWEST_STEPS,
         reweighed=reweighed,
         report=report,
@@ -184,7 +185,7 @@ def _fitted(point: _Point, drives: Sequence[Drive], weights: Samples, damping: f
         x = _centred(drive.x_um, drive.rows, weight)
         parts.append((columns.T @ columns, columns.T @ x, float(np.sum(x**2)), x.size))
     normal = np.sum([p[0] for p in parts], axis=0)
-    best = np.asarray(np.linalg.solve(ridged(normal, RIDGE), np.sum([p[1] for p in parts], axis=0)))
+    best = np.asarray(np.linalg.solve(ridged(normal, SHARES_RIDGE), np.sum([p[1] for p in parts], axis=0)))
     squares = np.array([p[2] - 2 * np.sum(best * p[1]) + np.sum(best * (p[0] @ best)) for p in parts])
     squares = np.maximum(squares, 1e-30)
     model = ModalModel(point.poles, best, inputs, point.drop)
@@ -227,7 +228,7 @@ def _normal(
             mixed = slopes.T @ extra[basis:]
             inner += np.block([[slopes.T @ behind[basis:], mixed], [mixed.T, shaped[i].T @ shaped[i]]])
             records.append((i, products[:basis, i], slopes.T @ products[basis:, i], shaped[i].T @ residual[:, i]))
-    inverse = np.linalg.inv(ridged(own, RIDGE))
+    inverse = np.linalg.inv(ridged(own, SHARES_RIDGE))
     taken = [inverse @ c for c in cross]
     matrix = inner - np.sum([c.T @ t for c, t in zip(cross, taken, strict=True)], axis=0)
     scores = np.array([np.concatenate([b, c]) - taken[i].T @ a for i, a, b, c in records])
@@ -290,7 +291,7 @@ def _trials(at: _Fitted, shaping: Shaping) -> Iterator[_Fitted]:
     normal, damping = _normal_of(at, shaping), at.damping
     scale = np.diag(normal.matrix)
     guard = GUARD * scale.max() * np.eye(len(scale))
-    highest = MARGIN * max((float(d.level.max()) for d in at.drives if d.level is not None), default=0)
+    highest = LEVEL_MARGIN * max((float(d.level.max()) for d in at.drives if d.level is not None), default=0)
     while damping < MOST_DAMPING:
         change = np.linalg.solve(normal.matrix + damping * np.diag(scale) + guard, normal.slope)
         after = _moved(at.point, change, shaping, highest)
@@ -302,7 +303,7 @@ def _trials(at: _Fitted, shaping: Shaping) -> Iterator[_Fitted]:
 def _moved(point: _Point, change: Samples, shaping: Shaping, highest: float) -> _Point:
     m = len(point.poles)
     turn = np.ascontiguousarray(change[: 2 * m]).view(np.complex128)
-    turn = turn / np.maximum(1.0, np.abs(turn) / LARGEST_STEP)
+    turn = turn / np.maximum(1.0, np.abs(turn) / LARGEST_POLE_STEP)
     shift = point.shift
     if shift is not None:
         shift = shift + np.ascontiguousarray(change[2 * m : 4 * m]).view(np.complex128)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.identify.operator.fitting import fit_linear, fit_operator, refit_operator
 from phaselead.identify.operator.regressors import play_thresholds
 from phaselead.identify.operator.result import OperatorFit
-from phaselead.identify.operator.starting_memory import starting_memory
+from phaselead.identify.operator.starting_memories import starting_memory
 from phaselead.identify.operator.symmetric_plays import fit_plays
 
 __all__ = [

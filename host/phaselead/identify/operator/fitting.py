@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import Basis, FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, rows_to_fit
 from phaselead.identify.operator.result import (
     Choice,
     OperatorFit,
@@ -29,21 +29,19 @@ from phaselead.identify.operator.solution import (
     moments,
     solve_slopes,
 )
-from phaselead.identify.operator.starting_memory import OTHER_MEMORY, settled, with_memories
+from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, with_memories
 from phaselead.identify.runs import AxisRun, distinct, longest_delay_s, period_s
 from phaselead.model import Mode
 from phaselead.record import Samples
 
 MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
 """Of all records: for the result, and while searching."""
-FEWEST_ROWS = 200
-"""Of each record, however many there are."""
 FINEST = (48, 20)
 """Plays and segments of the richest size; the others are every 2nd, 4th ... of it."""
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
 SEARCH = (12, 10)
 """Plays and segments before a size is chosen."""
-BLOCKS = 6
+FOLD_BLOCKS = 6
 """Stretches of time into which few records are split, to leave out one after the other."""
 SIMPLER = 1.02
 """The simplest size wins whose error on data left out is at most this times the least."""
@@ -149,7 +147,7 @@ def _thinned(
     memories: Sequence[float | None] | None = None,
 ) -> list[FitRun]:
     each = max(FEWEST_ROWS, most_rows // len(runs))
-    blocks = 1 if len(runs) >= BLOCKS else -(-BLOCKS // len(runs))
+    blocks = 1 if len(runs) >= FOLD_BLOCKS else -(-FOLD_BLOCKS // len(runs))
     fits = [rows_to_fit(run, each, i * blocks, blocks, modes) for i, run in enumerate(runs)]
     return fits if memories is None else [replace(f, came_from_V=v) for f, v in zip(fits, memories, strict=True)]
 
@@ -223,10 +221,10 @@ def _folds(fits: list[FitRun]) -> list[Samples]:
     groups = len(group_numbers(fits))
     swings = [float(np.ptp(f.run.u_V[f.run.scored])) for f in fits]
     levels = distinct(swings)
-    if len(fits) >= BLOCKS and len(levels) >= 4:
+    if len(fits) >= FOLD_BLOCKS and len(levels) >= 4:
         nearest = [int(np.argmin(np.abs(np.subtract(levels, s)))) for s in swings]
         return [np.equal(nearest, level) for level in range(len(levels) - 1)]
-    return [np.arange(groups) % BLOCKS == fold for fold in range(BLOCKS)]
+    return [np.arange(groups) % FOLD_BLOCKS == fold for fold in range(FOLD_BLOCKS)]
 
 
 def _left_out(of_groups: Samples, n_segments: int, folds: list[Samples]) -> float:

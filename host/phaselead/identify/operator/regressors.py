@@ -23,6 +23,8 @@ from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
 """Share of a period after a jump in which a model without dynamics is not asked to agree."""
+FEWEST_ROWS = 200
+"""Of each record, to which a fit thins it, however many records there are."""
 NO_WEIGHT = 1e-6
 """Plays and bends below this share of the mean slope are left out of the time view."""
 

@@ -19,7 +19,7 @@ from phaselead.identify.operator.regressors import Basis, FitRun, design_matrix,
 from phaselead.model import TimeView
 from phaselead.record import Samples
 
-RIDGE = 1e-8
+SLOPES_RIDGE = 1e-8
 """Of the mean diagonal: keeps neighbouring plays that the data cannot tell apart from dividing by zero."""
 REVERSIBLE = 0.2
 """Least share of the mean slope that is without memory: a piezo at a turning point does not stand still, and without
@@ -28,7 +28,7 @@ GUESS_STRIDE = 4
 """The first guess looks at every so-manieth row."""
 GUESSED_DELAYS, GUESSED_RESTS = (0.0, 0.1, 0.3, 0.6), (-0.4, 0.0, 0.4, 0.8)
 """Grid of the first guess: shares of the longest delay, and rest fractions."""
-MOST_STEPS, STEP_SHARES, LEAST_GAIN = 10, (1.0, 0.5, 0.2, 0.05), 1e-5
+MOST_OPERATOR_STEPS, STEP_SHARES, LEAST_ERROR_GAIN = 10, (1.0, 0.5, 0.2, 0.05), 1e-5
 """Steps of the search, shares of a step that are tried until one gains, and the least relative gain of the error."""
 DELAY_STEP = 0.3
 """Of a row, for the slope of the error over the delay: voltages run straight between rows, and the error has a kink at
@@ -118,7 +118,7 @@ def solve_slopes(moments: Samples, n_segments: int, own_offsets: bool) -> tuple[
     if not np.isfinite(total).all():
         raise BadInput("the fit is singular: voltage or position hardly move; record a larger swing")
     try:
-        root = np.linalg.cholesky(ridged(inner, RIDGE))
+        root = np.linalg.cholesky(ridged(inner, SLOPES_RIDGE))
         above, _ = nnls(root.T, np.linalg.solve(root, right - inner @ least), maxiter=50 * size)
     except (np.linalg.LinAlgError, RuntimeError):
         raise BadInput("the fit is singular; record a larger swing, over several levels") from None
@@ -152,7 +152,7 @@ def best_operator(
             yield at(max(point.delay_s + share * move[0], 0.0), point.rest_fraction + share * move[1])
 
     first = at(*_first_guess(fits, basis, longest_delay_s, own_offsets, start))
-    return descend(first, trials, lambda point: point.error, MOST_STEPS, least_gain=LEAST_GAIN)
+    return descend(first, trials, lambda point: point.error, MOST_OPERATOR_STEPS, least_gain=LEAST_ERROR_GAIN)
 
 
 def _first_guess(
@@ -178,7 +178,7 @@ def _gauss_newton_step(
     total[-4:-2] *= unit[:, None]
     total[:, -4:-2] *= unit
     n = size - 4
-    rest = total[n:, n:] - total[n:, :n] @ np.linalg.solve(ridged(total[:n, :n], RIDGE), total[:n, n:])
+    rest = total[n:, n:] - total[n:, :n] @ np.linalg.solve(ridged(total[:n, :n], SLOPES_RIDGE), total[:n, n:])
     curvature = rest[:2, :2] + DAMPING * point.error**2 * np.eye(2)
     place = np.array([point.delay_s / longest_delay_s, point.rest_fraction])
     move = least_in_box(curvature, rest[:2, 3], np.array([0.0, -1.0]) - place, 1.0 - place)

@@ -10,19 +10,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import Solution, best_slopes
-from phaselead.identify.operator.starting_memory import starting_memory
+from phaselead.identify.operator.starting_memories import starting_memory
 from phaselead.identify.runs import AxisRun
 from phaselead.model import TimeView
 
-PLAYS = 20
-MOST_ROWS, FEWEST_ROWS = 12_000, 200
-"""Of all records, and of each."""
+SYMMETRIC_PLAYS = 20
+MOST_PLAY_ROWS = 12_000
+"""Of all records."""
 REST_FRACTIONS = np.linspace(-0.8, 0.8, 9)
-OTHER_MEMORY = 0.8
-"""A record starts from another memory than rest when that leaves less than this share of its variance."""
-TURNING_POINTS = 9
+PLAY_TURNING_POINTS = 9
 """Evenly over the range: voltages a record can have come from."""
 LEAST_RANGE_UM = 1e-9
 """Keeps the weight of a record that hardly moves finite."""
@@ -36,8 +34,8 @@ def fit_plays(runs: Sequence[AxisRun]) -> TimeView:
     low = min(float(r.u_V[r.scored].min()) for r in runs)
     high = max(float(r.u_V[r.scored].max()) for r in runs)
     swing = max(float(np.ptp(r.u_V[r.scored])) for r in runs)
-    basis = nested_basis(swing, low, high, PLAYS, 1)
-    fits = [_thinned(run, max(FEWEST_ROWS, MOST_ROWS // len(runs)), i) for i, run in enumerate(runs)]
+    basis = nested_basis(swing, low, high, SYMMETRIC_PLAYS, 1)
+    fits = [_thinned(run, max(FEWEST_ROWS, MOST_PLAY_ROWS // len(runs)), i) for i, run in enumerate(runs)]
     own_offsets = len(fits) > 1
     tried = [best_slopes(fits, basis, 0.0, rest, own_offsets) for rest in REST_FRACTIONS.tolist()]
     solution = min(tried, key=lambda s: s.error)
@@ -65,5 +63,5 @@ def _from_its_memory(fit: FitRun, solution: Solution) -> FitRun:
         return float(np.var(solution.residual(replace(fit, came_from_V=came_from_V))))
 
     low, *_, high = solution.basis.knots_V.tolist()
-    came_from_V = starting_memory(variance, np.linspace(low, high, TURNING_POINTS).tolist(), OTHER_MEMORY)
+    came_from_V = starting_memory(variance, np.linspace(low, high, PLAY_TURNING_POINTS).tolist())
     return replace(fit, came_from_V=came_from_V)

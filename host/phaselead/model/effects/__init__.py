@@ -9,20 +9,50 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from phaselead.errors import BadInput
-from phaselead.model.effects.interface import Effect, Entry, Parameter, Params, Picture, Place, Samples, Signal, number
+from phaselead.model.effects.filters import (
+    Mode,
+    behind_modes,
+    mode_coefficients,
+    relaxed_late,
+    resonant,
+    second_order_residual,
+)
+from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
+from phaselead.model.effects.mode_bank import Complex, modes_of, shares, states, states_and_slopes
+from phaselead.model.effects.parameters import CheckedParameters, Parameter
+from phaselead.model.effects.place import MODES_FROM, Place
+from phaselead.model.effects.softening import push_level
+from phaselead.model.effects.virtual import NotPlayed, VirtualAxis
 
 __all__ = [
+    "MODES_FROM",
+    "CheckedParameters",
+    "Complex",
     "Effect",
     "Entry",
+    "Mode",
+    "ModePart",
+    "NotPlayed",
     "Parameter",
     "Params",
-    "Picture",
     "Place",
-    "Samples",
     "Signal",
+    "VirtualAxis",
+    "behind_modes",
     "catalogue",
     "effect",
-    "number",
+    "effect_of_modes",
+    "effect_of_shares",
+    "mode_coefficients",
+    "modes_of",
+    "push_level",
+    "relaxed_late",
+    "resonant",
+    "rewritten",
+    "second_order_residual",
+    "shares",
+    "states",
+    "states_and_slopes",
 ]
 
 
@@ -45,3 +75,13 @@ def effect(name: str) -> Effect:
     if name not in _all():
         raise BadInput(f"no effect is called {name!r}; there are {', '.join(_all())}")
     return _all()[name]
+
+
+def effect_of_modes(modes: Sequence[Mode]) -> tuple[Effect, dict[str, float | tuple[float, ...]]]:
+    """The effect that gives the mechanics its modes, and the parameters that it has with these."""
+    return next((e, e.from_modes(modes)) for e in _all().values() if e.from_modes is not None)
+
+
+def effect_of_shares(shares_of_motion: Mapping[str, float]) -> Entry:
+    """The effect by which an axis sees others move, and its parameters for these shares of their motion, by name."""
+    return next((e, e.from_shares(shares_of_motion)) for e in _all().values() if e.from_shares is not None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from phaselead.errors import BadInput
@@ -22,8 +24,8 @@ from phaselead.model.effects.interface import (
 )
 from phaselead.model.effects.mode_bank import NOT_PLAYED, poles, state_weights, states
 from phaselead.model.effects.softening import mode_levels
+from phaselead.record import AXES
 
-AXES = ("x", "y", "z")
 MODAL = ("f_Hz", "zeta", *(f"{part}_{axis}" for part in ("velocity", "direct") for axis in AXES))
 
 
@@ -80,6 +82,10 @@ def coupling(params: Params, other: str) -> float:
     return sum(float(np.sum(params.get(f"{part}_{other}", 0.0))) for part in ("from", "direct"))
 
 
+def from_shares(shares: Mapping[str, float]) -> Params:
+    return {f"from_{other}": share for other, share in shares.items()}
+
+
 EFFECT = Effect(
     name="cross_coupling",
     listed=210,
@@ -104,6 +110,7 @@ EFFECT = Effect(
     basis=basis,
     accepts=MODAL,
     untestable=untestable,
+    from_shares=from_shares,
     virtual=virtual,
     coupling=coupling,
 )

@@ -87,8 +87,8 @@ void stage_second_order(size_t n, const double *x, const double *b, const double
     }
 }
 
-void stage_second_order_left(size_t n, const double *x, const double *measured, const double *b, const double *a,
-                             double step, size_t n_rows, const size_t *rows, double *means)
+void stage_second_order_residual(size_t n, const double *x, const double *measured, const double *b, const double *a,
+                                 double step, size_t n_rows, const size_t *rows, double *means)
 {
     struct second_order system = {b, a, {0.0, 0.0}, {0.0, 0.0}};
     double e_sum = 0.0, d_sum = 0.0, ee = 0.0, ed = 0.0, dd = 0.0;

@@ -27,8 +27,8 @@ PHASELEAD_EXPORT void stage_behind_modes(size_t n, size_t k, const double *x, si
 
 /* What a second-order system y of x leaves of `measured` at the ascending `rows`, e = measured - y, and its change with
  * a later answer, d = dy/dt: the mean of e e, e d and d d, each about the means of e and d. */
-PHASELEAD_EXPORT void stage_second_order_left(size_t n, const double *x, const double *measured, const double *b,
-                                              const double *a, double step, size_t n_rows, const size_t *rows,
-                                              double *means);
+PHASELEAD_EXPORT void stage_second_order_residual(size_t n, const double *x, const double *measured, const double *b,
+                                                  const double *a, double step, size_t n_rows, const size_t *rows,
+                                                  double *means);
 
 #endif

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phaselead.compiled import kernel_of
-from phaselead.model.operator import Samples, address, doubles
+from phaselead.model.operator import address, doubles
+from phaselead.record import Samples
 
 Mode = tuple[float, float, float]
 """Share of the motion, frequency in Hz, damping ratio."""
@@ -24,12 +25,12 @@ Mode = tuple[float, float, float]
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    functions = ("stage_lags", "stage_second_order", "stage_second_order_left", "stage_behind_modes")
+    functions = ("stage_lags", "stage_second_order", "stage_second_order_residual", "stage_behind_modes")
     kernel = kernel_of("phaselead.model._kernel", *functions)
     size, double, data = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
     kernel.stage_lags.argtypes = [size, data, size, data, data, data]
     kernel.stage_second_order.argtypes = [size, *[data] * 4]
-    kernel.stage_second_order_left.argtypes = [size, *[data] * 4, double, size, *[data] * 2]
+    kernel.stage_second_order_residual.argtypes = [size, *[data] * 4, double, size, *[data] * 2]
     kernel.stage_behind_modes.argtypes = [size, size, data, size, *[data] * 3]
     for name in functions:
         getattr(kernel, name).restype = None
@@ -71,7 +72,7 @@ def second_order(x: ArrayLike, b: ArrayLike, a: ArrayLike) -> Samples:
     return y
 
 
-def second_order_left(
+def second_order_residual(
     x: Samples, measured: Samples, system: tuple[Samples, Samples], step_s: float, rows: NDArray[np.uintp]
 ) -> tuple[float, float, float]:
     """What ``second_order`` of ``x`` with ``system`` (b, a) leaves of ``measured`` at the ascending ``rows``.
@@ -81,7 +82,7 @@ def second_order_left(
     """
     x, measured, (b, a) = doubles(x), doubles(measured), map(doubles, system)
     rows, means = np.ascontiguousarray(rows, dtype=np.uintp), np.empty(3)
-    _kernel().stage_second_order_left(
+    _kernel().stage_second_order_residual(
         len(x), address(x), address(measured), address(b), address(a), step_s,
         len(rows), address(rows), address(means),
     )  # fmt: skip

@@ -14,10 +14,11 @@ from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects.filters import Mode
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Params, Value, number, numbers
-from phaselead.model.effects.place import Place
+from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.virtual import VirtualAxis
-from phaselead.model.operator import Samples, range_um, rest_plays, rest_position_um
+from phaselead.model.operator import range_um, rest_plays, rest_position_um
 from phaselead.model.sections import Undone
+from phaselead.record import Samples
 
 __all__ = [
     "CheckedParameters",
@@ -97,10 +98,10 @@ class Signal:
     def start_plays_V(self) -> Samples:
         """Positions of the time view's plays in the first row: about the voltage that the hysteresis stood at, which a
         rail keeps off the recorded one."""
-        aside_V = float(self.driven_V[0] - self.u_V[0])
+        offset_V = float(self.driven_V[0] - self.u_V[0])
         if self.plays_V is not None:
-            return self.plays_V + aside_V
-        return rest_plays(self.axis.time) + aside_V if self.axis.time is not None else np.zeros(0)
+            return self.plays_V + offset_V
+        return rest_plays(self.axis.time) + offset_V if self.axis.time is not None else np.zeros(0)
 
     @cached_property
     def rest_um(self) -> float:
@@ -130,16 +131,19 @@ class Signal:
         return (2 * self.driven_V - (low + high)) / (high - low)
 
 
+ModePart = Literal["own path", "coupling", "level"]
+"""Of modes that axes share: what an actuator does at its own axis, at the others, and how its level moves the modes."""
+
 Loops = Literal["loop", "loops", "difference"]
 Times = Literal["sine", "holds", "steps", "idle", "line", "ramp", "neighbour"]
-View = Loops | Times | Literal["response", "level"]
+PictureView = Loops | Times | Literal["response", "level"]
 
 
 @dataclass(frozen=True)
 class Picture:
     """The small figure on the effect's page: which experiment, at which (exaggerated) size, on which base."""
 
-    view: View
+    view: PictureView
     params: Params
     base: Literal["linear", "plays", "mode"] = "linear"
 
@@ -206,7 +210,7 @@ class Effect:
     with speed; None where it has no test of that kind."""
     moves_zero: Literal["at once", "steadily"] | None = None
     """How it moves the zero from one session to the next; None where it does not."""
-    shared_modes: Literal["own path", "coupling", "softening"] | None = None
+    shared_modes: ModePart | None = None
     """Which part of the modes that the axes of a stage share it describes, if any."""
     absorbed_by_modes: bool = False
     """Whether modes fitted to axes that move together take it up, so that such records cannot show it."""
@@ -227,6 +231,11 @@ class Effect:
     hysteresis."""
     modes: Callable[[Params], Sequence[Mode]] | None = None
     """The modes of the mechanics that it adds. What passes them has no corners."""
+    from_modes: Callable[[Sequence[Mode]], dict[str, float | tuple[float, ...]]] | None = None
+    """The parameters that add these modes. One effect of the catalogue has it: fitted modes are adopted as that one."""
+    from_shares: Callable[[Mapping[str, float]], Params] | None = None
+    """The parameters that add these shares of the motion of other axes, by their names. One effect of the catalogue has
+    it: the stage file's coupling matrix acts through that one."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None
@@ -254,11 +263,17 @@ class Effect:
         inverses = (self.into_time_view, self.creep_terms, self.undo_on_drive, self.undo_on_position, self.coupling)
         return self.rewrite is not None or any(inverse is not None for inverse in inverses)
 
-    def beside_moving_base(self) -> Effect:
-        """The effect without the parameters that a base which moves with it takes over: they stay as when left out."""
-        asked = tuple(p for p in self.parameters if not p.beside_reference)
-        fixed = {p.name: p.left_out for p in self.parameters if p.beside_reference}
+    def for_refitted_base(self) -> Effect:
+        """The effect without the parameters that a base refitted together with it takes over: they stay as when left
+        out."""
+        asked = tuple(p for p in self.parameters if not p.absorbed_by_refit)
+        fixed = {p.name: p.left_out for p in self.parameters if p.absorbed_by_refit}
         return replace(self, parameters=asked, fixed=fixed)
+
+    @property
+    def before_modes(self) -> bool:
+        """Whether it acts on what the actuator gives to the moving structure, in front of every mode."""
+        return (self.place, self.order) < MODES_FROM
 
     @property
     def sizes(self) -> tuple[Parameter, ...]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.errors import BadInput
+from phaselead.record import Samples
 
-Samples = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 NOT_PLAYED = "modes that the axes share, which the simulator does not play; remove it, or give modes of the axis alone"

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.model.operator import Samples
+from phaselead.record import Samples
 
 Value = float | Sequence[float]
 Params = Mapping[str, Value]
@@ -31,9 +31,9 @@ class Parameter:
     doc: str = ""
     extreme: bool = False
     """Of a shape: whether no stage comes near its bounds."""
-    beside_reference: bool = False
-    """Whether it is asked for beside reference records or a frozen base alone: a base that moves with the effect takes
-    it over."""
+    absorbed_by_refit: bool = False
+    """Whether a base that is refitted together with the effect takes it over. It is then fitted only where the base is
+    frozen or held by reference records."""
 
     @property
     def left_out(self) -> float:

@@ -17,3 +17,7 @@ class Place(IntEnum):
     COUPLING = 6
     SENSOR = 7
     ENVIRONMENT = 8
+
+
+MODES_FROM = (Place.MECHANICS, 1)
+"""Place and order from which on effects belong to the moving structure; what comes before is the actuator's own."""

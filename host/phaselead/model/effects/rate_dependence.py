@@ -116,7 +116,7 @@ EFFECT = Effect(
             1.0,
             role="shape",
             log=True,
-            beside_reference=True,
+            absorbed_by_refit=True,
             doc="thresholds of what widens, as a share of the loop's own",
         ),
         Parameter("held", "1", 1.0, 0.0, 1.0, role="shape", doc="share let go only as the voltage moves on"),

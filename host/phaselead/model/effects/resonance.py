@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.model.effects.filters import behind_modes, resonant
+from phaselead.model.effects.filters import Mode, behind_modes, resonant
 from phaselead.model.effects.interface import (
     CheckedParameters,
     Effect,
@@ -25,7 +27,7 @@ from phaselead.model.effects.virtual import MOST_POLES
 from phaselead.model.sections import Undone, undo_modes
 
 
-def modes(params: Params) -> list[tuple[float, float, float]]:
+def modes(params: Params) -> list[Mode]:
     """(c, f_Hz, zeta) of every mode. A single mode without c carries all of the motion. Raises BadInput."""
     f_Hz, zeta = numbers(params, "f_Hz"), numbers(params, "zeta")
     c = numbers(params, "c") if "c" in params else np.ones(1)
@@ -37,6 +39,14 @@ def modes(params: Params) -> list[tuple[float, float, float]]:
     if not ((f_Hz > 0).all() and (zeta > 0).all()):
         raise BadInput("effect 'resonance': f_Hz and zeta must be above 0")
     return [(float(a), float(f), float(z)) for a, f, z in zip(c, f_Hz, zeta, strict=True)]
+
+
+def from_modes(found: Sequence[Mode]) -> dict[str, float | tuple[float, ...]]:
+    """A single mode that carries all of the motion needs no c."""
+    c, f_Hz, zeta = zip(*found, strict=True)
+    if c == (1.0,):
+        return {"f_Hz": f_Hz[0], "zeta": zeta[0]}
+    return {"c": c, "f_Hz": f_Hz, "zeta": zeta}
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -112,6 +122,7 @@ EFFECT = Effect(
     accepts=("velocity",),
     normalise=normalise,
     modes=modes,
+    from_modes=from_modes,
     virtual=virtual,
     repeatable=True,
     undo_on_position=undo_on_position,

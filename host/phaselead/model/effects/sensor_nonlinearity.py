@@ -55,7 +55,7 @@ EFFECT = Effect(
             0.001,
             -0.01,
             0.01,
-            beside_reference=True,
+            absorbed_by_refit=True,
             doc="slope: its maker set the scale elsewhere",
         ),
     ),

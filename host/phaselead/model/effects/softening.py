@@ -107,7 +107,7 @@ EFFECT = Effect(
     compensation="The gain of the feed-forward can be scheduled with the level of a periodic path; the controller does "
     "not do that by itself, its feedback takes it up.",
     apply=apply,
-    shared_modes="softening",
+    shared_modes="level",
     picture=Picture("level", {"kappa": 0.15}),
     basis=basis,
     accepts=("f_drop", "zeta_rise"),

@@ -15,9 +15,10 @@ import numpy as np
 from phaselead.identify.operator.regressors import FitRun
 from phaselead.record import Samples
 
-OTHER_MEMORY = 0.6
-"""A record starts from another memory than rest when that leaves less than this share of its squared residual."""
-ALIKE = 1.1
+OTHER_MEMORY, OTHER_BY_VARIANCE = 0.6, 0.8
+"""A record starts from another memory than rest when that leaves less than the first share of its squared residual or,
+where its offset says nothing of the memory, less than the second of the variance."""
+ALIKE_STARTS = 1.1
 """Starts whose squared residuals are within this factor are not told apart."""
 DRIFT = 0.01
 """Of the range: offsets up to this are creep or drift."""
@@ -32,7 +33,7 @@ NAMED_RECORDS = 3
 def starting_memory(
     squares: Callable[[float | None], float],
     turning_points_V: Iterable[float],
-    share: float,
+    share: float = OTHER_BY_VARIANCE,
     alike: float | None = None,
 ) -> float | None:
     """The voltage at which the stage last turned round before a record, or None when it starts from rest.
@@ -82,7 +83,7 @@ def with_memories(
             beyond = 0.0 if own_offsets else max(abs(float(e.mean())) - DRIFT * fit.run.range_um, 0.0)
             return float(np.var(e)) + beyond**2
 
-        came_from_V = starting_memory(squares, turning_points_V, OTHER_MEMORY, ALIKE)
+        came_from_V = starting_memory(squares, turning_points_V, OTHER_MEMORY, ALIKE_STARTS)
         if came_from_V is not None:
             elsewhere.append(f"{fit.run.source} (from {came_from_V:.3g} V)")
             fit = replace(fit, came_from_V=came_from_V)
