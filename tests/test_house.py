@@ -102,6 +102,16 @@ def circle(files: Files) -> list[str]:
     return []
 
 
+def namesakes(files: Files) -> list[str]:
+    """Doors that offer a function from a file of the same name: the import of one would hide the other."""
+    return [
+        f"{door} offers {name} from {module}; call the file otherwise"
+        for door, file in files.items()
+        for module, name in file.imports
+        if door.count(".") == 1 and module == f"{door}.{name}"
+    ]
+
+
 @pytest.fixture(scope="module")
 def files() -> dict[str, File]:
     """Every module of the package by its dotted name."""
@@ -128,6 +138,10 @@ def test_nobody_climbs_through_a_window(files):
     assert windows(files) == []
 
 
+def test_no_file_is_called_like_what_its_door_offers(files):
+    assert namesakes(files) == []
+
+
 def test_folders_inside_a_room_are_entered_by_their_doors(files):
     assert inner_windows(files) == []
 
@@ -147,6 +161,7 @@ def test_no_files_import_each_other_in_a_circle(files):
         ("phaselead.gap.run", "from phaselead.gap.design.excitation import Excitation", inner_windows),
         ("phaselead.gap.run", "from phaselead.gap.design import excitation", inner_windows),
         ("phaselead.record.recording", "from phaselead.record.text import read_text", circle),
+        ("phaselead.record", "from phaselead.record.export import export", namesakes),
     ],
 )
 def test_a_breach_is_seen(files, path, line, breach):

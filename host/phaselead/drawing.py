@@ -118,7 +118,7 @@ def samples_figure(columns: Mapping[str, NDArray[np.float64]]) -> Figure:
         return figure
 
 
-class Sampled(Protocol):
+class AxisSamples(Protocol):
     """One axis of a recording: arrays of shape (n,), None where there is none."""
 
     @property
@@ -127,7 +127,7 @@ class Sampled(Protocol):
     def x_um(self) -> NDArray[np.float64] | None: ...
 
 
-def loops_figure(recordings: Sequence[tuple[str, Mapping[str, Sampled]]]) -> Figure:
+def loops_figure(recordings: Sequence[tuple[str, Mapping[str, AxisSamples]]]) -> Figure:
     """Position over voltage, one panel for each axis that any of the named recordings has."""
     axes = [axis for axis in AXIS_COLOURS if any(axis in one for _, one in recordings)] or ["x"]
     with figure_style():

@@ -38,6 +38,12 @@ class Table:
         ]
         return "\n".join(([self.title] if self.title else []) + text)
 
+    def without(self, heading: str) -> Table:
+        """The same without the column of this heading."""
+        kept = [i for i, one in enumerate(self.headings) if one != heading]
+        rows = tuple(tuple(row[i] for i in kept) for row in self.rows)
+        return Table(tuple(self.headings[i] for i in kept), rows, self.title)
+
     def html(self) -> str:
         """A ``<table>``; every cell is escaped."""
         title = f"<caption>{html.escape(self.title)}</caption>" if self.title else ""

@@ -6,6 +6,7 @@ It stands below the room `device`, so that ports can be listed without loading n
 from __future__ import annotations
 
 import errno
+import os
 import re
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,6 +17,8 @@ from serial.tools import list_ports as serial_list_ports
 from phaselead.errors import LinkError, PhaseleadError
 from phaselead.result import Result, Table
 
+DEFAULT_PORT = "sim://xyz250"
+PORT_VARIABLE = "PHASELEAD_PORT"
 BAUD = 2_000_000
 READ_TIMEOUT_S = 0.05
 WRITE_TIMEOUT_S = 2.0
@@ -51,6 +54,11 @@ class Ports(Result, list[PortInfo]):
 
     def tables(self) -> list[Table | str]:
         return [Table(("port", "what it is"), tuple((port.url, port.description) for port in self))]
+
+
+def default_port() -> str:
+    """``$PHASELEAD_PORT`` as it is now, else the built-in virtual stage."""
+    return os.environ.get(PORT_VARIABLE) or DEFAULT_PORT
 
 
 def list_ports() -> Ports:

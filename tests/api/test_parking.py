@@ -12,18 +12,18 @@ import pytest
 import phaselead as pl
 from phaselead.device import Device
 
-TELLING = """
+PRINTS_STATE = """
 import os, signal, sys
 import phaselead as pl
 from phaselead.device import Device
 
 close = Device.close
 
-def told(self):
+def close_and_print(self):
     print(self.status().state, flush=True)
     close(self)
 
-Device.close = told
+Device.close = close_and_print
 """
 """A program that says in which state a device is when its port is closed."""
 
@@ -34,11 +34,11 @@ def _left(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     states: list[str] = []
     close = Device.close
 
-    def told(device: Device) -> None:
+    def close_and_note(device: Device) -> None:
         states.append(device.status().state)
         close(device)
 
-    monkeypatch.setattr(Device, "close", told)
+    monkeypatch.setattr(Device, "close", close_and_note)
     return states
 
 
@@ -105,7 +105,7 @@ def test_a_refused_upload_moves_nothing_and_parks(left: list[str]) -> None:
     ],
 )
 def test_when_the_program_ends(program: str, status: int) -> None:
-    done = subprocess.run([sys.executable, "-c", TELLING + program], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", PRINTS_STATE + program], capture_output=True, text=True, check=False)
     assert (done.stdout.split(), done.returncode) == (["parked"], status), done.stderr
 
 

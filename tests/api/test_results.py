@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import phaselead as pl
-from phaselead.device import Ports
 from phaselead.result import Facts, Table
+from phaselead.serial_ports import Ports
 
 
 @pytest.fixture(scope="module")

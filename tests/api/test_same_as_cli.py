@@ -226,6 +226,7 @@ def test_recover(tmp_path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 9
     recording = pl.recover(tmp_path / "run.h5.journal", tmp_path / "run.h5")
     assert recording.meta["mode"] == "pid"
+    assert (recording.meta["torn_bytes"], recording.meta["damaged_frames"]) == (0, 0)
     assert 0 < len(recording.t_s) < 10000
     assert not (tmp_path / "run.h5.journal").exists()
 

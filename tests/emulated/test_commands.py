@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from phaselead import interrupt
 from phaselead.cli import main
-from phaselead.device.selftest import loop_result
+from phaselead.device.loop_test import loop_result
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model.stage_file import save_stage
 from phaselead.sim import emulated

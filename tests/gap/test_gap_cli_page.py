@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from phaselead.cli.gap_run import show
+from phaselead.cli.gap_run import printed
 from phaselead.gap.findings import Bound, Candidate, Cell, GapSize, NamedEffect, NextExperiment, Trace
 from phaselead.gap.result import GapResult
 from phaselead.model.axis import AxisModel, TimeView
@@ -103,9 +101,7 @@ def test_what_remains_is_counted_above_the_floor(after, words):
 
 
 def test_the_terminal_says_the_same():
-    console = Console(record=True, width=200, file=io.StringIO())
-    show(console, result(), ["next.toml"])
-    said = console.export_text()
+    said = "\n".join(map(str, printed(result(), ["next.toml"])))
     for words in (
         "verdict: named, tie",
         "these records cannot tell apart: delay, amplifier_lowpass",

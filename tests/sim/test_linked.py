@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from phaselead.errors import BadInput
+from phaselead.model import TICK_S
 from phaselead.model.axis import AdoptedEffect, AxisModel, Sensor, TimeView
 from phaselead.model.chain import simulate
 from phaselead.model.effects import Place, catalogue
 from phaselead.model.stage_file import Stage
 from phaselead.sim.device import Plant
 from phaselead.sim.linked import linked_parameters
-from phaselead.sim.plant import LATCH_S, TICK_S, built_in, plant_parameters
+from phaselead.sim.plant import LATCH_S, built_in, plant_parameters
 
 ROWS = 20_000
 VIEW = TimeView(

@@ -19,7 +19,7 @@ from phaselead.errors import BadInput
 from phaselead.model.table import TableView
 from phaselead.sim.device import load_library
 from phaselead.sim.plant import built_in
-from phaselead.sim.replay import replay
+from phaselead.sim.replaying import replay
 
 ROOT = Path(__file__).parents[2]
 URL = "sim://xyz250"

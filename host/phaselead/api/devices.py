@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from phaselead.control import Run
-    from phaselead.device import Ports
     from phaselead.result import Facts
+    from phaselead.serial_ports import Ports
     from phaselead.sim import Replay
 
 
@@ -19,7 +19,7 @@ def ports() -> Ports:
     >>> [port.url for port in pl.ports()]  # doctest: +ELLIPSIS
     [...]
     """
-    from phaselead.device import list_ports
+    from phaselead.serial_ports import list_ports
 
     return list_ports()
 
@@ -34,8 +34,8 @@ def stop(port: str | None = None) -> int:
     >>> pl.stop("sim://xyz250")  # a virtual stage is a fresh one each time: its first tick
     0
     """
-    from phaselead.control import default_port
     from phaselead.device import Device
+    from phaselead.serial_ports import default_port
 
     return Device.stop_now(port or default_port()).tick
 
@@ -79,10 +79,11 @@ def sim(url: str = "sim://xyz250", *, link: str | os.PathLike[str] | None = None
     serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link)
 
 
-def flash(port: str | None = None, *, env: str = "nucleo_f446re", check_only: bool = False) -> Facts:
+def flash(port: str | None = None, *, env: str | None = None, check_only: bool = False) -> Facts:
     """Builds the firmware, uploads it, then checks over the wire that the board runs it; from the source tree.
 
-    ``port`` is the board's serial line. ``check_only`` uploads nothing. Gives ``board``, ``build_id`` and ``runs_it``.
+    ``port`` is the board's serial line, ``env`` its name in platformio.ini, by default the first there. ``check_only``
+    uploads nothing. Gives ``board``, ``build_id`` and ``runs_it``.
     Raises BadInput outside a source tree or without a board, PhaseleadError when the build, the upload or the check
     fails.
 
@@ -91,7 +92,7 @@ def flash(port: str | None = None, *, env: str = "nucleo_f446re", check_only: bo
     Traceback (most recent call last):
     phaselead.errors.BadInput: sim://xyz250 is no board; ...
     """
-    from phaselead.control import default_port
     from phaselead.device import flash_board
+    from phaselead.serial_ports import default_port
 
     return flash_board(port or default_port(), env, check_only=check_only)

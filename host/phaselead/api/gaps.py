@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -49,8 +48,7 @@ def gap(
     >>> gap.verdicts
     ('none',)
     """
-    from phaselead.gap import check_port, keep_freed_memory, run_gap
-    from phaselead.gap import verify_on as track_both
+    from phaselead.gap import check_port, keep_freed_memory, run_gap, verified_on
     from phaselead.model import as_stage
     from phaselead.record import gather
 
@@ -60,8 +58,7 @@ def gap(
         check_port(verify_on)
     keep_freed_memory()
     result = run_gap(stage, *parts, frozen=frozen, on_progress=on_progress)
-    verification = None if verify_on is None else track_both(verify_on, stage, result.stage)
-    return replace(result, base=stage, verification=verification)
+    return result if verify_on is None else verified_on(verify_on, stage, result)
 
 
 def gap_next(
@@ -84,12 +81,13 @@ def gap_next(
     Traceback (most recent call last):
     phaselead.errors.BadInput: gap.json: cannot be read (No such file or directory); make it with phaselead gap --json
     """
-    from phaselead.control import default_port
     from phaselead.gap import proposal_of, read_proposal, run_proposal
     from phaselead.model import as_stage
     from phaselead.record import RUN_SUFFIXES, check_output, gather_one
+    from phaselead.serial_ports import default_port
 
-    check_output(os.fspath(output), suffixes=RUN_SUFFIXES)
+    inputs = [one for one in (proposal, model) if isinstance(one, str | os.PathLike)]
+    check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs)
     if isinstance(proposal, str | os.PathLike):
         proposed = read_proposal(os.fspath(proposal))
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -56,8 +57,16 @@ def recording(*, source: str = "arrays", **columns: ArrayLike) -> Recording:
     return from_columns(columns, source)
 
 
-def export(record: RecordLike, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Writes a recording as the suffix says: .csv, .h5, .mat or .parquet. ``record``: a recording, a run or a file.
+def export(
+    record: RecordLike,
+    path: str | os.PathLike[str],
+    *,
+    map: MapLike | None = None,
+    rate: str | float | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Writes a recording as the suffix says: .csv, .h5, .mat or .parquet. ``record``: a recording, a run or a file;
+    ``map`` and ``rate`` as for ``read``.
 
     Raises BadInput for another suffix, for several recordings, and where the file exists and ``overwrite`` is False.
 
@@ -72,14 +81,15 @@ def export(record: RecordLike, path: str | os.PathLike[str], *, overwrite: bool 
     from phaselead.record import export as export_recording
     from phaselead.record import gather_one
 
-    export_recording(gather_one(record), path, overwrite=overwrite)
+    export_recording(gather_one(record, map, rate), path, overwrite=overwrite)
 
 
 def recover(journal: str | os.PathLike[str], output: str | os.PathLike[str]) -> Recording:
     """Finishes a run whose program was killed: turns its journal into a recording, written to ``output`` (.h5).
 
-    The journal is removed once the recording is written. Raises BadInput for a file that is no journal, of another
-    version, or without samples.
+    Its ``meta`` says what was lost: ``torn_bytes`` at the journal's end, ``damaged_frames`` within. The journal is
+    removed once the recording is written. Raises BadInput for a file that is no journal, of another version, or
+    without samples.
 
     >>> import phaselead as pl
     >>> pl.recover("run.h5.journal", "run.h5")
@@ -89,5 +99,6 @@ def recover(journal: str | os.PathLike[str], output: str | os.PathLike[str]) -> 
     from phaselead.control import recover_run
     from phaselead.record import gather_one
 
-    recover_run(os.fspath(journal), os.fspath(output))
-    return gather_one(output)
+    facts = recover_run(os.fspath(journal), os.fspath(output))
+    found = gather_one(output)
+    return replace(found, meta=found.meta | {name: facts[name] for name in ("torn_bytes", "damaged_frames")})

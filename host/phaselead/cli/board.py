@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 
 import click
-from rich.console import Console
 
-from phaselead.cli.common import emit, json_option, port_option
-from phaselead.cli.device import emit_pairs, print_pairs
+from phaselead.cli.common import emit, emit_pairs, json_option, port_option
 from phaselead.cli.listing import top_level
-from phaselead.device import Device, SelfTest, flash_board
-from phaselead.device import selftest as test_axis
-from phaselead.errors import BadInput
+from phaselead.control import connect
+from phaselead.device import check_letters, flash_board
+from phaselead.result import pairs_table
 from phaselead.source_tree import boards
 
 BOARDS = boards()
@@ -49,15 +47,9 @@ def selftest(port: str, axes: str, json_to: str | None) -> None:
 
     It drives 0 to 9.5 V and prints gain, offset, misfit and noise of each axis. Exit status 1 when one of them is out.
     """
-    if not axes or any(axis not in "xyz" for axis in axes) or len(set(axes)) != len(axes):
-        raise BadInput(f"--axis {axes!r}: letters of x, y and z, each once")
-    with Device.open(port) as device:
-        tested = SelfTest({axis: test_axis(device, axis) for axis in axes})
-
-    def human(console: Console) -> None:
-        for axis, result in tested.items():
-            print_pairs(console, {"axis": axis} | result.as_dict())
-
-    emit(tested.as_dict(), json_to, human)
+    check_letters(axes, "--axis")
+    with connect(port) as device:
+        tested = device.selftest(axes)
+    emit(tested.as_dict(), json_to, [pairs_table({"axis": axis} | one.as_dict()) for axis, one in tested.items()])
     if not tested.passed:
         sys.exit(FAILED)

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table as TerminalTable
 
 from phaselead.errors import BadInput
-from phaselead.result import json_text
+from phaselead.result import Table, json_text, pairs_table
+from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
 
 if TYPE_CHECKING:
     from phaselead.record import Recording
@@ -25,8 +27,8 @@ SHORTEST_S = 0.0004
 
 port_option = click.option(
     "--port",
-    default="sim://xyz250",
-    envvar="PHASELEAD_PORT",
+    default=DEFAULT_PORT,
+    envvar=PORT_VARIABLE,
     show_default=True,
     show_envvar=True,
     help="Serial port, or sim://xyz250, or sim://STAGE.toml.",
@@ -91,21 +93,38 @@ def read_recordings(
     return [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
 
 
-def emit(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
-    """Prints for a person, or JSON alone when ``--json -``; writes the JSON file otherwise."""
+def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | str]) -> None:
+    """Prints ``parts``, tables and sentences, or JSON alone when ``--json -``; writes the JSON file otherwise."""
     if json_to and json_to != "-":
         from phaselead.record import write_text
 
         write_text(json_to, json_text(figures))
-    tell(figures, json_to, human)
+    show(figures, json_to, parts)
 
 
-def tell(figures: dict[str, Any], json_to: str | None, human: Callable[[Console], None]) -> None:
-    """Prints for a person, or JSON alone when ``--json -``; files are the caller's."""
+def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:
+    """Figures as they are: one line each for a person, or JSON."""
+    emit(figures, json_to, [pairs_table(figures)])
+
+
+def show(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | str]) -> None:
+    """Prints ``parts``, or JSON alone when ``--json -``; files are the caller's."""
     if json_to == "-":
         click.echo(json_text(figures), nl=False)
         return
-    human(Console(highlight=False, width=None if sys.stdout.isatty() else 120))
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    for part in parts:
+        console.print(part if isinstance(part, str) else terminal_table(part))
+
+
+def terminal_table(table: Table) -> TerminalTable:
+    """The table of a result as the terminal draws it: with lines where it has headings."""
+    plain = not any(table.headings)
+    look: Mapping[str, Any] = {"show_header": False, "box": None, "pad_edge": False} if plain else {}
+    drawn = TerminalTable(*table.headings, title=table.title or None, **look)
+    for row in table.rows:
+        drawn.add_row(*row)
+    return drawn
 
 
 @contextmanager

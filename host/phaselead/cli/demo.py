@@ -20,6 +20,6 @@ def demo(out: str, json_to: str | None) -> None:
     say = lines.append if json_to == "-" else click.echo
     with progress("demo", 1.0) as advance:
         report = run_demo(out, say, advance)
-    emit({"report": str(report)}, json_to, lambda console: None)
+    emit({"report": str(report)}, json_to, [])
     if json_to != "-":
         click.echo(report)

@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
-from rich.console import Console
-from rich.table import Table
 
-from phaselead.cli.common import emit, json_option, port_option
+from phaselead.cli.common import emit_pairs, json_option, port_option
 from phaselead.cli.listing import top_level
-from phaselead.device import Device, device_model
+from phaselead.control import connect
+from phaselead.device import Device
 from phaselead.model import load_stage
-
-
-def print_pairs(console: Console, figures: dict[str, Any]) -> None:
-    """One line a figure."""
-    table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in figures.items():
-        table.add_row(name.replace("_", " "), str(value))
-    console.print(table)
-
-
-def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:
-    """Figures as they are, for a person or as JSON."""
-    emit(figures, json_to, lambda console: print_pairs(console, figures))
 
 
 @top_level(order=80)
@@ -34,10 +18,8 @@ def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:
 @json_option
 def arm(port: str, model_crc: str, json_to: str | None) -> None:
     """Arm the device: its output is live and at the safe value until a path is started."""
-    with Device.open(port, park_on_exit=False) as device:
-        device.set_timeout(0)
-        device.arm(parse_crc(model_crc))
-        emit_pairs(device.status().as_dict(), json_to)
+    with connect(port, park_on_exit=False) as device:
+        emit_pairs(device.arm(parse_crc(model_crc)).as_dict(), json_to)
 
 
 def parse_crc(text: str) -> int:
@@ -56,9 +38,8 @@ def parse_crc(text: str) -> int:
 @json_option
 def park(port: str, json_to: str | None) -> None:
     """Ramp every axis to its safe value and disarm."""
-    with Device.open(port) as device:
-        device.park()
-        emit_pairs(device.status().as_dict(), json_to)
+    with connect(port) as device:
+        emit_pairs(device.park().as_dict(), json_to)
 
 
 @top_level(order=100)
@@ -80,7 +61,7 @@ def stop(port: str, json_to: str | None) -> None:
 @json_option
 def status(port: str, json_to: str | None) -> None:
     """Print what the device is doing."""
-    with Device.open(port, park_on_exit=False) as device:
+    with connect(port, park_on_exit=False) as device:
         emit_pairs(device.status().as_dict(), json_to)
 
 
@@ -90,7 +71,7 @@ def status(port: str, json_to: str | None) -> None:
 @json_option
 def info(port: str, json_to: str | None) -> None:
     """Print what the device is: build, schema, model, timing of its tick, last fault."""
-    with Device.open(port, park_on_exit=False) as device:
+    with connect(port, park_on_exit=False) as device:
         emit_pairs(device.info(), json_to)
 
 
@@ -102,9 +83,7 @@ def info(port: str, json_to: str | None) -> None:
 @json_option
 def upload(model_path: str, port: str, persist: bool, json_to: str | None) -> None:
     """Upload a stage file's model as one transaction, read it back and compare."""
-    blob = device_model(load_stage(model_path))
-    with Device.open(port) as device:
-        crc = device.upload(blob)
-        sequence = device.persist() if persist else None
-        figures = {"model": model_path, "bytes": len(blob), "crc": f"{crc:08x}", "read_back": "equal"}
-        emit_pairs(figures | ({"flash_record": sequence} if persist else {}), json_to)
+    stage = load_stage(model_path)
+    with connect(port) as device:
+        uploaded = device.upload(stage, persist=persist)
+        emit_pairs({"model": model_path} | uploaded.as_dict(), json_to)

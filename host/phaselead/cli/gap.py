@@ -9,6 +9,7 @@ import click
 
 from phaselead.cli.gap_campaign import campaign
 from phaselead.cli.listing import top_level
+from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
 
 # One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
 # ten times what they save.
@@ -76,7 +77,7 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 
 @gap.command("next")
 @click.argument("gap_json", metavar="gap.json")
-@click.option("--port", default="sim://xyz250", envvar="PHASELEAD_PORT", show_default=True, help="The device.")
+@click.option("--port", default=DEFAULT_PORT, envvar=PORT_VARIABLE, show_default=True, help="The device.")
 @click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 @click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("-o", "--output", metavar="more.h5", required=True)

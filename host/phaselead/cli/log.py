@@ -10,6 +10,7 @@ from phaselead.cli.common import (
     axis_option,
     duration_option,
     emit,
+    emit_pairs,
     json_option,
     map_option,
     port_option,
@@ -18,7 +19,6 @@ from phaselead.cli.common import (
     read_recordings,
     record_files,
 )
-from phaselead.cli.device import emit_pairs
 from phaselead.cli.listing import top_level
 from phaselead.record import RUN_SUFFIXES, check_output
 
@@ -38,21 +38,15 @@ def log() -> None:
 @json_option
 def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
     """Record what the device does, open loop; needs no model."""
-    from phaselead.control import journalled_listen, journalled_track
+    from phaselead.control import record_open_loop
     from phaselead.device import Device
-    from phaselead.record import recording_facts
     from phaselead.waveforms import parse_waves
 
     check_output(output, suffixes=RUN_SUFFIXES)
     waveforms = parse_waves(drive, axis) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
-        if waveforms is None:
-            recording = journalled_listen(device, axis, duration or 1.0, output=output, on_progress=advance)
-        else:
-            recording = journalled_track(
-                device, waveforms, "open", output=output, duration_s=duration, on_progress=advance
-            ).recording
-    emit_pairs(recording_facts(recording) | {"output": output}, json_to)
+        recording = record_open_loop(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
+    emit_pairs(recording.facts() | {"output": output}, json_to)
 
 
 @log.command()
@@ -62,10 +56,8 @@ def record(port: str, drive: str | None, duration: float | None, output: str, ax
 @json_option
 def info(recording_path: str, column_map: str | None, rate: str | None, json_to: str | None) -> None:
     """Say what a recording holds."""
-    from phaselead.record import recording_facts
-
     (recording,) = read_recordings([recording_path], column_map, rate)
-    emit_pairs(recording_facts(recording), json_to)
+    emit_pairs(recording.facts(), json_to)
 
 
 @log.command()
@@ -117,5 +109,5 @@ def replay(run: str, json_to: str | None) -> None:
     from phaselead.api import replay as execute_again
 
     replayed = execute_again(run)
-    emit(replayed.as_dict(), json_to, lambda console: console.print(str(replayed)))
+    emit(replayed.as_dict(), json_to, replayed.tables())
     sys.exit(0 if replayed else 1)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.table import Table
 
+from phaselead.api import fit as fit_stage
+from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
     emit,
     json_option,
@@ -19,38 +20,22 @@ from phaselead.cli.common import (
     record_files,
 )
 from phaselead.cli.listing import top_level
-from phaselead.identify import Base, FitReport, Verification, View, verification_dict
-from phaselead.identify import fit as fit_stage
-from phaselead.identify import verify as verify_stage
-from phaselead.model import load_stage, save_stage
+from phaselead.identify import Base, Verifications, View
+from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
 from phaselead.record import check_output, write_csv
+from phaselead.result import Table
 
 STAGE_SUFFIXES = (".toml",)
 records_argument = click.argument("records", metavar="REC...", nargs=-1, required=True)
 model_option = click.option("--model", "model_path", metavar="M", required=True, help="Stage file.")
 
 
-def verification_table(verifications: list[Verification], title: str) -> Table:
-    """Errors of a model on recordings, as a table."""
-    table = Table("record", "max (µm)", "mean |e| (µm)", "range (µm)", "max (%)", "mean (%)", title=title)
-    for v in verifications:
-        table.add_row(
-            v.file,
-            f"{v.max_um:.4g}",
-            f"{v.mean_um:.4g}",
-            f"{v.range_um:.4g}",
-            f"{v.max_pct:.2f}",
-            f"{v.mean_pct:.2f}",
-        )
-    return table
-
-
-def print_fit(console: Console, report: FitReport, output: str) -> None:
-    """What was fitted, what it left, and what could not be."""
-    for line in report.lines():
-        console.print(line)
-    console.print(f"wrote {output}")
+def verification_table(found: Verifications, title: str) -> Table:
+    """Errors of a model on recordings under this title."""
+    (table,) = found.tables()
+    assert isinstance(table, Table)
+    return replace(table.without("axis"), title=title)
 
 
 @top_level(order=30)
@@ -74,9 +59,9 @@ def fit(
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
     check_output(output, suffixes=STAGE_SUFFIXES, inputs=record_files(records))
-    stage, report = fit_stage(read_recordings(records, column_map, rate), base=base)
-    save_stage(output, stage)
-    emit(report.as_dict() | {"output": output}, json_to, lambda console: print_fit(console, report, output))
+    fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
+    fitted.save(output)
+    emit(fitted.as_dict() | {"output": output}, json_to, [*fitted.tables(), f"wrote {output}"])
 
 
 @top_level(order=40)
@@ -97,12 +82,8 @@ def verify(
 ) -> None:
     """Judge a stage file on recordings that it was not fitted on."""
     stage = load_stage(model_path)
-    verifications = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
-    emit(
-        {"records": [verification_dict(v) for v in verifications]},
-        json_to,
-        lambda console: console.print(verification_table(verifications, f"{view} view of {Path(model_path).name}")),
-    )
+    found = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
+    emit(found.as_dict(), json_to, [verification_table(found, f"{view} view of {Path(model_path).name}")])
 
 
 @top_level(order=50)
@@ -123,7 +104,7 @@ def predict(
     predicted = predict_position(stage, recording)
     write_csv(output, predicted)
     figures = {"output": output, "samples": len(predicted.t_s)}
-    emit(figures, json_to, lambda console: console.print(f"wrote {output}, {len(predicted.t_s)} samples"))
+    emit(figures, json_to, [f"wrote {output}, {len(predicted.t_s)} samples"])
 
 
 @top_level(order=20)
@@ -152,16 +133,8 @@ def identify(
     with Device.open(port) as device, progress("identifying", 1.0) as advance:
         if stage is None and (warning := assumed_limits(device)) is not None:
             click.echo(f"warning: {warning}", err=True)
-        result = identify_device(device, axis_names, advance, save_to=save_to, stage=stage)
-    save_stage(output, result.stage)
-
-    def human(console: Console) -> None:
-        print_fit(console, result.report, output)
-        for view, verifications in result.verifications.items():
-            console.print(verification_table(verifications, f"held out, {view} view"))
-
-    figures = result.report.as_dict() | {
-        "output": output,
-        "held_out": {view: [verification_dict(v) for v in vs] for view, vs in result.verifications.items()},
-    }
-    emit(figures, json_to, human)
+        fitted = identify_device(device, axis_names, advance, save_to=save_to, stage=stage).as_fit()
+    fitted.save(output)
+    held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
+    figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
+    emit(figures, json_to, [*fitted.report.lines(), f"wrote {output}", *held_out])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import click
-from rich.console import Console
-from rich.table import Table
 
 from phaselead.cli.common import emit, json_option
 from phaselead.cli.listing import top_level
@@ -17,11 +15,4 @@ from phaselead.serial_ports import list_ports
 def ports(json_to: str | None) -> None:
     """List serial ports, without opening them. The virtual stage sim://xyz250 is always there."""
     found = list_ports()
-
-    def human(console: Console) -> None:
-        table = Table("port", "what it is")
-        for entry in found:
-            table.add_row(entry.url, entry.description)
-        console.print(table)
-
-    emit({"ports": [{"url": entry.url, "description": entry.description} for entry in found]}, json_to, human)
+    emit({"ports": [{"url": one.url, "description": one.description} for one in found]}, json_to, found.tables())

@@ -18,8 +18,8 @@ def sim(url: str, pty: bool, link: str | None) -> None:
 
     STAGE is sim://xyz250, sim://FILE.toml or a stage file. The device lives until Ctrl-C.
     """
-    from phaselead.sim import serve
+    from phaselead.api import sim as serve
 
     if not pty:
         raise BadInput("say how to serve it: phaselead sim --pty (in-process use needs no server: --port sim://xyz250)")
-    serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link)
+    serve(url, link=link)

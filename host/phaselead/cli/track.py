@@ -3,40 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import click
-from rich.console import Console
-from rich.table import Table
 
 from phaselead.cli.common import axis_option, duration_option, emit, json_option, port_option, progress
 from phaselead.cli.listing import top_level
-from phaselead.control import MODES, journalled_track, parse_gains
+from phaselead.control import MODES, parse_gains, track_to_file
 from phaselead.device import Device
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
 from phaselead.waveforms import examples, parse_waves
-
-
-def print_run(console: Console, figures: dict[str, Any], axis: str, output: str | None) -> None:
-    """Errors per axis: over the last four periods, and from rest. ``axis`` is the one there is, if only one."""
-    table = Table("axis", "", "max (µm)", "max (%)", "rms (µm)", "mean removed (µm)", title=f"mode {figures['mode']}")
-    for name, row in figures.get("axes", {axis: figures}).items():
-        if row["max_um"] is None:
-            console.print(f"{name} moved {row['measured_range_um']:.4g} µm peak-to-peak (open loop: no error to judge)")
-            continue
-        for label, part in (("last four periods", row), ("from rest", row["from_rest"])):
-            table.add_row(
-                name,
-                label,
-                f"{part['max_um']:.4g}",
-                f"{part['max_pct']:.2f}",
-                f"{part['rms_um']:.4g}",
-                f"{part['max_um_mean_removed']:.4g}",
-            )
-    if table.row_count:
-        console.print(table)
-    console.print(f"{figures['ticks']} ticks, {figures['dropped']} dropped" + (f"; wrote {output}" if output else ""))
 
 
 def names_every_kind(command: Callable[..., None]) -> Callable[..., None]:
@@ -81,7 +57,7 @@ def track(
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
-        run = journalled_track(
+        run = track_to_file(
             device,
             waveforms,
             mode,
@@ -91,4 +67,5 @@ def track(
             duration_s=duration,
             on_progress=advance,
         )
-    emit(run.figures, json_to, lambda console: print_run(console, run.figures, next(iter(waveforms)), output))
+    *parts, counted = run.tables()
+    emit(run.figures, json_to, [*parts, f"{counted}; wrote {output}" if output else counted])

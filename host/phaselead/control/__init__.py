@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from phaselead.control.controller import Controller, Upload, connect, default_port
+from phaselead.control.controller import Controller, connect
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.gains import PAPER_GAINS, parse_gains
-from phaselead.control.journal import journalled_listen, journalled_track, recover_run
+from phaselead.control.journal import record_open_loop, recover_run, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import MODES, assumed_limits, track
 
@@ -15,14 +15,12 @@ __all__ = [
     "Controller",
     "Run",
     "TrackingError",
-    "Upload",
     "assumed_limits",
     "connect",
-    "default_port",
-    "journalled_listen",
-    "journalled_track",
     "parse_gains",
+    "record_open_loop",
     "recover_run",
     "track",
+    "track_to_file",
     "tracking_error",
 ]

@@ -13,23 +13,19 @@ from typing import TYPE_CHECKING, Any, Self
 
 from phaselead import interrupt
 from phaselead.control.gains import parse_gains
-from phaselead.control.journal import journalled_listen, journalled_track
+from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits
-from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model
-from phaselead.device import selftest as test_axis
+from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, selftest
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
 from phaselead.result import Facts, Result, Table, pairs_table
+from phaselead.serial_ports import default_port
 from phaselead.waveforms import Waveform, parse_wave, parse_waves
 
 if TYPE_CHECKING:
-    from phaselead.identify import FitResult, Verification, View
-
-DEFAULT_PORT = "sim://xyz250"
-PORT_VARIABLE = "PHASELEAD_PORT"
-LISTEN_S = 1.0
+    from phaselead.identify import FitResult
 
 Progress = Callable[[float], None]
 """Is given the fraction done, now and then."""
@@ -37,11 +33,6 @@ WaveLike = str | Waveform
 WavesLike = WaveLike | Mapping[str, WaveLike]
 GainsLike = str | Gains | tuple[float, float, float]
 """``"paper"``, ``"KP,KI,KD"`` or three numbers in V/um, V/(um s), V s/um, or ``Gains``."""
-
-
-def default_port() -> str:
-    """``$PHASELEAD_PORT`` as it is now, else the built-in virtual stage."""
-    return os.environ.get(PORT_VARIABLE) or DEFAULT_PORT
 
 
 def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:
@@ -177,9 +168,7 @@ class Controller:
 
         Raises BadInput for axes that make no sense, PhaseleadError when the device holds a model.
         """
-        if not axes or any(axis not in "xyz" for axis in axes) or len(set(axes)) != len(axes):
-            raise BadInput(f"axes {axes!r}: letters of x, y and z, each once")
-        return SelfTest({axis: test_axis(self.device, axis) for axis in axes})
+        return selftest(self.device, axes)
 
     # ---------------------------------------------------------------- the model
 
@@ -209,7 +198,7 @@ class Controller:
         which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import FitResult, Verifications, identify_device  # slow to load, needed here only
+        from phaselead.identify import identify_device  # slow to load, needed here only
 
         letters = tuple(axes.replace(",", "").replace(" ", ""))
         if not letters or not set(letters) <= set("xyz") or len(set(letters)) != len(letters):
@@ -218,10 +207,7 @@ class Controller:
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
         folder = None if save is None else os.fspath(save)
-        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage)
-        judged: list[tuple[View, list[Verification]]] = [(v, found.verifications[v]) for v in ("time", "table")]
-        held_out = {view: Verifications(errors, view, found.stage.name) for view, errors in judged}
-        return FitResult(found.stage, found.report, found.recordings, held_out)
+        return identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
 
     # ---------------------------------------------------------------- running
 
@@ -257,7 +243,7 @@ class Controller:
         waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
-        run = journalled_track(
+        run = track_to_file(
             self.device,
             waveforms,
             mode,
@@ -290,12 +276,17 @@ class Controller:
         codes that a replay needs. Raises as ``track`` does.
         """
         path = _output(output)
-        if drive is not None:
-            run = self.track(drive, mode="open", axis=axis, duration=duration, output=output, on_progress=on_progress)
-            return run.recording
-        seconds = LISTEN_S if duration is None else duration
-        recording = journalled_listen(self.device, axis, seconds, output=path, on_progress=on_progress)
-        return _named(recording, path or f"{axis} at rest")
+        waveforms = None if drive is None else _waves(drive, axis, {})
+        recording = record_open_loop(
+            self.device,
+            waveforms,
+            axis,
+            output=path,
+            stage=None if waveforms is None else self._own_model(waveforms, "open"),
+            duration_s=duration,
+            on_progress=on_progress,
+        )
+        return _named(recording, path or _text(drive) or f"{axis} at rest")
 
 
 def _named(recording: Recording, name: str) -> Recording:

@@ -29,12 +29,13 @@ from phaselead.record import (
     Recording,
     check_output,
     read_journal,
-    recording_facts,
     write_hdf5,
 )
 from phaselead.waveforms import Waveform
 
 Progress = Callable[[float], None]
+LISTEN_S = 1.0
+"""How long a device is listened to when nobody says."""
 
 
 class RunFile:
@@ -76,7 +77,7 @@ class RunFile:
             os.remove(self.path)
             self._writer = None
 
-    def left(self) -> str:
+    def recovery_hint(self) -> str:
         """After an error: how to get at what was received, or nothing when there is nothing to get at."""
         if self._writer is None:
             return ""
@@ -109,10 +110,10 @@ def run_file(output: str | None, device: Device, mode: str, stage: Stage | None,
         yield run
     except (PhaseleadError, KeyboardInterrupt) as error:
         said = [str(error)] if isinstance(error, PhaseleadError) else [after_interrupt(device)]
-        error.args = ("; ".join(part for part in (*said, run.left()) if part),)
+        error.args = ("; ".join(part for part in (*said, run.recovery_hint()) if part),)
         raise
     except BaseException:
-        run.left()
+        run.recovery_hint()
         raise
 
 
@@ -135,7 +136,7 @@ def journal_header(device: Device, mode: str, stage: Stage | None) -> dict[str, 
     }
 
 
-def journalled_track(
+def track_to_file(
     device: Device,
     waveforms: Mapping[str, Waveform],
     mode: str,
@@ -146,7 +147,10 @@ def journalled_track(
     duration_s: float | None = None,
     on_progress: Progress | None = None,
 ) -> Run:
-    """``track`` with its data journalled, then written to ``output``; a run that ends in a fault is written too."""
+    """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
+
+    A run that ends in a fault is written too.
+    """
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
             run = track(
@@ -166,10 +170,10 @@ def journalled_track(
     return run
 
 
-def journalled_listen(
+def listen_to_file(
     device: Device, axes: str, duration_s: float, *, output: str | None, on_progress: Progress | None = None
 ) -> Recording:
-    """Records what the device does without driving it, and writes ``output`` if there is one."""
+    """Records what the device does without driving it; written as by ``track_to_file``."""
     ticks = round(duration_s * TICK_HZ)
     if ticks < 1:
         raise BadInput(f"a duration of {duration_s:g} s is shorter than one tick of 0.2 ms; use a longer one")
@@ -179,6 +183,30 @@ def journalled_listen(
         recording = recording_of(capture)
         file.write(capture, recording)
     return recording
+
+
+def record_open_loop(
+    device: Device,
+    waveforms: Mapping[str, Waveform] | None,
+    axis: str = "x",
+    *,
+    output: str | None,
+    stage: Stage | None = None,
+    duration_s: float | None = None,
+    on_progress: Progress | None = None,
+) -> Recording:
+    """Records what the device does while the waveforms, in volts, are played; without any it only listens on ``axis``.
+
+    ``stage`` has limits and calibration; it is uploaded before anything is played. ``duration_s`` is by default ten
+    periods, or 1 s when only listening. Raises as ``track``.
+    """
+    if waveforms is None:
+        seconds = LISTEN_S if duration_s is None else duration_s
+        return listen_to_file(device, axis, seconds, output=output, on_progress=on_progress)
+    run = track_to_file(
+        device, waveforms, "open", output=output, stage=stage, duration_s=duration_s, on_progress=on_progress
+    )
+    return run.recording
 
 
 def recover_run(journal_path: str, output: str) -> dict[str, Any]:
@@ -202,7 +230,7 @@ def recover_run(journal_path: str, output: str) -> dict[str, Any]:
     recording = _recovered(header, decode_samples(samples))
     write_hdf5(output, recording)
     os.remove(journal_path)
-    return recording_facts(recording) | {
+    return recording.facts() | {
         "output": output,
         "torn_bytes": torn_bytes,
         "damaged_frames": reader.errors,

@@ -37,7 +37,7 @@ class Run(SampledResult):
     >>> run.save("run.h5")
     >>> print(run)  # doctest: +ELLIPSIS
     mode pid
-    axis                     max (um)  max (%)  rms (um)  mean removed (um)
+    axis                     max (µm)  max (%)  rms (µm)  mean removed (µm)
     x     last four periods  ...
     """
 
@@ -68,18 +68,18 @@ class Run(SampledResult):
         yield from several.items() if several else ((axis, self.figures) for axis in self.recording.axes)
 
     def tables(self) -> list[Table | str]:
-        headings = ("axis", "", "max (um)", "max (%)", "rms (um)", "mean removed (um)")
-        rows, said = [], [f"mode {self.mode}"]
+        headings = ("axis", "", "max (µm)", "max (%)", "rms (µm)", "mean removed (µm)")
+        rows, said = [], []
         for axis, figures in self.of_axes():
             if figures["max_um"] is None:
-                moved = f"{figures['measured_range_um']:.4g} um peak-to-peak"
+                moved = f"{figures['measured_range_um']:.4g} µm peak-to-peak"
                 said.append(f"{axis} moved {moved} (open loop: no error to judge)")
                 continue
             for label, part in (("last four periods", figures), ("from rest", figures["from_rest"])):
-                numbers = (part["max_um"], part["max_pct"], part["rms_um"], part["max_um_mean_removed"])
-                rows.append((axis, label, *(f"{number:.4g}" for number in numbers)))
+                numbers = (f"{part[name]:.4g}" for name in ("rms_um", "max_um_mean_removed"))
+                rows.append((axis, label, f"{part['max_um']:.4g}", f"{part['max_pct']:.2f}", *numbers))
         counted = f"{self.figures['ticks']} ticks, {self.figures['dropped']} dropped"
-        return [*said, *([Table(headings, tuple(rows))] if rows else []), counted]
+        return [*said, *([Table(headings, tuple(rows), f"mode {self.mode}")] if rows else []), counted]
 
     def plot(self) -> Figure:
         """Reference, position and error of every axis; in mode open voltage and position."""

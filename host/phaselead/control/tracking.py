@@ -35,7 +35,7 @@ REMANENCE_um = 15.0
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
     """Ten periods of the slowest path; a move and a second."""
-    return max(waveform.usual_s for waveform in waveforms.values())
+    return max(waveform.default_duration_s for waveform in waveforms.values())
 
 
 def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None) -> None:
@@ -106,7 +106,7 @@ def track(
     standing = standings(device)
     waveforms = {axis: from_standing(axis, waveform, standing[axis]) for axis, waveform in waveforms.items()}
     for axis, waveform in waveforms.items():
-        set_up_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks)
+        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks)
     capture = device.capture(
         ticks,
         axes="".join(sorted(waveforms)),
@@ -137,8 +137,8 @@ def assumed_limits(device: Device) -> str | None:
     )
 
 
-def set_up_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
-    """Mode, gains, waveform and path of one axis."""
+def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
+    """Sends mode, gains, waveform and path of one axis to the device."""
     device.set_axis(axis, mode, **(gains.model_dump() if gains is not None else {}))
     if waveform.points is not None:
         device.upload_wave(axis, waveform.points)

@@ -8,13 +8,13 @@ from phaselead.device.device import Device, DeviceStatus
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
+from phaselead.device.loop_test import SelfTest, check_letters, selftest
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.run_file import read_capture, recording_of, write_run
-from phaselead.device.selftest import SelfTest, selftest
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.device.stream import AXES, Capture, axes_of, decode_samples
 from phaselead.device.wire import Channel, Mode
-from phaselead.serial_ports import BAUD, Ports, list_ports
+from phaselead.serial_ports import BAUD
 
 __all__ = [
     "AXES",
@@ -28,17 +28,16 @@ __all__ = [
     "DeviceStatus",
     "FrameReader",
     "Mode",
-    "Ports",
     "SelfTest",
     "Standing",
     "axes_of",
+    "check_letters",
     "decode_samples",
     "device_model",
     "encode_frame",
     "flash_board",
     "from_device_model",
     "inverse_refusal",
-    "list_ports",
     "read_capture",
     "recording_of",
     "selftest",

@@ -12,12 +12,11 @@ from phaselead.gap.findings import (
     Spectrum,
     Trace,
     parameter_rows,
-    parameter_texts,
 )
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
 from phaselead.gap.result import GapResult
-from phaselead.gap.run import keep_freed_memory, run_gap
-from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port, verify_on
+from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
+from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port
 
 __all__ = [
     "LEVEL",
@@ -37,7 +36,6 @@ __all__ = [
     "headline",
     "keep_freed_memory",
     "parameter_rows",
-    "parameter_texts",
     "percent",
     "proposal_of",
     "read_proposal",
@@ -45,5 +43,5 @@ __all__ = [
     "run_proposal",
     "typical_of",
     "unit_of",
-    "verify_on",
+    "verified_on",
 ]

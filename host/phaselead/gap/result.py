@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,9 @@ from phaselead.gap.findings import (
     Spectrum,
     Trace,
     parameter_rows,
+    parameter_texts,
 )
+from phaselead.gap.locate import excludes, headline, percent, unit_of
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Stage
 from phaselead.record import write_text
@@ -26,8 +29,8 @@ from phaselead.result import Result, Table, json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_LISTED = 5
-"""Of the largest cells, in the table."""
+MOST_CELLS = 5
+"""Of the largest cells, in a notebook."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,7 +81,8 @@ class GapResult(Result):
     """What tracking on a device came to, where that was asked for."""
 
     def as_json(self) -> dict[str, Any]:
-        """The content of gap.json."""
+        """The content of gap.json, with what tracking on a device came to where that was asked for."""
+        tracked = {} if self.verification is None else self.verification.as_dict()
         return {
             "verdicts": list(self.verdicts),
             "effects": [_effect(effect) for effect in self.effects],
@@ -95,6 +99,7 @@ class GapResult(Result):
             },
             "next_experiment": _experiment(self.next_experiment),
             "holdout_sha256": list(self.holdout_sha256),
+            **tracked,
         }
 
     @property
@@ -116,37 +121,38 @@ class GapResult(Result):
 
     def tables(self) -> list[Table | str]:
         gap = self.gap
-        floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
-        parts: list[Table | str] = [
-            f"verdict: {', '.join(self.verdicts)}",
-            f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}",
-        ]
-        if self.effects:
-            parts.append(self._effects())
+        parts: list[Table | str] = [f"verdict: {', '.join(self.verdicts)}"]
+        for effect in self.effects:
+            on = f" ({effect.axis})" if effect.axis else ""
+            parts.append(f"{effect.name}{on}: {percent(effect.share)} of the unexplained power; {effect.why}")
+            headings = ("parameter", "value", "95 % interval", "unit")
+            parts.append(Table(headings, tuple(parameter_texts(effect.params))))
         parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]
-        if self.where:
-            rows = ((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_LISTED])
-            parts.append(Table(("where", "cell", "share of the unexplained power"), tuple(rows)))
-        if self.excluded:
-            bounds = ((b.name, f"{b.upper_95:.2g}", "" if b.unit == "1" else b.unit) for b in self.excluded)
-            parts.append(Table(("not named", "at most (95 %)", "unit"), tuple(bounds)))
+        if (where := headline(self.where)) is not None:
+            parts.append(where)
+        floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
+        parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}")
+        parts += _bounds(self.excluded)
         if self.untestable:
             parts.append(f"not testable with these records: {', '.join(self.untestable)}")
         if self.next_experiment is not None:
             parts.append(_experiment_text(self.next_experiment))
-        return [*parts, *self.messages]
+        tracked = [] if self.verification is None else self.verification.tables()
+        return [*parts, *self.messages, *tracked]
 
-    def _effects(self) -> Table:
-        rows = tuple(
-            (effect, axis or "", parameter, f"{value:.4g}", f"{low:.4g} .. {high:.4g}", unit, f"{100 * share:.0f} %")
-            for effect, axis, parameter, value, low, high, unit, share in zip(*self.columns.values(), strict=True)
+    def _repr_html_(self) -> str:
+        """What is printed, and below it the largest cells of the residual and every bound."""
+        cells = tuple((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_CELLS])
+        bounds = tuple((b.name, f"{b.upper_95:.2g}", unit_of(b.unit)) for b in self.excluded)
+        below = (
+            Table(("where", "cell", "share of the unexplained power"), cells),
+            Table(("not named", "at most (95 %)", "unit"), bounds),
         )
-        return Table(("effect", "axis", "parameter", "value", "95 % interval", "unit", "share"), rows)
+        return super()._repr_html_() + "".join(table.html() for table in below if table.rows)
 
     def save_json(self, path: str | os.PathLike[str]) -> None:
-        """Writes gap.json, with what tracking on a device came to where that was asked for."""
-        tracked = {} if self.verification is None else self.verification.as_dict()
-        write_text(os.fspath(path), json_text(self.as_json() | tracked))
+        """Writes gap.json."""
+        write_text(os.fspath(path), json_text(self.as_json()))
 
     def plot(self) -> Figure:
         """What the model left of the held-out record it missed most, before and after; and the cells it lies in."""
@@ -158,13 +164,24 @@ class GapResult(Result):
         return f"<GapResult: {', '.join(self.verdicts)}; {self.gap.before:.3g} -> {self.gap.after:.3g} {self.gap.unit}>"
 
 
+def _bounds(excluded: Sequence[Bound]) -> list[str]:
+    """The bounds in two lines: effects that are not there, and effects that may be there but are no larger."""
+    found = []
+    for said, sure in (("not there", True), ("may be there, but not larger", False)):
+        below = [f"{b.name} < {b.upper_95:.2g} {unit_of(b.unit)}".strip() for b in excluded if excludes(b) == sure]
+        if below:
+            found.append(f"{said}: {', '.join(below)}")
+    return found
+
+
 def _experiment_text(e: NextExperiment) -> str:
     low, high = e.band
     band = f"{low:.3g} Hz" if low == high else f"{low:.3g}..{high:.4g} Hz"
     text = (
-        f"next experiment: {e.waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, {e.seconds:.3g} s"
+        f"next: {e.waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
+        f"{e.seconds:.3g} s; predicted squared separation {e.separation:.3g}"
     )
-    return f"{text}; no voltage tells them apart, it takes {e.needs_sensor}" if e.needs_sensor else text
+    return f"{text}; no voltage tells them apart; that takes {e.needs_sensor}" if e.needs_sensor else text
 
 
 def _effect(effect: NamedEffect) -> dict[str, Any]:

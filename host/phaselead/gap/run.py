@@ -6,6 +6,7 @@ import ctypes
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
+from phaselead.gap.verify_on import verify_on
 from phaselead.model import Effect, Stage, catalogue
 from phaselead.record import Recording
 
@@ -54,7 +56,13 @@ def run_gap(
         results = _each_axis(stage, runs, effects, held, seed, report)
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
-    return _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
+    found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
+    return replace(found, base=stage)
+
+
+def verified_on(port: str, base: Stage, result: GapResult, on_progress: Progress | None = None) -> GapResult:
+    """The result with how well the device at ``port`` tracks under ``base``, which was compared, and the next stage."""
+    return replace(result, verification=verify_on(port, base, result.stage, on_progress))
 
 
 def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[str, ...], seconds: float) -> GapResult:

@@ -10,6 +10,7 @@ from phaselead.device import TICK_HZ, Device, inverse_refusal
 from phaselead.errors import PhaseleadError
 from phaselead.model import AxisModel, Place, Stage, compensation, effect, rest_position_um
 from phaselead.record import Samples
+from phaselead.result import Result, Table
 from phaselead.waveforms import JUDGED_PERIODS, SETTLE_S, Goto, Periodic, Sine, Triangle, Waveform
 
 SINE_Hz, TRIANGLE_Hz, MOVE_Hz = 5.0, 20.0, 10.0
@@ -19,6 +20,7 @@ HOLD_s = 6.0
 PATH_START, PATH_SWING = 0.1, 0.5
 """Where a path begins and how far it goes, as shares of what every model can reach."""
 SHOWN_PERIODS = 2
+ROW = ("axis", "path", "mode")
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class TrackedPath:
 
 
 @dataclass(frozen=True)
-class TrackingComparison:
+class TrackingComparison(Result):
     """Tracking errors before and after; ``messages`` say what was not run, and why."""
 
     port: str
@@ -53,6 +55,19 @@ class TrackingComparison:
         """For JSON, as one more field of gap.json."""
         rows = [row.as_dict() for row in self.tracked]
         return {"tracking": {"port": self.port, "runs": rows, "messages": list(self.messages)}}
+
+    @property
+    def columns(self) -> dict[str, list[object]]:
+        """One entry for each path: axis, path, mode, before_rms_um, after_rms_um."""
+        found: dict[str, list[object]] = {name: [getattr(r, name) for r in self.tracked] for name in ROW}
+        found["before_rms_um"] = [row.before.rms_um for row in self.tracked]
+        return found | {"after_rms_um": [row.after.rms_um for row in self.tracked]}
+
+    def tables(self) -> list[Table | str]:
+        headings = ("axis", "path", "mode", "before (µm rms)", "after (µm rms)")
+        rows = ((r.axis, r.path, r.mode, f"{r.before.rms_um:.4g}", f"{r.after.rms_um:.4g}") for r in self.tracked)
+        table = Table(headings, tuple(rows), f"tracking on {self.port}")
+        return [*([table] if self.tracked else []), *self.messages]
 
 
 def check_port(port: str) -> None:

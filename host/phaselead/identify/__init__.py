@@ -11,7 +11,7 @@ from phaselead.identify.experiment import (
     run_experiment,
 )
 from phaselead.identify.fit_result import FitResult
-from phaselead.identify.fitting import Base, FitReport, fit
+from phaselead.identify.fitting import Base, fit
 from phaselead.identify.gauss_newton import descend
 from phaselead.identify.modal import (
     Drive,
@@ -29,7 +29,7 @@ from phaselead.identify.modal import (
 from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
 from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
-from phaselead.identify.verification import Verification, View, verification_dict, verify
+from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
 
 __all__ = [
@@ -41,7 +41,6 @@ __all__ = [
     "Drive",
     "Drives",
     "Experiment",
-    "FitReport",
     "FitResult",
     "Identified",
     "JointExperiment",
@@ -66,6 +65,5 @@ __all__ = [
     "run_experiment",
     "score_test",
     "starting_memory",
-    "verification_dict",
     "verify",
 ]

@@ -27,8 +27,10 @@ from phaselead.device import (
     write_run,
 )
 from phaselead.errors import BadInput
+from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import FitReport, fit
-from phaselead.identify.verification import Verification, verify
+from phaselead.identify.verification import Verification, View, verify
+from phaselead.identify.verifications import Verifications
 from phaselead.model import AxisModel, Stage
 from phaselead.record import AXES, Recording, refuse_gapped
 from phaselead.waveforms import Sine, refuse_out_of_range
@@ -106,9 +108,14 @@ class Identified:
 
     stage: Stage
     report: FitReport
-    verifications: dict[str, list[Verification]]
+    verifications: dict[View, list[Verification]]
     recordings: list[Recording]
     held_out: list[Recording]
+
+    def as_fit(self) -> FitResult:
+        """The result as people see it."""
+        held_out = {view: Verifications(found, view, self.stage.name) for view, found in self.verifications.items()}
+        return FitResult(self.stage, self.report, self.recordings, held_out)
 
 
 def parse_axes(text: str) -> tuple[str, ...]:
@@ -153,7 +160,7 @@ def identify_device(
     found, report = fit(used, name="identified", parent=parent)
     origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
     found = found.model_copy(update={"provenance": origin})
-    verifications = {
+    verifications: dict[View, list[Verification]] = {
         "time": verify(found, [after_first_period(r, e) for r, e in _held_out(chosen, kept)], "time"),
         "table": verify(found, kept, "table"),
     }

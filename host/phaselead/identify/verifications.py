@@ -29,7 +29,7 @@ class Verifications(Result, list[Verification]):
     (1, 'x', True)
     >>> print(report)  # doctest: +ELLIPSIS
     time view ...
-    record       axis  max (um)  mean |e| (um)  range (um)  max (%)  mean (%)
+    record       axis  max (µm)  mean |e| (µm)  range (µm)  max (%)  mean (%)
     sine:4V@5Hz  x     ...
     """
 
@@ -49,7 +49,7 @@ class Verifications(Result, list[Verification]):
         return {"records": [verification_dict(one) for one in self]}
 
     def tables(self) -> list[Table | str]:
-        headings = ("record", "axis", "max (um)", "mean |e| (um)", "range (um)", "max (%)", "mean (%)")
+        headings = ("record", "axis", "max (µm)", "mean |e| (µm)", "range (µm)", "max (%)", "mean (%)")
         rows = tuple(
             (
                 v.file,

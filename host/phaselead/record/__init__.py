@@ -6,12 +6,12 @@ from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, parse_column_map, parse_rate
-from phaselead.record.export import SUFFIXES, export, write_csv
-from phaselead.record.gather import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
+from phaselead.record.exporting import SUFFIXES, export, write_csv
+from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.journal import JournalWriter, read_journal
 from phaselead.record.read import read_recording, split_argument
-from phaselead.record.recording import Recording, Recordings, recording_facts
+from phaselead.record.recording import Recording, Recordings
 from phaselead.record.sampled import SampledResult
 
 __all__ = [
@@ -39,7 +39,6 @@ __all__ = [
     "read_hdf5",
     "read_journal",
     "read_recording",
-    "recording_facts",
     "refuse_clipped",
     "refuse_gapped",
     "split_argument",

@@ -69,7 +69,23 @@ class Recording(SampledResult):
 
     def facts(self) -> dict[str, Any]:
         """Length, rate, axes and ranges, and what its file says of where it came from: what ``log info`` prints."""
-        return recording_facts(self)
+        facts: dict[str, Any] = {
+            **({"source": self.source} if self.source else {}),
+            "samples": len(self.t_s),
+            "rate_Hz": round(_rate_Hz(self), 6) if len(self.t_s) > 1 else None,
+            "from_s": float(self.t_s[0]),
+            "to_s": float(self.t_s[-1]),
+            "axes": "".join(self.axes),
+        }
+        for name, axis in self.axes.items():
+            for label, unit, values in (("u", "V", axis.u_V), ("x", "um", axis.x_um), ("r", "um", axis.r_um)):
+                if values is not None:
+                    facts[f"{name}_{label}_min_{unit}"] = float(np.min(values))
+                    facts[f"{name}_{label}_max_{unit}"] = float(np.max(values))
+        for key in ("target", "build_id", "mode", "dropped_ticks", "gaps"):
+            if key in self.meta:
+                facts[key] = self.meta[key]
+        return facts
 
     def tables(self) -> list[Table | str]:
         return [pairs_table(self.facts())]
@@ -107,7 +123,7 @@ class Recordings(Result, list[Recording]):
         return {
             "recording": [PurePath(r.source).name or f"{i}" for i, r in enumerate(self, 1)],
             "samples": [len(r.t_s) for r in self],
-            "rate_Hz": [recording_facts(r)["rate_Hz"] for r in self],
+            "rate_Hz": [r.facts()["rate_Hz"] for r in self],
             "from_s": [float(r.t_s[0]) for r in self],
             "to_s": [float(r.t_s[-1]) for r in self],
             "axes": ["".join(r.axes) for r in self],
@@ -128,27 +144,6 @@ class Recordings(Result, list[Recording]):
 
     def __repr__(self) -> str:
         return f"<{len(self)} recordings: {', '.join(self.columns['recording'])}>"
-
-
-def recording_facts(recording: Recording) -> dict[str, Any]:
-    """Length, rate, axes and ranges of a recording, and what its file says of where it came from."""
-    facts: dict[str, Any] = {
-        **({"source": recording.source} if recording.source else {}),
-        "samples": len(recording.t_s),
-        "rate_Hz": round(_rate_Hz(recording), 6) if len(recording.t_s) > 1 else None,
-        "from_s": float(recording.t_s[0]),
-        "to_s": float(recording.t_s[-1]),
-        "axes": "".join(recording.axes),
-    }
-    for name, axis in recording.axes.items():
-        for label, unit, values in (("u", "V", axis.u_V), ("x", "um", axis.x_um), ("r", "um", axis.r_um)):
-            if values is not None:
-                facts[f"{name}_{label}_min_{unit}"] = float(np.min(values))
-                facts[f"{name}_{label}_max_{unit}"] = float(np.max(values))
-    for key in ("target", "build_id", "mode", "dropped_ticks", "gaps"):
-        if key in recording.meta:
-            facts[key] = recording.meta[key]
-    return facts
 
 
 def _rate_Hz(recording: Recording) -> float:

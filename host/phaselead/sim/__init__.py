@@ -6,8 +6,7 @@ from phaselead.sim.device import load_library
 from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
 from phaselead.sim.plant import built_in, plant_parameters
 from phaselead.sim.pty import serve
-from phaselead.sim.replay import replay
-from phaselead.sim.replayed import Replay
+from phaselead.sim.replaying import Replay, replay
 from phaselead.sim.stack_use import worst_stack
 
 __all__ = [

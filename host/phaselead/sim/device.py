@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.compiled import library_path
+from phaselead.device import BAUD
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.sim.plant import PlantParameters
 from phaselead.sim.structures import LinkedParameters
-
-BAUD = 2_000_000
-AXES = "xyz"
 
 Codes = NDArray[np.uint16]
 

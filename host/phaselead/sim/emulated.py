@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.compiled import library_path
+from phaselead.device import BAUD
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.sim.device import BAUD, Codes
+from phaselead.sim.device import Codes
 from phaselead.sim.plant import PlantParameters
 from phaselead.source_tree import boards
 

@@ -1,6 +1,9 @@
 """A stage file with any effects of the catalogue as parameters of the linked kernel.
 
-Each effect says in its file (``virtual``) which parts it is made of; the equations of the parts are written out here
+The linked kernel is a chain: the voltage passes from link to link (filters, clips, the hysteresis operator) up to the
+sensor. It takes effects in any number and order; the exact kernel of ``plant.py`` takes a few, each at one place.
+
+Each effect says in its file (``virtual``) which parts it is made of. The equations of the parts are written out here
 and in ``kernel/link.c`` a second time, so that what a virtual stage does can be held against what a model says.
 """
 
@@ -9,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from phaselead.device import AXES
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, CheckedParameters, Place, Stage, VirtualAxis, catalogue
 from phaselead.sim.structures import (
@@ -28,11 +32,10 @@ from phaselead.sim.structures import (
 )
 
 LONGEST_DELAY_S = 10.0
-AXES = "xyz"
 
 
-def tell_effects(axis: VirtualAxis) -> None:
-    """Tell ``axis`` the effects of its model, in the order in which they act.
+def add_effects(axis: VirtualAxis) -> None:
+    """Add the parts of every effect of its model to ``axis``, in the order in which the effects act.
 
     Raises BadInput for what cannot be simulated, and NotPlayed for what this axis cannot be.
     """
@@ -163,7 +166,7 @@ class LinkedParts(VirtualAxis):
         self._surroundings.vibration_Hz, self._surroundings.vibration_width_Hz = f_Hz, width_Hz
 
     def _link(self, make: Callable[[], Link]) -> None:
-        """One more link at the place of the effect that is telling."""
+        """One more link at the place of the effect that is being added."""
         if self.place in (Place.COUPLING, Place.ENVIRONMENT):
             raise BadInput(f"{self.where}: the simulator has no filters, clips and plays at {self.place.name.lower()}")
         self._links.append((self.place, make))
@@ -275,5 +278,5 @@ def _axis(axis: LinkedAxis, model: AxisModel | None, where: str, tick_s: float, 
     axis.surroundings.low_um, axis.surroundings.high_um = sorted(parts.ends_um)
     axis.operator.gain_um_per_V, axis.offset_um = view.gain_um_per_V, view.offset_um
     axis.delay_s += view.delay_s
-    tell_effects(parts)
+    add_effects(parts)
     parts.finish()

@@ -8,15 +8,14 @@ from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
+from phaselead.device import AXES
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, NotPlayed, Place, Stage, VirtualAxis, load_stage, parse_stage
-from phaselead.sim.linked import linked_parameters, tell_effects
+from phaselead.model import TICK_S, AxisModel, NotPlayed, Place, Stage, VirtualAxis, load_stage, parse_stage
+from phaselead.sim.linked import add_effects, linked_parameters
 from phaselead.sim.structures import LinkedParameters
 
-TICK_S = 1 / 5000
 LATCH_S = 20e-6
 """From the sample of a tick to its DAC output, in every build of the firmware."""
-AXES = "xyz"
 PLAYS, DEADZONES, CREEPS, MODES, DELAY_TICKS = 64, 32, 8, 4, 63
 """Bounds of the kernel, as in plant.h."""
 
@@ -176,7 +175,7 @@ def _exact_parts(stage: Stage) -> dict[str, ExactParts] | None:
     found = {name: ExactParts(model, _where(stage, name)) for name, model in stage.axes.items()}
     try:
         for parts in found.values():
-            tell_effects(parts)
+            add_effects(parts)
             parts.refuse_more_than_it_holds()
     except NotPlayed:
         return None

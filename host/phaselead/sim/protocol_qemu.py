@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
+from phaselead.device import BAUD
 from phaselead.errors import BadInput
 from phaselead.sim import protocol_sim
-from phaselead.sim.device import BAUD
 from phaselead.sim.emulated import BOARDS, EmulatedDevice
 from phaselead.sim.plant import load_any, plant_parameters
 from phaselead.sim.protocol_sim import SimulatedDevice, number_option, read_flash

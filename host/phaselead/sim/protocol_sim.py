@@ -17,20 +17,20 @@ import serial
 from numpy.typing import NDArray
 from serial.serialutil import PortNotOpenError, SerialBase
 
+from phaselead.device import BAUD, TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.record import atomic_path
-from phaselead.sim.device import BAUD, VirtualDevice
+from phaselead.sim.device import VirtualDevice
 from phaselead.sim.plant import load_any, plant_parameters
 
 SCHEME = "sim://"
-TICK_RATE_HZ = 5000
 TURN_TICKS = 50_000
 """A read without a timeout comes up for air this often, so that Ctrl-C works."""
 TRACE_TICKS = 4_000_000
 
 
 @dataclass(frozen=True)
-class Place:
+class SimUrl:
     """What a sim:// URL says."""
 
     stage: str
@@ -49,7 +49,7 @@ def number_option(url: str, name: str, text: str, low: int, high: int) -> int:
     return value
 
 
-def parse_url(url: str) -> Place:
+def parse_url(url: str) -> SimUrl:
     """Reads a sim:// URL. Raises BadInput with what is wrong with it."""
     if not url.startswith(SCHEME):
         raise BadInput(f"{url}: is no simulated port; one looks like sim://xyz250")
@@ -66,7 +66,7 @@ def parse_url(url: str) -> Place:
             raise BadInput(f"{url}: {name!r} is no option; there are seed=N, state=FILE and baud=N")
     if not stage:
         raise BadInput(f"{url}: names no stage; use sim://xyz250 or sim://FILE.toml")
-    return Place(unquote(stage), **options)
+    return SimUrl(unquote(stage), **options)
 
 
 def read_flash(path: Path) -> bytes | None:
@@ -78,14 +78,14 @@ def read_flash(path: Path) -> bytes | None:
         raise BadInput(f"{path}: the state file cannot be read ({error.strerror}); name another") from None
 
 
-def open_device(place: Place) -> VirtualDevice:
+def open_device(parsed: SimUrl) -> VirtualDevice:
     """A fresh device at rest. Raises BadInput for a stage or state file that cannot be used."""
-    parameters = plant_parameters(load_any(place.stage), place.seed)
-    flash = None if place.state is None else read_flash(place.state)
+    parameters = plant_parameters(load_any(parsed.stage), parsed.seed)
+    flash = None if parsed.state is None else read_flash(parsed.state)
     try:
-        return VirtualDevice(parameters, baud=place.baud, flash=flash)
+        return VirtualDevice(parameters, baud=parsed.baud, flash=flash)
     except BadInput as error:
-        raise BadInput(f"{place.state}: {error}") from None
+        raise BadInput(f"{parsed.state}: {error}") from None
 
 
 class TracedStage(Protocol):
@@ -150,8 +150,8 @@ class Serial(SerialBase):  # type: ignore[misc]
 
     def _open_device(self, url: str) -> tuple[SimulatedDevice, Path | None]:
         """A fresh device, and the file that keeps its flash."""
-        place = parse_url(url)
-        return open_device(place), place.state
+        parsed = parse_url(url)
+        return open_device(parsed), parsed.state
 
     def close(self) -> None:
         if self._device is not None:
@@ -169,7 +169,7 @@ class Serial(SerialBase):  # type: ignore[misc]
         return self._device
 
     def _timeout_ticks(self) -> int | None:
-        return None if self._timeout is None else round(self._timeout * TICK_RATE_HZ)
+        return None if self._timeout is None else round(self._timeout * TICK_HZ)
 
     def read(self, size: int = 1) -> bytes:
         """Runs the device until ``size`` bytes are there or the timeout has passed in virtual time."""
@@ -206,7 +206,7 @@ class Serial(SerialBase):  # type: ignore[misc]
 
     def advance(self, seconds: float) -> None:
         """Lets virtual time pass without reading."""
-        self.device.run(round(seconds * TICK_RATE_HZ))
+        self.device.run(round(seconds * TICK_HZ))
 
     def trace_true_positions(self, ticks: int = TRACE_TICKS) -> None:
         """Keeps where the stage truly is, for the last ``ticks`` ticks; 0 stops."""

@@ -17,9 +17,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
+from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.sim.device import VirtualDevice
-from phaselead.sim.protocol_sim import TICK_RATE_HZ, FlashKeeper, open_device, parse_url
+from phaselead.sim.protocol_sim import FlashKeeper, open_device, parse_url
 
 PACE_S = 0.002
 """How finely time is followed; a serial adapter waits as long before it hands bytes on."""
@@ -111,8 +112,8 @@ def pump(device: VirtualDevice, wire: Wire, keeper: FlashKeeper, ended: Callable
             continue
         if data := wire.receive():
             device.write(data)
-        due = start_tick + int((time.monotonic() - start_s) * TICK_RATE_HZ) - device.tick
-        if due > LAG_S * TICK_RATE_HZ:
+        due = start_tick + int((time.monotonic() - start_s) * TICK_HZ) - device.tick
+        if due > LAG_S * TICK_HZ:
             start_s, start_tick = time.monotonic(), device.tick
             due = 1
         if due > 0:
@@ -127,9 +128,9 @@ def serve(url: str, link_path: str | os.PathLike[str] | None = None) -> None:
     Raises:
         BadInput: the URL, its stage or state file, or the link cannot be used.
     """
-    place = parse_url(url)
-    device = open_device(place)
-    keeper = FlashKeeper(device, place.state)
+    parsed = parse_url(url)
+    device = open_device(parsed)
+    keeper = FlashKeeper(device, parsed.state)
     wire = Wire()
     try:
         with _until_signalled() as ended, _linked(wire.path, link_path):

@@ -48,7 +48,7 @@ class Goto(Waveform):
         return PEAK_SPEED
 
     @property
-    def usual_s(self) -> float:
+    def default_duration_s(self) -> float:
         return self.duration_s + SETTLE_S
 
     @property

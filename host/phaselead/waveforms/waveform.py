@@ -60,7 +60,7 @@ class Waveform(ABC):
 
     @property
     @abstractmethod
-    def usual_s(self) -> float:
+    def default_duration_s(self) -> float:
         """How long it is driven when nobody says."""
 
     @abstractmethod
@@ -152,7 +152,7 @@ class Periodic(Waveform):
         return np.append(self.points, self.points[0])
 
     @property
-    def usual_s(self) -> float:
+    def default_duration_s(self) -> float:
         return DEFAULT_PERIODS / self.f_Hz
 
     def last_rows(self, periods: int, rows: int, rate_Hz: float) -> slice:

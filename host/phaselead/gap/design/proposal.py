@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from phaselead.control import journalled_listen, journalled_track
+from phaselead.control import record_open_loop
 from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.gap.design.excitation import SHAPES, Excitation
@@ -74,19 +74,15 @@ def run_proposal(
     output: str,
     stage: Stage | None = None,
     on_progress: Callable[[float], None] | None = None,
-) -> int:
-    """Record the proposed excitation to ``output``; returns the number of samples.
+) -> None:
+    """Record the proposed excitation to ``output``.
 
     ``stage`` gives the device its limits and calibration. Raises BadInput for a proposal that cannot be run and
     PhaseleadError for what the device refuses.
     """
     excitation = excitation_of(proposed)
+    waveforms = None if excitation.idle else {axis: excitation.wave()}
     with Device.open(port) as device:
-        if excitation.idle:
-            recording = journalled_listen(device, axis, excitation.seconds, output=output, on_progress=on_progress)
-            return len(recording.t_s)
-        run = journalled_track(
-            device, {axis: excitation.wave()}, "open", output=output, stage=stage, duration_s=excitation.seconds,
-            on_progress=on_progress,
-        )  # fmt: skip
-    return len(run.recording.t_s)
+        record_open_loop(
+            device, waveforms, axis, output=output, stage=stage, duration_s=excitation.seconds, on_progress=on_progress
+        )

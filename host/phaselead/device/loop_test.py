@@ -10,7 +10,8 @@ import numpy as np
 
 from phaselead.device import wire
 from phaselead.device.device import Device
-from phaselead.errors import PhaseleadError
+from phaselead.device.stream import AXES
+from phaselead.errors import BadInput, PhaseleadError
 from phaselead.result import Result, Table
 
 LEVELS_V = (0.0, 2.0, 4.0, 6.0, 8.0, 9.5, 0.0)
@@ -88,12 +89,25 @@ def loop_result(axis: str, dac_codes: list[float], adc_codes: list[float], noise
     return LoopResult(axis, float(gain), float(offset_V), misfit_V, noise_codes)
 
 
-def selftest(device: Device, axis: str) -> LoopResult:
-    """Drives one axis through some voltages and reads each back. The device is parked afterwards.
+def check_letters(axes: str, name: str = "axes") -> None:
+    """Raises BadInput, which calls them ``name``, for axes that are not letters of x, y and z, each once."""
+    if not axes or any(axis not in AXES for axis in axes) or len(set(axes)) != len(axes):
+        raise BadInput(f"{name} {axes!r}: letters of x, y and z, each once")
+
+
+def selftest(device: Device, axes: str = AXES) -> SelfTest:
+    """Drives each axis through some voltages and reads each back. The device is parked afterwards.
 
     Raises:
+        BadInput: axes that make no sense.
         PhaseleadError: the device has a model, whose limits are for a stage and not for a wire.
     """
+    check_letters(axes)
+    return SelfTest({axis: measure_loop(device, axis) for axis in axes})
+
+
+def measure_loop(device: Device, axis: str) -> LoopResult:
+    """Drives one axis through some voltages, reads each back, and parks. Raises PhaseleadError as ``selftest``."""
     if device.hello.model_flags & 1:
         raise PhaseleadError("the device has a model; a self-test is for a board without one: power it on afresh")
     dac, adc, noise = [], [], [0.0]
