@@ -68,6 +68,9 @@ def least_in_box(curvature: Samples, slope: Samples, low: Samples, high: Samples
 
     ``curvature`` (k, k) is symmetric and positive definite but for rounding.
     """
+    free = np.linalg.solve(curvature, slope)
+    if np.all((low <= free) & (free <= high)):
+        return np.asarray(free)
     sizes, directions = np.linalg.eigh(curvature)
     number = np.finfo(np.float64)
     roots = np.sqrt(np.maximum(sizes, max(number.eps * sizes[-1], number.tiny)))
