@@ -7,7 +7,7 @@ import click
 from phaselead.cli.common import emit_pairs, json_option, port_option
 from phaselead.cli.listing import top_level
 from phaselead.control import connect
-from phaselead.device import Device
+from phaselead.device import Device, device_model
 from phaselead.model import load_stage
 
 
@@ -84,6 +84,7 @@ def info(port: str, json_to: str | None) -> None:
 def upload(model_path: str, port: str, persist: bool, json_to: str | None) -> None:
     """Upload a stage file's model as one transaction, read it back and compare."""
     stage = load_stage(model_path)
+    device_model(stage)  # a coefficient that does not fit is refused before the port is opened
     with connect(port) as device:
         uploaded = device.upload(stage, persist=persist)
         emit_pairs({"model": model_path} | uploaded.as_dict(), json_to)
