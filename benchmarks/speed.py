@@ -14,11 +14,10 @@ import time
 from pathlib import Path
 
 from phaselead.control import PAPER_GAINS
-from phaselead.device import Device
+from phaselead.device import TICK_HZ, Device
 
 SECONDS = 60.0
 RUNS = 5
-TICK_RATE_HZ = 5000
 
 
 def loop_ratio(axes: str) -> float:
@@ -28,7 +27,7 @@ def loop_ratio(axes: str) -> float:
             device.set_axis(axis, "pid", **PAPER_GAINS.model_dump())
             device.set_path(axis, "sine", swing=60.0, f_Hz=5.0)
         begin = time.perf_counter()
-        capture = device.capture(round(SECONDS * TICK_RATE_HZ), axes=axes)
+        capture = device.capture(round(SECONDS * TICK_HZ), axes=axes)
         elapsed_s = time.perf_counter() - begin
     assert not capture.gaps, "a benchmark that drops samples measures nothing"
     return SECONDS / elapsed_s

@@ -34,8 +34,8 @@ from phaselead.model import (
     coupling,
     explained,
 )
+from phaselead.record import AXES
 
-AXES = ("x", "y", "z")
 MAGIC = 0x314C4850
 FLAG_TABLE = 1
 FLAG_INVERSE = 2
