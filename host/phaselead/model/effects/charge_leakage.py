@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects.filters import relaxed
 from phaselead.model.effects.interface import (
+    STOOD_OFF,
     CheckedParameters,
     Effect,
     Parameter,
@@ -16,6 +19,7 @@ from phaselead.model.effects.interface import (
     VirtualAxis,
     number,
 )
+from phaselead.model.operator import range_um
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -24,6 +28,10 @@ def apply(signal: Signal, params: Params) -> Samples:
         return signal.value
     # What stood on the actuator in the first row is taken as it is, not as leaked away.
     return signal.value - relaxed(signal.value - signal.value[0], 1 / rate_per_s, signal.step_s)
+
+
+def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
+    return np.asarray(STOOD_OFF * range_um(axis) * np.exp(-number(params, "rate_per_s") * since_s)[:, None])
 
 
 def reads(params: Params, axis: AxisModel) -> str:
@@ -58,6 +66,7 @@ EFFECT = Effect(
     picture=Picture("holds", {"rate_per_s": 0.03}),
     reads=reads,
     slow=True,
+    before_record=before_record,
     virtual=virtual,
     repeatable=True,
 )

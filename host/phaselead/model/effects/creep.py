@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.model.axis import AxisModel
 from phaselead.model.effects.filters import lags
 from phaselead.model.effects.interface import (
+    STOOD_OFF,
     CheckedParameters,
     Effect,
     Parameter,
@@ -21,6 +23,7 @@ from phaselead.model.effects.interface import (
     number,
     numbers,
 )
+from phaselead.model.operator import range_um
 
 TERMS = 8
 """Time constants between the first and the last: two or three a decade draw a straight line within 1 %."""
@@ -48,6 +51,15 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 def basis(signal: Signal, params: Params) -> Samples:
     return np.asarray(apply(signal, {**params, "gamma": 1.0}) - signal.value)[:, None]
+
+
+def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
+    """Two lags of a chain at a time: neighbours relax alike."""
+    k, tau_s = terms(params)
+    pairs = [slice(i, i + 2) for i in range(0, len(k), 2)]
+    size_um = STOOD_OFF * range_um(axis) * np.array([np.hypot.reduce(k[pair]) for pair in pairs])
+    together_s = np.array([np.exp(np.log(tau_s[pair]).mean()) for pair in pairs])
+    return np.asarray(size_um * np.exp(-since_s[:, None] / together_s))
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
@@ -86,6 +98,7 @@ EFFECT = Effect(
     absorbed_by_modes=True,
     picture=Picture("steps", {"gamma": 0.015, "tau_first_s": 0.01, "tau_last_s": 1000.0}),
     basis=basis,
+    before_record=before_record,
     accepts=("k", "tau_s"),
     slow=True,
     virtual=virtual,

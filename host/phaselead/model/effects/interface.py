@@ -28,6 +28,7 @@ __all__ = [
     "Params",
     "Picture",
     "Place",
+    "STOOD_OFF",
     "Samples",
     "Signal",
     "Value",
@@ -38,6 +39,10 @@ __all__ = [
     "rewritten",
     "with_columns",
 ]
+
+STOOD_OFF = 0.3
+"""Of its range: deviation of where a stage had stood before a record began from where it stands then, as of two places
+drawn anywhere in the range: 1 / sqrt(6) apart, less as it lingers."""
 
 Entry = tuple["Effect", Params]
 """An effect and all of its parameters."""
@@ -188,6 +193,9 @@ class Effect:
     slow: bool = False
     """Whether it moves the position for seconds to hours after the voltage has stopped: over whole records, and before
     they began."""
+    before_record: Callable[[Samples, Params, AxisModel], Samples] | None = None
+    """Columns (n, m) in um at times (n,) since a record began: what states of a slow effect that stood off when it began
+    still do, one prior deviation each. A stage stood anywhere in its range before."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.model.axis import AxisModel
 from phaselead.model.effects.filters import relaxed
 from phaselead.model.effects.interface import (
+    STOOD_OFF,
     CheckedParameters,
     Effect,
     Parameter,
@@ -20,6 +22,7 @@ from phaselead.model.effects.interface import (
     numbers,
 )
 from phaselead.model.effects.mode_bank import Complex
+from phaselead.model.operator import range_um
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -79,6 +82,11 @@ def normalise(params: Params) -> Params:
     return {"kappa": 0.0, "tau_s": EFFECT.parameter("tau_s").typical, "about_mean": 0.0, **params}
 
 
+def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
+    away_um = STOOD_OFF * range_um(axis) * STOOD_OFF * number(params, "kappa")
+    return np.asarray(away_um * np.exp(-since_s / number(params, "tau_s"))[:, None])
+
+
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     axis.level_gain(given.one("kappa"), given.one("tau_s", above=0.0), given.one("about_mean"))
 
@@ -112,6 +120,7 @@ EFFECT = Effect(
     basis=basis,
     accepts=("f_drop", "zeta_rise"),
     normalise=normalise,
+    before_record=before_record,
     virtual=virtual,
     repeatable=True,
 )

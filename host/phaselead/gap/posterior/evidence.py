@@ -1,0 +1,357 @@
+"""One set of effects: its most likely parameters, and its evidence.
+
+The likelihood is that of ``Space``. What the equations of the effects miss, what slow effects had done before a record
+began and how the base's own misfit looks behind a lag are normal too and integrated out with the rest; the parameters
+of the effects are found by steps of Levenberg and Marquardt and integrated by Laplace's method (MacKay 2003, chapter
+27).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from phaselead.gap.posterior.misfit import equation_misfit
+from phaselead.gap.posterior.priors import Prior, prior_of
+from phaselead.gap.posterior.space import Columns, Mask, Space, SpaceRecord, joined
+from phaselead.gap.refit import SizedEffect, bounded, from_internal, fresh_columns, is_logarithmic, to_internal
+from phaselead.model import Effect, Parameter
+from phaselead.record import Samples
+
+SHARES = (0.02, 0.07, 0.2)
+"""Deviation of what an equation of the catalogue misses, as a share of its effect: all as likely. Published models of
+hysteresis, creep and modes leave 2 to 20 % of what they describe."""
+FITTED_AT = 0.07
+"""The share at which the parameters are looked for."""
+STEPS, LEAST_GAIN = 6, 0.1
+"""Of a fit at most, and the gain in log units that ends it."""
+DAMPINGS, FIRST_DAMPING, CALMER, BOLDER = 4, 1e-3, 10.0, 5.0
+"""How many dampings are tried in a step, the first, and by what they grow and fall."""
+MOST_BEYOND = 3.0
+"""Most log units that are credited for a maximum a Newton step away."""
+
+
+@dataclass(frozen=True)
+class SetFit:
+    """A set of effects at its most likely parameters."""
+
+    entries: tuple[SizedEffect, ...]
+    logs: Mapping[float, float] = field(default_factory=dict)
+    """Log evidence of all records by share of equation misfit."""
+    fitted_logs: Mapping[float, float] = field(default_factory=dict)
+    """The same without the held-out records."""
+    covariance: Samples | None = None
+    """(parameters, parameters) in internal units, averaged over the shares by their evidence."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects, sorted."""
+        return tuple(sorted(effect.name for effect, _ in self.entries))
+
+    @property
+    def log_evidence(self) -> float:
+        """Of all records, averaged over the shares."""
+        return _mean_of_logs(self.logs.values())
+
+    @property
+    def log_evidence_fitted(self) -> float:
+        """Without the held-out records."""
+        return _mean_of_logs(self.fitted_logs.values())
+
+
+def _mean_of_logs(logs: object) -> float:
+    values = np.array(list(logs))  # type: ignore[call-overload]
+    return float(values.max() + np.log(np.mean(np.exp(values - values.max()))))
+
+
+def parameters_of(entries: Sequence[SizedEffect]) -> list[tuple[int, Parameter]]:
+    """Every parameter, after the number of the entry it belongs to."""
+    return [(i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters]
+
+
+@dataclass(frozen=True)
+class Uncertain:
+    """Columns that are integrated out."""
+
+    columns: Columns
+    of_equation: Samples
+    """(q,) whether the deviation of a column is the share of equation misfit rather than 1."""
+
+    def precision(self, share: float) -> Samples:
+        """Of each column, (q,)."""
+        return np.where(self.of_equation, 1 / share**2, 1.0)
+
+
+def together(*parts: Uncertain) -> Uncertain:
+    """All of them."""
+    return Uncertain(joined(*(p.columns for p in parts)), np.concatenate([p.of_equation for p in parts]))
+
+
+class Solver:
+    """Fits sets of effects in one space."""
+
+    def __init__(self, space: Space, rivals: Mapping[str, Columns] | None = None, hides: Callable[[Effect, Effect], bool] | None = None) -> None:
+        self.space = space
+        self.step_s = space.records[0].modelled.run.step_s
+        self._changed = space.changed
+        self.rivals = dict(rivals or {})
+        errors = [None if c else r.modelled.error()[:, None] for r, c in zip(space.records, self._changed, strict=True)]
+        self._reference_error = space.columns(errors)
+        self._missed = space.missed()
+        self._fresh: dict[object, Columns] = {}
+
+    def residual(self, entries: Sequence[SizedEffect]) -> Columns:
+        """The residual of every record."""
+        return self._with_reference(
+            self.space.columns(
+                [r.modelled.error(entries)[:, None] if c else None for r, c in zip(self.space.records, self._changed, strict=True)]
+            )
+        )
+
+    def fresh(self, entries: Sequence[SizedEffect]) -> Columns:
+        """What one internal unit of each parameter does, 0 in reference records, and the residual last."""
+        free = parameters_of(entries)
+        return self._with_reference(
+            self.space.columns(
+                [
+                    fresh_columns(r.modelled, entries, free) if c else None
+                    for r, c in zip(self.space.records, self._changed, strict=True)
+                ]
+            )
+        )
+
+    def _with_reference(self, columns: Columns) -> Columns:
+        """With the residuals of the reference records as the last column."""
+        wide = [list(part) for part in (columns.white, columns.taken, columns.shared)]
+        known = (self._reference_error.white, self._reference_error.taken, self._reference_error.shared)
+        for i in np.flatnonzero(~self._changed):
+            for part, of_reference in zip(wide, known, strict=True):
+                last = of_reference[i]
+                assert last is not None
+                part[i] = np.concatenate([np.zeros((len(last), columns.count - 1)), last], axis=1)
+        return Columns(*map(tuple, wide))
+
+    def signals(self, entries: Sequence[SizedEffect]) -> Columns:
+        """What each effect adds to the others, one column each."""
+        found: list[Samples | None] = []
+        for record, changed in zip(self.space.records, self._changed, strict=True):
+            if not changed:
+                found.append(None)
+                continue
+            whole = record.modelled.answer(entries)
+            rest = [[e for j, e in enumerate(entries) if j != i] for i in range(len(entries))]
+            found.append(np.stack([whole - record.modelled.answer(r) for r in rest], axis=1))
+        return self.space.columns(found)
+
+    def uncertain(self, entries: Sequence[SizedEffect]) -> Uncertain:
+        """What is uncertain with these effects beside their parameters."""
+        parts: list[tuple[Columns, bool]] = []
+        bent = [
+            self._changed_columns(lambda r, i=i: equation_misfit(r.modelled, entries, i)) for i in range(len(entries))
+        ]
+        near = self._neighbours(entries)
+        parts.append((self._beyond(entries, joined(*bent, *([near] if near else []))), True))
+        parts.append((self._as_fault(entries), False))
+        parts += [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
+        of_equation = np.concatenate([np.full(part.count, flag) for part, flag in parts])
+        return Uncertain(joined(*(part for part, _ in parts)), of_equation)
+
+    def _changed_columns(self, of: Callable[[SpaceRecord], Samples]) -> Columns:
+        """Columns of the records in which effects may act."""
+        return self.space.columns([of(r) if c else None for r, c in zip(self.space.records, self._changed, strict=True)])
+
+    def _beyond(self, entries: Sequence[SizedEffect], columns: Columns) -> Columns:
+        """Columns without what other parameters of the effects would do: that is no misfit of an equation."""
+        free = parameters_of(entries)
+        tangents = self._changed_columns(lambda r: fresh_columns(r.modelled, entries, free)[:, :-1])
+        normal = self.space.inner(tangents, tangents, self.space.all)
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6, hermitian=True) / np.outer(scale, scale)
+        return columns.minus(tangents, inverse @ self.space.inner(tangents, columns, self.space.all))
+
+    def _as_fault(self, entries: Sequence[SizedEffect]) -> Columns:
+        """The effects as a fault that the base has in all records, by one deviation of each parameter: as large as
+        they are, and of shapes near theirs."""
+        free = parameters_of(entries)
+        deviations = np.array([_fault_deviation(p, entries[i][1][p.name]) for i, p in free])
+        return self.space.columns(
+            [fresh_columns(r.modelled, entries, free)[:, :-1] * deviations for r in self.space.records]
+        )
+
+    def _neighbours(self, entries: Sequence[SizedEffect]) -> Columns | None:
+        """What effects say that an effect of the set is confused with, as large as it is: what an equation leaves looks
+        most like them."""
+        parts = []
+        signals = self.signals(entries)
+        power = np.diag(self.space.inner(signals, signals, self.space.all))
+        for i, (effect, _) in enumerate(entries):
+            for name, rival in self.rivals.items():
+                if not confused(effect, name, self.catalogue):
+                    continue
+                scale = np.sqrt(max(power[i], 0.0) / max(float(self.space.inner(rival, rival, self.space.all)[0, 0]), 1e-12))
+                parts.append(rival.scaled(float(scale)))
+        return joined(*parts) if parts else None
+
+    catalogue: Mapping[str, Effect] = {}
+
+    def _before(self, entries: Sequence[SizedEffect]) -> Columns | None:
+        """What slow effects had done before each record began: an initial state for each of their lags and records."""
+        per_record = []
+        for record, changed in zip(self.space.records, self._changed, strict=True):
+            run = record.modelled.run
+            since = run.t_s[run.rows] - run.t_s[0]
+            columns = [
+                effect.before_record(since, params, record.modelled.axis)
+                for effect, params in entries
+                if effect.before_record is not None
+            ]
+            per_record.append(np.concatenate(columns, axis=1) if columns and changed else None)
+        count = next((c.shape[1] for c in per_record if c is not None), 0)
+        if not count:
+            return None
+        white = [None if c is None else self.space.whitened(i, c) for i, c in enumerate(per_record)]
+        found: list[Samples | None] = []
+        places = np.cumsum([w is not None for w in white]) - 1
+        total = count * int(sum(w is not None for w in white))
+        for w, place in zip(white, places, strict=True):
+            if w is None:
+                found.append(None)
+                continue
+            wide = np.zeros((len(w), total))
+            wide[:, place * count : (place + 1) * count] = w
+            found.append(wide)
+        return self.space.from_white(found)
+
+    def _through(self, entries: Sequence[SizedEffect]) -> Columns | None:
+        """What the base misses passes through a lag like everything else: how that changes it, to second order."""
+        lag_s = sum(
+            abs(f(params)) for effect, params in entries for f in (effect.lag_s, effect.dead_time_s) if f is not None
+        )
+        if not lag_s:
+            return None
+        rows = lag_s / self.step_s
+        found: list[Samples | None] = []
+        for missed, changed in zip(self._missed, self._changed, strict=True):
+            slope = np.gradient(missed)
+            found.append(np.stack([rows * slope, 0.5 * rows**2 * np.gradient(slope)], axis=1) if changed else None)
+        return self.space.from_white(found)
+
+    def fit(self, entries: Sequence[SizedEffect], steps: int = STEPS) -> tuple[SizedEffect, ...]:
+        """The most likely parameters near those of ``entries``; what is uncertain with them stays that of the start."""
+        entries = tuple((effect, dict(params)) for effect, params in entries)
+        if not entries:
+            return entries
+        reduced = self._reduction(self.uncertain(entries), FITTED_AT)
+
+        def cost(tried: Sequence[SizedEffect]) -> float:
+            return 0.5 * float(reduced(self.residual(tried))[-1, -1]) - prior_of(tried, self.step_s).log_density
+
+        best, damping = cost(entries), FIRST_DAMPING
+        for _ in range(steps):
+            moments, prior = reduced(self.fresh(entries)), prior_of(entries, self.step_s)
+            x = _internal(entries)
+            normal = moments[:-1, :-1] + np.diag(prior.precision)
+            right = moments[:-1, -1] - prior.precision * (x - prior.centre)
+            gained = 0.0
+            for _ in range(DAMPINGS):
+                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right)
+                tried = _moved(entries, x, step)
+                value = cost(tried)
+                if value < best:
+                    gained, best, entries = best - value, value, tried
+                    damping = max(damping / BOLDER, 1e-8)
+                    break
+                damping = max(damping, 1e-4) * CALMER
+            if gained < LEAST_GAIN:
+                break
+        return entries
+
+    def _reduction(self, by: Uncertain, share: float) -> Callable[[Columns], Samples]:
+        """Products of columns with the uncertain ones integrated out."""
+        every, uncertain = self.space.all, by.columns
+        factor = cho_factor(self.space.inner(uncertain, uncertain, every) + np.diag(by.precision(share)))
+
+        def reduced(columns: Columns) -> Samples:
+            cross = self.space.inner(uncertain, columns, every)
+            return self.space.inner(columns, columns, every) - cross.T @ cho_solve(factor, cross)
+
+        return reduced
+
+    def contest(self, sets: Sequence[Sequence[SizedEffect]], uncertain: Uncertain) -> list[SetFit]:
+        """Every set under the same covariance, with the ``uncertain`` columns integrated: only so can their evidences be
+        compared. A set that brought its own would win by its freedom alone."""
+        found = []
+        for which in (self.space.all, self.space.fitted):
+            own = self.space.inner(uncertain.columns, uncertain.columns, which)
+            found.append([self._logs(entries, uncertain, own, which) for entries in sets])
+        pairs = zip(sets, *found, strict=True)
+        return [SetFit(tuple(entries), every[0], fitted[0], every[1]) for entries, every, fitted in pairs]
+
+    def _logs(
+        self, entries: Sequence[SizedEffect], uncertain: Uncertain, own: Samples, which: Mask
+    ) -> tuple[dict[float, float], Samples]:
+        """Log evidence by share of equation misfit over some records, and the covariance of the parameters."""
+        fresh, prior = self._remembered_fresh(entries), prior_of(entries, self.step_s)
+        n = len(prior.centre)
+        cross, alone = self.space.inner(uncertain.columns, fresh, which), self.space.inner(fresh, fresh, which)
+        x = _internal(entries)
+        logs: dict[float, float] = {}
+        spreads = []
+        for share in SHARES:
+            precision = uncertain.precision(share)
+            factor = cho_factor(own + np.diag(precision))
+            left = alone - cross.T @ cho_solve(factor, cross)
+            occam = np.log(np.diag(factor[0])).sum() - 0.5 * np.log(precision).sum()
+            logs[share] = -0.5 * float(left[-1, -1]) - occam + prior.log_density
+            if n:
+                normal = left[:-1, :-1] + np.diag(prior.precision)
+                right = left[:-1, -1] - prior.precision * (x - prior.centre)
+                solved = cho_factor(normal + 1e-9 * np.diag(np.diag(normal)))
+                beyond = min(0.5 * float(right @ cho_solve(solved, right)), MOST_BEYOND)
+                logs[share] += 0.5 * n * np.log(2 * np.pi) - np.log(np.diag(solved[0])).sum() + beyond
+                spreads.append(cho_solve(solved, np.eye(n)))
+        weights = np.exp(np.array(list(logs.values())) - max(logs.values()))
+        spread = np.einsum("s,sij->ij", weights / weights.sum(), np.array(spreads)) if n else np.zeros((0, 0))
+        return logs, spread
+
+    def _remembered_fresh(self, entries: Sequence[SizedEffect]) -> Columns:
+        key = tuple((effect.name, *sorted(params.items())) for effect, params in entries)
+        if key not in self._fresh:
+            if len(self._fresh) > 40:
+                self._fresh.clear()
+            self._fresh[key] = self.fresh(entries) if entries else self.residual(())
+        return self._fresh[key]
+
+
+def confused(effect: Effect, name: str, catalogue: Mapping[str, Effect]) -> bool:
+    """Whether two effects are hard to tell apart by what the catalogue says of either."""
+    if effect.name == name:
+        return False
+    other = catalogue.get(name)
+    mine = {*effect.confused_with, *effect.hard_to_tell_from}
+    theirs = {*other.confused_with, *other.hard_to_tell_from} if other is not None else set()
+    return name in mine or effect.name in theirs
+
+
+def _fault_deviation(p: Parameter, value: float) -> float:
+    """By which a parameter of an effect that the base lacks may differ from the value found, in internal units."""
+    if p.role == "size":
+        return abs(to_internal(p, value))
+    return 0.3 if is_logarithmic(p) else 0.2 * abs(to_internal(p, p.high) - to_internal(p, p.low))
+
+
+def _internal(entries: Sequence[SizedEffect]) -> Samples:
+    """All parameters in internal units, (parameters,)."""
+    return np.array([to_internal(p, entries[i][1][p.name]) for i, p in parameters_of(entries)])
+
+
+def _moved(entries: Sequence[SizedEffect], x: Samples, step: Samples) -> tuple[SizedEffect, ...]:
+    """The entries after a step from ``x``, at most a factor e in what is logarithmic."""
+    moved = [(effect, dict(params)) for effect, params in entries]
+    for (i, p), at, change in zip(parameters_of(entries), x, step, strict=True):
+        limited = float(np.clip(change, -1.0, 1.0)) if is_logarithmic(p) else float(change)
+        moved[i][1][p.name] = from_internal(p, float(at) + limited)
+    return tuple((effect, bounded(effect, params)) for effect, params in moved)

@@ -1,0 +1,76 @@
+"""What is known of sizes and shapes before the records are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb, log
+
+import numpy as np
+
+from phaselead.gap.refit import SizedEffect, is_logarithmic, to_internal
+from phaselead.gap.regressors import HIGHEST_OF_RATE
+from phaselead.model import Parameter
+from phaselead.record import Samples
+
+SIZES = np.array([0.06, 0.25, 1.0, 2.5])
+"""Deviations of sizes in typical values, all as likely: the literature's sizes of one effect span two decades."""
+SHAPE_SPREAD = 1.2
+"""Deviation of the logarithm of a shape about its typical value: a factor of 3 either way."""
+FLEXURE_ZETA, ZETA_SPREAD = 0.02, 0.7
+"""Damping of flexure stages and the deviation of its logarithm: 0.005 to 0.08 in 95 of 100 (data sheets)."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """The prior density at some parameters, and the normal distribution that is like it there."""
+
+    log_density: float
+    precision: Samples
+    """(parameters,) in internal units, as ``refit`` has them."""
+    centre: Samples
+    """(parameters,)"""
+
+
+def prior_of(entries: Sequence[SizedEffect], step_s: float) -> Prior:
+    """The prior of all parameters of some effects."""
+    total = 0.0
+    precision: list[float] = []
+    centre: list[float] = []
+    for effect, params in entries:
+        sizes = np.array([to_internal(p, params[p.name]) for p in effect.sizes])
+        one_sided = sum(log(2.0) for p in effect.sizes if p.low >= 0)
+        logs = -0.5 * (sizes @ sizes) / SIZES**2 - len(sizes) * np.log(SIZES * np.sqrt(2 * np.pi)) + one_sided
+        weights = np.exp(logs - logs.max())
+        total += float(logs.max() + np.log(weights.mean()))
+        size_precision = float((weights / SIZES**2).sum() / weights.sum())
+        for p in effect.parameters:
+            if p.role == "size":
+                precision.append(size_precision)
+                centre.append(0.0)
+                continue
+            middle, spread = _shape_prior(p, effect.peak, step_s)
+            off = (to_internal(p, params[p.name]) - middle) / spread
+            total += -0.5 * off**2 - log(spread * np.sqrt(2 * np.pi))
+            precision.append(1 / spread**2)
+            centre.append(middle)
+    return Prior(total, np.array(precision), np.array(centre))
+
+
+def _shape_prior(p: Parameter, peak: tuple[str, str] | None, step_s: float) -> tuple[float, float]:
+    """Centre and deviation of a shape in internal units."""
+    if p.unit == "Hz":
+        low, high = np.log(max(p.low, 1.0)), np.log(min(p.high, HIGHEST_OF_RATE / step_s))
+        return float((low + high) / 2), float(max(high - low, 0.1) / np.sqrt(12))
+    if peak is not None and p.name == peak[1]:
+        return log(FLEXURE_ZETA), ZETA_SPREAD
+    uniform = (to_internal(p, p.high) - to_internal(p, p.low)) / np.sqrt(12)
+    if is_logarithmic(p):
+        return log(p.typical), min(SHAPE_SPREAD, uniform)
+    return to_internal(p, p.typical), uniform
+
+
+def log_prior_of_set(size: int, catalogue: int) -> float:
+    """Of a set of so many effects out of a catalogue: every number of effects is as likely, and every set of that
+    number (Scott and Berger 2010)."""
+    return -log(catalogue + 1) - log(comb(catalogue, size))
