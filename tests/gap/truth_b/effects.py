@@ -128,7 +128,7 @@ EFFECTS: dict[str, Effect] = {
     "vibration": Effect(0.01, "um", _rumble),
     "backlash": Effect(0.002, "of range", lambda value, bench, rng: Slack(value, bench.level)),
     "sampling_jitter": Effect(2e-6, "s", lambda value, bench, rng: Jitter(value, rng)),
-    "dac_nonlinearity": Effect(2.0, "LSB", _converter),
+    "dac_nonlinearity": Effect(2.0, "LSB", _converter, signed=True),
 }
 """By the catalogue's name; cross-coupling needs more than one axis and is not among them."""
 IN_UM = {name for name, effect in EFFECTS.items() if effect.unit.startswith("um")}

@@ -19,7 +19,7 @@ class Converter(Part):
     The size of the elements drifts over the die, which bows the curve, and scatters; the ladder's bits have errors of
     their own, which repeat in each segment.
 
-    ``largest_LSB`` is the largest departure from the line between the end codes, in steps of the converter.
+    ``largest_LSB`` is the largest departure from the line between the end codes, in steps; below 0 the bow hangs.
     Kester 2005, The Data Conversion Handbook, chapter 3.
     """
 
