@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 from phaselead.gap.findings import NamedEffect
-from phaselead.model import AdoptedEffect, AxisModel, Stage, provenance_of
+from phaselead.model import AdoptedEffect, AdoptedStatus, AxisModel, Stage, provenance_of
 from phaselead.record import Recording
 
 
-def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
-    """The axis with the effects appended to its list, each beside any of the same name that it had."""
-    return axis.model_copy(update={"effects": (*axis.effects, *map(stage_file_entry, found))})
+def adopted(axis: AxisModel, found: Sequence[NamedEffect], provisional: AbstractSet[str] = frozenset()) -> AxisModel:
+    """The axis with the effects appended to its list, each beside any of the same name that it had; ``provisional``
+    are the names that are not vouched for."""
+    entries = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
+    return axis.model_copy(update={"effects": (*axis.effects, *entries)})
 
 
-def stage_file_entry(named: NamedEffect) -> AdoptedEffect:
+def stage_file_entry(named: NamedEffect, status: AdoptedStatus = "named") -> AdoptedEffect:
     """An effect as a stage file keeps it."""
     return AdoptedEffect(
         name=named.name,
+        status=status,
         params={name: value for name, (value, _, _) in named.params.items()},
         ci95={name: interval for name, (_, _, interval) in named.params.items()},
         share=min(max(named.share, 0.0), 1.0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import mannwhitneyu
@@ -66,6 +66,15 @@ class FinalFit:
             for t in self.after
             if t.run.role == role
         ]
+
+    def with_entries(self, entries: Sequence[SizedEffect]) -> FinalFit:
+        """The same with further effects, and the gap that they leave."""
+        fitted = replace(self.fitted, entries=(*self.fitted.entries, *entries), total=None)
+        richer = replace(self, fitted=fitted)
+        after = float(np.sqrt(_power([left.error_um for left in richer.residuals("holdout")])))
+        referenced = any(t.run.role == "reference" for t in self.after)
+        floor = self.gap.floor if referenced else min(self.gap.floor, after)
+        return replace(richer, gap=replace(self.gap, after=after, floor=floor))
 
     def residuals_before(self, role: Role) -> list[RunResidual]:
         """Residuals of the base as given, about their means."""
