@@ -11,7 +11,7 @@ import numpy as np
 
 from phaselead.record.recording import AxisRecord, Recording
 
-FINE = 8
+FINE = 4
 """Steps of integration per row."""
 
 System = Callable[[np.ndarray, float], np.ndarray]
@@ -27,6 +27,11 @@ def mode(u: np.ndarray, step_s: float, *, f_Hz: float = 69.0, zeta: float = 0.02
             v += h * (w * w * (push - z - hard * z * (z / 100.0) ** 2) - 2 * zeta * w * v)
             z += h * v
     return np.array(found)
+
+
+def hardening(u: np.ndarray, step_s: float) -> np.ndarray:
+    """The mode on a spring that grows stiffer."""
+    return mode(u, step_s, hard=0.05)
 
 
 def gear(u: np.ndarray, step_s: float, *, slack_um: float = 8.0) -> np.ndarray:

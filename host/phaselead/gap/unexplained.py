@@ -42,7 +42,7 @@ class Unexplained:
     @property
     def sentence(self) -> str:
         """For a person."""
-        return f"a generic model predicts {100 * self.share:.0f} % of what the names leave from the voltage"
+        return f"a generic model predicts {100 * max(self.share, 0.0):.0f} % of what the names leave from the voltage"
 
     @property
     def something_missing(self) -> bool:
