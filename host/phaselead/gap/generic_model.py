@@ -22,8 +22,11 @@ from phaselead.identify import STILL_V
 from phaselead.model import plays
 from phaselead.record import Samples
 
-LONGEST_LAG_s, LAG_RATIO = 30.0, 1.5
-"""Farthest that the windows of past voltage reach, and the ratio of one's far end to the one's before."""
+LONGEST_LAG_s, MEMORY_OF_RECORD = 30.0, 0.25
+"""Longest memory in seconds, and of the longest record: a column that is still settling where a record ends says
+nothing reliable of another record."""
+LAG_RATIO = 1.5
+"""Of the far end of a window of past voltage to that of the one before."""
 MODE_RATIO, MODE_ZETA, HIGHEST_OF_RATE = 1.2, 0.05, 0.4
 """Modes stand in this ratio of frequencies, at this damping, so that neighbours overlap, up to this part of the
 sampling rate."""
@@ -61,6 +64,7 @@ class Columns:
     """Of the span of the voltage in the runs that the model is fitted to."""
     step_s: float
     longest_s: float
+    """Memory that these runs can show."""
     others: tuple[str, ...]
     """Axes that are driven as well."""
     position: Samples | None = None
@@ -93,7 +97,7 @@ class Columns:
 
     def _linear(self, v: Samples) -> Samples:
         """Means over past windows, and the two states of every mode."""
-        lowest_Hz, highest_Hz = 1 / self.longest_s, HIGHEST_OF_RATE / self.step_s
+        lowest_Hz, highest_Hz = 1 / (2 * np.pi * MODE_ZETA * self.longest_s), HIGHEST_OF_RATE / self.step_s
         count = max(2, round(np.log(highest_Hz / lowest_Hz) / np.log(MODE_RATIO)))
         states = [_mode_state(v, f_Hz * self.step_s) for f_Hz in np.geomspace(lowest_Hz, highest_Hz, count)]
         modes = np.stack([part for s in states for part in (s.real - v, s.imag)], axis=1)
@@ -101,7 +105,7 @@ class Columns:
 
     def _windows(self, v: Samples, most: int | None = None) -> Samples:
         """Means over past windows that begin where the one before ends, v itself first; v[0] before the record."""
-        reach = max(2, round(min(LONGEST_LAG_s, self.longest_s) / self.step_s))
+        reach = max(2, round(self.longest_s / self.step_s))
         lags = np.unique(np.round(np.geomspace(1, reach, max(2, round(np.log(reach) / np.log(LAG_RATIO)) + 1))))
         edges = [0, *lags.astype(int).tolist()][: None if most is None else most + 1]
         total = np.concatenate([[0.0], np.cumsum(v - v[0])])
@@ -113,7 +117,7 @@ class Columns:
         """Speed averaged over several times, and its product with the voltage."""
         speed = np.abs(np.diff(v, prepend=v[0])) / self.step_s
         means = []
-        for tau_s in SPEED_TIMES_s:
+        for tau_s in (tau_s for tau_s in SPEED_TIMES_s if tau_s <= max(self.longest_s, SPEED_TIMES_s[0])):
             decay = np.exp(-self.step_s / tau_s)
             means.append(lfilter([1 - decay], [1, -decay], speed))
         levels = np.stack(means, axis=1)
@@ -146,7 +150,7 @@ def columns_of(runs: Sequence[GapRun]) -> Columns:
     drives = [_drive_V(run)[run.rows] for run in runs]
     low, high = min(float(u.min()) for u in drives), max(float(u.max()) for u in drives)
     names = sorted({name for run in runs for name, u in run.others_V.items() if np.ptp(u[run.rows]) > STILL_V})
-    longest_s = max(run.step_s * (run.stop - run.start) for run in runs)
+    longest_s = min(LONGEST_LAG_s, MEMORY_OF_RECORD * max(run.step_s * (run.stop - run.start) for run in runs))
     bare = Columns((low + high) / 2, max((high - low) / 2, STILL_V), runs[0].step_s, longest_s, tuple(names))
     linear = moments_of(bare, runs, [run.x_um[run.rows] for run in runs]).linear()
     amounts = _Regression.of(linear, None).amounts(np.full(1, RIDGES[0]))
