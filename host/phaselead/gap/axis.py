@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from phaselead.gap.acceptance import Named
-from phaselead.gap.adopt import adopted
+from phaselead.gap.adopt import adopted, kept_names
 from phaselead.gap.confidence import confidence_intervals, raised_bounds, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
@@ -36,9 +36,9 @@ from phaselead.gap.findings import (
 )
 from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
-    STRUCTURE_SHARE,
     FinalFit,
     final_fit,
+    much_predictable,
     names_leave_too_much,
     structure_remains,
 )
@@ -48,7 +48,7 @@ from phaselead.gap.provisional import FittedSet, nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.search import Progress, Selection, select_effects, without_names
 from phaselead.gap.unexplained import Unexplained, unexplained
-from phaselead.model import AxisModel, Effect, catalogue
+from phaselead.model import AxisModel, Effect
 
 _OF_DISTURBANCE = probability_from_false_alarm(HOLDOUT_CHANCE)
 _OF_SHIFT = probability_from_false_alarm(HELD_OUT_P)
@@ -114,12 +114,12 @@ def search_axis(
     excluded, hidden = upper_bounds(selection, candidates, taken, label)
     on_progress(0.9)
     left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
-    unknown = structure_remains(selection, final) or other.unknown or _much_predictable(left, final, bool(taken))
+    unknown = structure_remains(selection, final) or other.unknown or much_predictable(left, final.gap, bool(taken))
     on_progress(0.92)
     provisional: list[NamedEffect] = []
     if unknown:
         final, provisional = _provisional(searched, final, file_entries, effects, runs, taken, label, seed)
-    kept = _kept(selection, named, other.named, file_entries, provisional, label)
+    kept = kept_names([*named, *other.named], [*file_entries, *provisional], selection.operator is not None, label)
     unsure = {one.name for one in kept if one.status == PROVISIONAL}
     return AxisResult(
         axis,
@@ -142,16 +142,6 @@ def search_axis(
     )
 
 
-def _much_predictable(left: Unexplained, final: FinalFit, claimed: bool) -> bool:
-    """Whether so much of what the names leave can be predicted from the voltage that something else is missing.
-
-    Beside names it must also be as much as other structure must be: of a gap that names have all but closed, a part is
-    always predictable, since no equation is exactly that of the stage.
-    """
-    predicted_um2 = left.share * final.gap.after**2
-    return left.something_missing and (not claimed or predicted_um2 > STRUCTURE_SHARE * final.gap.before**2)
-
-
 def _provisional(
     searched: _Searched,
     final: FinalFit,
@@ -170,22 +160,6 @@ def _provisional(
         _, _, entries = _named(*searched.withdrawn, label, seed)
         withdrawn = FittedSet(searched.withdrawn[1].fitted.entries, tuple(entries))
     return nearest_that_pays(final, file_entries, runs, allowed, withdrawn, label, seed)
-
-
-def _kept(
-    selection: Selection,
-    named: Sequence[NamedEffect],
-    disturbances: Sequence[NamedEffect],
-    file_entries: Sequence[NamedEffect],
-    provisional: Sequence[NamedEffect],
-    label: str | None,
-) -> list[Adopted]:
-    """What the next model has that the base had not: the names, the leaders of ties, the nearest set, and plays."""
-    sure = [one.name for one in (*named, *disturbances)]
-    plays = [e.name for e in catalogue().values() if e.becomes_plays] if selection.operator is not None else []
-    unsure = dict.fromkeys([*(one.name for one in (*file_entries, *provisional)), *plays])
-    found = [Adopted(name, label, NAMED) for name in sure]
-    return [*found, *(Adopted(name, label, PROVISIONAL) for name in unsure if name not in sure)]
 
 
 def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set[str]:

@@ -292,7 +292,8 @@ class _Regression:
         """Amounts (k,) under ridges (kinds,)."""
         unit = np.where(self.scale > 0, self.scale, 1.0)
         normal = (self.squares + np.diag(self.precision(ridges))) / np.outer(unit, unit)
-        return np.asarray(cho_solve(cho_factor(normal), self.along / unit) / unit)
+        amounts = cho_solve(cho_factor(normal), self.along / unit) / unit
+        return np.asarray(np.where(ridges[self.kinds] < NO_AMOUNT, amounts, 0.0))
 
     def left(self, ridges: Samples) -> float:
         """Squares left of the fold left out."""
