@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from phaselead.cli import main
 from phaselead.errors import BadInput
+from phaselead.validation.campaign import CampaignPlan
 from phaselead.validation.journal import Journal
 from phaselead.validation.pool import run_cases
 from phaselead.validation.truth import UNDER_TEST, fingerprint, load_truth
@@ -89,11 +90,22 @@ def test_other_code_is_refused_unless_told(folder, tmp_path):
     assert tried(folder) == [f"tuning/none/{i}" for i in range(4)]
 
 
+def test_a_generator_is_asked_for_the_kinds_that_it_has(folder):
+    plan = CampaignPlan(folder, "tuning", scale=0.5)
+    assert len(plan.cases()) == 2
+    sys.modules.pop("phaselead_truth")
+    strict = "\nKINDS = ('none',)\nall_cases = cases\ndef cases(set_name, kinds, sizes, scale):\n"
+    strict += "    assert tuple(kinds) == KINDS\n    return all_cases(set_name, kinds, sizes, scale)\n"
+    (folder / "__init__.py").write_text(GENERATOR + strict)
+    assert len(plan.cases()) == 2
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [
         (["--set", "other"], "no set"),
         (["--kinds", "single,wild"], "no kind wild"),
+        (["--kinds", ""], "no kind"),
         (["--sizes", "0"], "sizes above 0"),
         (["--sizes", "big"], "sizes above 0"),
         (["--table", "nowhere/page.md"], "no folder"),

@@ -69,6 +69,20 @@ def test_a_removed_effect_wants_abstention():
     assert not score.abstained_honestly(outcome("removed", named=["creep"], verdicts=["named", "unknown"]))
 
 
+def test_a_system_outside_the_catalogue_wants_no_name_and_no_none():
+    def answered(**more):
+        return score.outside_honestly(outcome("outside", hidden=(), **more))
+
+    assert answered(verdicts=["unknown"])
+    assert answered(ties=[["creep", "delay"]])
+    assert not answered(verdicts=["none"])
+    assert not answered(named=["creep"])
+    assert not answered(named=["creep"], verdicts=["named", "unknown"])
+    assert answered(named=["backlash"], allowed=["backlash"])
+    assert not answered(named=["backlash", "creep"], allowed=["backlash"])
+    assert not answered(verdicts=["unknown"], error="ValueError: x")
+
+
 def test_several_effects():
     both = ("delay", "creep")
     assert score.all_named(outcome("pair", both, named=both))
@@ -114,12 +128,15 @@ def test_numbers_count_what_they_say():
         outcome("none", hidden=()),
         outcome("none", hidden=(), named=["creep"], number=1),
         outcome("pair", ("delay", "creep"), named=["delay", "creep", "offset"]),
+        outcome("outside", hidden=(), verdicts=["unknown"]),
+        outcome("outside", hidden=(), verdicts=["none"], number=1),
     ]
     reached = {row["what"]: (row["reached"], row["of"]) for row in numbers(outcomes)}
     assert reached["names exactly right, one effect of 0.2 x its typical size and more"] == (50.0, 2)
     assert reached["the same at 0.05 x"] == (0.0, 1)
     assert reached["false names with nothing hidden"] == (1, 2)
     assert reached["both of a pair named"] == (100.0, 1)
+    assert reached["a system outside the catalogue ends as unknown or a tie"] == (50.0, 2)
     assert reached["pairs with a spurious name beside them"] == (100.0, 1)
     assert reached["an effect left out of the catalogue ends as unknown or an honest tie"] == (None, 0)
 
@@ -141,6 +158,12 @@ def test_accuracy_by_size_and_by_coverage():
     assert by_size(outcomes)["delay"] == {"0.2": 0.0, "1": 1.0}
     curve = accuracy_coverage(outcomes)
     assert [(p["coverage"], p["accuracy"]) for p in curve] == [(0.5, 1.0), (1.0, 0.5)]
+
+
+def test_sizes_drawn_at_will_are_gathered_by_half_decades():
+    sizes = [0.031, 0.05, 0.06, 0.17, 0.2, 0.5, 0.6, 1.7, 1.8, 2.9]
+    outcomes = [outcome(named=["delay"], size=size) for size in sizes]
+    assert list(by_size(outcomes)["all"]) == ["0.03", "0.1", "0.3", "1", "3"]
 
 
 def test_nearly_all_is_not_all():

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from phaselead.cli.gap_run import printed
-from phaselead.gap.findings import Bound, Candidate, Cell, GapSize, NamedEffect, NextExperiment, Trace
+from phaselead.gap.findings import Adopted, Bound, Candidate, Cell, GapSize, NamedEffect, NextExperiment, Trace
 from phaselead.gap.result import GapResult
+from phaselead.gap.unexplained import Unexplained
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.report.gap import gap_page, remains, standing_out
@@ -28,7 +29,7 @@ def result() -> GapResult:
         stage=STAGE,
         verdicts=("named", "tie"),
         effects=(
-            NamedEffect("resonance", None, {"f_Hz": (200.0, "Hz", (199.0, 201.0))}, 0.9, "beats no effect by 50"),
+            NamedEffect("resonance", None, {"f_Hz": (200.0, "Hz", (199.0, 201.0))}, 0.9, "beats no effect by 50", 0.97),
         ),
         ties=(("delay", "amplifier_lowpass"),),
         excluded=(Bound("creep", 0.002, "per decade"), Bound("softening", 0.2, "1", "y")),
@@ -48,6 +49,8 @@ def result() -> GapResult:
         traces=(Trace("rec.csv", "x", t, x / 10, x, before, after),),
         untestable_why={"vibration": "needs idle records"},
         seconds=1.5,
+        adopted=(Adopted("resonance", None, "named"), Adopted("delay", None, "provisional")),
+        unexplained=Unexplained(0.42, 0.05),
     )
 
 
@@ -63,8 +66,10 @@ def test_the_page_says_what_where_and_what_remains():
         "The model lacks: resonance.",
         "These records cannot tell apart: delay or amplifier low-pass.",
         "80 % of the unexplained power lies between 64 and 128 Hz.",
-        "It accounts for 90 % of the unexplained power. Evidence: beats no effect by 50.",
+        "It accounts for 90 % of the unexplained power; its probability is 0.97. Evidence: beats no effect by 50.",
         "Tie: delay or amplifier low-pass",
+        "Adopted provisionally: delay",
+        "A generic model predicts 42 % of what the names leave from the voltage; by chance it would 5 %",
         "of the power above the floor remains on the held-out records",
         "creep 0.002 0.015 per decade If any of these were larger",
         "These may be present at their typical size",
@@ -83,7 +88,7 @@ def test_the_page_says_what_where_and_what_remains():
 def test_a_page_of_nothing():
     still = replace(
         result(), verdicts=("none",), effects=(), ties=(), excluded=(), untestable=(), where=(), next_experiment=None,
-        candidates=(), traces=(), gap=GapSize(0.01, 0.01, 0.01),
+        candidates=(), traces=(), gap=GapSize(0.01, 0.01, 0.01), adopted=(), unexplained=None,
     )  # fmt: skip
     said = text(gap_page(still, STAGE, "model.toml"))
     assert "Model and measurement agree within the noise and the known errors of the base model." in said
@@ -105,6 +110,8 @@ def test_the_terminal_says_the_same():
     for words in (
         "verdict: named, tie",
         "these records cannot tell apart: delay, amplifier_lowpass",
+        "adopted provisionally, for the prediction; not vouched for: delay",
+        "a generic model predicts 42 % of what the names leave from the voltage",
         "80 % of the unexplained power lies between 64 and 128 Hz",
         "held-out gap 0.3 -> 0.02 um rms; floor 0.015",
         "creep < 0.002 per decade",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 from hypothesis import strategies as st
 
-from phaselead.model.axis import Actuator, AdoptedEffect, AxisModel, Gains, Limits, Sensor, TimeView
+from phaselead.model.axis import Actuator, AdoptedEffect, AdoptedStatus, AxisModel, Gains, Limits, Sensor, TimeView
 from phaselead.model.stage_file import DataSource, Provenance, Stage
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 
@@ -114,7 +114,8 @@ def effects(draw: st.DrawFn) -> AdoptedEffect:
         if draw(st.booleans())
     }
     name = draw(st.sampled_from(["creep", "resonance", "mains_hum"]))
-    return AdoptedEffect(name=name, params=params, ci95=ci95, share=draw(st.none() | st.floats(0, 1)))
+    status = draw(st.sampled_from(get_args(AdoptedStatus)))
+    return AdoptedEffect(name=name, status=status, params=params, ci95=ci95, share=draw(st.none() | st.floats(0, 1)))
 
 
 @st.composite

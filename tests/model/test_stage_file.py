@@ -42,6 +42,15 @@ def test_files_round_trip(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["s.toml"]
 
 
+def test_an_effect_of_a_file_without_a_status_is_a_named_one() -> None:
+    assert 'status = "named"' in TEXT
+    before = re.sub(r"(?m)^status = .*\n", "", TEXT)
+    assert "status" not in before
+    assert parse_stage(before) == example_stage()
+    with pytest.raises(BadInput, match=r"axes.x.effects\[0\].status"):
+        parse_stage(TEXT.replace('status = "named"', 'status = "guessed"'))
+
+
 def test_every_key_is_commented() -> None:
     described = set()
     for line in TEXT.splitlines():

@@ -51,9 +51,9 @@ def campaign(
     """Hides effects in stages of a foreign make and counts how often the gap workflow names them.
 
     ``truth`` is the folder of their generator, ``output`` the folder of cases.jsonl, campaign.json and campaign.html;
-    finished cases are kept there, so that the same call goes on after an interrupt. ``kinds``: default all. ``sizes``
-    are multiples of the typical, ``scale`` multiplies the number of cases, ``limit`` takes only the first. ``jobs``:
-    processes, default one for each core. Raises BadInput.
+    finished cases are kept there, so that the same call goes on after an interrupt. ``kinds``: default all that the
+    generator has. ``sizes`` are multiples of the typical, ``scale`` multiplies the number of cases, ``limit`` takes
+    only the first. ``jobs``: processes, default one for each core. Raises BadInput.
 
     >>> import phaselead as pl
     >>> pl.campaign("nowhere", "out")  # doctest: +ELLIPSIS
@@ -63,10 +63,10 @@ def campaign(
     from phaselead.record import check_output, write_text
     from phaselead.report import write_campaign_report
     from phaselead.result import json_text
-    from phaselead.validation import KINDS, CampaignPlan, CampaignResult, run_campaign, write_table
+    from phaselead.validation import CampaignPlan, CampaignResult, run_campaign, write_table
 
     folder = Path(output)
-    plan = CampaignPlan(Path(truth), set, tuple(kinds or KINDS), tuple(sizes), scale, limit)
+    plan = CampaignPlan(Path(truth), set, tuple(kinds) if kinds else None, tuple(sizes), scale, limit)
     plan.cases()
     check_output(None if table is None else os.fspath(table))
     if folder.exists() and not folder.is_dir():

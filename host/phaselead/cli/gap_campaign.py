@@ -19,11 +19,13 @@ def _sizes(_context: click.Context, option: click.Parameter, text: str) -> tuple
     return found
 
 
-def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
+def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...] | None:
     from phaselead.errors import BadInput
     from phaselead.validation import KINDS
 
-    found = tuple(text.split(",")) if text else KINDS
+    if text is None:
+        return None
+    found = tuple(text.split(","))
     wrong = [word for word in found if word not in KINDS]
     if wrong:
         raise BadInput(f"--{option.name}: there is no kind {', '.join(wrong)}; there are {', '.join(KINDS)}")
@@ -33,7 +35,7 @@ def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -
 @click.command()
 @click.option("--truth", "folder", metavar="DIR", required=True, help="Folder of the generator of hidden truths.")
 @click.option("--set", "set_name", metavar="NAME", default="tuning", show_default=True, help="Set of seeds.")
-@click.option("--kinds", metavar="KINDS", callback=_kinds, help="E.g. none,single,pair; default: all.")
+@click.option("--kinds", metavar="KINDS", callback=_kinds, help="E.g. none,single,pair; default: all of DIR.")
 @click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_sizes, help="Sizes of single effects.")
 @click.option("--scale", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
               help="Multiplies the number of cases.")  # fmt: skip
@@ -46,7 +48,7 @@ def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -
 def campaign(
     folder: str,
     set_name: str,
-    kinds: tuple[str, ...],
+    kinds: tuple[str, ...] | None,
     sizes: tuple[float, ...],
     scale: float,
     limit: int | None,

@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
-from phaselead.gap.findings import NamedEffect
-from phaselead.model import AdoptedEffect, AxisModel, Stage, provenance_of
+from phaselead.gap.findings import NAMED, PROVISIONAL, Adopted, NamedEffect
+from phaselead.model import AdoptedEffect, AdoptedStatus, AxisModel, Stage, catalogue, provenance_of
 from phaselead.record import Recording
 
 
-def adopted(axis: AxisModel, found: Sequence[NamedEffect]) -> AxisModel:
-    """The axis with the effects appended to its list, each beside any of the same name that it had."""
-    return axis.model_copy(update={"effects": (*axis.effects, *map(stage_file_entry, found))})
+def adopted(axis: AxisModel, found: Sequence[NamedEffect], provisional: AbstractSet[str] = frozenset()) -> AxisModel:
+    """The axis with the effects appended to its list, each beside any of the same name that it had; ``provisional``
+    are the names that are not vouched for."""
+    entries = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
+    return axis.model_copy(update={"effects": (*axis.effects, *entries)})
 
 
-def stage_file_entry(named: NamedEffect) -> AdoptedEffect:
+def stage_file_entry(named: NamedEffect, status: AdoptedStatus = "named") -> AdoptedEffect:
     """An effect as a stage file keeps it."""
     return AdoptedEffect(
         name=named.name,
+        status=status,
         params={name: value for name, (value, _, _) in named.params.items()},
         ci95={name: interval for name, (_, _, interval) in named.params.items()},
         share=min(max(named.share, 0.0), 1.0),
     )
+
+
+def kept_names(
+    named: Sequence[NamedEffect], entries: Sequence[NamedEffect], plays: bool, axis: str | None
+) -> list[Adopted]:
+    """What the next model of an axis has that the base had not: all that is ``named``, what else is among the
+    ``entries`` of its list, and the effect that became ``plays`` of its own, if one did."""
+    sure = [one.name for one in named]
+    as_plays = [e.name for e in catalogue().values() if e.becomes_plays] if plays else []
+    unsure = [name for name in dict.fromkeys([*(one.name for one in entries), *as_plays]) if name not in sure]
+    return [*(Adopted(name, axis, NAMED) for name in sure), *(Adopted(name, axis, PROVISIONAL) for name in unsure)]
 
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:

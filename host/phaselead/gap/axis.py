@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from phaselead.gap.acceptance import Named
-from phaselead.gap.adopt import adopted
-from phaselead.gap.confidence import confidence_intervals, upper_bounds
+from phaselead.gap.adopt import adopted, kept_names
+from phaselead.gap.confidence import confidence_intervals, raised_bounds, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
+    HELD_OUT_P,
+    HOLDOUT_CHANCE,
     Disturbance,
     Shift,
     best_explained,
@@ -20,6 +22,8 @@ from phaselead.gap.disturbances import (
 )
 from phaselead.gap.findings import (
     NAMED,
+    PROVISIONAL,
+    Adopted,
     Bound,
     Candidate,
     Cell,
@@ -34,14 +38,20 @@ from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
     FinalFit,
     final_fit,
+    much_predictable,
     names_leave_too_much,
     structure_remains,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
+from phaselead.gap.probability import probability_from_false_alarm, probability_from_points
+from phaselead.gap.provisional import FittedSet, nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.search import Progress, Selection, select_effects, without_names
+from phaselead.gap.unexplained import Unexplained, unexplained
 from phaselead.model import AxisModel, Effect
 
+_OF_DISTURBANCE = probability_from_false_alarm(HOLDOUT_CHANCE)
+_OF_SHIFT = probability_from_false_alarm(HELD_OUT_P)
 SECOND_SEARCH_LEAVES = 0.5
 """Of the power above the floor that the first search left: a second one that leaves less is believed instead."""
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
@@ -74,6 +84,10 @@ class AxisResult:
     spectra: list[Spectrum]
     messages: list[str]
     """For a person."""
+    adopted: list[Adopted]
+    """What the model has that the base had not."""
+    unexplained: Unexplained
+    """How much of what the names leave can be predicted from the voltage."""
 
 
 def search_axis(
@@ -91,20 +105,29 @@ def search_axis(
     ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for intervals and cells.
     """
     candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
-    selection, final = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.9 * share))
+    searched = _credible_search(model, runs, candidates, frozen, lambda share: on_progress(0.85 * share))
+    selection, final = searched.selection, searched.final
     named, ties, file_entries = _named(selection, final, label, seed)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
     ties += other.ties
     taken = _names([*named, *other.named], ties)
     excluded, hidden = upper_bounds(selection, candidates, taken, label)
-    on_progress(0.97)
+    on_progress(0.9)
+    left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
+    unknown = structure_remains(selection, final) or other.unknown or much_predictable(left, final.gap, bool(taken))
+    on_progress(0.92)
+    provisional: list[NamedEffect] = []
+    if unknown:
+        final, provisional = _provisional(searched, final, file_entries, effects, runs, taken, label, seed)
+    kept = kept_names([*named, *other.named], [*file_entries, *provisional], selection.operator is not None, label)
+    unsure = {one.name for one in kept if one.status == PROVISIONAL}
     return AxisResult(
         axis,
-        adopted(final.axis, [*file_entries, *other.named]),
+        adopted(final.axis, [*file_entries, *provisional, *other.named], unsure),
         [*named, *other.named],
         ties,
-        structure_remains(selection, final) or other.unknown,
-        [*excluded, *other.excluded],
+        unknown,
+        raised_bounds([*excluded, *other.excluded], provisional),
         {**_untested(refused, other, taken), **hidden, **_substituted(selection, taken)},
         _where(selection, final, seed, label),
         final.gap,
@@ -114,7 +137,29 @@ def search_axis(
         final.traces(),
         other.spectra,
         [*selection.messages, *other.messages],
+        kept,
+        left,
     )
+
+
+def _provisional(
+    searched: _Searched,
+    final: FinalFit,
+    file_entries: Sequence[NamedEffect],
+    effects: Sequence[Effect],
+    runs: Sequence[GapRun],
+    taken: set[str],
+    label: str | None,
+    seed: int,
+) -> tuple[FinalFit, list[NamedEffect]]:
+    """The final fit with what predicts held-out records better though its name is not vouched for, and that; ``taken``
+    are the names that are claimed. The base stays as it is, so that anything may be tried that a frozen one shows."""
+    allowed, _ = responses([effect for effect in effects if effect.name not in taken], frozen=True, referenced=False)
+    withdrawn = None
+    if searched.withdrawn is not None:
+        _, _, entries = _named(*searched.withdrawn, label, seed)
+        withdrawn = FittedSet(searched.withdrawn[1].fitted.entries, tuple(entries))
+    return nearest_that_pays(final, file_entries, runs, allowed, withdrawn, label, seed)
 
 
 def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set[str]:
@@ -219,18 +264,27 @@ def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
     """An effect that moved the zero. Its share is 0: the gap is measured about each record's own mean."""
     at, half, size = shift.amount, shift.half, effect.sizes[0]
     why = f"from the reference session on records stand off by {at:.4g} {size.unit}, and held-out ones too"
-    return NamedEffect(effect.name, label, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why)
+    return NamedEffect(effect.name, label, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why, _OF_SHIFT)
+
+
+@dataclass(frozen=True)
+class _Searched:
+    """Where the search ended, and where it was before its names were withdrawn, if they were."""
+
+    selection: Selection
+    final: FinalFit
+    withdrawn: tuple[Selection, FinalFit] | None = None
 
 
 def _credible_search(
     model: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
-) -> tuple[Selection, FinalFit]:
+) -> _Searched:
     """The better search, its names withdrawn where they leave too much to be what is there."""
     selection, final = search_twice(model, runs, effects, frozen, on_progress)
-    if names_leave_too_much(selection, final):
-        selection = without_names(selection)
-        final = final_fit(selection, runs)
-    return selection, final
+    if not names_leave_too_much(selection, final):
+        return _Searched(selection, final)
+    bare = without_names(selection)
+    return _Searched(bare, final_fit(bare, runs), (selection, final))
 
 
 def search_twice(
@@ -293,7 +347,8 @@ def _named(
     for one in selection.named:
         name = one.effect.name
         params = by_name.get(name) or _operator_params(one, selection)
-        found = NamedEffect(name, label, params, final.share_of(name), _why(one))
+        probability = probability_from_points(one.score, [r.score for r in one.rivals if r.effect.name != name])
+        found = NamedEffect(name, label, params, final.share_of(name), _why(one), probability)
         if len(one.tied) > 1:
             ties.append(one.tied)
         else:
@@ -335,4 +390,4 @@ def _why(one: Named) -> str:
 def _disturbance(found: Disturbance, final: FinalFit, label: str | None) -> NamedEffect:
     """A disturbance that was found, with its share of the power."""
     share = min(found.power_um2 / max(final.gap.before**2, 1e-30), 1.0)
-    return NamedEffect(found.name, label, found.params, share, found.why)
+    return NamedEffect(found.name, label, found.params, share, found.why, _OF_DISTURBANCE)

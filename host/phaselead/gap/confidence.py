@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from phaselead.gap.comparison import residual_amounts
 from phaselead.gap.discrepancy import Discrepancy
-from phaselead.gap.findings import ONE_SIDED_95, Bound, Estimate
+from phaselead.gap.findings import ONE_SIDED_95, Bound, Estimate, NamedEffect
 from phaselead.gap.metric import Regressors
 from phaselead.gap.refit import Fitted, from_internal, to_internal
 from phaselead.gap.scan import ScannedShape, full_moments, projection, scan, with_free
 from phaselead.gap.search import Selection
-from phaselead.model import Effect, Parameter
+from phaselead.model import Effect, Parameter, catalogue
 from phaselead.record import Samples
 
 BOOTSTRAP_DRAWS = 400
@@ -100,6 +101,18 @@ def upper_bounds(
             continue
         found.append(Bound(effect.name, upper, size.unit, axis))
     return found, untestable
+
+
+def raised_bounds(bounds: Sequence[Bound], provisional: Sequence[NamedEffect]) -> list[Bound]:
+    """The bounds, none below the size, with its interval, at which an effect was adopted provisionally."""
+    found = list(bounds)
+    for i, bound in enumerate(bounds):
+        for one in provisional:
+            value = one.params.get(catalogue()[one.name].sizes[0].name) if one.name == bound.name else None
+            if value is not None:
+                at_most = float(np.max(np.abs([value[0], *value[2]])))
+                found[i] = replace(bound, upper_95=max(bound.upper_95, at_most))
+    return found
 
 
 def _hidden(times: float) -> str:

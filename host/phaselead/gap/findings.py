@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
+from phaselead.model import AdoptedStatus
 from phaselead.record import Samples
 
 TWO_SIDED_95, ONE_SIDED_95 = 1.96, 1.645
@@ -27,6 +29,17 @@ class NamedEffect:
     share: float
     """Share of the unexplained power of the held-out records that it explains."""
     why: str = ""
+    probability: float = 1.0
+    """That it is there, and not one of its rivals or nothing."""
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """An effect that the next model has, and whether its name is vouched for."""
+
+    name: str
+    axis: str | None
+    status: AdoptedStatus
 
 
 @dataclass(frozen=True)
@@ -79,8 +92,10 @@ class NextExperiment:
     needs_sensor: str | None = None
 
 
-NAMED = "named"
-"""Remark of a candidate that was named."""
+NAMED: Final = "named"
+"""Remark of a candidate that was named, and status of an adopted effect that was."""
+PROVISIONAL: Final = "provisional"
+"""Status of an adopted effect whose name is not vouched for."""
 
 
 @dataclass(frozen=True)

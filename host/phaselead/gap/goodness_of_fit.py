@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import mannwhitneyu
@@ -18,6 +18,7 @@ from phaselead.gap.records import GapRun, Role
 from phaselead.gap.refit import Fitted, SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.search import Selection
+from phaselead.gap.unexplained import Unexplained
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 
@@ -66,6 +67,15 @@ class FinalFit:
             for t in self.after
             if t.run.role == role
         ]
+
+    def with_entries(self, entries: Sequence[SizedEffect]) -> FinalFit:
+        """The same with further effects, and the gap that they leave."""
+        fitted = replace(self.fitted, entries=(*self.fitted.entries, *entries), total=None)
+        richer = replace(self, fitted=fitted)
+        after = float(np.sqrt(_power([left.error_um for left in richer.residuals("holdout")])))
+        referenced = any(t.run.role == "reference" for t in self.after)
+        floor = self.gap.floor if referenced else min(self.gap.floor, after)
+        return replace(richer, gap=replace(self.gap, after=after, floor=floor))
 
     def residuals_before(self, role: Role) -> list[RunResidual]:
         """Residuals of the base as given, about their means."""
@@ -172,6 +182,16 @@ def structure_remains(selection: Selection, final: FinalFit) -> bool:
     if np.median(held) <= STRUCTURE_CHI2 * np.median(known) and held.mean() <= STRUCTURE_CHI2 * known.mean():
         return False
     return float(mannwhitneyu(held, known, alternative="greater").pvalue) < STRUCTURE_P
+
+
+def much_predictable(left: Unexplained, gap: GapSize, claimed: bool) -> bool:
+    """Whether so much of what the names leave can be predicted from the voltage that something else is missing.
+
+    Beside names it must also be as much as other structure must be: of a gap that names have all but closed, a part is
+    always predictable, since no equation is exactly that of the stage.
+    """
+    predicted_um2 = left.share * gap.after**2
+    return left.something_missing and (not claimed or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
 
 
 def names_leave_too_much(selection: Selection, final: FinalFit) -> bool:

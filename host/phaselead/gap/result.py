@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from phaselead.gap.findings import (
+    PROVISIONAL,
+    Adopted,
     Bound,
     Candidate,
     Cell,
@@ -21,6 +23,7 @@ from phaselead.gap.findings import (
     parameter_texts,
 )
 from phaselead.gap.locate import excludes, headline, percent, unit_of
+from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Stage
 from phaselead.record import write_text
@@ -75,6 +78,10 @@ class GapResult(Result):
     """For each tie, by its names joined with " | ", the member that the next stage contains."""
     messages: tuple[str, ...] = ()
     seconds: float = 0.0
+    adopted: tuple[Adopted, ...] = ()
+    """What the next stage has that the one compared had not, and whether each name is vouched for."""
+    unexplained: Unexplained | None = None
+    """How much of what the names leave can be predicted from the voltage, on the axis where it is most."""
     base: Stage | None = None
     """The model that was compared."""
     verification: TrackingComparison | None = None
@@ -86,6 +93,7 @@ class GapResult(Result):
         return {
             "verdicts": list(self.verdicts),
             "effects": [_effect(effect) for effect in self.effects],
+            "adopted": [vars(one) for one in self.adopted],
             "ties": [list(tie) for tie in self.ties],
             "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit} for b in self.excluded],
             "untestable": list(self.untestable),
@@ -97,6 +105,7 @@ class GapResult(Result):
                 "unit": self.gap.unit,
                 "floor_from": self.gap.floor_from,
             },
+            "unexplained": None if self.unexplained is None else self.unexplained.as_dict(),
             "next_experiment": _experiment(self.next_experiment),
             "holdout_sha256": list(self.holdout_sha256),
             **tracked,
@@ -109,15 +118,30 @@ class GapResult(Result):
 
     @property
     def columns(self) -> dict[str, list[Any]]:
-        """One entry for each number of each named effect: effect, axis, parameter, value, low_95, high_95, unit and
-        share (of the unexplained power)."""
-        names = ("effect", "axis", "parameter", "value", "low_95", "high_95", "unit", "share")
+        """One entry for each number of each named effect: effect, axis, parameter, value, low_95, high_95, unit,
+        share (of the unexplained power) and probability."""
+        names = ("effect", "axis", "parameter", "value", "low_95", "high_95", "unit", "share", "probability")
         rows = [
-            (effect.name, effect.axis, label, value, low, high, "" if unit == "1" else unit, effect.share)
+            (
+                effect.name,
+                effect.axis,
+                label,
+                value,
+                low,
+                high,
+                "" if unit == "1" else unit,
+                effect.share,
+                effect.probability,
+            )
             for effect in self.effects
             for label, value, low, high, unit in parameter_rows(effect.params)
         ]
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+    @property
+    def provisional(self) -> list[str]:
+        """Names of the effects that the next model has though they are not vouched for, each once."""
+        return list(dict.fromkeys(one.name for one in self.adopted if one.status == PROVISIONAL))
 
     def tables(self) -> list[Table | str]:
         gap = self.gap
@@ -128,10 +152,14 @@ class GapResult(Result):
             headings = ("parameter", "value", "95 % interval", "unit")
             parts.append(Table(headings, tuple(parameter_texts(effect.params))))
         parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]
+        if self.provisional:
+            parts.append(f"adopted provisionally, for the prediction; not vouched for: {', '.join(self.provisional)}")
         if (where := headline(self.where)) is not None:
             parts.append(where)
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
         parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}")
+        if self.unexplained is not None and self.unexplained.something_missing:
+            parts.append(self.unexplained.sentence)
         parts += _bounds(self.excluded)
         if self.untestable:
             parts.append(f"not testable with these records: {', '.join(self.untestable)}")
@@ -189,7 +217,10 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         name: {"value": value, "unit": unit, "ci95": list(interval)}
         for name, (value, unit, interval) in effect.params.items()
     }
-    return {"name": effect.name, "axis": effect.axis, "params": params, "share": effect.share}
+    return {
+        "name": effect.name, "axis": effect.axis, "params": params, "share": effect.share,
+        "probability": effect.probability,
+    }  # fmt: skip
 
 
 def _experiment(experiment: NextExperiment | None) -> dict[str, Any] | None:

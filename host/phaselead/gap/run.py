@@ -85,6 +85,8 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
         adopted_of_ties={" | ".join(t): t[0] for r in results for t in r.ties},
         messages=tuple(m for r in results for m in r.messages),
         seconds=seconds,
+        adopted=tuple(a for r in results for a in r.adopted),
+        unexplained=max((r.unexplained for r in results), key=lambda left: left.share - left.chance),
     )
 
 

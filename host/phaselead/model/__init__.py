@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.model.axis import Actuator, AdoptedEffect, AxisModel, Gains, Limits, Sensor, TimeView
+from phaselead.model.axis import Actuator, AdoptedEffect, AdoptedStatus, AxisModel, Gains, Limits, Sensor, TimeView
 from phaselead.model.chain import Chain, Extra, simulate
 from phaselead.model.effects import (
     CheckedParameters,
@@ -55,6 +55,7 @@ __all__ = [
     "XU_LI_2010",
     "Actuator",
     "AdoptedEffect",
+    "AdoptedStatus",
     "AxisModel",
     "Chain",
     "CheckedParameters",

@@ -6,7 +6,7 @@ The parts of a stage file (``stage_file``) that the operator and the effects wor
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -125,10 +125,15 @@ class Gains(Part):
     derivative_filter_Hz: Positive | None = Field(None, description="derivative filter, Hz; left out: none")
 
 
+AdoptedStatus = Literal["named", "provisional"]
+"""Whether the data demand an effect by name, or a model with it merely predicts better."""
+
+
 class AdoptedEffect(Part):
     """One adopted effect: what it is, how large, how sure, and what it bought."""
 
     name: str = Field(description="which effect")
+    status: AdoptedStatus = Field("named", description="named, or provisional: it predicts better, but may not be it")
     params: dict[str, ParameterValue] = Field({}, description="its parameters, units in the names")
     ci95: dict[str, Interval95] = Field({}, description="their 95 % intervals, [low, high]")
     share: Annotated[Number, Field(ge=0, le=1)] | None = Field(

@@ -59,6 +59,8 @@ def gap_page(
         cells_figure=cells_figure(result.where) if result.where else None,
         effects=[effect_part(effect) for effect in result.effects],
         ties=[tie_part(tie) for tie in result.ties],
+        provisional=_listed([_plain(name) for name in result.provisional]) if result.provisional else "",
+        unexplained=result.unexplained,
         candidates=candidate_rows(result.candidates, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
         spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
@@ -140,6 +142,7 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
     ]
     return {
         "title": _title(effect).capitalize(), "share": percent(effect.share), "why": effect.why, "rows": rows,
+        "probability": f"{effect.probability:.3g}",
         "equation": entry.equation if entry else "", "shows": entry.shows if entry else "",
         "compensation": entry.compensation if entry else "", "source": entry.source if entry else "",
     }  # fmt: skip

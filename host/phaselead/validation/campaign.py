@@ -20,11 +20,13 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """Which cases to run: ``sizes`` are of single effects, as multiples of the typical one."""
+    """Which cases to run: ``kinds`` of them (None: all that the generator has); ``sizes`` are of single effects, as
+    multiples of the typical one.
+    """
 
     folder: Path
     set_name: str
-    kinds: tuple[str, ...] = KINDS
+    kinds: tuple[str, ...] | None = None
     sizes: tuple[float, ...] = (0.05, 0.2, 1.0)
     scale: float = 1.0
     limit: int | None = None
@@ -32,8 +34,9 @@ class CampaignPlan:
     def cases(self) -> list[Case]:
         """The cases, in order. Raises BadInput for a set, kind or size that the generator does not have."""
         truth = load_truth(self.folder)
+        kinds = self.kinds if self.kinds is not None else tuple(getattr(truth, "KINDS", KINDS))
         try:
-            found = list(truth.cases(self.set_name, self.kinds, self.sizes, self.scale))
+            found = list(truth.cases(self.set_name, kinds, self.sizes, self.scale))
         except ValueError as error:
             raise BadInput(f"{self.folder}: {error}") from None
         if not found:

@@ -63,6 +63,15 @@ def abstained_honestly(outcome: Outcome) -> bool:
     return not outcome["named"] and ("unknown" in outcome["verdicts"] or ties_honest)
 
 
+def outside_honestly(outcome: Outcome) -> bool:
+    """For a system outside the catalogue: whether the answer is unknown or a tie, or a name that the case allows, and
+    names nothing else. ``none`` is as wrong as a wrong name.
+    """
+    if outcome["error"] or set(outcome["named"]) - set(outcome.get("allowed", ())):
+        return False
+    return bool(outcome["named"]) or bool(outcome["ties"]) or "unknown" in outcome["verdicts"]
+
+
 def false_names(outcome: Outcome) -> bool:
     """With nothing hidden: whether anything is claimed. A crash is no claim."""
     return bool(claims(outcome))

@@ -16,7 +16,9 @@ ROWS_OF_60_S = 300_000.0
 NOTHING, UNKNOWN, FAILED = "nothing", "unknown", "failed"
 LEAST_SIZE = 0.2 - 1e-9
 """Size, as a multiple of the typical one, from which an effect counts as large."""
-SINGLE_AXIS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop")
+MOST_SIZES = 6
+"""More distinct sizes than this are not steps of a ladder."""
+SINGLE_AXIS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside")
 """Kinds whose stage has one axis."""
 
 
@@ -66,6 +68,8 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         _share("all of a triple named", "-", map(score.all_named, triple)),
         _share("an effect left out of the catalogue ends as unknown or an honest tie", ">= 90 %",
                map(score.abstained_honestly, removed)),
+        _share("a system outside the catalogue ends as unknown or a tie", "100 %",
+               map(score.outside_honestly, _of(outcomes, "outside"))),
         _median("held-out power left after adoption, effects that a voltage predicts", "<= 2 %", left),
         _share("true size inside the bound where a hidden effect was missed", ">= 95 %", held),
         _share("the same, effects that are not there counted too (all inside)", ">= 95 %", [*held, *absent]),
@@ -125,13 +129,22 @@ def _answered(outcome: Outcome) -> dict[str, float]:
 
 
 def by_size(outcomes: Sequence[Outcome]) -> dict[str, dict[str, float]]:
-    """Share of exactly right answers by effect and size; "all" is over every effect."""
+    """Share of exactly right answers by effect and size; "all" is over every effect. Sizes that a generator draws at
+    will are gathered at the nearest of 0.03, 0.1, 0.3, 1 and 3.
+    """
+    drawn = len({_size(outcome) for outcome in outcomes}) > MOST_SIZES
     cells: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for outcome in outcomes:
         (truth,) = score.hidden_names(outcome)
         for row in (truth, "all"):
-            cells[row][f"{_size(outcome):g}"].append(score.exactly_right(outcome))
+            cells[row][_half_decade(_size(outcome)) if drawn else f"{_size(outcome):g}"].append(
+                score.exactly_right(outcome)
+            )
     return {row: {size: float(np.mean(v)) for size, v in sorted(of.items())} for row, of in sorted(cells.items())}
+
+
+def _half_decade(size: float) -> str:
+    return f"{10 ** (round(2 * np.log10(size)) / 2):.1g}"
 
 
 def accuracy_coverage(outcomes: Sequence[Outcome]) -> list[dict[str, float]]:
@@ -148,6 +161,7 @@ def accuracy_coverage(outcomes: Sequence[Outcome]) -> list[dict[str, float]]:
 RIGHT: dict[str, Callable[[Outcome], bool]] = {
     "none": lambda o: not score.false_names(o),
     "removed": score.abstained_honestly,
+    "outside": score.outside_honestly,
     "poor": lambda o: not score.spurious(o),
     "pair": lambda o: score.all_named(o) and not score.spurious(o),
     "triple": lambda o: score.all_named(o) and not score.spurious(o),

@@ -34,6 +34,7 @@ def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
             {"name": h.name, "size": h.size, "value": h.value, "unit": h.unit, "axis": h.axis} for h in case.hidden
         ],
         "without": list(case.without),
+        "allowed": list(getattr(case, "allowed", ())),
         "error": None,
     }
     try:
@@ -65,13 +66,17 @@ def base_model(case: Case, reference: Sequence[Recording]) -> Stage:
     """The model a lab would start from: a fit of the driven, open-loop reference records."""
     driven = [r for r in reference if _driven(r)]
     open_loop = [r for r in driven if all(a.r_um is None for a in r.axes.values())]
-    axes: Any = {axis: _known(case.bits) for axis in reference[0].axes}
+    axes: Any = {axis: _known(case) for axis in reference[0].axes}
     parent = Stage(name="rig", axes=axes)
     return fit(open_loop or driven, parent=parent)[0]
 
 
-def _known(bits: int) -> AxisModel:
-    return AxisModel(actuator=Actuator(bits=bits)) if bits != USUAL_BITS else AxisModel()
+def _known(case: Case) -> AxisModel:
+    """What a lab knows of its converter."""
+    span_V = getattr(case, "output_V", None)
+    if span_V is not None:
+        return AxisModel(actuator=Actuator(bits=case.bits, u_min_V=span_V[0], u_max_V=span_V[1]))
+    return AxisModel(actuator=Actuator(bits=case.bits)) if case.bits != USUAL_BITS else AxisModel()
 
 
 def _floor_um(stage: Stage, bare: Sequence[Recording] | None) -> float | None:

@@ -13,7 +13,7 @@ from phaselead.errors import BadInput
 from phaselead.record import Recording, Samples
 
 MODULE = "phaselead_truth"
-KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
+KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor", "outside")
 """Kinds of cases; docs/gap-campaign.md describes them."""
 
 
@@ -38,7 +38,11 @@ class Hidden(Protocol):
 
 
 class Case(Protocol):
-    """One blind trial. The same name gives the same records in every process."""
+    """One blind trial. The same name gives the same records in every process.
+
+    May also have ``output_V``, the voltages of the output converter's lowest code and one past the highest, where they
+    are not those of a stage file by default; and ``allowed``, names that are right for a system outside the catalogue.
+    """
 
     @property
     def name(self) -> str: ...
@@ -70,7 +74,7 @@ class Case(Protocol):
 
 
 class Truth(Protocol):
-    """The folder as a Python module."""
+    """The folder as a Python module. May also have ``KINDS``, where it does not have all of them."""
 
     def cases(self, set_name: str, kinds: Sequence[str], sizes: Sequence[float], scale: float) -> Sequence[Case]:
         """The cases, ordered so that any first few are a fair sample. Raises ValueError for unknown options."""

@@ -9,7 +9,9 @@ import numpy as np
 
 from phaselead.gap.axis import AxisResult
 from phaselead.gap.findings import (
+    NAMED,
     ONE_SIDED_95,
+    Adopted,
     Bound,
     Candidate,
     Cell,
@@ -21,7 +23,9 @@ from phaselead.gap.findings import (
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.noise import fit_noise
+from phaselead.gap.probability import probability_from_z
 from phaselead.gap.records import GapRun
+from phaselead.gap.residual import RunResidual
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
 from phaselead.gap.several_axes.joint_records import JointRecord, effect_of
@@ -33,6 +37,7 @@ from phaselead.gap.several_axes.stage_effects import (
     resonance_params,
     softening_values,
 )
+from phaselead.gap.unexplained import Unexplained, unexplained
 from phaselead.model import AxisModel, Stage, catalogue
 from phaselead.record import Recording, Samples
 
@@ -116,14 +121,27 @@ def axis_results(
         untestable = _untestable(found, taken | {b.name for b in excluded})
         left = gap.after**2 - gap.floor**2
         held = [run for run in runs[a] if run.role == "holdout"]
+        predictable = _predictable(found, runs[a], i)
+        missing = left > UNEXPLAINED * gap.before**2 or (predictable.something_missing and not named[a])
         results.append(
             AxisResult(
-                a, adopted[a], named[a], [], left > UNEXPLAINED * gap.before**2, excluded, untestable,
+                a, adopted[a], named[a], [], missing, excluded, untestable,
                 _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held), None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
+                [Adopted(one.name, a, NAMED) for one in named[a]], predictable,
             )
         )  # fmt: skip
     return results
+
+
+def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
+    """How much of what the fit leaves on one axis can be predicted from the voltages."""
+    parts = []
+    for role, records in (("train", found.train), ("holdout", found.held)):
+        of_role = [run for run in runs if run.role == role]
+        errors = [_error(record, found.fit, axis) for record in records]
+        parts.append([RunResidual(run, error) for run, error in zip(of_role, errors, strict=True)])
+    return unexplained(*parts)
 
 
 def _named(found: StageFit, axis: int) -> list[NamedEffect]:
@@ -156,7 +174,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
         share = _share(found, without, axis) if gained.pays else 0.0
         growth = 1 / np.sqrt(max(1 - gained.saved, 1e-9))
         why = f"without it the held-out error grows {growth:.3g}-fold (z = {gained.z:.1f})"
-        result.append(NamedEffect(name, label, values, share, why))
+        result.append(NamedEffect(name, label, values, share, why, probability_from_z(gained.z)))
     return result
 
 

@@ -1,0 +1,99 @@
+"""Whether what the final model leaves of held-out records can still be predicted from the voltage.
+
+The check knows nothing of the catalogue and shares nothing with the search: no noise model, no whitening, no names. A
+generic model is fitted to the residuals of the training records and judged on the held-out ones. What such a model says
+that was fitted to the residuals of reference records is known misfit of the base, and is taken out first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from phaselead.gap.generic_model import Columns, Moments, columns_of, moments_of, new_amounts, ridge_amounts
+from phaselead.gap.metric import BLOCK_s, block_edges
+from phaselead.gap.residual import RunResidual, period_of
+from phaselead.record import Samples
+
+WORTH_SHARE = 0.03
+"""Of the remaining power: what may be predicted beyond chance before something is missing."""
+FALSE_ALARM = 0.01
+"""Probability with which chance alone reaches ``chance``."""
+SIGN_DRAWS = 2000
+"""Of signs: of these the 1 % quantile is known to a tenth of its probability."""
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """How much of the remaining power of held-out records a generic model predicts."""
+
+    share: float
+    """Of the power about each record's mean that the final model leaves; below 0 where it predicts worse than nothing.
+    """
+    chance: float
+    """Share that chance alone reaches with a probability of 1 %, 0 or more."""
+
+    def as_dict(self) -> dict[str, float]:
+        """As gap.json has it."""
+        return {"share": self.share, "chance": self.chance}
+
+    @property
+    def sentence(self) -> str:
+        """For a person."""
+        return f"a generic model predicts {100 * max(self.share, 0.0):.0f} % of what the names leave from the voltage"
+
+    @property
+    def something_missing(self) -> bool:
+        """Whether more can be predicted than there is where nothing is missing."""
+        return self.share - self.chance > WORTH_SHARE
+
+
+def unexplained(
+    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual] = ()
+) -> Unexplained:
+    """How much of the held-out residuals a generic model predicts that was fitted to the training residuals.
+
+    They are residuals of the final model; ``reference`` records are without what was found since.
+    """
+    columns = columns_of([r.run for r in (*train, *reference)])
+    learned = _moments(columns, train)
+    if reference:
+        known, new = new_amounts(learned, _moments(columns, reference))
+    else:
+        new = ridge_amounts(learned)
+        known = np.zeros(len(new))
+    left, said = [], []
+    for r in holdout:
+        made, _ = columns.of(r.run)
+        left.append(r.error_um - r.error_um.mean() - made @ known)
+        said.append(made @ new)
+    return _judged(holdout, left, said)
+
+
+def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
+    return moments_of(columns, [r.run for r in residuals], [r.error_um for r in residuals])
+
+
+def _judged(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Sequence[Samples]) -> Unexplained:
+    """What a prediction ``said`` (n_i,) saves of ``left`` (n_i,), as a share of the power of the residuals.
+
+    By chance the product of the two is as often negative as positive in each block, and independent from block to
+    block: its sum under random signs is what chance gives.
+    """
+    power = sum(float(np.sum((r.error_um - r.error_um.mean()) ** 2)) for r in holdout)
+    if not power > 0:
+        return Unexplained(0.0, 0.0)
+    edges = block_edges([len(e) for e in left], max(_block_rows(r) for r in holdout))
+    products = np.concatenate([np.add.reduceat(e * p, edge[:-1]) for e, p, edge in zip(left, said, edges, strict=True)])
+    own = sum(float(p @ p) for p in said)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(SIGN_DRAWS, len(products)))
+    by_chance = float(np.quantile(signs @ products, 1 - FALSE_ALARM))
+    return Unexplained((2 * float(products.sum()) - own) / power, max((2 * by_chance - own) / power, 0.0))
+
+
+def _block_rows(residual: RunResidual) -> int:
+    """Rows of BLOCK_s, or of a period of the voltage where that is longer."""
+    run = residual.run
+    return max(round(BLOCK_s / run.step_s), period_of(run.u_V[run.rows]) or 0)
