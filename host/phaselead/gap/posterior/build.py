@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from phaselead.gap.metric import Regressors
 from phaselead.gap.posterior.misfit import base_misfit
-from phaselead.gap.posterior.space import Space, SpaceRecord, likeliest_spread
+from phaselead.gap.posterior.space import Space, SpaceRecord, compact, likeliest_spread
 from phaselead.gap.problem import Problem
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
 from phaselead.record import Samples
-NEGLIGIBLE = 1e-2
+NEGLIGIBLE = 0.05
 """Whitened squares that a base column may have in all records together and still be left out."""
 
 
@@ -45,11 +45,7 @@ def space_of(problem: Problem, more: Sequence[Sequence[Samples]] = (), names: Se
     reference = [r for r in records if not r.changed]
     errors = [r.metric.project(r.index, r.modelled.error()[:, None])[:, 0] for r in reference]
     shared, own_deviation = likeliest_spread(reference, errors, numbered)
-    power = sum((r.base**2).sum(axis=0) for r in records)
-    kept = shared**2 * power > NEGLIGIBLE
-    return Space(
-        tuple(replace(r, base=np.ascontiguousarray(r.base[:, kept])) for r in records), shared[kept], own_deviation[kept]
-    )
+    return compact(records, shared, own_deviation, NEGLIGIBLE)
 
 
 def _modes(problem: Problem, modelled: ModelledRun) -> Samples:

@@ -82,6 +82,7 @@ def search(problem: Problem, effects: Sequence[Effect], verbose: bool = False) -
     empty = refit(problem.train_common, problem.discrepancy, [])
     shapes_of = {s[0].effect.name: s for s in scan(problem, empty, effects)}
     worth = [s for s in shapes_of.values() if max(x.gain for x in s) > LEAST_GAIN]
+    worth.sort(key=lambda s: -max(x.gain for x in s))
     rough: dict[str, list] = {}
     for shapes in worth:
         rough[shapes[0].effect.name] = starts(problem, empty, sorted(shapes, key=lambda s: -s.gain))
@@ -102,7 +103,7 @@ def search(problem: Problem, effects: Sequence[Effect], verbose: bool = False) -
     m = len(effects)
     nothing = Tried((), 0.0)
     pool: dict[tuple[str, ...], Tried] = {(): nothing}
-    for name, tried in rough.items():
+    for name, tried in list(rough.items())[:9]:
         found = grown(solver, nothing, tried, m)
         if found is not None:
             pool[found.names] = found
@@ -122,7 +123,7 @@ def search(problem: Problem, effects: Sequence[Effect], verbose: bool = False) -
                 if key in pool or key in new:
                     continue
                 found = grown(solver, fit, starts(beside, now, sorted(shapes, key=lambda s: -s.gain)), m)
-                if found is not None and found.value > fit.value - 3:
+                if found is not None and found.value > fit.value:
                     new[key] = found
         if not new:
             break

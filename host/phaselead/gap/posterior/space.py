@@ -13,7 +13,7 @@ the product of two columns under the covariance of everything that is not an eff
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,9 +100,9 @@ class Space:
 
     records: tuple[SpaceRecord, ...]
     shared: Samples
-    """(k,) deviation of the amount of each base column that all records have, T."""
+    """(k, k) root R of the covariance R R' of the amounts of the base's columns that all records have, w."""
     own: Samples
-    """(k,) deviation of what each record has of its own beside it, c T."""
+    """(k, k) the same of what each record has of its own beside it, e_r."""
     _solved: dict[bytes, tuple[Samples, bool]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -167,13 +167,13 @@ class Space:
             of_record = c.shared[i]
             if of_record is not None:
                 found += of_record
-        return np.asarray(self.shared[:, None] * found)
+        return np.asarray(self.shared.T @ found)
 
     def _factor(self, which: Mask) -> tuple[Samples, bool]:
         key = which.tobytes()
         if key not in self._solved:
             normal = sum((self._parts[i].left for i in np.flatnonzero(which)), np.zeros((len(self.shared),) * 2))
-            self._solved[key] = cho_factor(np.eye(len(normal)) + self.shared[:, None] * normal * self.shared)
+            self._solved[key] = cho_factor(np.eye(len(normal)) + self.shared.T @ normal @ self.shared)
         return self._solved[key]
 
     def missed(self) -> list[Samples]:
@@ -181,7 +181,7 @@ class Space:
         reference = ~self.changed
         errors = [record.modelled.error()[:, None] if r else None for record, r in zip(self.records, reference, strict=True)]
         found = self._shared_part(self.columns(errors), reference)
-        amounts = self.shared * cho_solve(self._factor(reference), found)[:, 0]
+        amounts = self.shared @ cho_solve(self._factor(reference), found)[:, 0]
         return [record.base @ amounts for record in self.records]
 
 
@@ -189,10 +189,8 @@ class Space:
 class _OwnPart:
     """What a record's own misfit takes of columns."""
 
-    factor: Samples
-    """(k, k) Cholesky factor of 1 + the products of the base's columns, one own deviation each."""
-    own: Samples
-    """(k,) own deviations."""
+    root: Samples
+    """(k, k) which takes products of the base's columns with others to what its own misfit takes of these."""
     cross: Samples
     """(k, k) what it takes of the base's columns, transposed."""
     left: Samples
@@ -201,15 +199,28 @@ class _OwnPart:
     def split(self, products: Samples) -> tuple[Samples, Samples]:
         """From the products (k, q) of the base's columns with others: what it takes of these, and the products without
         that."""
-        taken = solve_triangular(self.factor, self.own[:, None] * products, lower=True)
+        taken = self.root @ products
         return taken, products - self.cross @ taken
 
 
 def _own_part(base: Samples, own: Samples) -> _OwnPart:
     normal = base.T @ base
-    factor = cholesky(np.eye(len(own)) + own[:, None] * normal * own, lower=True)
-    cross = solve_triangular(factor, own[:, None] * normal, lower=True).T
-    return _OwnPart(factor, own, cross, normal - cross @ cross.T)
+    factor = cholesky(np.eye(len(own)) + own.T @ normal @ own, lower=True)
+    root = solve_triangular(factor, own.T, lower=True)
+    cross = normal @ root.T
+    return _OwnPart(root, cross, normal - cross @ cross.T)
+
+
+def compact(records: Sequence[SpaceRecord], shared: Samples, own: Samples, least: float) -> Space:
+    """The space of records whose base columns have the deviations ``shared`` and ``own`` (k,): columns that are
+    combinations of others are joined, those of less than ``least`` whitened squares in all records left out."""
+    scale = np.maximum(shared, own)
+    power, turn = np.linalg.eigh(scale[:, None] * sum(r.base.T @ r.base for r in records) * scale)
+    turn = turn[:, power > least]
+    roots = [(turn.T * (deviation / scale)) for deviation in (shared, own)]
+    squares = [cholesky(root @ root.T + 1e-12 * np.eye(len(root)), lower=True) for root in roots]
+    joined_base = scale[:, None] * turn
+    return Space(tuple(replace(r, base=r.base @ joined_base) for r in records), squares[0], squares[1])
 
 
 FIRST_SHARED, FIRST_OWN = 1.0, 0.05
