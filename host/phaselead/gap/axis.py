@@ -44,6 +44,7 @@ from phaselead.gap.goodness_of_fit import (
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.probability import probability_from_false_alarm, probability_from_points
+from phaselead.gap.posterior_search import select_by_posterior
 from phaselead.gap.provisional import FittedSet, nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.search import Progress, Selection, select_effects, without_names
@@ -280,6 +281,11 @@ def _credible_search(
     model: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
 ) -> _Searched:
     """The better search, its names withdrawn where they leave too much to be what is there."""
+    view = model.time
+    assert view is not None
+    if any(run.role == "reference" for run in runs) and view.play_r_V:
+        selection = select_by_posterior(model, runs, effects, on_progress)
+        return _Searched(selection, final_fit(selection, runs))
     selection, final = search_twice(model, runs, effects, frozen, on_progress)
     if not names_leave_too_much(selection, final):
         return _Searched(selection, final)
@@ -341,13 +347,17 @@ def _named(
 ) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
     """Named effects, ties, and the effects for the stage file: those named, and the best of each tie, so that the model
     predicts. An effect that the base took up as plays is in none of its lists of effects."""
-    values = confidence_intervals(final.fitted, selection.problem.train_common, selection.problem.discrepancy, seed)
-    by_name = {effect.name: v for (effect, _), v in zip(final.fitted.entries, values, strict=True)}
+    by_name = selection.estimates
+    if by_name is None:
+        values = confidence_intervals(final.fitted, selection.problem.train_common, selection.problem.discrepancy, seed)
+        by_name = {effect.name: v for (effect, _), v in zip(final.fitted.entries, values, strict=True)}
     named, ties, entries = [], [], []
     for one in selection.named:
         name = one.effect.name
         params = by_name.get(name) or _operator_params(one, selection)
-        probability = probability_from_points(one.score, [r.score for r in one.rivals if r.effect.name != name])
+        probability = (selection.probability or {}).get(name)
+        if probability is None:
+            probability = probability_from_points(one.score, [r.score for r in one.rivals if r.effect.name != name])
         found = NamedEffect(name, label, params, final.share_of(name), _why(one), probability)
         if len(one.tied) > 1:
             ties.append(one.tied)

@@ -253,7 +253,7 @@ def penalty(problem: Problem, effect: Effect) -> float:
 def _roughly_refitted(problem: Problem, fitted: Fitted, shapes: list[ScannedShape]) -> Refitted:
     """The best of refits in a few steps from different shapes."""
     best: Fitted | None = None
-    starts = [_start(problem, fitted, start) for start in _different(shapes)]
+    starts = [linear_start(problem, fitted, start) for start in different_shapes(shapes)]
     if is_mode(shapes[0].effect) and max(s.gain for s in shapes) > FINE_GRID_SHARE * fitted.squares:
         starts += mode_starts(problem.train_common, problem.discrepancy, fitted, shapes[0].effect)
     for start in starts:
@@ -264,7 +264,7 @@ def _roughly_refitted(problem: Problem, fitted: Fitted, shapes: list[ScannedShap
     return Refitted(shapes[0].effect, best)
 
 
-def _start(problem: Problem, fitted: Fitted, scanned: ScannedShape) -> list[SizedEffect]:
+def linear_start(problem: Problem, fitted: Fitted, scanned: ScannedShape) -> list[SizedEffect]:
     """A start for a refit: the fitted effects, and the new one at the multiple of its linear estimate that leaves
     least."""
     effect = scanned.effect
@@ -275,9 +275,9 @@ def _start(problem: Problem, fitted: Fitted, scanned: ScannedShape) -> list[Size
     return min(tries, key=lambda entries: squares_left(problem.train_common, problem.discrepancy, entries))
 
 
-def _different(shapes: list[ScannedShape]) -> list[ScannedShape]:
+def different_shapes(shapes: Sequence[ScannedShape]) -> list[ScannedShape]:
     """The best shape, and the best that is not its neighbour."""
-    chosen = shapes[:1]
+    chosen = list(shapes[:1])
     for other in shapes[1:]:
         if len(chosen) == SHAPE_STARTS:
             break

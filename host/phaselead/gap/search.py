@@ -18,7 +18,7 @@ from phaselead.gap.acceptance import (
 )
 from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import MARGIN, Comparison, compare
-from phaselead.gap.findings import NAMED, Candidate
+from phaselead.gap.findings import NAMED, Candidate, Estimate
 from phaselead.gap.problem import Problem, common_with_effects, make_problem, with_effects
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, refit, with_total
@@ -56,6 +56,10 @@ class Selection:
     substitute: str | None = None
     """An effect that was kept out of this search, because in the first one it explained most in the place of several.
    """
+    estimates: dict[str, dict[str, Estimate]] | None = None
+    """Value, unit and interval of every parameter by effect, where they come from the posterior."""
+    probability: dict[str, float] | None = None
+    """Of each effect, where it comes from the posterior."""
     operator: dict[str, float] | None = None
     """Parameters of the effect that the base took up as plays of its own, where it had none."""
 

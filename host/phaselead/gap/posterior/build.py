@@ -3,66 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phaselead.gap.metric import Regressors
-from phaselead.gap.posterior.misfit import base_misfit
+from phaselead.gap.posterior.misfit import as_fault, base_misfit
 from phaselead.gap.posterior.space import Space, SpaceRecord, compact, likeliest_spread
 from phaselead.gap.problem import Problem
+from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect
 from phaselead.record import Samples
+
 NEGLIGIBLE = 0.05
-"""Whitened squares that a base column may have in all records together and still be left out."""
+"""Whitened squares that a base column may have in all records together and still be left out: no log evidence changes
+by more than half of it."""
 
 
-def space_of(problem: Problem, more: Sequence[Sequence[Samples]] = (), names: Sequence[str] = ()) -> Space:
+def space_of(problem: Problem, faults: Sequence[Sequence[SizedEffect]] = ()) -> Space:
     """The space of all records of a problem, which has reference records.
 
-    ``more``: per record, in the order of training, held-out and reference records, further columns (n,) in um that the
-    base may miss, one prior deviation each; ``names`` their groups.
+    In the space the base may miss, by what the reference records make likely: anything of the catalogue at a few
+    shapes, its own parameters, shares of its own signals, what fades since before a record, a mode anywhere, and the
+    effects ``faults`` as they are.
     """
-    parts = [problem.train_common, problem.holdout, problem.reference]
-    groups = _group_names(problem)
-    records: list[SpaceRecord] = []
-    for regressors in parts:
-        if regressors is None:
-            continue
-        for i, modelled in enumerate(regressors.metric.modelled_runs):
-            known = np.zeros((modelled.run.stop - modelled.run.start, regressors.size))
-            known[:, regressors.live] = regressors.projected[i]
-            bends, bend_names = base_misfit(modelled)
-            modes = _modes(problem, modelled)
-            own = more[len(records)] if more else []
-            extra = np.column_stack([bends, modes, *own])
-            white = regressors.metric.project(i, extra)
-            records.append(SpaceRecord(modelled, regressors.metric, i, np.concatenate([known, white], axis=1)))
-    labels = [*groups, *bend_names, *["modes"] * modes.shape[1], *names]
-    numbered = np.array([list(dict.fromkeys(labels)).index(name) for name in labels])
-    reference = [r for r in records if not r.changed]
+    parts = [part for part in (problem.train_common, problem.holdout, problem.reference) if part is not None]
+    records, names = [], _known_names(problem)
+    for part in parts:
+        for i, modelled in enumerate(part.metric.modelled_runs):
+            more, more_names = _columns(problem, modelled, faults)
+            white = part.metric.project(i, more)
+            records.append(SpaceRecord(modelled, part.metric, i, np.concatenate([_known(part, i), white], axis=1)))
+    names += more_names
+    reference = [record for record in records if not record.changed]
     errors = [r.metric.project(r.index, r.modelled.error()[:, None])[:, 0] for r in reference]
-    shared, own_deviation = likeliest_spread(reference, errors, numbered)
-    return compact(records, shared, own_deviation, NEGLIGIBLE)
+    groups = {name: i for i, name in enumerate(dict.fromkeys(names))}
+    shared, own = likeliest_spread(reference, errors, np.array([groups[name] for name in names]))
+    return compact(records, shared, own, NEGLIGIBLE)
 
 
-def _modes(problem: Problem, modelled: ModelledRun) -> Samples:
-    """Columns (n, k) in um: a mode of a typical share at each frequency of the catalogue's grid."""
+def _columns(
+    problem: Problem, modelled: ModelledRun, faults: Sequence[Sequence[SizedEffect]]
+) -> tuple[Samples, list[str]]:
+    """Columns (n, k) in um beyond those that the problem has already, and the group of each."""
+    bends, names = base_misfit(modelled)
     answer = modelled.answer()
-    found = [
+    modes = [
         modelled.answer([(group.effect, group.params([1.0]))]) - answer
         for group in problem.layout.groups
         if group.effect.peak is not None
     ]
-    return np.stack(found, axis=1) if found else np.zeros((len(answer), 0))
+    parts = [bends, *(mode[:, None] for mode in modes)]
+    names = [*names, *["mode"] * len(modes)]
+    for entries in faults:
+        parts.append(as_fault(modelled, entries))
+        names += [f"{entries[0][0].name} as it is"] * parts[-1].shape[1]
+    return np.concatenate(parts, axis=1), names
 
 
-def _group_names(problem: Problem) -> list[str]:
-    """Per common column the group that shares its spread: an effect's, or a part of the base's own."""
-    coarse = problem.layout.coarser()
+def _known(part: Regressors, index: int) -> Samples:
+    """Common columns (n, k) of one run, whitened."""
+    columns = np.zeros((len(part.projected[index]), part.size))
+    columns[:, part.live] = part.projected[index]
+    return columns
+
+
+def _known_names(problem: Problem) -> list[str]:
+    """Per common column its group: an effect, or a part of the base's own."""
+    coarse, effects = problem.layout.coarser(), problem.axis.effects
     names = [group.effect.name for group in coarse.groups for _ in group.steps]
-    axis = problem.axis
-    own = 1 + sum(len(v) if isinstance(v, tuple) else 1 for e in axis.effects for v in e.params.values() if isinstance(v, tuple | float))
+    numbers = [v if isinstance(v, tuple) else (v,) for e in effects for v in e.params.values()]
+    own = 1 + sum(isinstance(number, float) for several in numbers for number in several)
     return [*names, "gain", *["operator"] * (coarse.n_base - 1 - own), *["own parameters"] * own]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from phaselead.gap.posterior.misfit import equation_misfit
+from phaselead.gap.posterior.misfit import as_fault, equation_misfit, parameters_of
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.space import Columns, Mask, Space, SpaceRecord, joined
 from phaselead.gap.refit import SizedEffect, bounded, from_internal, fresh_columns, is_logarithmic, to_internal
@@ -43,7 +43,7 @@ class SetFit:
     """Log evidence of all records by share of equation misfit."""
     fitted_logs: Mapping[float, float] = field(default_factory=dict)
     """The same without the held-out records."""
-    covariance: Samples | None = None
+    covariance: Samples = field(default_factory=lambda: np.zeros((0, 0)))
     """(parameters, parameters) in internal units, averaged over the shares by their evidence."""
 
     @property
@@ -67,11 +67,6 @@ def _mean_of_logs(logs: object) -> float:
     return float(values.max() + np.log(np.mean(np.exp(values - values.max()))))
 
 
-def parameters_of(entries: Sequence[SizedEffect]) -> list[tuple[int, Parameter]]:
-    """Every parameter, after the number of the entry it belongs to."""
-    return [(i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters]
-
-
 @dataclass(frozen=True)
 class Uncertain:
     """Columns that are integrated out."""
@@ -85,43 +80,48 @@ class Uncertain:
         return np.where(self.of_equation, 1 / share**2, 1.0)
 
 
-def together(*parts: Uncertain) -> Uncertain:
-    """All of them."""
+def _uncertain(parts: Sequence[tuple[Columns, bool]]) -> Uncertain:
+    """Columns, each with whether its deviation is the share of equation misfit."""
+    of_equation = np.concatenate([np.full(part.count, flag) for part, flag in parts])
+    return Uncertain(joined(*(part for part, _ in parts)), of_equation)
+
+
+def together(parts: Sequence[Uncertain]) -> Uncertain:
+    """All of them; there is one at least."""
     return Uncertain(joined(*(p.columns for p in parts)), np.concatenate([p.of_equation for p in parts]))
 
 
 class Solver:
     """Fits sets of effects in one space."""
 
-    def __init__(self, space: Space, rivals: Mapping[str, Columns] | None = None, hides: Callable[[Effect, Effect], bool] | None = None) -> None:
+    def __init__(
+        self,
+        space: Space,
+        catalogue: Mapping[str, Effect],
+        alone: Mapping[str, Sequence[SizedEffect]],
+    ) -> None:
+        """``alone``: every promising effect by itself, by its name."""
         self.space = space
+        self._catalogue = catalogue
         self.step_s = space.records[0].modelled.run.step_s
         self._changed = space.changed
-        self.rivals = dict(rivals or {})
         errors = [None if c else r.modelled.error()[:, None] for r, c in zip(space.records, self._changed, strict=True)]
         self._reference_error = space.columns(errors)
         self._missed = space.missed()
         self._fresh: dict[object, Columns] = {}
+        self._alone = {
+            name: self._changed_columns(lambda r, e=entries: (r.modelled.answer(e) - r.modelled.answer())[:, None])
+            for name, entries in alone.items()
+        }
 
     def residual(self, entries: Sequence[SizedEffect]) -> Columns:
         """The residual of every record."""
-        return self._with_reference(
-            self.space.columns(
-                [r.modelled.error(entries)[:, None] if c else None for r, c in zip(self.space.records, self._changed, strict=True)]
-            )
-        )
+        return self._with_reference(self._changed_columns(lambda r: r.modelled.error(entries)[:, None]))
 
     def fresh(self, entries: Sequence[SizedEffect]) -> Columns:
         """What one internal unit of each parameter does, 0 in reference records, and the residual last."""
         free = parameters_of(entries)
-        return self._with_reference(
-            self.space.columns(
-                [
-                    fresh_columns(r.modelled, entries, free) if c else None
-                    for r, c in zip(self.space.records, self._changed, strict=True)
-                ]
-            )
-        )
+        return self._with_reference(self._changed_columns(lambda r: fresh_columns(r.modelled, entries, free)))
 
     def _with_reference(self, columns: Columns) -> Columns:
         """With the residuals of the reference records as the last column."""
@@ -136,15 +136,13 @@ class Solver:
 
     def signals(self, entries: Sequence[SizedEffect]) -> Columns:
         """What each effect adds to the others, one column each."""
-        found: list[Samples | None] = []
-        for record, changed in zip(self.space.records, self._changed, strict=True):
-            if not changed:
-                found.append(None)
-                continue
+        rests = [[*entries[:i], *entries[i + 1 :]] for i in range(len(entries))]
+
+        def of(record: SpaceRecord) -> Samples:
             whole = record.modelled.answer(entries)
-            rest = [[e for j, e in enumerate(entries) if j != i] for i in range(len(entries))]
-            found.append(np.stack([whole - record.modelled.answer(r) for r in rest], axis=1))
-        return self.space.columns(found)
+            return np.stack([whole - record.modelled.answer(rest) for rest in rests], axis=1)
+
+        return self._changed_columns(of)
 
     def uncertain(self, entries: Sequence[SizedEffect]) -> Uncertain:
         """What is uncertain with these effects beside their parameters."""
@@ -154,10 +152,9 @@ class Solver:
         ]
         near = self._neighbours(entries)
         parts.append((self._beyond(entries, joined(*bent, *([near] if near else []))), True))
-        parts.append((self._as_fault(entries), False))
+        parts.append((self.space.columns([as_fault(r.modelled, entries) for r in self.space.records]), False))
         parts += [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
-        of_equation = np.concatenate([np.full(part.count, flag) for part, flag in parts])
-        return Uncertain(joined(*(part for part, _ in parts)), of_equation)
+        return _uncertain(parts)
 
     def _changed_columns(self, of: Callable[[SpaceRecord], Samples]) -> Columns:
         """Columns of the records in which effects may act."""
@@ -172,30 +169,18 @@ class Solver:
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6, hermitian=True) / np.outer(scale, scale)
         return columns.minus(tangents, inverse @ self.space.inner(tangents, columns, self.space.all))
 
-    def _as_fault(self, entries: Sequence[SizedEffect]) -> Columns:
-        """The effects as a fault that the base has in all records, by one deviation of each parameter: as large as
-        they are, and of shapes near theirs."""
-        free = parameters_of(entries)
-        deviations = np.array([_fault_deviation(p, entries[i][1][p.name]) for i, p in free])
-        return self.space.columns(
-            [fresh_columns(r.modelled, entries, free)[:, :-1] * deviations for r in self.space.records]
-        )
-
     def _neighbours(self, entries: Sequence[SizedEffect]) -> Columns | None:
         """What effects say that an effect of the set is confused with, as large as it is: what an equation leaves looks
         most like them."""
+        every, signals = self.space.all, self.signals(entries)
+        power = np.maximum(np.diag(self.space.inner(signals, signals, every)), 0.0)
         parts = []
-        signals = self.signals(entries)
-        power = np.diag(self.space.inner(signals, signals, self.space.all))
         for i, (effect, _) in enumerate(entries):
-            for name, rival in self.rivals.items():
-                if not confused(effect, name, self.catalogue):
-                    continue
-                scale = np.sqrt(max(power[i], 0.0) / max(float(self.space.inner(rival, rival, self.space.all)[0, 0]), 1e-12))
-                parts.append(rival.scaled(float(scale)))
+            for name, rival in self._alone.items():
+                if confused(effect, self._catalogue[name]):
+                    own = float(self.space.inner(rival, rival, every)[0, 0])
+                    parts.append(rival.scaled(float(np.sqrt(power[i] / max(own, 1e-12)))))
         return joined(*parts) if parts else None
-
-    catalogue: Mapping[str, Effect] = {}
 
     def _before(self, entries: Sequence[SizedEffect]) -> Columns | None:
         """What slow effects had done before each record began: an initial state for each of their lags and records."""
@@ -290,6 +275,17 @@ class Solver:
         pairs = zip(sets, *found, strict=True)
         return [SetFit(tuple(entries), every[0], fitted[0], every[1]) for entries, every, fitted in pairs]
 
+    def spread(self, entries: Sequence[SizedEffect]) -> Samples:
+        """Covariance (parameters, parameters) in internal units of the parameters of a set, with all that its equations
+        may miss, also what other parameters of the effects would do."""
+        bent = [
+            self._changed_columns(lambda r, i=i: equation_misfit(r.modelled, entries, i)) for i in range(len(entries))
+        ]
+        near = self._neighbours(entries)
+        parts = [(joined(*bent, *([near] if near else [])), True)]
+        parts += [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
+        return self.contest([entries], _uncertain(parts))[0].covariance
+
     def _logs(
         self, entries: Sequence[SizedEffect], uncertain: Uncertain, own: Samples, which: Mask
     ) -> tuple[dict[float, float], Samples]:
@@ -326,21 +322,10 @@ class Solver:
         return self._fresh[key]
 
 
-def confused(effect: Effect, name: str, catalogue: Mapping[str, Effect]) -> bool:
+def confused(one: Effect, other: Effect) -> bool:
     """Whether two effects are hard to tell apart by what the catalogue says of either."""
-    if effect.name == name:
-        return False
-    other = catalogue.get(name)
-    mine = {*effect.confused_with, *effect.hard_to_tell_from}
-    theirs = {*other.confused_with, *other.hard_to_tell_from} if other is not None else set()
-    return name in mine or effect.name in theirs
-
-
-def _fault_deviation(p: Parameter, value: float) -> float:
-    """By which a parameter of an effect that the base lacks may differ from the value found, in internal units."""
-    if p.role == "size":
-        return abs(to_internal(p, value))
-    return 0.3 if is_logarithmic(p) else 0.2 * abs(to_internal(p, p.high) - to_internal(p, p.low))
+    mine, theirs = ({*e.confused_with, *e.hard_to_tell_from} for e in (one, other))
+    return one.name != other.name and (other.name in mine or one.name in theirs)
 
 
 def _internal(entries: Sequence[SizedEffect]) -> Samples:

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from phaselead.gap.refit import SizedEffect
+from phaselead.gap.refit import SizedEffect, fresh_columns, is_logarithmic, to_internal
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Place
+from phaselead.model import Parameter, Place
 from phaselead.model.operator import range_um
 from phaselead.record import Samples
 
@@ -28,6 +28,8 @@ DIRECTION_ROWS = 5.0
 """Rows over which a change of direction is smoothed: a corner in a column would look like a jump."""
 SLOW_PARTS = (0.03, 0.17, 1.0)
 """Time constants of what fades in a record, as parts of its length."""
+NEAR_RATIO, NEAR_PART = 0.3, 0.2
+"""Deviation of a shape that is near another: of its logarithm, or as a part of its range."""
 OUTSIDE = 1.3
 """Largest level in half ranges about the middle, beyond which polynomials of it stay as they are."""
 
@@ -76,6 +78,26 @@ def equation_misfit(modelled: ModelledRun, entries: Sequence[SizedEffect], index
         return np.stack([signal * time, signal * (1.5 * time**2 - 0.5)], axis=1)
     bends = _Bends(modelled)
     return np.stack([*bends.by_level(signal), *bends.by_path(signal), *bends.by_band(signal)], axis=1)
+
+
+def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
+    """Columns (n, parameters) in um of effects that the base may lack in all records: one deviation of each parameter,
+    as large as they are and of shapes near theirs."""
+    free = parameters_of(entries)
+    deviations = np.array([_fault_deviation(p, entries[i][1][p.name]) for i, p in free])
+    return fresh_columns(modelled, entries, free)[:, :-1] * deviations
+
+
+def _fault_deviation(p: Parameter, value: float) -> float:
+    """In internal units."""
+    if p.role == "size":
+        return abs(to_internal(p, value))
+    return NEAR_RATIO if is_logarithmic(p) else NEAR_PART * abs(to_internal(p, p.high) - to_internal(p, p.low))
+
+
+def parameters_of(entries: Sequence[SizedEffect]) -> list[tuple[int, Parameter]]:
+    """Every parameter, after the number of the entry it belongs to."""
+    return [(i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters]
 
 
 class _Bends:

@@ -1,0 +1,23 @@
+"""95 % intervals of parameters from their posterior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.posterior.misfit import parameters_of
+from phaselead.gap.refit import SizedEffect, from_internal, to_internal
+from phaselead.record import Samples
+
+
+def intervals(entries: Sequence[SizedEffect], covariance: Samples) -> list[dict[str, Estimate]]:
+    """Value, unit and interval of every parameter of every effect, from the covariance (parameters, parameters) in
+    internal units. An interval ends where the catalogue does."""
+    found: list[dict[str, Estimate]] = [{} for _ in entries]
+    for (i, p), variance in zip(parameters_of(entries), np.diag(covariance), strict=True):
+        value, half = float(entries[i][1][p.name]), TWO_SIDED_95 * float(np.sqrt(max(variance, 0.0)))
+        ends = sorted(from_internal(p, to_internal(p, value) + side * half) for side in (-1, 1))
+        found[i][p.name] = (value, p.unit, (min(ends[0], value), max(ends[1], value)))
+    return found
