@@ -1,4 +1,4 @@
-"""A hysteresis operator for a base that has none: symmetric plays without delay, fitted to the training records.
+"""A hysteresis operator for a base that has none: symmetric plays, fitted to the training records.
 
 Asymmetry, delay and everything else are left to be found beyond it, each on its own evidence.
 """
@@ -9,10 +9,53 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from phaselead.errors import BadInput
+from phaselead.gap.confidence import confidence_intervals
+from phaselead.gap.problem import make_problem
 from phaselead.gap.records import GapRun
+from phaselead.gap.refit import refit
+from phaselead.gap.residual import modelled_run
+from phaselead.gap.savings import probability_by_chance, saved_by_block
+from phaselead.gap.scan import refit_best, scan
+from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
-from phaselead.model import AxisModel
+from phaselead.model import AxisModel, Effect
 from phaselead.record import Samples
+
+
+BY_CHANCE = 0.01
+"""Probability that plays are given which predict the held-out records no better than the line does."""
+
+
+def find_memory(
+    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, seed: int
+) -> tuple[AxisModel, Memory | None]:
+    """The axis with plays of its own, and what they are, where it has none and plays predict the held-out records
+    better than the line and than any other single effect; otherwise the axis as it is, and None.
+
+    Everything is compared in um, where memory is largest: the metric that expects the slow misfit of a memory model
+    would forgive just that.
+    """
+    view = axis.time
+    assert view is not None
+    becoming = [effect for effect in effects if effect.becomes_plays]
+    if view.play_r_V or not becoming:
+        return axis, None
+    train = [run for run in runs if run.role == "train"]
+    given = with_operator(axis, train)
+    problem = make_problem(axis, runs, effects, frozen, unwhitened=True)
+    bare = refit(problem.train_common, problem.discrepancy, [])
+    tried = {one.effect.name: one.fitted for one in refit_best(problem, bare, scan(problem, bare, effects))}
+    held = [run for run in runs if run.role == "holdout"]
+    as_line = [modelled_run(axis, run) for run in held]
+    saved = saved_by_block(as_line, (), [modelled_run(given, run) for run in held], ())
+    others = [saved_by_block(as_line, (), as_line, one.entries).sum() for n, one in tried.items() if n != becoming[0].name]
+    chance = probability_by_chance(saved)
+    described = tried.get(becoming[0].name)
+    if chance > BY_CHANCE or saved.sum() <= max(others, default=0.0) or described is None:
+        return axis, None
+    params = confidence_intervals(described, problem.train_common, problem.discrepancy, seed)[-1]
+    why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
+    return given, Memory(becoming[0], params, 1 - chance, why)
 
 
 def with_operator(axis: AxisModel, runs: Sequence[GapRun], beyond_um: Sequence[Samples] | None = None) -> AxisModel:

@@ -54,6 +54,8 @@ class Problem:
     """Of the common columns."""
     noise: Noise
     freedom: Freedom
+    frozen: bool
+    """Whether nothing may be wrong with the base."""
     reference_inflation: Mapping[str, float]
     """By effect, at least 1: by how much its gains are overstated, as its gains on reference runs say."""
 
@@ -111,7 +113,7 @@ def make_problem(
     common = on_train.restricted(layout.common())
     on_held = whitened_regressors(metric_of(held, noise), layout.coarser(), of_held)
     on_held = _weighed(on_held, of_held, discrepancy)
-    return Problem(axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, inflation)
+    return Problem(axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, frozen, inflation)
 
 
 def _by_role(every: Sequence[ModelledRun]) -> list[list[ModelledRun]]:

@@ -10,21 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from scipy.stats import t as t_distribution
-
 from phaselead.gap.adopt import adopted
 from phaselead.gap.confidence import confidence_intervals
 from phaselead.gap.findings import NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.metric import BLOCK_s, block_edges
 from phaselead.gap.problem import make_problem
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import SizedEffect, refit
-from phaselead.gap.residual import ModelledRun
+from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.scan import refit_best, scan
 from phaselead.model import AxisModel, Effect
-from phaselead.record import Samples
 
 BY_CHANCE = 0.01
 """Probability that a step adopts what predicts no better, over all that it compares (Bonferroni)."""
@@ -45,24 +40,20 @@ def nearest_that_pays(
     named: Sequence[NamedEffect],
     runs: Sequence[GapRun],
     effects: Sequence[Effect],
-    withdrawn: FittedSet | None,
     label: str | None,
     seed: int,
 ) -> tuple[FinalFit, list[NamedEffect]]:
     """The final fit with the set of ``effects`` that predicts the held-out records best beside it, and that set.
 
-    The set grows one by one, as long as the last one pays. ``named`` are the effects of the fit already. ``withdrawn``
-    is a set that the search had named and took back; it is compared in the first step. ``label`` is the axis in the
-    result, ``seed`` of the intervals.
+    The set grows one by one, as long as the last one pays. ``named`` are the effects of the fit already. ``label`` is
+    the axis in the result, ``seed`` of the intervals.
     """
     found: list[NamedEffect] = []
     learned = [run for run in runs if run.role != "reference"]
-    for step in range(MOST_PROVISIONAL):
+    for _ in range(MOST_PROVISIONAL):
         taken = {e.name for e in (*named, *found)}
         left = [e for e in effects if e.name not in taken]
         tried = _each_refitted(adopted(final.axis, [*named, *found]), learned, left, label, seed)
-        if step == 0 and withdrawn is not None:
-            tried.append(withdrawn)
         best = _best_that_pays(final, tried)
         if best is None:
             break
@@ -87,32 +78,9 @@ def _each_refitted(
 def _best_that_pays(final: FinalFit, tried: Sequence[FittedSet]) -> FittedSet | None:
     """The set that saves most of the held-out squares, of those that save some beyond chance; None without one."""
     held = [t for t in final.after if t.run.role == "holdout"]
-    edges = block_edges([t.run.stop - t.run.start for t in held], max(_block_rows(t) for t in held))
-    was = [_squares(t, final.fitted.entries) for t in held]
     best, most = None, 0.0
     for one in tried:
-        now = [_squares(t, (*final.fitted.entries, *one.entries)) for t in held]
-        parts = [np.add.reduceat(a - b, e[:-1]) for a, b, e in zip(was, now, edges, strict=True)]
-        saved = np.concatenate(parts)
-        if float(saved.sum()) > most and _chance(saved) * len(tried) < BY_CHANCE:
+        saved = saved_by_block(held, final.fitted.entries, held, (*final.fitted.entries, *one.entries))
+        if float(saved.sum()) > most and probability_by_chance(saved) * len(tried) < BY_CHANCE:
             best, most = one, float(saved.sum())
     return best
-
-
-def _squares(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
-    """Squares (n,) in um^2 of what the effects leave of a run, about its mean."""
-    error = modelled.error(entries)
-    return np.asarray((error - error.mean()) ** 2)
-
-
-def _block_rows(modelled: ModelledRun) -> int:
-    """Rows of BLOCK_s, or of a period of the drive where that is longer."""
-    return max(round(BLOCK_s / modelled.run.step_s), modelled.period_rows or 0)
-
-
-def _chance(saved: Samples) -> float:
-    """Probability of so large a mean over blocks (m,) where none is saved: Student's t of the paired differences."""
-    spread = float(saved.std(ddof=1)) if len(saved) > 1 else 0.0
-    if not spread > 0:
-        return 1.0
-    return float(t_distribution.sf(float(saved.mean()) / spread * np.sqrt(len(saved)), len(saved) - 1))

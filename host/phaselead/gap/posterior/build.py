@@ -18,13 +18,19 @@ NEGLIGIBLE = 0.05
 """Whitened squares that a base column may have in all records together and still be left out: no log evidence changes
 by more than half of it."""
 
+BASE_GROUPS = ("gain", "operator", "own parameters")
+"""Names of the columns of the base's own parameters."""
+UNTOLD_OWN = 0.2
+"""Of what the base misses, by how much it differs from record to record where no reference record tells."""
+
 
 def space_of(problem: Problem, faults: Sequence[Sequence[SizedEffect]] = ()) -> Space:
-    """The space of all records of a problem, which has reference records.
+    """The space of all records of a problem.
 
     In the space the base may miss, by what the reference records make likely: anything of the catalogue at a few
     shapes, its own parameters, shares of its own signals, what fades since before a record, a mode anywhere, and the
-    effects ``faults`` as they are.
+    effects ``faults`` as they are. Without reference records it may miss by their prior deviations its own parameters,
+    shares of its own signals and what fades.
     """
     parts = [part for part in (problem.train_common, problem.holdout, problem.reference) if part is not None]
     records, names = [], _known_names(problem)
@@ -34,11 +40,20 @@ def space_of(problem: Problem, faults: Sequence[Sequence[SizedEffect]] = ()) -> 
             white = part.metric.project(i, more)
             records.append(SpaceRecord(modelled, part.metric, i, np.concatenate([_known(part, i), white], axis=1)))
     names += more_names
-    reference = [record for record in records if not record.changed]
-    errors = [r.metric.project(r.index, r.modelled.error()[:, None])[:, 0] for r in reference]
-    groups = {name: i for i, name in enumerate(dict.fromkeys(names))}
-    shared, own = likeliest_spread(reference, errors, np.array([groups[name] for name in names]))
+    shared, own = _spread(records, names, problem)
     return compact(records, shared, own, NEGLIGIBLE)
+
+
+def _spread(records: Sequence[SpaceRecord], names: Sequence[str], problem: Problem) -> tuple[Samples, Samples]:
+    """Deviations (k,) of the amounts of the columns of these names that all records share, and of each one's own."""
+    reference = [record for record in records if not record.changed]
+    if reference:
+        errors = [r.metric.project(r.index, r.modelled.error()[:, None])[:, 0] for r in reference]
+        groups = {name: i for i, name in enumerate(dict.fromkeys(names))}
+        return likeliest_spread(reference, errors, np.array([groups[name] for name in names]))
+    own_fault = {*BASE_GROUPS, *base_misfit(records[0].modelled)[1]}
+    shared = np.array([float(name in own_fault and not problem.frozen) for name in names])
+    return shared, UNTOLD_OWN * shared
 
 
 def _columns(
@@ -73,4 +88,7 @@ def _known_names(problem: Problem) -> list[str]:
     names = [group.effect.name for group in coarse.groups for _ in group.steps]
     numbers = [v if isinstance(v, tuple) else (v,) for e in effects for v in e.params.values()]
     own = 1 + sum(isinstance(number, float) for several in numbers for number in several)
-    return [*names, "gain", *["operator"] * (coarse.n_base - 1 - own), *["own parameters"] * own]
+    if not problem.freedom.learned:
+        own = 0
+    gain, operator, others = BASE_GROUPS
+    return [*names, gain, *[operator] * (coarse.n_base - 1 - own), *[others] * own]

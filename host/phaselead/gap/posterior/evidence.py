@@ -152,7 +152,8 @@ class Solver:
         ]
         near = self._neighbours(entries)
         parts.append((self._beyond(entries, joined(*bent, *([near] if near else []))), True))
-        parts.append((self.space.columns([as_fault(r.modelled, entries) for r in self.space.records]), False))
+        if not self._changed.all():
+            parts.append((self.space.columns([as_fault(r.modelled, entries) for r in self.space.records]), False))
         parts += [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
         return _uncertain(parts)
 

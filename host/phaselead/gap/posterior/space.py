@@ -179,6 +179,8 @@ class Space:
     def missed(self) -> list[Samples]:
         """Per record (n,), whitened: what the base misses in it by what the reference records say."""
         reference = ~self.changed
+        if not reference.any():
+            return [np.zeros(len(record.base)) for record in self.records]
         errors = [record.modelled.error()[:, None] if r else None for record, r in zip(self.records, reference, strict=True)]
         found = self._shared_part(self.columns(errors), reference)
         amounts = self.shared @ cho_solve(self._factor(reference), found)[:, 0]
@@ -214,6 +216,9 @@ def _own_part(base: Samples, own: Samples) -> _OwnPart:
 def compact(records: Sequence[SpaceRecord], shared: Samples, own: Samples, least: float) -> Space:
     """The space of records whose base columns have the deviations ``shared`` and ``own`` (k,): columns that are
     combinations of others are joined, those of less than ``least`` whitened squares in all records left out."""
+    live = np.flatnonzero(np.maximum(shared, own) > 0)
+    records = [replace(r, base=r.base[:, live]) for r in records]
+    shared, own = shared[live], own[live]
     scale = np.maximum(shared, own)
     power, turn = np.linalg.eigh(scale[:, None] * sum(r.base.T @ r.base for r in records) * scale)
     turn = turn[:, power > least]

@@ -10,10 +10,13 @@ import numpy as np
 from phaselead.gap.posterior.evidence import SetFit
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.search import Contest, Names
+from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 
 SURE = 0.99
 """Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
+AT_END = 0.001
+"""Relative distance to an end of its range from which a shape stands at it."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -27,6 +30,10 @@ class Claim:
     probability: float
     log_odds: float
     """Of the most probable set against the best without any of ``tied``."""
+    held_out_log_odds: float
+    """What the held-out records add to them."""
+    rivals: tuple[tuple[SizedEffect, ...], ...]
+    """For each of ``tied`` the most probable set that has it and none of the others, its own entry last."""
     tied: Names
     """Names that these records cannot tell apart, its own first."""
 
@@ -49,8 +56,20 @@ def judge(contest: Contest) -> Judgement:
     sets = _probabilities(contest)
     best = max(sets, key=lambda names: sets[names])
     single = {name: _with_any(sets, (name,)) for names in sets for name in names}
-    claims = [claim for effect, _ in contest.fits[best].entries if (claim := _claim(effect, best, sets, single))]
+    claims = []
+    for effect, _ in contest.fits[best].entries:
+        group, probability = _group(effect.name, best, sets, single)
+        if probability >= SURE and _tells_something(effect.name, contest.fits[best]):
+            claims.append(_claim(contest, effect, group, sets, single))
     return Judgement(contest.fits[best], tuple(claims), single, sets)
+
+
+def _tells_something(name: str, fit: SetFit) -> bool:
+    """Whether the parameters of an effect are ones that it may have: no shape stands at an end of its range beyond
+    which no stage lies, and a size is there."""
+    effect, params = next(entry for entry in fit.entries if entry[0].name == name)
+    at_end = [p for p in effect.shapes if p.extreme and not p.low * (1 + AT_END) < params[p.name] < p.high * (1 - AT_END)]
+    return not at_end and any(params[p.name] != 0 for p in effect.sizes)
 
 
 def _probabilities(contest: Contest) -> dict[Names, float]:
@@ -67,15 +86,40 @@ def _with_any(sets: Mapping[Names, float], names: Names) -> float:
     return min(1.0, sum(p for members, p in sets.items() if set(members) & set(names)))
 
 
-def _claim(effect: Effect, best: Names, sets: Mapping[Names, float], single: Mapping[str, float]) -> Claim | None:
-    """What can be said of one effect of the best set; None where no small group is sure."""
-    group: Names = (effect.name,)
+def _group(
+    name: str, best: Names, sets: Mapping[Names, float], single: Mapping[str, float]
+) -> tuple[Names, float]:
+    """The smallest group of an effect of the best set and its rivals that is sure to be there, or the largest allowed,
+    and its probability."""
+    group: Names = (name,)
     while _with_any(sets, group) < SURE and len(group) < MOST_TIED:
         gains = {n: _with_any(sets, (*group, n)) for n in single if n not in best and n not in group}
         if not gains:
             break
         group = (*group, max(gains, key=lambda n: gains[n]))
-    if (together := _with_any(sets, group)) < SURE:
-        return None
-    odds = np.log(max(together, 1e-300)) - np.log(max(1 - together, 1e-300))
-    return Claim(effect, single[effect.name], float(odds), group)
+    return group, _with_any(sets, group)
+
+
+def _claim(
+    contest: Contest, effect: Effect, group: Names, sets: Mapping[Names, float], single: Mapping[str, float]
+) -> Claim:
+    """The claim that one of a group is there."""
+    with_it = max((n for n in sets if set(n) & set(group)), key=lambda n: sets[n])
+    without = max((n for n in sets if not set(n) & set(group)), key=lambda n: sets[n])
+    a, b = contest.fits[with_it], contest.fits[without]
+    prior = log_prior_of_set(len(with_it), contest.catalogue_size) - log_prior_of_set(len(without), contest.catalogue_size)
+    odds = a.log_evidence - b.log_evidence + prior
+    fitted = a.log_evidence_fitted - b.log_evidence_fitted + prior
+    rivals = [entries for name in group if (entries := _most_probable_with(contest, name, group, sets))]
+    return Claim(effect, single[effect.name], odds, odds - fitted, tuple(rivals), group)
+
+
+def _most_probable_with(
+    contest: Contest, name: str, group: Names, sets: Mapping[Names, float]
+) -> tuple[SizedEffect, ...]:
+    """The most probable set with one of a group and none of the others, its entry last; empty without one."""
+    allowed = [names for names in sets if name in names and len(set(group) & set(names)) == 1]
+    if not allowed:
+        return ()
+    entries = contest.fits[max(allowed, key=lambda names: sets[names])].entries
+    return tuple(sorted(entries, key=lambda entry: entry[0].name == name))

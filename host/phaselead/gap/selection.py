@@ -1,0 +1,41 @@
+"""Where the search of one axis ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from phaselead.gap.findings import Candidate, Estimate
+from phaselead.gap.posterior import Claim
+from phaselead.gap.problem import Problem
+from phaselead.gap.refit import Fitted
+from phaselead.model import AxisModel, Effect
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Plays that a base without any was given, and the effect of the catalogue that describes them."""
+
+    effect: Effect
+    params: Mapping[str, Estimate]
+    probability: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The effects that are there, by their posterior, beside a base."""
+
+    problem: Problem
+    """As it is with these effects."""
+    start: AxisModel
+    """The base as given."""
+    fitted: Fitted
+    claims: tuple[Claim, ...] = ()
+    estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    """Value, unit and interval of every parameter by effect."""
+    candidates: tuple[Candidate, ...] = ()
+    """The sets that were compared last."""
+    memory: Memory | None = None
+    messages: tuple[str, ...] = ()
+    """For a person."""
