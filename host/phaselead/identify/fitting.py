@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from phaselead.errors import BadInput
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
-from phaselead.identify.modal import FittedModes, fit_in_turn
+from phaselead.identify.modal import FittedModes, fit_together
 from phaselead.identify.operator import OperatorFit, fit_linear
 from phaselead.identify.runs import SAME_RATE, AxisRun, SineDrive, axis_run, driven_axes, refuse_too_short
 from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
@@ -96,9 +96,7 @@ def fit(
     time, table, modes = {}, {}, {}
     for axis, axis_runs in runs.items():
         if base == "operator":
-            for run in axis_runs:
-                refuse_too_short(run)
-            time[axis], mode = fit_in_turn(axis_runs)
+            time[axis], mode = fit_together(axis_runs)
             if mode is not None:
                 modes[axis] = mode
                 messages.append(_describe_modes(axis, mode))

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from phaselead.model.axis import Actuator, AdoptedEffect, AdoptedStatus, AxisModel, Gains, Limits, Sensor, TimeView
+from phaselead.model.axis import (
+    LONGEST_DELAY_S,
+    Actuator,
+    AdoptedEffect,
+    AdoptedStatus,
+    AxisModel,
+    Gains,
+    Limits,
+    Sensor,
+    TimeView,
+)
 from phaselead.model.chain import Chain, Extra, simulate
 from phaselead.model.effects import (
     CheckedParameters,
@@ -47,6 +57,7 @@ from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
 __all__ = [
+    "LONGEST_DELAY_S",
     "KNOTS",
     "PLAYS",
     "SECTIONS",

@@ -14,6 +14,9 @@ from phaselead.model.fields import Interval95, NotNegative, Number, Numbers, Par
 from phaselead.model.table import TableView
 from phaselead.model.validation_errors import fault
 
+LONGEST_DELAY_S = 10.0
+"""No sensor, amplifier or converter is dead for longer: a slower answer is creep or drift. Fits stay below it too."""
+
 Bits = Annotated[int, Field(strict=True, ge=1, le=32)]
 
 
@@ -76,7 +79,7 @@ class TimeView(Part):
     deadzone_d_V: Numbers = Field((), description="thresholds of the one-sided dead zones, V, rising")
     deadzone_s_um_per_V: Numbers = Field((), description="their slopes, um/V")
     offset_um: Number = Field(0.0, description="offset, um")
-    delay_s: Annotated[NotNegative, Field(le=10)] = Field(0.0, description="dead time, s")
+    delay_s: Annotated[NotNegative, Field(le=LONGEST_DELAY_S)] = Field(0.0, description="dead time, s")
     rest_fraction: Annotated[Number, Field(ge=-1, le=1)] = Field(
         0.0, description="plays of a stage at rest at 0 V stand at this fraction of their thresholds"
     )

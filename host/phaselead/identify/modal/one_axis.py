@@ -1,10 +1,8 @@
-"""The first modes of one axis: ringing after every kink, in what the operator leaves of fast records.
+"""The operator of one axis and the first modes of its mechanics, fitted together.
 
-Without them a sine one of whose harmonics falls on a mode is predicted worse than the operator could. A mode is adopted
-only when it pays where it was not fitted; at most two are looked for.
-
-An operator fitted to a ringing stage takes up part of the ringing, and chooses fewer plays than the records carry. So
-operator and modes are fitted in turn, each with the other known, as long as it pays.
+Where the fit starts: from the modes that the measured response shows where the records are broadband; else from ringing
+after every kink, in what the operator alone leaves of fast records. Of the latter a mode is adopted only when it pays
+where it was not fitted, and at most two are looked for.
 """
 
 from __future__ import annotations
@@ -18,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, refit_operator
+from phaselead.identify.modal.measured_response import measured_response, modes_shown
+from phaselead.identify.operator import OperatorFit, fit_operator, refit_operator
 from phaselead.identify.runs import AxisRun
 from phaselead.model import (
     AdoptedEffect,
@@ -62,14 +61,8 @@ PRECISE = 1e-4
 """Of the squared residual: what a search may leave on the table."""
 FIRST_REACH, SECOND_REACH, ZETA_REACH = 0.03, 0.01, 0.4
 """First relative steps of a frequency, with one mode and with two, and of a damping."""
-
-TURNS = 8
 MANY_RUNS = 8
-"""A grid of sines away from the mode parts operator and mode by itself, and turns over it would take minutes."""
-ASTRAY = 0.5
-"""Share of the squared residual below which modes found from a straight line are believed."""
-TURN_PAYS = 0.9
-"""Another turn follows when one leaves less than this share of the squared residual of the turn before."""
+"""A grid of sines away from the mode parts operator and mode by itself."""
 
 Place = tuple[float, ...]
 """f_Hz and zeta of one mode, or of two in turn."""
@@ -96,61 +89,38 @@ class FittedModes:
         return view.model_copy(update={"delay_s": self.delay_s}), adopted
 
 
-def fit_in_turn(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
-    """The operator of an axis and its first modes, if it shows any. Raises BadInput as ``fit_operator`` does."""
-    operator = fit_operator(runs)
-    found = find_modes(operator.view, runs)
-    if len(runs) >= MANY_RUNS:
-        return operator, found
-    if found is None:
-        return _from_a_line(operator, runs)
-    operator, found = _turns(operator, found, runs)
-    if len(found.modes) == 1 and (more := find_modes(operator.view, runs)) is not None and len(more.modes) > 1:
-        operator, found = _turns(operator, more, runs)
-    return operator, found
+def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
+    """The operator of an axis and its first modes, if it shows any. Raises BadInput as ``fit_operator`` does.
 
-
-def _from_a_line(operator: OperatorFit, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
-    """Modes behind a straight line, which follows no ringing, and the operator after them.
-
-    For an operator that ringing has led so far astray that no mode fits behind it; it stays as it was unless the others
-    leave much less.
+    The fit starts from the modes that the measured response shows; where the records have no such band, from those that
+    ring in what the operator alone leaves.
     """
-    straight = find_modes(fit_linear(runs).view, runs)
-    if straight is None:
-        return operator, None
-    view, _ = straight.adopted(operator.view)
-    again = refit_operator(runs, replace(operator, view=view), straight.modes)
-    found = find_modes(again.view, runs, straight)
-    if found is None:
-        return operator, None
-    again, found = _turns(again, found, runs)
-    if _squares(again, found, runs) > ASTRAY * _squares(operator, None, runs):
-        return operator, None
-    return again, found
+    alone = fit_operator(runs)
+    shown = modes_shown(measured_response(runs))
+    if shown.modes:
+        found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs)
+        if found is not None:
+            return found
+    ringing = find_modes(alone.view, runs)
+    if ringing is None or len(runs) >= MANY_RUNS:
+        return alone, ringing
+    again = refit_operator(runs, replace(alone, view=ringing.adopted(alone.view)[0]), ringing.modes)
+    return _believed(alone, again, runs) or (alone, ringing)
 
 
-def _turns(operator: OperatorFit, found: FittedModes, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes]:
-    squares = _squares(operator, found, runs)
-    for _ in range(TURNS):
-        view, _ = found.adopted(operator.view)
-        again = refit_operator(runs, replace(operator, view=view), found.modes)
-        found_again = find_modes(again.view, runs, found)
-        if found_again is None or (now := _squares(again, found_again, runs)) >= squares:
-            break
-        operator, found, squares, before = again, found_again, now, squares
-        if now > TURN_PAYS * before:
-            break
-    return operator, found
+def _believed(alone: OperatorFit, joint: OperatorFit, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes] | None:
+    """Operator and modes together where they leave much less than the operator alone."""
+    if not joint.modes:
+        return None
+    share = _squares(joint, joint.modes, runs) / _squares(alone, (), runs)
+    return (joint, FittedModes(joint.modes, joint.view.delay_s, share)) if share < PAYS else None
 
 
-def _squares(operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]) -> float:
+def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
-    view = operator.view if found is None else found.adopted(operator.view)[0]
     errors = []
     for run in runs:
-        answer = predict_time_view(view, run.t_s, run.u_V)
-        answer = answer if found is None else behind_modes(answer, found.modes, run.step_s)
+        answer = behind_modes(predict_time_view(operator.view, run.t_s, run.u_V), modes, run.step_s)
         errors.append((run.x_um - answer)[run.scored] / run.range_um)
     return sum(float(np.var(error)) for error in errors)
 
