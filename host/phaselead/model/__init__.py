@@ -41,7 +41,7 @@ from phaselead.model.effects import (
     states_and_slopes,
 )
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
-from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um
+from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um, turned_view
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -57,8 +57,8 @@ from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
 __all__ = [
-    "LONGEST_DELAY_S",
     "KNOTS",
+    "LONGEST_DELAY_S",
     "PLAYS",
     "SECTIONS",
     "TERMS",
@@ -120,4 +120,5 @@ __all__ = [
     "stage_text",
     "states",
     "states_and_slopes",
+    "turned_view",
 ]

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from phaselead.identify.modal.measured_response import measured_response, modes_shown
-from phaselead.identify.operator import OperatorFit, fit_operator, refit_operator
+from phaselead.identify.modal.shown_modes import measured_response, modes_shown
+from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, refit_operator
 from phaselead.identify.runs import AxisRun
 from phaselead.model import (
     AdoptedEffect,
@@ -64,6 +64,9 @@ FIRST_REACH, SECOND_REACH, ZETA_REACH = 0.03, 0.01, 0.4
 MANY_RUNS = 8
 """A grid of sines away from the mode parts operator and mode by itself."""
 
+ROUNDING = 1e-9
+"""Of the range: what is left of a record that the operator follows to the last digit."""
+
 Place = tuple[float, ...]
 """f_Hz and zeta of one mode, or of two in turn."""
 
@@ -108,12 +111,29 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
     return _believed(alone, again, runs) or (alone, ringing)
 
 
-def _believed(alone: OperatorFit, joint: OperatorFit, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes] | None:
+def fit_straight(runs: Sequence[AxisRun]) -> OperatorFit:
+    """Gain and offset of slow motion. Raises BadInput as ``fit_linear`` does.
+
+    Where the records are broadband, what their response shows of lag and modes is fitted beside them: at its resonance
+    a stage answers with another gain.
+    """
+    response = measured_response(runs)
+    if not response.broadband:
+        return fit_linear(runs)
+    shown = modes_shown(response)
+    return fit_linear(runs, shown.modes, shown.lag_s)
+
+
+def _believed(
+    alone: OperatorFit, joint: OperatorFit, runs: Sequence[AxisRun]
+) -> tuple[OperatorFit, FittedModes] | None:
     """Operator and modes together where they leave much less than the operator alone."""
     if not joint.modes:
         return None
-    share = _squares(joint, joint.modes, runs) / _squares(alone, (), runs)
-    return (joint, FittedModes(joint.modes, joint.view.delay_s, share)) if share < PAYS else None
+    left, left_alone = _squares(joint, joint.modes, runs), _squares(alone, (), runs)
+    if not left < PAYS * left_alone:
+        return None
+    return joint, FittedModes(joint.modes, joint.view.delay_s, left / left_alone)
 
 
 def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
@@ -177,6 +197,8 @@ def find_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | Non
     fast.sort(key=lambda run: len(run.t_s))  # fast sines ring most, and are short
     fitted, judged = _parts([_ringing(view, run) for run in fast[:MOST_RUNS]])
     nothing = sum(float(np.var(r.residual[r.rows])) for r in judged)
+    if nothing < len(judged) * ROUNDING**2:
+        return None
     one = _downhill(fitted, known.place[:2], FIRST_REACH) if known else _first(fitted)
     amounts = _amounts(fitted, one)
     squares = _squares_left(judged, one, amounts)

@@ -87,9 +87,7 @@ class _Records:
     ) -> Solution:
         """The best operator of a basis and the best modes behind it, from there on."""
         start = (delay_s, rest_fraction)
-        return best_operator(
-            self.fits, basis, self.longest_delay_s, self.own_offsets, start, modes, whole=whole
-        )
+        return best_operator(self.fits, basis, self.longest_delay_s, self.own_offsets, start, modes, whole=whole)
 
 
 def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float = 0.0) -> OperatorFit:
@@ -177,10 +175,19 @@ def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     return _result(full, solution, choices, known.messages)
 
 
-def fit_linear(runs: Sequence[AxisRun]) -> OperatorFit:
-    """Gain and offset only, no memory and no delay. Raises BadInput for data that determine nothing."""
-    records = _Records(runs, _thinned(runs, MOST_ROWS))
-    return _result(records, records.at(records.basis(0, 1), 0.0, 0.0), (), ())
+def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:
+    """Gain and offset only, no memory and no delay. Raises BadInput for data that determine nothing.
+
+    With a ``lag_s`` the gain is that of slow motion: lag, and the ``modes`` that pay, are fitted beside it.
+    """
+    fits = _thinned(runs, MOST_ROWS if lag_s is None else SEARCH_ROWS, ringing=bool(modes))
+    records = _Records(runs, fits, lag_s=lag_s or 0.0)
+    basis = records.basis(0, 1)
+    if lag_s is None:
+        return _result(records, records.at(basis, 0.0, 0.0), (), ())
+    found = _paying(records, Solution(basis, lag_s, 0.0, np.zeros(1), 0.0, 0.0, modes))
+    full = replace(records, fits=_thinned(runs, MOST_ROWS))
+    return _result(full, replace(found, delay_s=0.0, modes=()), (), ())
 
 
 def _thinned(
@@ -290,9 +297,7 @@ def _unit_offset(moments: Samples) -> Samples:
     return unit
 
 
-def _result(
-    records: _Records, solution: Solution, choices: Sequence[Choice], messages: Sequence[str]
-) -> OperatorFit:
+def _result(records: _Records, solution: Solution, choices: Sequence[Choice], messages: Sequence[str]) -> OperatorFit:
     fits = records.fits
     residuals = [solution.residual(f) for f in fits]
     if records.own_offsets:

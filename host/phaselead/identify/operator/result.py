@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phaselead.identify.operator.regressors import FitRun, with_weight
 from phaselead.identify.operator.solution import Solution, linearised
-from phaselead.model import Mode, TimeView
+from phaselead.model import Mode, TimeView, turned_view
 from phaselead.record import Samples
 
 SHOWN_RECORDS = 6
@@ -62,6 +62,14 @@ class OperatorFit:
     """Whether each record has an offset of its own."""
     modes: tuple[Mode, ...] = ()
     """Behind the operator, fitted together with it."""
+
+    def turned(self) -> OperatorFit:
+        """The same fit to a sensor that counts the other way."""
+        return replace(
+            self,
+            view=turned_view(self.view),
+            records=tuple(replace(record, mean_um=-record.mean_um) for record in self.records),
+        )
 
     def __str__(self) -> str:
         view = self.view

@@ -39,6 +39,8 @@ DAMPING = 0.01
 """Of the squared error: what a step across the whole range must gain. Settled rows do not know the memory at rest."""
 UNFELT = 1e-12
 """Of the squared error: a move that changes the answer by less is rounding."""
+EXACT = 1e-9
+"""Of the range: an error below this is rounding, and leaves nothing to search for."""
 MODE_BOX = ((-2.0, 2.0), (0.002, 0.5))
 """Share of the motion and damping of a mode, as in the catalogue of effects."""
 MODE_REACH = (0.3, 0.05, 0.7)
@@ -180,6 +182,8 @@ def best_operator(
         return best_slopes(fits, basis, delay_s, rest_fraction, own_offsets, modes)
 
     def trials(point: Solution) -> Iterator[Solution]:
+        if point.error < EXACT:
+            return
         move = _gauss_newton_step(fits, point, longest_delay_s, own_offsets, whole)
         for share in STEP_SHARES:
             delay_s = max(point.delay_s + share * move[0], 0.0)

@@ -1,13 +1,14 @@
 """The frequency response of one axis from records of any kind, and the modes that it shows.
 
-The voltage is known without noise, so the ratio of cross spectrum to drive spectrum is unbiased (H1 estimate; Bendat and
-Piersol 2010, section 6.1), whatever the waveform: a line counts by how far the drive there stands above what is left of
-the position. Hysteresis answers small and fast motion with an almost constant complex gain; so the response is
+The voltage is known without noise, so the ratio of cross spectrum to drive spectrum is unbiased (H1 estimate; Bendat
+and Piersol 2010, section 6.1), whatever the waveform: a line counts by how far the drive there stands above what is left
+of the position. Hysteresis answers small and fast motion with an almost constant complex gain; so the response is
 
-    H(f) = e^(-2 pi j f lag) (a0 + j a1 + sum_i (c_i + j b_i) R_i(f)),    R = w^2/(w^2 - (2 pi f)^2 + 2 j zeta w 2 pi f)
+    H(f) = e^(-2 pi j f lag) (a0 + j a1 + sum_i (c_i + j b_i) R_i(f))
+    R(f) = w^2 / (w^2 - (2 pi f)^2 + 2 j zeta w 2 pi f)
 
-which is linear in all but lag, frequencies and dampings. Operator, modes and delay are then fitted together in time; what
-is found here is where that starts.
+which is linear in all but lag, frequencies and dampings. Operator, modes and delay are then fitted together in time;
+what is found here is where that starts.
 """
 
 from __future__ import annotations
@@ -60,6 +61,11 @@ class MeasuredResponse:
     std: Samples
 
     @property
+    def broadband(self) -> bool:
+        """Whether it spans enough to show more than a gain."""
+        return len(self.f_Hz) >= FEWEST_LINES and float(self.f_Hz[-1]) >= LOWEST_OF_BAND * float(self.f_Hz[0])
+
+    @property
     def weight(self) -> Samples:
         return np.asarray(1 / np.hypot(self.std, MISFIT * np.abs(self.value)))
 
@@ -110,7 +116,7 @@ class ShownModes:
 def modes_shown(response: MeasuredResponse) -> ShownModes:
     """As many modes as pay, and as the response is known well enough to want. None where it shows none."""
     f_Hz = response.f_Hz
-    if len(f_Hz) < FEWEST_LINES or f_Hz[-1] < LOWEST_OF_BAND * f_Hz[0]:
+    if not response.broadband:
         return ShownModes((), 0.0)
     tried = np.arange(LAG_TURNS * LAG_STEPS) / (LAG_STEPS * f_Hz[-1])
     place = min((np.array([lag_s * f_Hz[-1]]) for lag_s in tried), key=lambda one: _squares(response, one))
