@@ -98,8 +98,8 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
     The fit starts from the modes that the measured response shows; where the records have no such band, from those that
     ring in what the operator alone leaves.
     """
-    alone = fit_operator(runs)
     shown = modes_shown(measured_response(runs))
+    alone = fit_operator(runs, lag_s=shown.lag_s)
     if shown.modes:
         found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs)
         if found is not None:

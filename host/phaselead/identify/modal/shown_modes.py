@@ -1,8 +1,8 @@
 """The frequency response of one axis from records of any kind, and the modes that it shows.
 
 The voltage is known without noise, so the ratio of cross spectrum to drive spectrum is unbiased (H1 estimate; Bendat
-and Piersol 2010, section 6.1), whatever the waveform: a line counts by how far the drive there stands above what is left
-of the position. Hysteresis answers small and fast motion with an almost constant complex gain; so the response is
+and Piersol 2010, section 6.1), whatever the waveform: a line counts by how far the drive there stands above what is
+left of the position. Hysteresis answers small and fast motion with an almost constant complex gain; so the response is
 
     H(f) = e^(-2 pi j f lag) (a0 + j a1 + sum_i (c_i + j b_i) R_i(f))
     R(f) = w^2 / (w^2 - (2 pi f)^2 + 2 j zeta w 2 pi f)
@@ -44,7 +44,7 @@ ZETA = (0.002, 0.6)
 """Range of damping: one at either end stands for a single line, or for how hysteresis changes with frequency."""
 INSIDE = 0.02
 """Of the logarithms of frequency and damping: a mode closer than this to an end is at it."""
-LAG_TURNS, LAG_STEPS = 3, 8
+LAG_TURNS, LAG_STEPS = 30, 8
 """Lags tried: up to so many periods of the last line, by so many parts of one."""
 PAYS = 0.8
 """One more mode leaves less than this share of the weighted squares."""

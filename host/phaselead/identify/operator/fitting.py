@@ -52,7 +52,8 @@ FIRST_DELAY = 0.02
 SHORTER_DELAY = 1.05
 """On records of one frequency a delay looks like more play: the shortest is taken that costs at most this factor."""
 OFFSETS_DIFFER = 0.01
-"""Of the range: when the median record is further off, every one gets an offset of its own."""
+"""Of the range: when the median record is further off, every one gets an offset of its own; when a few are, so they do
+if that explains what no starting memory does."""
 REST_MATTERS = 1.001
 """The memory at rest is known when other rest fractions cost more than this factor in error."""
 MODE_PAYS = 0.9
@@ -119,12 +120,24 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
 
 def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records, Solution, list[str]]:
     """The records with the memories and offsets that explain them best, the operator then, and what to say of them."""
-    messages: list[str] = []
     late = replace(records, fits=[settled(f) for f in records.fits])
     first = late.searched(late.basis(*SEARCH), _first_delay_s(late), 0.0, modes)
-    if _offsets_differ(late.fits, first):
-        records, late = replace(records, own_offsets=True), replace(late, own_offsets=True)
-        messages.append("the records differ in offset by more than 1 % of their range: each has its own")
+    apart = replace(records, own_offsets=True)
+    message = "the records differ in offset by more than 1 % of their range: each has its own"
+    if float(np.median(_offsets(late.fits, first))) > OFFSETS_DIFFER:
+        found = _told_apart(apart, first)
+        return (*found[:2], [message, *found[2]])
+    found = _told_apart(records, first)
+    if max(_offsets(found[0].fits, found[1])) > OFFSETS_DIFFER:  # a memory may explain it, or another session
+        other = _told_apart(apart, first)
+        if other[1].error ** 2 < OTHER_MEMORY * found[1].error ** 2:
+            return (*other[:2], [message, *other[2]])
+    return found
+
+
+def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution, list[str]]:
+    """The same where it is known whether each record has an offset of its own; ``first`` is of settled rows."""
+    late = replace(records, fits=[settled(f) for f in records.fits])
     basis, _ = _choose_basis(late, first)
     found = late.at(basis, first.delay_s, first.rest_fraction, first.modes)
     moved, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets)
@@ -133,8 +146,8 @@ def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records
         elsewhere = replace(records, fits=moved)
         found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
         if found.error**2 < OTHER_MEMORY * at_rest.error**2:
-            return elsewhere, found, messages + said
-    return records, at_rest, messages
+            return elsewhere, found, said
+    return records, at_rest, []
 
 
 def _first_delay_s(records: _Records) -> float:
@@ -229,10 +242,9 @@ def _shortest_delay_s(records: _Records, basis: Basis, delay_s: float, rest: flo
     return high
 
 
-def _offsets_differ(fits: list[FitRun], solution: Solution) -> bool:
-    """Whether the median record sits far from the common offset; one that does has another past."""
-    offsets = [abs(solution.residual(f).mean()) / f.run.range_um for f in fits]
-    return float(np.median(offsets)) > OFFSETS_DIFFER
+def _offsets(fits: list[FitRun], solution: Solution) -> list[float]:
+    """How far each record sits from the common offset, as a share of its range."""
+    return [abs(float(solution.residual(f).mean())) / f.run.range_um for f in fits]
 
 
 def _choose_basis(records: _Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
@@ -304,8 +316,9 @@ def _result(records: _Records, solution: Solution, choices: Sequence[Choice], me
         at_rest_um = solution.at_rest_um + float(np.median([e.mean() for e in residuals]))
         solution = replace(solution, at_rest_um=at_rest_um)
         residuals = [solution.residual(f) for f in fits]
+    unexplained = [e - e.mean() for e in residuals] if records.own_offsets else residuals
     return OperatorFit(
-        solution.time_view(1.0 / fits[0].run.step_s, residuals),
+        solution.time_view(1.0 / fits[0].run.step_s, unexplained),
         standard_errors(fits, solution, residuals),
         tuple(RecordResidual.of(f, e) for f, e in zip(fits, residuals, strict=True)),
         tuple(choices),

@@ -199,8 +199,8 @@ class FitRun:
             self._record.fill(out, delay_s / self.run.step_s, in_C, self._start(basis, rest_fraction))
             return
         still = self.still(delay_s, basis, rest_fraction, in_C)
-        out[: len(self.rows), :-2] = behind_modes(still[:, :-2], modes, self.run.step_s)[self.rows]
-        out[: len(self.rows), -2:] = still[self.rows, -2:]
+        out[: len(self.rows)] = behind_modes(still, modes, self.run.step_s)[self.rows]  # all of it: a part is a copy
+        out[: len(self.rows), -1] = self.position()
 
     def still(self, delay_s: float, basis: Basis, rest_fraction: float, in_C: BasisInC) -> Samples:
         """The same columns at all rows of the record (n, s + m + 2), without modes."""
