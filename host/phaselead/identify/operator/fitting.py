@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, ringing_s, rows_to_fit
 from phaselead.identify.operator.result import (
     Choice,
     OperatorFit,
@@ -97,7 +97,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     ``modes``: about where the mechanics have some; those that pay are fitted together with the operator. ``lag_s``:
     what else the measured response lags. Raises BadInput for data that determine nothing.
     """
-    records = _Records(runs, _thinned(runs, SEARCH_ROWS, ringing=bool(modes)), lag_s=lag_s)
+    records = _Records(runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
     records, found, messages = _with_memories(records, modes)
     basis, choices = _choose_basis(records, found)
     if not basis.equals(found.basis):
@@ -113,26 +113,31 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     if _one_frequency(runs):
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
-    full = _thinned(runs, MOST_ROWS, ringing=bool(modes), memories=[f.came_from_V for f in records.fits])
+    full = _thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=[f.came_from_V for f in records.fits])
     full_records = replace(records, fits=full)
     return _result(full_records, full_records.at(basis, delay_s, rest, found.modes), choices, messages)
 
 
 def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records, Solution, list[str]]:
     """The records with the memories and offsets that explain them best, the operator then, and what to say of them."""
-    late = replace(records, fits=[settled(f) for f in records.fits])
-    first = late.searched(late.basis(*SEARCH), _first_delay_s(late), 0.0, modes)
     apart = replace(records, own_offsets=True)
     message = "the records differ in offset by more than 1 % of their range: each has its own"
-    if float(np.median(_offsets(late.fits, first))) > OFFSETS_DIFFER:
-        found = _told_apart(apart, first)
-        return (*found[:2], [message, *found[2]])
-    found = _told_apart(records, first)
-    if max(_offsets(found[0].fits, found[1])) > OFFSETS_DIFFER:  # a memory may explain it, or another session
-        other = _told_apart(apart, first)
-        if other[1].error ** 2 < OTHER_MEMORY * found[1].error ** 2:
-            return (*other[:2], [message, *other[2]])
-    return found
+    first = _of_settled_rows(records, modes)
+    if float(np.median(_offsets([settled(f) for f in records.fits], first))) > OFFSETS_DIFFER:
+        records, found, said = _told_apart(apart, first)
+        return records, found, [message, *said]
+    common = _told_apart(records, first)
+    if max(_offsets(common[0].fits, common[1])) > OFFSETS_DIFFER:  # a memory may explain it, or another session
+        records, found, said = _told_apart(apart, _of_settled_rows(apart, modes))
+        if found.error**2 < OTHER_MEMORY * common[1].error ** 2:
+            return records, found, [message, *said]
+    return common
+
+
+def _of_settled_rows(records: _Records, modes: tuple[Mode, ...]) -> Solution:
+    """The operator of the rows that remember nothing of what was before their record but an offset."""
+    late = replace(records, fits=[settled(f) for f in records.fits])
+    return late.searched(late.basis(*SEARCH), _first_delay_s(late), 0.0, modes)
 
 
 def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution, list[str]]:
@@ -179,11 +184,13 @@ def _paying(records: _Records, found: Solution) -> Solution:
 def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
     """Operator and modes fitted together from there on; memories and offsets of the records stay as in ``known``."""
     memories = [record.came_from_V for record in known.records]
-    records = _Records(runs, _thinned(runs, SEARCH_ROWS, ringing=True, memories=memories), known.own_offsets)
+    records = _Records(
+        runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
+    )
     found = records.searched(records.basis(*SEARCH), known.view.delay_s, known.view.rest_fraction or 0.01, modes)
     basis, choices = _choose_basis(records, found)
     found = _paying(records, replace(found, basis=basis))
-    full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing=True, memories=memories))
+    full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories))
     solution = full.at(basis, found.delay_s, found.rest_fraction, found.modes)
     return _result(full, solution, choices, known.messages)
 
@@ -193,7 +200,7 @@ def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: flo
 
     With a ``lag_s`` the gain is that of slow motion: lag, and the ``modes`` that pay, are fitted beside it.
     """
-    fits = _thinned(runs, MOST_ROWS if lag_s is None else SEARCH_ROWS, ringing=bool(modes))
+    fits = _thinned(runs, MOST_ROWS if lag_s is None else SEARCH_ROWS, ringing_s=ringing_s(modes))
     records = _Records(runs, fits, lag_s=lag_s or 0.0)
     basis = records.basis(0, 1)
     if lag_s is None:
@@ -207,12 +214,12 @@ def _thinned(
     runs: Sequence[AxisRun],
     most_rows: int,
     *,
-    ringing: bool = False,
+    ringing_s: float = 0.0,
     memories: Sequence[float | None] | None = None,
 ) -> list[FitRun]:
     each = max(FEWEST_ROWS, most_rows // len(runs))
     blocks = 1 if len(runs) >= FOLD_BLOCKS else -(-FOLD_BLOCKS // len(runs))
-    fits = [rows_to_fit(run, each, i * blocks, blocks, ringing=ringing) for i, run in enumerate(runs)]
+    fits = [rows_to_fit(run, each, i * blocks, blocks, ringing_s=ringing_s) for i, run in enumerate(runs)]
     return fits if memories is None else [replace(f, came_from_V=v) for f, v in zip(fits, memories, strict=True)]
 
 

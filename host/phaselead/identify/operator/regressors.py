@@ -23,6 +23,8 @@ from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
 """Share of a period after a jump in which a model without dynamics is not asked to agree."""
+START_SHARE = 0.01
+"""Of its span: a voltage that begins closer to 0 V begins there."""
 FEWEST_ROWS = 200
 """Of each record, to which a fit thins it, however many records there are."""
 NO_WEIGHT = 1e-6
@@ -221,19 +223,33 @@ class FitRun:
         return [(int(self.groups[a]), slice(a, b)) for a, b in pairwise(edges)]
 
 
-def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *, ringing: bool = False) -> FitRun:
+def ringing_s(modes: tuple[Mode, ...]) -> float:
+    """How long the modes ring, down to a hundredth."""
+    return max((np.log(100) / (2 * np.pi * f_Hz * zeta) for _, f_Hz, zeta in modes), default=0.0)
+
+
+def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *, ringing_s: float = 0.0) -> FitRun:
     """Thin the scored rows of ``run`` to about ``most_rows``, in ``n_groups`` stretches of time.
 
-    Rows just after a jump are left out, unless most are or the model says how the stage is ``ringing`` there.
+    Rows just after a jump are left out, unless most are or the model has modes that tell how the stage rings there
+    (for ``ringing_s``). They do not tell how it rang before the record: where that does not begin at 0 V, its start is
+    left out.
     """
     start, stop, _ = run.scored.indices(len(run.u_V))
     rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
-    calm = rows[~_after_jump(run)[rows]]
-    if not ringing and len(calm) > len(rows) // 2:
+    if ringing_s:
+        calm = rows if _begins_at_0_V(run) else rows[rows >= round(ringing_s / run.step_s)]
+    else:
+        calm = rows[~_after_jump(run)[rows]]
+    if len(calm) > len(rows) // 2:
         rows = calm
     groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
     weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
     return FitRun(run, rows.astype(np.uintp), groups, float(weight))
+
+
+def _begins_at_0_V(run: AxisRun) -> bool:
+    return abs(float(run.u_V[0])) < START_SHARE * float(np.ptp(run.u_V))
 
 
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
