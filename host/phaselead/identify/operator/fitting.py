@@ -327,7 +327,7 @@ def _result(records: _Records, solution: Solution, choices: Sequence[Choice], me
     return OperatorFit(
         solution.time_view(1.0 / fits[0].run.step_s, unexplained),
         standard_errors(fits, solution, residuals),
-        tuple(RecordResidual.of(f, e) for f, e in zip(fits, residuals, strict=True)),
+        tuple(RecordResidual.of(f, e, own_offset=records.own_offsets) for f, e in zip(fits, residuals, strict=True)),
         tuple(choices),
         tuple(messages),
         sum(effective_rows(e) for e in residuals),

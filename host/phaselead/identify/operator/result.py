@@ -38,10 +38,12 @@ class RecordResidual:
     """Where the voltage last turned round before the record; None: it starts from rest."""
 
     @staticmethod
-    def of(fit: FitRun, residual: Samples) -> RecordResidual:
-        """From what the fit leaves of a record (rows,) in um."""
-        rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
-        return RecordResidual(fit.run.source, rms, largest, float(residual.mean()), fit.run.range_um, fit.came_from_V)
+    def of(fit: FitRun, residual: Samples, *, own_offset: bool) -> RecordResidual:
+        """From what the fit leaves of a record (rows,) in um; an offset of its own is not counted against it."""
+        mean = float(residual.mean())
+        left = residual - mean if own_offset else residual
+        rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
+        return RecordResidual(fit.run.source, rms, largest, mean, fit.run.range_um, fit.came_from_V)
 
 
 @dataclass(frozen=True)
