@@ -130,7 +130,7 @@ def fit(
     axes: dict[Any, AxisModel] = {a: _axis_model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
     stage = Stage(
         name=parent.name if parent else name,
-        provenance=provenance_of(parent, recordings).model_copy(update={"left_out": tuple(left_out)}),
+        provenance=provenance_of(parent, recordings).model_copy(update={"left_out": tuple(left_out) or None}),
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )

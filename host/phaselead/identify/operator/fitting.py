@@ -207,7 +207,7 @@ def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: flo
         return _result(records, records.at(basis, 0.0, 0.0), (), ())
     found = _paying(records, Solution(basis, lag_s, 0.0, np.zeros(1), 0.0, 0.0, modes))
     full = replace(records, fits=_thinned(runs, MOST_ROWS))
-    return _result(full, replace(found, delay_s=0.0, modes=()), (), ())
+    return _result(full, replace(found, delay_s=0.0, rest_fraction=0.0, modes=()), (), ())
 
 
 def _thinned(
