@@ -80,11 +80,6 @@ class FittedModes:
     share_left: float
     """Of the operator's squared residual, on rows they were not fitted on."""
 
-    @property
-    def place(self) -> Place:
-        """Where they are."""
-        return tuple(value for _, f_Hz, zeta in self.modes for value in (f_Hz, zeta))
-
     def adopted(self, view: TimeView) -> tuple[TimeView, AdoptedEffect]:
         """The time view with the delay that remains, and the entry for the stage file."""
         effect, params = effect_of_modes(self.modes)
@@ -107,7 +102,10 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
     ringing = find_modes(alone.view, runs)
     if ringing is None or len(runs) >= MANY_RUNS:
         return alone, ringing
-    again = refit_operator(runs, replace(alone, view=ringing.adopted(alone.view)[0]), ringing.modes)
+    behind = replace(alone, view=ringing.adopted(alone.view)[0])
+    again = refit_operator(runs, behind, ringing.modes)
+    if _squares(again, again.modes, runs) > _squares(behind, ringing.modes, runs):
+        return alone, ringing
     return _believed(alone, again, runs) or (alone, ringing)
 
 
@@ -186,11 +184,8 @@ class _Ringing:
         return np.arange(len(self.base), dtype=np.uintp)[self.rows]
 
 
-def find_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | None = None) -> FittedModes | None:
-    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays.
-
-    ``known``: how many there are and about where.
-    """
+def find_modes(view: TimeView, runs: Sequence[AxisRun]) -> FittedModes | None:
+    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays."""
     fast = [run for run in runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
     if len(fast) < 2:
         return None
@@ -199,15 +194,13 @@ def find_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | Non
     nothing = sum(float(np.var(r.residual[r.rows])) for r in judged)
     if nothing < len(judged) * ROUNDING**2:
         return None
-    one = _downhill(fitted, known.place[:2], FIRST_REACH) if known else _first(fitted)
+    one = _first(fitted)
     amounts = _amounts(fitted, one)
     squares = _squares_left(judged, one, amounts)
     if squares / nothing >= PAYS:
         return None
     alone = FittedModes(((1.0, one[0], one[1]),), max(view.delay_s + float(amounts[0]), 0.0), squares / nothing)
-    if known and len(known.modes) == 1:
-        return alone
-    two = _downhill(fitted, (*one, *known.place[2:]), SECOND_REACH) if known else _second(fitted, one)
+    two = _second(fitted, one)
     if two is None or two[2] < APART * two[0] or two[3] < UNDAMPED:
         return alone
     shift_s, share = _amounts(fitted, two).tolist()
