@@ -33,12 +33,12 @@ from phaselead.gap.several_axes.other_effects import EffectScore
 from phaselead.gap.several_axes.stage_effects import (
     adopted_axis,
     coupling_params,
+    in_front,
     own_gains,
     resonance_params,
-    softening_values,
 )
 from phaselead.gap.unexplained import Unexplained, unexplained
-from phaselead.model import AxisModel, Stage, catalogue
+from phaselead.model import AxisModel, Effect, Entry, Params, Stage, catalogue
 from phaselead.record import Recording, Samples
 
 UNEXPLAINED = 0.02
@@ -79,9 +79,11 @@ class StageFit:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
         part = catalogue()[name].shared_modes
-        if part == "level":
-            none = {a: [(e, {**p, "kappa": 0.0}) for e, p in of_axis] for a, of_axis in self.fit.entries.items()}
-            return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=replace(model, drop=None)))
+        if part == "level" or catalogue()[name].fitted_with_modes:
+            of_axes = self.axes if part == "level" else (self.axes[axis],)
+            none = {a: [_taken_out(e, p, name, a in of_axes) for e, p in ep] for a, ep in self.fit.entries.items()}
+            kept = model if part != "level" else replace(model, drop=None)
+            return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=kept))
         weights = model.weights.copy()
         if part == "own path":
             weights[_columns(inputs, axis, len(model.poles)), axis] = 0.0
@@ -92,6 +94,12 @@ class StageFit:
                     weights[_columns(inputs, j, len(model.poles)), axis] = 0.0
                     weights[j, axis] = 0.0
         return replace(self.fit, fit=replace(self.fit.fit, model=replace(model, weights=weights)))
+
+
+def _taken_out(effect: Effect, params: Params, name: str, here: bool) -> Entry:
+    """An effect of an axis, of size 0 if it is the one of that name and acts here."""
+    gone = here and effect.name == name
+    return effect, {**params, **{p.name: 0.0 for p in effect.sizes}} if gone else params
 
 
 def _columns(inputs: int, axis: int, modes: int) -> slice:
@@ -117,7 +125,8 @@ def axis_results(
     for i, a in enumerate(found.axes):
         gap = _gap(found, after, i)
         taken = {one.name for one in named[a]} | {e.name for e in found.stage.axes[a].effects}
-        excluded = _excluded(found, a, taken)
+        fitted = _fitted_in_front(found, i, taken)
+        excluded = [*fitted, *_excluded(found, a, taken | {b.name for b in fitted})]
         untestable = _untestable(found, taken | {b.name for b in excluded})
         left = gap.after**2 - gap.floor**2
         held = [run for run in runs[a] if run.role == "holdout"]
@@ -152,9 +161,9 @@ def _named(found: StageFit, axis: int) -> list[NamedEffect]:
 
 
 def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """The named effects, and those that the stage had, with their new values."""
+    """The named effects, those that the stage had, with their new values, and what the modes were fitted behind."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
-    names = {one.name for one in named} | known
+    names = {one.name for one in named} | known | set(in_front(found.fit, axis) if found.softens else ())
     return [one for one in _effects(found, axis) if one.name in names]
 
 
@@ -165,7 +174,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
         effect_of("coupling").name: coupling_params(found.fit, axis, found.axes),
     }
     if found.softens:
-        params[effect_of("level").name] = softening_values(found.fit, axis)
+        params |= in_front(found.fit, axis)
     result = []
     label = found.axes[axis]
     for name, values in params.items():
@@ -209,6 +218,16 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
         Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit, axis)
         for one in found.others
         if one.axis == axis and one.effect.name not in taken and not one.effect.absorbed_by_modes
+    ]
+
+
+def _fitted_in_front(found: StageFit, axis: int, taken: set[str]) -> list[Bound]:
+    """Largest size of the effects in front of the modes that were fitted and are not among ``taken``."""
+    fitted = in_front(found.fit, axis) if found.softens else {}
+    return [
+        Bound(name, float(params[size.name][2][1]), size.unit, found.axes[axis])  # type: ignore[arg-type]
+        for name, params in fitted.items()
+        if name not in taken and (size := catalogue()[name].sizes[0])
     ]
 
 
@@ -263,4 +282,15 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
             for held in (found.before, after)
         )
         lines.append(f"held out at {level} V rms: {was:.3g} % of the output's rms before, {now:.3g} % after")
-    return [*lines, f"{len(found.fit.model.poles)} modes common to all axes"]
+    return [*lines, f"{len(found.fit.model.poles)} modes common to all axes", *_undetermined(found)]
+
+
+def _undetermined(found: StageFit) -> list[str]:
+    """What the levels of the training records leave open."""
+    power = effect_of("level").parameter("exponent")
+    if not found.softens or found.fit.exponents != (power.low, power.high):
+        return []
+    return [
+        f"the power of the level by which softening grows is not determined: {power.low:g} to {power.high:g} fit these "
+        "records alike; records at a level between those of the training records would tell"
+    ]

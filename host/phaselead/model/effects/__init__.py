@@ -91,7 +91,7 @@ def effect_of_shares(shares_of_motion: Mapping[str, float]) -> Entry:
 
 
 def derived_sizes(
-    name: str, estimates: Mapping[str, tuple[Value, str, Sequence[float] | Sequence[Interval]]], scene: Scene
+    name: str, estimates: Mapping[str, tuple[Value, str, Interval | Sequence[Interval]]], scene: Scene
 ) -> dict[str, tuple[float, str, Interval]]:
     """What an effect's ``estimates`` (value, unit and 95 % interval of each parameter) come to as a person means them:
     value, unit and interval of each derived size, by name; empty where the effect has none, or is not known."""

@@ -69,14 +69,14 @@ def _error_LSB(params: Params, grid: CodeGrid) -> Samples:
     """(2^bits,) at every code, less that at 0 V."""
     sizes = np.array([number(params, name) for name in SIZES])
     zero = _errors(grid.codes(np.zeros(1)), grid.bits)
-    return np.asarray((_errors(np.arange(2**grid.bits), grid.bits) - zero) @ sizes)
+    return np.asarray((_errors(np.arange(2.0**grid.bits), grid.bits) - zero) @ sizes)
 
 
 def _inl_LSB(params: Params, scene: Scene) -> float:
     """The largest departure from the straight line through the first code and the last."""
     sizes = np.array([number(params, name) for name in SIZES])
     bits = INL_CODES.bit_length() - 1
-    return float(np.max(np.abs(_errors(np.arange(INL_CODES), bits) @ sizes)))
+    return float(np.max(np.abs(_errors(np.arange(float(INL_CODES)), bits) @ sizes)))
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:

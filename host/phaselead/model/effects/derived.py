@@ -55,9 +55,14 @@ def derived_estimates(
         down = np.array([_moved(size, params, scene, at, name, ci95[name], 0) for name in fitted])
         together = np.eye(len(fitted)) if correlation is None else correlation
         # A parameter's upper side raises some sizes and lowers others.
-        ends = [float(np.sqrt(max(s @ together @ s, 0.0))) for s in (_towards(up, down, 1), _towards(up, down, -1))]
-        found[size.name] = (at, size.unit, (at - ends[1], at + ends[0]))
+        above, below = (_length(_towards(up, down, side), together) for side in (1, -1))
+        found[size.name] = (at, size.unit, (at - below, at + above))
     return found
+
+
+def _length(changes: Samples, together: Samples) -> float:
+    """Of changes (k,) with a correlation (k, k)."""
+    return float(np.sqrt(np.maximum(changes @ together @ changes, 0.0)))
 
 
 def _towards(up: Samples, down: Samples, side: int) -> Samples:

@@ -225,6 +225,8 @@ class Effect:
     """How it moves the zero from one session to the next; None where it does not."""
     shared_modes: ModePart | None = None
     """Which part of the modes that the axes of a stage share it describes, if any."""
+    fitted_with_modes: bool = False
+    """Whether it is fitted together with modes that axes share and their softening, by its first size, on each axis."""
     absorbed_by_modes: bool = False
     """Whether modes fitted to axes that move together take it up, so that such records cannot show it."""
     hard_to_tell_from: tuple[str, ...] = ()

@@ -52,7 +52,7 @@ struct link {
     double step_s, rest, in, out;                      /* `rest` of what goes in */
     double state_re[LINK_POLES], state_im[LINK_POLES]; /* of LINK_POLES_SUM */
     double decay_re[LINK_POLES], decay_im[LINK_POLES], behind_re[LINK_POLES], behind_im[LINK_POLES];
-    double mean, level; /* of LINK_SOFTENING */
+    double mean, level;                 /* of LINK_SOFTENING */
     double recent[LINK_SUBSTEPS], drag; /* of LINK_FRICTION: what went in over the last tick, and the friction */
     unsigned now;
 };

@@ -17,7 +17,7 @@
 struct linked_axis_parameters {
     double dac_zero_code, dac_V_per_code;
     double dac_bow_LSB, dac_bit_LSB[LINKED_TOP_BITS]; /* bow over all codes; excess weights, the first bit's first */
-    double delay_s;                                   /* from the sample of a tick to the arrival of that tick's voltage */
+    double delay_s; /* from the sample of a tick to the arrival of that tick's voltage */
     double offset_um;
     double from_um_per_um[LINKED_AXES], from_lag_s; /* motion of the others, beside the matrix */
     struct operator_parameters operator;
