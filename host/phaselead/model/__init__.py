@@ -7,6 +7,7 @@ from phaselead.model.chain import Chain, Extra, simulate
 from phaselead.model.effects import (
     CheckedParameters,
     Complex,
+    Derived,
     Effect,
     Entry,
     Mode,
@@ -63,6 +64,7 @@ __all__ = [
     "CheckedParameters",
     "Compensation",
     "Complex",
+    "Derived",
     "Effect",
     "Entry",
     "Extra",

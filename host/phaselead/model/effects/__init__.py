@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from phaselead.errors import BadInput
-from phaselead.model.effects.derived import Interval, Scene, derived_estimates
+from phaselead.model.effects.derived import Derived, Interval, Scene, derived_estimates
 from phaselead.model.effects.filters import (
     Mode,
     behind_modes,
@@ -29,6 +29,7 @@ __all__ = [
     "MODES_FROM",
     "CheckedParameters",
     "Complex",
+    "Derived",
     "Effect",
     "Entry",
     "Mode",
