@@ -121,7 +121,7 @@ def test_a_moving_base_takes_over_what_only_references_tell():
     assert {p.name for p in whole.parameters} - {p.name for p in alone.parameters} == {"linear"}
     assert alone.complete({"quadratic": 0.1}) == whole.complete({"quadratic": 0.1})
     assert {p.name for p in effect("rate_dependence").for_refitted_base().parameters} == {
-        "growth", "stribeck", "onset_per_s", "reach"
+        "growth", "onset_per_s", "reach"
     }  # fmt: skip
 
 

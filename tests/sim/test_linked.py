@@ -43,7 +43,7 @@ def sizes(name):
         "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
         "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01, "linear": 0.01},
         "load_change": {"mass": 0.5},
-        "rate_dependence": {"growth": 0.03, "stribeck": -0.02, "coulomb": 0.01},
+        "rate_dependence": {"growth": 0.03, "stribeck": 0.02, "coulomb": 0.03},
         "dead_band": {"width_V": 0.1},
         "stiffness_nonlinearity": {"square": 0.02, "cube": -0.03},
         "sensor_lowpass": {"tau_s": 1e-3},

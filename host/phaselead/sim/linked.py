@@ -114,7 +114,14 @@ class LinkedParts(VirtualAxis):
         self._operator.bend_um, self._operator.skew_um, self._operator.skew_reach = bend_um, skew_um, reach
 
     def friction(self, openings: tuple[float, float, float], onset_per_s: float, reach: float) -> None:
-        self._link(lambda: _link(FRICTION, self.range_um, reach, onset_per_s, *openings))
+        view = self.model.time
+        assert view is not None
+
+        def make() -> Link:
+            beside = bool(view.play_r_V or self._plays)
+            return _link(FRICTION, self.range_um, reach, onset_per_s, *(openings if beside else ()))
+
+        self._link(make)
 
     def converter_errors(self, bow_LSB: float, bits_LSB: Sequence[float]) -> None:
         self._only("curve of the output converter")

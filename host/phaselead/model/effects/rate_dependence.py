@@ -56,11 +56,23 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 
 def basis(signal: Signal, params: Params) -> Samples:
+    if not _has_loop(signal):
+        return columns(*np.zeros((len(SIZES), len(signal.value))))
     q = signal.value / signal.range_um
     rate = np.abs(np.diff(q, prepend=q[0])) / signal.step_s
     share = rate / number(params, "onset_per_s")
     levels = columns(np.log1p(share) / np.log(10), np.expm1(-share), np.ones_like(share))
     return -signal.range_um / 2 * friction(q, levels, number(params, "reach"))
+
+
+def _has_loop(signal: Signal) -> bool:
+    """Whether there is hysteresis that could change with the rate: without it a loop is hysteresis first."""
+    view = signal.axis.time
+    return bool(view is not None and view.play_r_V) or any(e.plays is not None for e, _ in signal.active)
+
+
+def untestable(signal: Signal) -> str | None:
+    return None if _has_loop(signal) else "the model has no hysteresis whose width could change"
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
@@ -79,12 +91,15 @@ EFFECT = Effect(
     source="Dahl 1976 (friction that comes to its level along the path); Canudas de Wit, Olsson, Astrom and Lischinsky "
     "1995 (a level that depends on the speed; Stribeck's fall, here Tustin's exponential). The growth is that of the "
     "rate-dependent Prandtl-Ishlinskii model, thresholds alpha ln(beta + lambda abs(dv/dt)) (Al Janaideh, Rakheja and "
-    "Su 2009). Over what path the level is reached does not depend on the level, so that it is linear in its sizes",
+    "Su 2009). Over what path the level is reached does not depend on the level, so that it is linear in its sizes. It "
+    "acts beside hysteresis only: a loop alone is called that",
     parameters=(
         Parameter("growth", "of range", 0.02, -0.3, 0.3, doc="opening of the loop added per decade of rate"),
-        Parameter("stribeck", "of range", 0.01, -0.3, 0.3, doc="opening lost between rest and sliding"),
         Parameter(
-            "coulomb", "of range", 0.01, -0.3, 0.3, absorbed_by_refit=True, doc="opening that is the same at every rate"
+            "stribeck", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening lost between rest and sliding"
+        ),
+        Parameter(
+            "coulomb", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening that is the same at every rate"
         ),
         Parameter(
             "onset_per_s", "1/s", 1.0, 0.02, 100.0, role="shape", log=True, doc="ranges per second where it sets in"
@@ -102,5 +117,6 @@ EFFECT = Effect(
     apply=apply,
     picture=Picture("loops", {"growth": 0.08}, base="plays"),
     basis=basis,
+    untestable=untestable,
     virtual=virtual,
 )

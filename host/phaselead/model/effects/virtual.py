@@ -102,7 +102,7 @@ class VirtualAxis:
 
     def friction(self, openings: tuple[float, float, float], onset_per_s: float, reach: float) -> None:
         """Friction along the path, of range: what it gains per decade of rate above ``onset_per_s``, what it loses from
-        rest to sliding, and what it has at any rate; it turns within ``reach``."""
+        rest to sliding, and what it has at any rate; it turns within ``reach``. Without plays there is none."""
         _refuse()
 
     def converter_errors(self, bow_LSB: float, bits_LSB: Sequence[float]) -> None:
