@@ -148,7 +148,7 @@ def stage() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     [(1.0, 0.5, 300.0, 0.0), (0.8, 0.5, 100.0, 3e-5), (1.0, 0.6, 1000.0, 5e-5), (0.5, 0.5, 1000.0, 1e-4)],
 )
 def test_it_explains_the_friction_of_another_law(stage, static, sliding, speed, viscous):
-    """More than 96 % of its power over every speed, no size below 0; plays that widen with the rate leave 22 % and more."""
+    """More than 96 % of its power over every speed; plays that widen with the rate leave 22 % and more."""
     u, _, free_um = stage
     friction_um = (dragged_um(free_um, 1 / (RATE_HZ * SUBSTEPS), static, sliding, speed, viscous) - free_um)[::SUBSTEPS]
     model = axis(LOOP.model_copy(update={"gain_um_per_V": 10.5}))
