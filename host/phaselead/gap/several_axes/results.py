@@ -11,6 +11,7 @@ from phaselead.gap.axis import AxisResult
 from phaselead.gap.findings import (
     NAMED,
     ONE_SIDED_95,
+    PROVISIONAL,
     Adopted,
     Bound,
     Candidate,
@@ -113,8 +114,9 @@ def axis_results(
     """One result per axis; messages about the whole stage go with the first."""
     gains = own_gains(found.fit)
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
+    unsure = {a: _not_vouched_for(found, i, _taken(found, a, named[a])) for i, a in enumerate(found.axes)}
     adopted = {
-        a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]))
+        a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]), set(unsure[a]))
         for i, a in enumerate(found.axes)
     }
     after = predict_held_out(
@@ -124,9 +126,9 @@ def axis_results(
     results = []
     for i, a in enumerate(found.axes):
         gap = _gap(found, after, i)
-        taken = {one.name for one in named[a]} | {e.name for e in found.stage.axes[a].effects}
-        fitted = _fitted_in_front(found, i, taken)
-        excluded = [*fitted, *_excluded(found, a, taken | {b.name for b in fitted})]
+        taken = _taken(found, a, named[a])
+        taken |= set(unsure[a])
+        excluded = _excluded(found, a, taken)
         untestable = _untestable(found, taken | {b.name for b in excluded})
         left = gap.after**2 - gap.floor**2
         held = [run for run in runs[a] if run.role == "holdout"]
@@ -137,10 +139,19 @@ def axis_results(
                 a, adopted[a], named[a], [], missing, excluded, untestable,
                 _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held), None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
-                [Adopted(one.name, a, NAMED) for one in named[a]], predictable,
+                [
+                    *(Adopted(one.name, a, NAMED) for one in named[a]),
+                    *(Adopted(name, a, PROVISIONAL) for name in unsure[a]),
+                ],
+                predictable,
             )
         )  # fmt: skip
     return results
+
+
+def _taken(found: StageFit, axis: str, named: Sequence[NamedEffect]) -> set[str]:
+    """What is named on an axis, and what the stage had."""
+    return {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
 
 
 def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
@@ -221,14 +232,9 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     ]
 
 
-def _fitted_in_front(found: StageFit, axis: int, taken: set[str]) -> list[Bound]:
-    """Largest size of the effects in front of the modes that were fitted and are not among ``taken``."""
-    fitted = in_front(found.fit, axis) if found.softens else {}
-    return [
-        Bound(name, float(params[size.name][2][1]), size.unit, found.axes[axis])  # type: ignore[arg-type]
-        for name, params in fitted.items()
-        if name not in taken and (size := catalogue()[name].sizes[0])
-    ]
+def _not_vouched_for(found: StageFit, axis: int, taken: set[str]) -> list[str]:
+    """The effects that the modes were fitted behind and that are not among ``taken``."""
+    return [name for name in in_front(found.fit, axis) if name not in taken] if found.softens else []
 
 
 def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 
 import numpy as np
 
@@ -107,13 +108,17 @@ def _with_intervals(values: Samples, std: Samples, unit: str) -> Estimates:
     return tuple(float(v) for v in values), unit, pairs
 
 
-def adopted_axis(model: AxisModel, gain: float, found: Sequence[NamedEffect]) -> AxisModel:
-    """The axis with its base scaled by ``gain``, and the effects in place of those of the same name."""
+def adopted_axis(
+    model: AxisModel, gain: float, found: Sequence[NamedEffect], provisional: AbstractSet[str]
+) -> AxisModel:
+    """The axis with its base scaled by ``gain``, and the effects in place of those of the same name; ``provisional``
+    are the names that are not vouched for."""
     view = model.time
     assert view is not None
     names = {one.name for one in found}
     kept = [e for e in model.effects if e.name not in names]
-    effects = (*kept, *map(stage_file_entry, found))
+    new = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
+    effects = (*kept, *new)
     return model.model_copy(update={"time": _scaled(view, gain), "effects": effects})
 
 
