@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from phaselead.gap.base_operator import with_operator
 from phaselead.gap.comparison import MARGIN
 from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import Freedom, base_columns
@@ -47,6 +48,13 @@ def test_every_number_of_the_base_has_its_tangent_where_a_reference_can_say_how_
         own[:, 0], made.with_axis(made.axis.model_copy(update={"time": later})).answer() - made.answer()
     )
     assert np.linalg.matrix_rank(own / np.linalg.norm(own, axis=0), tol=1e-6) == 7
+
+
+def test_a_line_that_gets_plays_keeps_its_delay():
+    made = a_track()
+    line = TimeView(gain_um_per_V=8.0, delay_s=2e-4, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s)
+    run = replace(made.run, x_um=made.answer())
+    assert with_operator(AxisModel(time=line), [run]).time.delay_s == line.delay_s
 
 
 def test_a_track_under_another_model_remembers_the_same():

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from phaselead.cli import main
+from phaselead.model import load_stage
 
 DATA = Path(os.environ.get("PHASELEAD_DATA", Path(__file__).parents[3] / "shared" / "data")) / "fsm"
 HEADER = "t_s,ux_V,uy_V,uz_V,x_um,y_um,z_um"
@@ -78,7 +79,10 @@ def test_another_level_shows_softening(records, weak, tmp_path):
         "-o", tmp_path / "next.toml", "--json", tmp_path / "gap.json",
     )  # fmt: skip
     found = json.loads((tmp_path / "gap.json").read_text())
-    assert {e["name"] for e in found["effects"]} == {"softening"}
+    assert {"softening"} <= {e["name"] for e in found["effects"]} <= {"softening", "dead_band"}
+    softening = next(e["params"] for e in found["effects"] if e["name"] == "softening")
+    assert softening["exponent"]["ci95"] == [0.5, 2.0]  # two levels fix a line, whatever the power
+    assert "is not determined" in said
     after = {
         words[3]: float(words[-3])
         for words in (line.split() for line in said.splitlines())
@@ -86,3 +90,10 @@ def test_another_level_shows_softening(records, weak, tmp_path):
     }
     assert set(after) == set(BAR)
     assert all(after[level] < bar for level, bar in BAR.items())
+    assert after["0.099"] < 5.15
+    assert after["0.3"] < 3.75
+    widths = [
+        e.params["width_V"] for a in load_stage(tmp_path / "next.toml").axes.values() for e in a.effects
+        if e.name == "dead_band"
+    ]  # fmt: skip
+    assert widths == pytest.approx([3e-3] * 3, rel=0.2)  # of one size at every actuator

@@ -43,6 +43,21 @@ def test_offsets_and_starting_memories_are_the_records_own(runs):
     assert fit_plays([odd, *runs[1:]]).residual_um_rms < 1.5 * plain
 
 
+def test_a_sensor_that_counts_backwards_turns_all_of_it(runs):
+    plain, other = fit_plays(runs), fit_plays([replace(run, x_um=-run.x_um) for run in runs])
+    assert other.play_w_um_per_V == tuple(-w for w in plain.play_w_um_per_V)
+    assert (other.gain_um_per_V, other.offset_um) == (-plain.gain_um_per_V, -plain.offset_um)
+
+
+def test_plays_stand_behind_a_known_delay(runs):
+    """Fitted without it, they would take the lag for memory."""
+    late_s = 4 / 500
+    late = [replace(run, x_um=np.interp(run.t_s - late_s, run.t_s, run.x_um)) for run in runs]
+    view = fit_plays(late, late_s)
+    assert view.delay_s == late_s
+    assert view.residual_um_rms < 0.5 * fit_plays(late).residual_um_rms
+
+
 def test_thresholds_rise_to_half_of_the_swing():
     r = play_thresholds(8.0, 20)
     assert np.all(np.diff(r, prepend=0.0) > 0)

@@ -38,18 +38,20 @@ def sizes(name):
     larger = {
         "slew_limit": {"traverse_s": 0.2},
         "offset": {"offset_um": 1.0},
-        "dac_nonlinearity": {"bow_LSB": 100.0, "s_LSB": 80.0, "segment_LSB": 50.0},
+        "dac_nonlinearity": {"bow_LSB": 100.0, "bit1_LSB": 30.0, "bit2_LSB": -80.0, "bit4_LSB": 60.0, "bit5_LSB": 50.0},
         "thermal_drift": {"ramp_um_per_s": 0.2, "rise_um": 3.0, "tau_s": 6.0},
         "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
         "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01, "linear": 0.01},
         "load_change": {"mass": 0.5},
-        "rate_dependence": {"widening": 0.3, "spread": 0.4},
+        "rate_dependence": {"growth": 0.03, "stribeck": 0.02, "coulomb": 0.03},
+        "dead_band": {"width_V": 0.1},
+        "stiffness_nonlinearity": {"square": 0.02, "cube": -0.03},
         "sensor_lowpass": {"tau_s": 1e-3},
         "amplifier_lowpass": {"tau_s": 1e-3},
         "delay": {"delay_s": 2.345e-3},
         "hysteresis": {"width": 0.15, "slope": 1.0, "rest_fraction": 0.4},
         "asymmetric_hysteresis": {"bend": 0.03, "skew": 0.05, "reach": 0.3},
-        "softening": {"kappa": 0.2, "about_mean": 0.5, "tau_s": 0.2},
+        "softening": {"kappa": 0.2, "about_mean": 0.5, "tau_s": 0.2, "exponent": 1.6},
         "charge_leakage": {"rate_per_s": 0.2},
     }
     return {**catalogue()[name].typical, **larger.get(name, {})}

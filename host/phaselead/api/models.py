@@ -40,7 +40,8 @@ def fit(
     ``records`` as for ``read``, or recordings and runs. ``base="linear"`` is gain and offset only. ``parent`` gives
     name, limits, calibration and gains. The result is taken wherever a model is.
 
-    Raises BadInput, one line, for data that cannot be used: too short, clipped, gapped, or rates mixed.
+    Records of which nothing can be used (clipped, gapped, still) are left out: ``report.left_out`` says which and why.
+    Raises BadInput, one line, when none remains, none goes round a loop, or rates are mixed.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:

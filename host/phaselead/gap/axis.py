@@ -191,6 +191,8 @@ def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tupl
     for effect in effects:
         if effect.moves_zero == "at once":
             refused[effect.name] = NEEDS_SESSION
+        elif effect.alone_as is not None:
+            refused[effect.name] = f"one axis cannot tell it from {effect.alone_as}, which stands for both"
         elif effect.kind == "calibration" and not frozen:
             refused[effect.name] = NEEDS_FROZEN
         elif effect.kind != "disturbance" or effect.moves_zero == "steadily":

@@ -1,6 +1,7 @@
-"""A hysteresis operator for a base that has none: symmetric plays, fitted to the training records.
+"""A hysteresis operator for a base that has none: symmetric plays behind the base's own delay, fitted to the training
+records.
 
-Asymmetry, delay and everything else are left to be found beyond it, each on its own evidence.
+Asymmetry, more delay and everything else are left to be found beyond it, each on its own evidence.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def with_operator(axis: AxisModel, runs: Sequence[GapRun], beyond_um: Sequence[S
     driven = [r.as_fitted for r in runs if r.driven]
     if not driven:
         raise BadInput("no training record is driven; nothing can be learned about its memory")
-    return axis.model_copy(update={"time": fit_plays(driven)})
+    return axis.model_copy(update={"time": fit_plays(driven, axis.time.delay_s if axis.time is not None else 0.0)})
 
 
 def _without(run: GapRun, beyond_um: Samples) -> GapRun:

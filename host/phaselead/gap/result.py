@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,8 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
+    Estimate,
+    Estimates,
     GapSize,
     NamedEffect,
     NextExperiment,
@@ -25,7 +27,7 @@ from phaselead.gap.findings import (
 from phaselead.gap.locate import excludes, headline, percent, unit_of
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
-from phaselead.model import Stage
+from phaselead.model import Scene, Stage, derived_sizes
 from phaselead.record import write_text
 from phaselead.result import Result, Table, json_text
 
@@ -92,7 +94,7 @@ class GapResult(Result):
         tracked = {} if self.verification is None else self.verification.as_dict()
         return {
             "verdicts": list(self.verdicts),
-            "effects": [_effect(effect) for effect in self.effects],
+            "effects": [_effect(effect, self.sizes_of(effect)) for effect in self.effects],
             "adopted": [vars(one) for one in self.adopted],
             "ties": [list(tie) for tie in self.ties],
             "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit} for b in self.excluded],
@@ -110,6 +112,13 @@ class GapResult(Result):
             "holdout_sha256": list(self.holdout_sha256),
             **tracked,
         }
+
+    def sizes_of(self, effect: NamedEffect) -> Mapping[str, Estimate | Estimates]:
+        """Its parameters and, behind them, what they come to as a person means them: a bow's peak, a mean rate."""
+        compared = (self.base or self.stage).axes
+        axis = effect.axis or (self.traces[0].axis if self.traces else next(iter(compared)))
+        spans_s = tuple((float(t.t_s[0]), float(t.t_s[-1])) for t in self.traces if t.axis == axis)
+        return {**effect.params, **derived_sizes(effect.name, effect.params, Scene(compared[axis], spans_s))}
 
     @property
     def next_model(self) -> Stage:
@@ -134,7 +143,7 @@ class GapResult(Result):
                 effect.probability,
             )
             for effect in self.effects
-            for label, value, low, high, unit in parameter_rows(effect.params)
+            for label, value, low, high, unit in parameter_rows(self.sizes_of(effect))
         ]
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
@@ -150,7 +159,7 @@ class GapResult(Result):
             on = f" ({effect.axis})" if effect.axis else ""
             parts.append(f"{effect.name}{on}: {percent(effect.share)} of the unexplained power; {effect.why}")
             headings = ("parameter", "value", "95 % interval", "unit")
-            parts.append(Table(headings, tuple(parameter_texts(effect.params))))
+            parts.append(Table(headings, tuple(parameter_texts(self.sizes_of(effect)))))
         parts += [f"these records cannot tell apart: {', '.join(tie)}" for tie in self.ties]
         if self.provisional:
             parts.append(f"adopted provisionally, for the prediction; not vouched for: {', '.join(self.provisional)}")
@@ -212,10 +221,9 @@ def _experiment_text(e: NextExperiment) -> str:
     return f"{text}; no voltage tells them apart; that takes {e.needs_sensor}" if e.needs_sensor else text
 
 
-def _effect(effect: NamedEffect) -> dict[str, Any]:
+def _effect(effect: NamedEffect, sizes: Mapping[str, Estimate | Estimates]) -> dict[str, Any]:
     params = {
-        name: {"value": value, "unit": unit, "ci95": list(interval)}
-        for name, (value, unit, interval) in effect.params.items()
+        name: {"value": value, "unit": unit, "ci95": list(interval)} for name, (value, unit, interval) in sizes.items()
     }
     return {
         "name": effect.name, "axis": effect.axis, "params": params, "share": effect.share,

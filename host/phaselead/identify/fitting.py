@@ -9,9 +9,19 @@ from typing import Any, Literal
 
 from phaselead.errors import BadInput
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
-from phaselead.identify.modal import FittedModes, fit_in_turn
-from phaselead.identify.operator import OperatorFit, fit_linear
-from phaselead.identify.runs import SAME_RATE, AxisRun, SineDrive, axis_run, driven_axes, refuse_too_short
+from phaselead.identify.modal import FittedModes, fit_straight, fit_together, measured_response
+from phaselead.identify.operator import OperatorFit
+from phaselead.identify.runs import (
+    SAME_RATE,
+    AxisRun,
+    SineDrive,
+    counts_backwards,
+    driven_axes,
+    driven_runs,
+    refuse_without_loop,
+    turned,
+    usable,
+)
 from phaselead.identify.table import compare_with_table_1, comparison_text, lock_in, table_fit
 from phaselead.model import (
     AdoptedEffect,
@@ -20,6 +30,7 @@ from phaselead.model import (
     TablePoint,
     TableView,
     effect_of_modes,
+    explained,
     provenance_of,
 )
 from phaselead.record import Recording
@@ -35,6 +46,8 @@ class FitReport:
     table: dict[str, TableView]
     coupling: tuple[CouplingMatrix, CouplingMatrix] | None = None
     messages: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    """Records, or axes of records, of which nothing was used: which, why, and what to do."""
 
     def lines(self) -> list[str]:
         found: list[str] = []
@@ -49,7 +62,7 @@ class FitReport:
             found.append("cross-coupling (row: responding axis)")
             rows = zip(*self.coupling, strict=True)
             found += ["  ".join(f"{v:8.4f} +- {s:.4f}" for v, s in zip(*row, strict=True)) for row in rows]
-        return found + self.messages
+        return [*found, *self.messages, *(f"left out: {line}" for line in self.left_out)]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: numbers that are unknown are None."""
@@ -67,6 +80,7 @@ class FitReport:
         return {
             "axes": axes,
             "messages": [*self.messages, *(m for r in self.time.values() for m in r.messages)],
+            "left_out": self.left_out,
         }
 
 
@@ -91,32 +105,36 @@ def fit(
     hash goes into the provenance. Raises BadInput, one line, for data that cannot be used.
     """
     _refuse_mixture(recordings)
+    recordings, left_out = usable(recordings)
     coupling = cross_coupling(recordings)
     runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
     time, table, modes = {}, {}, {}
     for axis, axis_runs in runs.items():
-        if base == "operator":
-            for run in axis_runs:
-                refuse_too_short(run)
-            time[axis], mode = fit_in_turn(axis_runs)
-            if mode is not None:
-                modes[axis] = mode
-                messages.append(_describe_modes(axis, mode))
-            view, said = _table(axis_runs)
-            messages += said
-            if view is not None:
-                table[axis] = view
-        else:
-            time[axis] = fit_linear(axis_runs)
-            messages.append(f"axis {axis}: gain and offset only, as asked; no table view")
+        backwards = counts_backwards(axis_runs)
+        forward = [turned(run) for run in axis_runs] if backwards else axis_runs
+        with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
+            if base == "operator":
+                refuse_without_loop(axis_runs)
+                found, mode = fit_together(forward)
+                messages += _about_modes(axis, mode, axis_runs)
+                if mode is not None:
+                    modes[axis] = mode
+                view, said = _table(axis_runs, backwards)
+                messages += said
+                if view is not None:
+                    table[axis] = view
+            else:
+                found = fit_straight(forward)
+                messages.append(f"axis {axis}: gain and offset only, as asked; no table view")
+        time[axis] = found.turned() if backwards else found
     axes: dict[Any, AxisModel] = {a: _axis_model(parent, a, time[a], table.get(a), modes.get(a)) for a in time}
     stage = Stage(
         name=parent.name if parent else name,
-        provenance=provenance_of(parent, recordings),
+        provenance=provenance_of(parent, recordings).model_copy(update={"left_out": tuple(left_out) or None}),
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )
-    return stage, FitReport(time, table, coupling, messages)
+    return stage, FitReport(time, table, coupling, messages, left_out)
 
 
 def _refuse_mixture(recordings: Sequence[Recording]) -> None:
@@ -143,8 +161,8 @@ def _runs_by_axis(recordings: Sequence[Recording]) -> tuple[dict[str, list[AxisR
     together: dict[str, list[AxisRun]] = {}
     for recording in recordings:
         driven = driven_axes(recording)
-        for axis in driven:
-            (alone if len(driven) == 1 else together).setdefault(axis, []).append(axis_run(recording, axis))
+        for axis, run in driven_runs(recording)[0].items():
+            (alone if len(driven) == 1 else together).setdefault(axis, []).append(run)
     messages = []
     for axis, runs in together.items():
         if axis not in alone:
@@ -153,9 +171,11 @@ def _runs_by_axis(recordings: Sequence[Recording]) -> tuple[dict[str, list[AxisR
     return {axis: alone[axis] for axis in sorted(alone)}, messages
 
 
-def _table(runs: Sequence[AxisRun]) -> tuple[TableView | None, list[str]]:
+def _table(runs: Sequence[AxisRun], backwards: bool) -> tuple[TableView | None, list[str]]:
     """The table view when the runs are a grid of sines, and why not when they are not."""
     axis, messages = runs[0].axis, []
+    if backwards:
+        return None, [f"axis {axis}: time view only; a table view needs a position that rises with the voltage"]
     points: list[TablePoint] = []
     for run in runs:
         if not _is_paper_sine(run.sine):
@@ -196,6 +216,16 @@ def _axis_model(
         time=view,
         effects=effects,
     )
+
+
+def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun]) -> list[str]:
+    """Which modes were found or, without any, how fast the records drive the axis: above that it may have some."""
+    if found is not None:
+        return [_describe_modes(axis, found)]
+    response = measured_response(runs)
+    if not len(response.f_Hz):
+        return [f"axis {axis}: no mode, since its response is clear nowhere; record steps or a multisine for one"]
+    return [f"axis {axis}: shows no mode up to {response.f_Hz[-1]:.3g} Hz; the records do not drive it faster"]
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

@@ -75,4 +75,5 @@ def least_in_box(curvature: Samples, slope: Samples, low: Samples, high: Samples
     number = np.finfo(np.float64)
     roots = np.sqrt(np.maximum(sizes, max(number.eps * sizes[-1], number.tiny)))
     matrix, target = roots[:, None] * directions.T, directions.T @ slope / roots
-    return np.asarray(lsq_linear(matrix, target, bounds=(low, high), method="bvls").x)
+    found = lsq_linear(matrix, target, bounds=(low, high), method="bvls").x
+    return np.asarray(np.clip(found, low, high))  # it ends outside by a rounding

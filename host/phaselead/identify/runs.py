@@ -1,12 +1,12 @@
 """Runs: the driven axes of recordings, checked for what every estimate needs, and the sines that drive them.
 
-A recording that cannot be used raises BadInput, in one line that says how to mend it.
+A recording in which nothing can be used raises BadInput, in one line that says how to mend it. A set leaves it out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -34,6 +34,8 @@ FEWEST_PERIODS = 2
 """Periods of a sine that are needed before anything is fitted to it: the first settles the memory."""
 SAME = 0.02
 """Levels or frequencies closer than this, relatively, are one."""
+TURN_SHARE = 0.02
+"""Of the span of a voltage: a smaller turn is noise or a hesitation."""
 JUMP_SHARE = 0.05
 """A change of voltage between two rows beyond this share of its span, and far beyond the usual, is a jump."""
 
@@ -122,33 +124,91 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
     return AxisRun(recording.t_s, u, x, scored, axis, source)
 
 
-def refuse_too_short(run: AxisRun) -> None:
-    """Raise BadInput when the voltage does not go round often enough to show a loop, warm-up rows
-    included."""
+def driven_runs(recording: Recording) -> tuple[dict[str, AxisRun], list[str]]:
+    """The runs of the driven axes that can be used, and a line for each axis, or for the recording, that cannot."""
+    runs, left_out = {}, []
+    try:
+        for axis in driven_axes(recording):
+            try:
+                runs[axis] = axis_run(recording, axis)
+            except BadInput as error:
+                left_out.append(str(error))
+    except BadInput as error:
+        left_out.append(str(error))
+    return runs, list(dict.fromkeys(left_out))
+
+
+def usable(recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
+    """The recordings of which something can be used, and a line for all that cannot.
+
+    Raises BadInput, the first of these lines, when nothing can.
+    """
+    kept, left_out = [], []
+    for recording in recordings:
+        runs, lines = driven_runs(recording)
+        left_out += lines
+        if runs:
+            kept.append(recording)
+    if not kept and left_out:
+        raise BadInput(left_out[0])
+    return kept, left_out
+
+
+def refuse_without_loop(runs: Sequence[AxisRun]) -> None:
+    """Raise BadInput when no voltage goes round often enough to show a loop, warm-up rows included.
+
+    One record that does is enough: the others are used for what they show.
+    """
+    too_short = [message for run in runs if (message := _too_short(run)) is not None]
+    if len(too_short) == len(runs):
+        raise BadInput(too_short[0])
+
+
+def _too_short(run: AxisRun) -> str | None:
     sine = run.sine
     if sine is not None:
         first = int(np.flatnonzero(np.diff(run.u_V))[0])
         periods = (sine.rows.stop - first) * run.step_s * sine.f_Hz
         if periods < FEWEST_PERIODS - 0.05:
-            raise BadInput(
+            return (
                 f"{run.source}: {periods:.2g} periods of {sine.f_Hz:.4g} Hz are too few; "
                 f"record at least {FEWEST_PERIODS}, one of them to settle"
             )
     elif turning_points(run.u_V) < 2:
-        raise BadInput(
+        return (
             f"{run.source}: the voltage of {run.axis} turns round less than twice, too little to show a loop; "
             f"record at least {FEWEST_PERIODS} periods"
         )
+    return None
 
 
 def turning_points(u: Samples) -> int:
-    """How often ``u`` (n,) turns round by more than a tenth of its span."""
-    slack = 0.1 * float(np.ptp(u))
+    """How often ``u`` (n,) turns round by more than ``TURN_SHARE`` of its span."""
+    slack = TURN_SHARE * float(np.ptp(u))
     # The output of a play of this slack turns only where u turns by more.
     moved, _ = plays(u, [slack / 2], [u[0]])
     steps = np.diff(moved[:, 0])
     directions = np.sign(steps[steps != 0])
     return int(np.count_nonzero(np.diff(directions)))
+
+
+def counts_backwards(runs: Sequence[AxisRun]) -> bool:
+    """Whether the position falls where the voltage rises, slowly.
+
+    Both are summed up first: every frequency then counts by one over its square, so that a resonance, behind which the
+    position runs against the voltage, is not mistaken for the sensor's direction.
+    """
+    slow = 0.0
+    for run in runs:
+        u, x = (np.cumsum(v - v.mean()) for v in (run.u_V[run.scored], run.x_um[run.scored]))
+        u, x = u - u.mean(), x - x.mean()
+        slow += float(u @ x) / (float(u @ u) or 1.0)
+    return slow < 0
+
+
+def turned(run: AxisRun) -> AxisRun:
+    """The same record from a sensor that counts the other way."""
+    return replace(run, x_um=-run.x_um)
 
 
 def moving_rows(run: AxisRun) -> slice:

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from phaselead.model.axis import Actuator, AdoptedEffect, AdoptedStatus, AxisModel, Gains, Limits, Sensor, TimeView
+from phaselead.model.axis import (
+    LONGEST_DELAY_S,
+    Actuator,
+    AdoptedEffect,
+    AdoptedStatus,
+    AxisModel,
+    Gains,
+    Limits,
+    Sensor,
+    TimeView,
+)
 from phaselead.model.chain import Chain, Extra, simulate
 from phaselead.model.effects import (
     CheckedParameters,
     Complex,
+    Derived,
     Effect,
     Entry,
     Mode,
@@ -15,10 +26,12 @@ from phaselead.model.effects import (
     Parameter,
     Params,
     Place,
+    Scene,
     Signal,
     VirtualAxis,
     behind_modes,
     catalogue,
+    derived_sizes,
     effect,
     effect_of_modes,
     mode_coefficients,
@@ -31,7 +44,7 @@ from phaselead.model.effects import (
     states_and_slopes,
 )
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
-from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um
+from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um, turned_view
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -48,6 +61,7 @@ from phaselead.model.validation_errors import explained
 
 __all__ = [
     "KNOTS",
+    "LONGEST_DELAY_S",
     "PLAYS",
     "SECTIONS",
     "TERMS",
@@ -61,6 +75,7 @@ __all__ = [
     "CheckedParameters",
     "Compensation",
     "Complex",
+    "Derived",
     "Effect",
     "Entry",
     "Extra",
@@ -72,6 +87,7 @@ __all__ = [
     "Parameter",
     "Params",
     "Place",
+    "Scene",
     "Section",
     "Sensor",
     "Signal",
@@ -86,6 +102,7 @@ __all__ = [
     "catalogue",
     "compensation",
     "coupling",
+    "derived_sizes",
     "effect",
     "effect_of_modes",
     "explained",
@@ -109,4 +126,5 @@ __all__ = [
     "stage_text",
     "states",
     "states_and_slopes",
+    "turned_view",
 ]

@@ -14,6 +14,9 @@ from phaselead.model.fields import Interval95, NotNegative, Number, Numbers, Par
 from phaselead.model.table import TableView
 from phaselead.model.validation_errors import fault
 
+LONGEST_DELAY_S = 10.0
+"""No sensor, amplifier or converter is dead for longer: a slower answer is creep or drift. Fits stay below it too."""
+
 Bits = Annotated[int, Field(strict=True, ge=1, le=32)]
 
 
@@ -72,11 +75,11 @@ class TimeView(Part):
 
     gain_um_per_V: Number = Field(description="linear gain, um/V")
     play_r_V: Numbers = Field((), description="thresholds of the plays, V, rising")
-    play_w_um_per_V: Numbers = Field((), description="their weights, um/V, not negative")
+    play_w_um_per_V: Numbers = Field((), description="their weights, um/V, not negative but with a negative gain")
     deadzone_d_V: Numbers = Field((), description="thresholds of the one-sided dead zones, V, rising")
     deadzone_s_um_per_V: Numbers = Field((), description="their slopes, um/V")
     offset_um: Number = Field(0.0, description="offset, um")
-    delay_s: Annotated[NotNegative, Field(le=10)] = Field(0.0, description="dead time, s")
+    delay_s: Annotated[NotNegative, Field(le=LONGEST_DELAY_S)] = Field(0.0, description="dead time, s")
     rest_fraction: Annotated[Number, Field(ge=-1, le=1)] = Field(
         0.0, description="plays of a stage at rest at 0 V stand at this fraction of their thresholds"
     )
@@ -92,13 +95,22 @@ class TimeView(Part):
                 fault(f"= {values[i]:g} is not above the threshold before it; sort them, each once", f"[{i}]")
         return values
 
-    @field_validator("play_r_V", "play_w_um_per_V")
+    @field_validator("play_r_V")
     @classmethod
     def _none_negative(cls, values: tuple[float, ...]) -> tuple[float, ...]:
         for i, value in enumerate(values):
             if value < 0:
                 fault(f"= {value:g} is negative; it must be 0 or more", f"[{i}]")
         return values
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> Self:
+        """Weights are negative where the sensor counts backwards: all of them, and the gain."""
+        falls = self.gain_um_per_V < 0 and max(self.play_w_um_per_V, default=0.0) <= 0
+        for i, w in enumerate(self.play_w_um_per_V):
+            if w < 0 and not falls:
+                fault(f"= {w:g} is negative; it must be 0 or more", f".play_w_um_per_V[{i}]")
+        return self
 
     @model_validator(mode="after")
     def _paired(self) -> Self:

@@ -171,6 +171,17 @@ def resting_at(view: TimeView, rest_um: float) -> TimeView:
     return view.model_copy(update={"offset_um": view.offset_um + rest_um - rest_position_um(view)})
 
 
+def turned_view(view: TimeView) -> TimeView:
+    """The view of a sensor that counts the other way."""
+    update = {
+        "gain_um_per_V": -view.gain_um_per_V,
+        "play_w_um_per_V": tuple(-w for w in view.play_w_um_per_V),
+        "deadzone_s_um_per_V": tuple(-s for s in view.deadzone_s_um_per_V),
+        "offset_um": -view.offset_um,
+    }
+    return view.model_copy(update=update)
+
+
 def merged(
     at: tuple[float, ...], values: tuple[float, ...], more_at: Samples, more: Samples
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:

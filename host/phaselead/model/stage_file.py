@@ -58,6 +58,7 @@ class Provenance(Part):
 
     parent_sha256: Sha256 | None = Field(None, description="hash of the stage file this one was derived from")
     data: tuple[DataSource, ...] = Field((), description="recordings it was fitted on")
+    left_out: tuple[str, ...] | None = Field(None, description="recordings that could not be used, and why")
     tool: str = Field("", description="program and version that wrote it")
     created: str = Field("", description="when, ISO 8601")
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from phaselead.drawing import to_svg
-from phaselead.model import Effect, Parameter, Place, catalogue
+from phaselead.model import Derived, Effect, Parameter, Place, catalogue
 from phaselead.record import write_text
 from phaselead.report.effect_pictures import CAPTIONS, draw
 
@@ -64,7 +64,7 @@ SECTION = """
 | parameter | unit | typical | bounds | role | |
 |---|---|---|---|---|---|
 {parameters}
-{accepts}
+{accepts}{derived}
 **How it shows**: {shows}.
 
 **What reveals it**: {reveals}.
@@ -145,6 +145,7 @@ def _section(e: Effect) -> str:
         source=f"Source: {e.source}.",
         parameters="\n".join(map(_parameter, e.parameters)),
         accepts=f"\nA stage file may give {names} instead.\n" if names else "",
+        derived=f"\nReported beside them: {'; '.join(map(_derived, e.derived))}.\n" if e.derived else "",
         shows=e.shows,
         reveals=e.reveals,
         confused=", ".join(f"`{name}`" for name in e.confused_with),
@@ -154,6 +155,10 @@ def _section(e: Effect) -> str:
 
 def _parameter(p: Parameter) -> str:
     return f"| `{p.name}` | {p.unit} | {p.typical:g} | {p.low:g} .. {p.high:g} | {p.role} | {p.doc} |"
+
+
+def _derived(size: Derived) -> str:
+    return f"`{size.name}` in {size.unit}, {size.doc}"
 
 
 def _value(p: Parameter) -> str:

@@ -19,6 +19,7 @@ from phaselead.sim.structures import (
     BACKLASH,
     CLIP,
     DEADZONES,
+    FRICTION,
     LINKS,
     OPERATOR,
     PLAYS,
@@ -26,6 +27,7 @@ from phaselead.sim.structures import (
     SENSOR_LINKS,
     SLEW,
     SOFTENING,
+    STIFFNESS,
     Link,
     LinkedAxis,
     LinkedParameters,
@@ -64,7 +66,6 @@ class LinkedParts(VirtualAxis):
         self._axis, self._operator, self._surroundings = axis, axis.operator, axis.surroundings
         self._links: list[tuple[Place, Callable[[], Link]]] = []
         self._plays: list[tuple[float, float, float]] = []  # threshold V, weight um/V, start V
-        self._spread = 0.0  # thresholds of what widens with the rate, of the loop's own; 0 where nothing does
         self._mass = 0.0
         self._taken: set[str] = set()
 
@@ -95,8 +96,11 @@ class LinkedParts(VirtualAxis):
     def slack(self, half: float) -> None:
         self._link(lambda: _link(BACKLASH, half))
 
-    def level_gain(self, kappa: float, tau_s: float, about_mean: float) -> None:
-        self._link(lambda: _link(SOFTENING, kappa, self.range_um, tau_s, about_mean))
+    def level_gain(self, kappa: float, tau_s: float, about_mean: float, exponent: float) -> None:
+        self._link(lambda: _link(SOFTENING, kappa, self.range_um, tau_s, about_mean, exponent))
+
+    def stiffness(self, square: float, cube: float) -> None:
+        self._link(lambda: _link(STIFFNESS, self.range_um, square, cube))
 
     def plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float], start_V: Sequence[float]) -> None:
         """Each takes its weight off the gain, and what it says at rest off the offset."""
@@ -109,16 +113,21 @@ class LinkedParts(VirtualAxis):
         self._only("asymmetry of the loop")
         self._operator.bend_um, self._operator.skew_um, self._operator.skew_reach = bend_um, skew_um, reach
 
-    def widening(self, per_decade: float, onset_V_per_s: float, held: float, spread: float) -> None:
-        self._only("widening of the loop")
-        self._operator.widening, self._operator.held = per_decade, held
-        self._operator.onset_V_per_s = onset_V_per_s
-        self._spread = spread
+    def friction(self, openings: tuple[float, float, float], onset_per_s: float, reach: float) -> None:
+        view = self.model.time
+        assert view is not None
 
-    def converter_curve(self, bow_V: float, s_V: float, segment_V: float, segments: float) -> None:
+        def make() -> Link:
+            beside = bool(view.play_r_V or self._plays)
+            return _link(FRICTION, self.range_um, reach, onset_per_s, *(openings if beside else ()))
+
+        self._link(make)
+
+    def converter_errors(self, bow_LSB: float, bits_LSB: Sequence[float]) -> None:
         self._only("curve of the output converter")
-        self._axis.dac_bow_V, self._axis.dac_s_V, self._axis.dac_segment_V = bow_V, s_V, segment_V
-        self._axis.dac_segments = segments
+        self._axis.dac_bow_LSB = bow_LSB
+        for i, excess_LSB in enumerate(bits_LSB):
+            self._axis.dac_bit_LSB[i] = excess_LSB
 
     def delay(self, delay_s: float) -> None:
         self._axis.delay_s += delay_s
@@ -182,17 +191,15 @@ class LinkedParts(VirtualAxis):
         axis, operator, view = self._axis, self._operator, self.model.time
         assert view is not None
         rest = [(r, w, view.rest_fraction * r) for r, w in zip(view.play_r_V, view.play_w_um_per_V, strict=True)]
-        own = [*rest, *self._plays]
-        plays = [(*play, 0.0) for play in own] + self._widening(own)
+        plays = [*rest, *self._plays]
         before = [make for place, make in self._links if place <= Place.AMPLIFIER]
         behind = [make for place, make in self._links if Place.AMPLIFIER < place < Place.SENSOR]
         links = [*before, lambda: _link(OPERATOR), *behind]
         sensor = [make for place, make in self._links if place == Place.SENSOR]
         self._refuse_more_than_it_holds(len(plays), len(view.deadzone_d_V), len(links), len(sensor))
         operator.plays, operator.deadzones = len(plays), len(view.deadzone_d_V)
-        for i, (r_V, w, start_V, widens) in enumerate(plays):
+        for i, (r_V, w, start_V) in enumerate(plays):
             operator.play_r_V[i], operator.play_w_um_per_V[i], operator.play_start_V[i] = r_V, w, start_V
-            operator.play_widens[i] = widens
         for i, (d_V, s) in enumerate(zip(view.deadzone_d_V, view.deadzone_s_um_per_V, strict=True)):
             operator.deadzone_d_V[i], operator.deadzone_s_um_per_V[i] = d_V, s
         axis.links, axis.sensor_links = len(links), len(sensor)
@@ -200,15 +207,6 @@ class LinkedParts(VirtualAxis):
             axis.link[i] = make()
         for i, make in enumerate(sensor):
             axis.sensor_link[i] = make()
-
-    def _widening(self, own: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float, float]]:
-        """Plays as they widen with the rate less the same at rest: threshold V, weight um/V, start V, whether it
-        widens."""
-        if not self._spread:
-            return []
-        spread = [(self._spread * r_V, w / self._spread, self._spread * start_V) for r_V, w, start_V in own]
-        parts = ((1, 1.0), (-1, 0.0))
-        return [(r_V, sign * w, start_V, widens) for sign, widens in parts for r_V, w, start_V in spread]
 
     def _refuse_more_than_it_holds(self, plays: int, deadzones: int, links: int, sensor_links: int) -> None:
         if plays > PLAYS or deadzones > DEADZONES:
@@ -267,8 +265,8 @@ def _axis(axis: LinkedAxis, model: AxisModel | None, where: str, tick_s: float, 
     actuator, sensor = (model or AxisModel()).actuator, (model or AxisModel()).sensor
     axis.dac_V_per_code = (actuator.u_max_V - actuator.u_min_V) / 2**actuator.bits
     axis.dac_zero_code = -actuator.u_min_V / axis.dac_V_per_code
-    axis.dac_low_V, axis.dac_high_V, axis.delay_s = actuator.u_min_V, actuator.u_max_V, latch_s
-    axis.surroundings.noise_um_rms, axis.operator.tick_s = sensor.noise_um_rms, tick_s
+    axis.delay_s = latch_s
+    axis.surroundings.noise_um_rms = sensor.noise_um_rms
     axis.operator.low_V, axis.operator.high_V = -1.0, 1.0
     if model is None or model.time is None:
         axis.links, axis.link[0] = 1, _link(OPERATOR)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import ctypes
 
-POLES, PLAYS, DEADZONES, LINKS, SENSOR_LINKS, HUM_LINES = 48, 192, 32, 16, 4, 3
+POLES, NUMBERS, PLAYS, DEADZONES, LINKS, SENSOR_LINKS, HUM_LINES, TOP_BITS = 48, 6, 192, 32, 16, 4, 3, 8
 """Bounds of the kernel, as in link.h, linked.h and surroundings.h."""
-POLES_SUM, SLEW, CLIP, OPERATOR, SOFTENING, BACKLASH = range(1, 7)
+POLES_SUM, SLEW, CLIP, OPERATOR, SOFTENING, BACKLASH, FRICTION, STIFFNESS = range(1, 9)
 """enum link_kind."""
 
 
@@ -16,7 +16,7 @@ class Link(ctypes.Structure):
     _fields_ = (
         ("kind", ctypes.c_uint32),
         ("poles", ctypes.c_uint32),
-        ("number", ctypes.c_double * 4),
+        ("number", ctypes.c_double * NUMBERS),
         ("pole_re", ctypes.c_double * POLES),
         ("pole_im", ctypes.c_double * POLES),
         ("weight_re", ctypes.c_double * POLES),
@@ -32,7 +32,6 @@ class Operator(ctypes.Structure):
         ("play_r_V", ctypes.c_double * PLAYS),
         ("play_w_um_per_V", ctypes.c_double * PLAYS),
         ("play_start_V", ctypes.c_double * PLAYS),
-        ("play_widens", ctypes.c_double * PLAYS),
         ("deadzone_d_V", ctypes.c_double * DEADZONES),
         ("deadzone_s_um_per_V", ctypes.c_double * DEADZONES),
         ("low_V", ctypes.c_double),
@@ -40,10 +39,6 @@ class Operator(ctypes.Structure):
         ("bend_um", ctypes.c_double),
         ("skew_um", ctypes.c_double),
         ("skew_reach", ctypes.c_double),
-        ("widening", ctypes.c_double),
-        ("onset_V_per_s", ctypes.c_double),
-        ("tick_s", ctypes.c_double),
-        ("held", ctypes.c_double),
         ("plays", ctypes.c_uint32),
         ("deadzones", ctypes.c_uint32),
     )
@@ -81,12 +76,8 @@ class LinkedAxis(ctypes.Structure):
     _fields_ = (
         ("dac_zero_code", ctypes.c_double),
         ("dac_V_per_code", ctypes.c_double),
-        ("dac_low_V", ctypes.c_double),
-        ("dac_high_V", ctypes.c_double),
-        ("dac_bow_V", ctypes.c_double),
-        ("dac_s_V", ctypes.c_double),
-        ("dac_segment_V", ctypes.c_double),
-        ("dac_segments", ctypes.c_double),
+        ("dac_bow_LSB", ctypes.c_double),
+        ("dac_bit_LSB", ctypes.c_double * TOP_BITS),
         ("delay_s", ctypes.c_double),
         ("offset_um", ctypes.c_double),
         ("from_um_per_um", ctypes.c_double * 3),

@@ -39,9 +39,17 @@ def test_without_effects_it_is_the_time_view_to_the_last_bit():
 def test_physical_order():
     """Each stage sees what comes before it and nothing of what comes after."""
     order = (
-        *("dac_nonlinearity", "delay", "slew_limit", "amplifier_lowpass", "saturation", "charge_leakage"),
+        *("dac_nonlinearity", "delay", "slew_limit", "amplifier_lowpass", "saturation", "charge_leakage", "dead_band"),
         *("hysteresis", "asymmetric_hysteresis", "rate_dependence", "softening", "creep", "backlash", "resonance"),
-        *("cross_coupling", "gain_change", "offset", "sensor_lowpass", "sensor_nonlinearity", "sampling_jitter"),
+        *(
+            "stiffness_nonlinearity",
+            "cross_coupling",
+            "gain_change",
+            "offset",
+            "sensor_lowpass",
+            "sensor_nonlinearity",
+            "sampling_jitter",
+        ),
         *("quantisation", "thermal_drift", "mains_hum", "vibration"),
     )
     by_hand = sorted(NAMES, key=lambda name: (effect(name).place, effect(name).order))

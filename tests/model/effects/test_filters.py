@@ -21,7 +21,6 @@ from phaselead.model.effects.filters import (
     second_order_residual,
     smoothly_relaxed,
 )
-from phaselead.model.effects.rate_dependence import scaled_plays
 from phaselead.model.effects.slew_limit import slewed
 
 rows = st.integers(1, 40).flatmap(
@@ -69,30 +68,6 @@ def test_slewed(x, rise):
     assert (np.abs(np.diff(y)) <= rise * (1 + 1e-12) + 1e-12).all()
     arrived = np.abs(np.diff(y)) < rise * (1 - 1e-12)
     assert np.array_equal(y[1:][arrived], x[1:][arrived])
-
-
-@laws
-@given(rows, st.integers(0, 2**31))
-def test_scaled_plays_equal_plain_python(v, seed):
-    rng = np.random.default_rng(seed)
-    share = float(rng.choice([0.0, 0.4, 1.0]))
-    scale, r, w, p = rng.uniform(0, 2, len(v)), rng.uniform(0, 5, 3), rng.uniform(0, 2, 3), rng.uniform(-5, 5, 3)
-    if rng.random() < 0.5:  # plays in order under one scale move in turn
-        scale, r = np.full(len(v), rng.choice([0.5, 1.0, 2.0])), np.sort(r)
-    expected, at = [], list(p)
-    for k, (volt, s) in enumerate(zip(v, scale, strict=True)):
-        # Held back as far as before, less what the voltage moved, unless the threshold lets it lag further.
-        moved = abs(volt - v[k - 1])
-        held = [abs(v[k - 1] - b) - moved if k else 0.0 for b in at]
-        reach = [s * a + share * max(h - s * a, 0.0) for a, h in zip(r, held, strict=True)]
-        at = [max(volt - a, min(volt + a, b)) for a, b in zip(reach, at, strict=True)]
-        expected.append(float(np.dot(w, at)))
-    assert np.allclose(scaled_plays(v, scale, r, w, p, share), expected)
-
-
-def test_scaled_plays_refuse_other_shapes():
-    with pytest.raises(ValueError, match="shapes differ"):
-        scaled_plays(np.zeros(4), np.ones(3), [1.0], [1.0], [0.0])
 
 
 @pytest.mark.parametrize("zeta", [0.03, 1.0, 4.0])

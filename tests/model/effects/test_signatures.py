@@ -167,36 +167,6 @@ def test_skew_makes_a_loop_and_bend_does_not():
     assert loop_width(skew, u, 7.0) == pytest.approx(-loop_width(skew, u, 3.0), rel=0.05)  # one end wider, one narrower
 
 
-def test_rate_widens_the_loop_in_proportion_to_the_logarithm_of_frequency():
-    loop = {"play_r_V": (0.2, 0.6), "deadzone_s_um_per_V": (0.0, 0.0), "play_w_um_per_V": (2.0, 2.0), "delay_s": 0.0}
-    model = axis(PIEZO.model_copy(update=loop))
-    widths = []
-    for f in (1.0, 10.0, 100.0):
-        u = sine(8.0, f, 3, rate_Hz=200 * f)
-        x = run(model, u, "rate_dependence", rate_Hz=200 * f, widening=0.3, onset_per_s=0.05)
-        widths.append(loop_width(x[-200:], u[-200:], 4.0))
-    assert widths[1] - widths[0] == pytest.approx(widths[2] - widths[1], rel=0.1)
-    plain = [loop_width(run(model, sine(8.0, 1.0, 3))[-2000:], sine(8.0, 1.0, 3)[-2000:], 4.0)]
-    assert widths[0] > 1.1 * plain[0]
-
-
-def test_what_a_jump_held_back_stays_until_the_voltage_moves_on():
-    loop = {"play_r_V": (0.2, 0.6), "deadzone_s_um_per_V": (0.0, 0.0), "play_w_um_per_V": (2.0, 2.0), "delay_s": 0.0}
-    model = axis(PIEZO.model_copy(update=loop))
-    u = np.concatenate([np.zeros(10), np.full(200, 4.0), np.linspace(4.0, 8.0, 4000)])
-    held_back = run(model, u) - run(model, u, "rate_dependence", widening=0.3, onset_per_s=5.0)
-    assert held_back[10] > 0.5
-    np.testing.assert_allclose(held_back[10:210], held_back[10], rtol=1e-12)
-    assert held_back[-1] < 0.2 * held_back[10]
-
-
-def test_rate_needs_a_loop_and_takes_an_adopted_one():
-    assert effect("rate_dependence").untestable(signal(PLAIN, rich(), "rate_dependence"))
-    hysteretic = axis(LINEAR, AdoptedEffect(name="hysteresis", params={"width": 0.15, "reach": 0.5}))
-    assert effect("rate_dependence").untestable(signal(hysteretic, rich(), "rate_dependence")) is None
-    assert np.std(run(hysteretic, rich(), "rate_dependence", widening=0.3) - run(hysteretic, rich())) > 0.1
-
-
 def test_softening_raises_the_gain_with_the_level_and_slowly():
     gains = []
     for swing in (1e-3, 2.0, 4.0, 8.0):
@@ -366,18 +336,6 @@ def test_jitter_is_silent_at_the_turning_points():
     assert np.sqrt(variance)[1:] == pytest.approx(1e-5 * speed[1:], abs=1e-6)
 
 
-def test_dac_error_is_the_same_at_every_visit():
-    model = axis(PIEZO)
-    e, lsb = effect("dac_nonlinearity"), 20.48 / 65536
-    params = e.complete({"bow_LSB": 3.0, "segment_LSB": 2.0})
-    slow, fast = (signal(model, u, "dac_nonlinearity") for u in (np.linspace(0, 9, 901), np.linspace(0, 9, 91)))
-    errors = [e.apply(s, params) - s.value for s in (slow, fast)]
-    assert errors[0][1::10] == pytest.approx(errors[1][1:])
-    full = signal(model, np.linspace(-10.24, 10.24, 4001), "dac_nonlinearity")
-    bow = e.apply(full, e.complete({"bow_LSB": 3.0})) - full.value
-    assert np.ptp(bow[1:]) == pytest.approx(3.0 * lsb, rel=1e-6)
-
-
 @given(bottom=st.floats(0.11, 0.4), rest=st.floats(-1.0, 1.0))
 def test_memory_starts_where_a_rail_has_held_the_voltage(bottom, rest):
     """Plays know differences of the voltage alone: what never falls below a rail moves as if the rail were 0 V."""
@@ -386,16 +344,3 @@ def test_memory_starts_where_a_rail_has_held_the_voltage(bottom, rest):
     u = np.concatenate([np.zeros(5), rich(600)])
     railed, free = run(model, u, "saturation", bottom=bottom, top=0.0), run(model, np.maximum(u, low_V) - low_V)
     assert np.allclose(railed - railed[0], free - free[0], atol=1e-9)
-
-
-@given(spread=st.floats(0.2, 0.6))
-def test_how_far_the_widening_is_spread_changes_where_a_loop_opens_and_not_by_how_much(spread):
-    up = np.linspace(0.0, 8.0, 401)
-    u = np.concatenate([up, up[::-1], up, up[::-1]])  # one rate throughout
-    model = axis(PIEZO.model_copy(update={"delay_s": 0.0}))
-    sizes = {"widening": 0.3, "onset_per_s": 1.0}
-    at_once, later = (run(model, u, "rate_dependence", spread=s, **sizes) - run(model, u) for s in (spread, 1.0))
-    before_turns = [401 + 399, 1203 - 2, 1203 + 399]
-    assert np.allclose(at_once[before_turns], later[before_turns], rtol=1e-3)
-    soon = 802 + round(0.6 * 401 * spread * 2 * 2.5 / 8.0)  # the widest play has turned, the unspread one has not
-    assert abs(at_once[soon] - at_once[801]) > abs(later[soon] - later[801]) + 0.01 * (1 - spread)

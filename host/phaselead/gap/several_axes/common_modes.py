@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
     Drive,
-    Drives,
     ModalFit,
     ModalModel,
     Shaping,
@@ -19,7 +20,7 @@ from phaselead.identify import (
     fit_modes,
     frequency_response,
 )
-from phaselead.model import Complex, Entry
+from phaselead.model import Complex, Effect, Entry, Parameter
 from phaselead.record import Samples
 
 SAME_POLE = 0.03
@@ -29,9 +30,12 @@ MOST_ADDED_DAMPING = 0.1
 TAUS_s = (0.1, 0.3, 1.0, 3.0)
 """Memories of the level that are tried."""
 FIRST_TAU_s = 0.3
-KAPPA_STEP = 1e-3
-STEPS, SOFT_STEPS, LAST_STEPS = 10, 20, 6
-"""Most steps of a fit of the modes, of one with softening, and of a last refinement."""
+EXPONENTS = (0.5, 2.0)
+"""Powers of the level that are tried beside Rayleigh's 1."""
+SIZE_STEP = 0.02
+"""Of the typical size, for derivatives."""
+STEPS, SOFT_STEPS, LAST_STEPS, EXPONENT_STEPS = 10, 20, 6, 4
+"""Most steps of a fit of the modes, of one with softening, of a last refinement, and under another exponent."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class CommonModes:
     """(m, axes): share of each actuator's level in moving a pole."""
     taus_s: tuple[float, float] | None = None
     """Interval in which the memory of the level may lie; None without softening."""
+    exponents: tuple[float, float] | None = None
+    """Interval in which the power of the level may lie; None without softening."""
 
     @property
     def model(self) -> ModalModel:
@@ -100,74 +106,141 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Progress) -> 
     return found
 
 
-def softening_entries(axes: Sequence[str], kappa: Sequence[float], tau_s: float) -> dict[str, list[Entry]]:
-    """Softening of each actuator: gain ``kappa`` and memory ``tau_s``. How the modes move is left to their fit."""
-    softening = effect_of("level")
-    return {
-        a: [(softening, {"kappa": float(k), "tau_s": tau_s, "about_mean": 0.0})]
-        for a, k in zip(axes, kappa, strict=True)
-    }
+@dataclass(frozen=True)
+class _InFront:
+    """What is fitted in front of the modes: softening of every actuator, and by their first size the effects
+    ``others``."""
+
+    axes: tuple[str, ...]
+    others: tuple[Effect, ...]
+    tau_s: float = FIRST_TAU_s
+    exponent: float = 1.0
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """In the order of the values."""
+        return (effect_of("level"), *self.others)
+
+    def entries(self, values: Sequence[float]) -> dict[str, list[Entry]]:
+        """The effects of every axis for ``values``: the first size of each effect, axis by axis. How softening moves
+        the modes is left to their fit."""
+        found: dict[str, list[Entry]] = {axis: [] for axis in self.axes}
+        shapes = {"tau_s": self.tau_s, "exponent": self.exponent}
+        for effect, of_axes in zip(self.effects, np.reshape(values, (-1, len(self.axes))), strict=True):
+            given = shapes if effect.shared_modes == "level" else {}
+            for axis, value in zip(self.axes, of_axes.tolist(), strict=True):
+                found[axis].append((effect, effect.complete({**given, effect.sizes[0].name: value})))
+        return found
+
+    def shaping(self, records: Sequence[JointRecord], values: Samples) -> Shaping:
+        """The drives of records as a function of the values, from ``values`` on; the last two results are kept."""
+        known: dict[bytes, list[Drive]] = {}
+
+        def drives(at: Samples) -> Sequence[Drive]:
+            key = at.tobytes()
+            if key not in known:
+                while len(known) > 1:
+                    del known[next(iter(known))]
+                known[key] = [s.drive(self.entries(at.tolist())) for s in records]
+            return known[key]
+
+        sizes = [effect.sizes[0] for effect in self.effects]
+        rows = [(SIZE_STEP * p.typical, p.low, p.high) for p in sizes for _ in self.axes]
+        steps, low, high = np.array(rows, dtype=np.float64).T
+        return Shaping(drives, values, steps, low, high)
 
 
-def _softening_drives(records: Sequence[JointRecord], tau_s: float) -> Drives:
-    """Drives of records as a function of the gains (axes,); the last two results are kept."""
-    axes = records[0].axes
-    known: dict[bytes, list[Drive]] = {}
-
-    def drives(kappa: Samples) -> Sequence[Drive]:
-        key = kappa.tobytes()
-        if key not in known:
-            while len(known) > 1:
-                del known[next(iter(known))]
-            known[key] = [s.drive(softening_entries(axes, kappa.tolist(), tau_s)) for s in records]
-        return known[key]
-
-    return drives
-
-
-def fit_softening(train: Sequence[JointRecord], start: CommonModes, report: Progress) -> CommonModes:
-    """The modes of ``start``, with poles and gains that follow the level of the actuators."""
-    axes = train[0].axes
-    count = len(axes)
+def fit_softening(
+    train: Sequence[JointRecord], start: CommonModes, others: Sequence[Effect], report: Progress
+) -> CommonModes:
+    """The modes of ``start``, with poles and gains that follow the level of the actuators, and with the effects
+    ``others`` in front of them."""
+    front = _InFront(train[0].axes, tuple(others))
+    values = np.zeros(len(front.effects) * len(front.axes))
     shift = np.zeros(len(start.model.poles), dtype=complex)
-    bound = np.full(count, float(effect_of("level").parameter("kappa").high))
 
-    def fitted(begin: ModalFit, from_shift: Complex, kappa: Samples, tau_s: float, steps: int) -> ModalFit:
-        shaping = Shaping(_softening_drives(train, tau_s), kappa, np.full(count, KAPPA_STEP), -bound, bound)
+    def fitted(
+        front: _InFront, poles: Complex, shift: Complex, values: Samples, steps: int, weights: Samples | None = None
+    ) -> ModalFit:
         return fit_modes(
-            begin.model.poles,
-            shaping,
-            shift=from_shift,
+            poles,
+            front.shaping(train, values),
+            shift=shift,
             split=start.split,
             most_steps=steps,
-            report=(lambda s: report(0.7 * s)) if steps == SOFT_STEPS else None,
+            weights=weights,
+            report=(lambda s: report(0.6 * s)) if steps == SOFT_STEPS else None,
         )
 
-    best = fitted(start.fit, shift, np.zeros(count), FIRST_TAU_s, SOFT_STEPS)
+    best = fitted(front, start.fit.model.poles, shift, values, SOFT_STEPS)
     assert best.shift is not None
-    tried = {t: _squares_left(train, best, t) for t in TAUS_s}
-    tau_s = min(tried, key=lambda t: tried[t])
-    if tau_s != FIRST_TAU_s:
-        best = fitted(best, best.shift, best.values, tau_s, LAST_STEPS)
+    tried = {t: _squares_left(train, best, replace(front, tau_s=t)) for t in TAUS_s}
+    front = replace(front, tau_s=min(tried, key=lambda t: tried[t]))
+    if front.tau_s != FIRST_TAU_s:
+        best = fitted(front, best.model.poles, best.shift, best.values, LAST_STEPS)
+    report(0.75)
+    powers = {front.exponent: best}
+    for exponent in EXPONENTS:
+        begin = _with_exponent(train, front, best, start.split, exponent)
+        powers[exponent] = fitted(replace(front, exponent=exponent), *begin, EXPONENT_STEPS, best.weights)
+    left = {exponent: _squares_left(train, fit, replace(front, exponent=exponent)) for exponent, fit in powers.items()}
+    exponents = _between(left, effect_of("level").parameter("exponent"))
+    if (exponents[0], exponents[1]) != (min(left), max(left)):
+        front = replace(front, exponent=min(left, key=lambda p: left[p]))
     report(1.0)
-    entries = softening_entries(axes, best.values.tolist(), tau_s)
-    return CommonModes(best, entries, start.split, _between(tried))
+    fit = powers[front.exponent]
+    entries = front.entries(fit.values.tolist())
+    return CommonModes(fit, entries, start.split, _between(tried, effect_of("level").parameter("tau_s")), exponents)
 
 
-def _squares_left(train: Sequence[JointRecord], fit: ModalFit, tau_s: float) -> float:
-    """Weighted squares of the residual with this memory of the level and everything else as fitted."""
-    drives = _softening_drives(train, tau_s)(fit.values)
+def _with_exponent(
+    train: Sequence[JointRecord], front: _InFront, fit: ModalFit, split: Samples, exponent: float
+) -> tuple[Complex, Complex, Samples]:
+    """Poles, shifts and values that at the weakest and at the strongest level are the same under another exponent."""
+    assert fit.shift is not None
+    own = np.eye(len(front.axes))
+    of_shift, of_gain = (
+        [_extreme_levels(train, f, fit, of) for f in (front, replace(front, exponent=exponent))] for of in (split, own)
+    )
+    base, rise = _matched(of_shift[0], of_shift[1], -fit.shift)
+    values = fit.values.copy()
+    _, values[: len(own)] = _matched(of_gain[0], of_gain[1], values[: len(own)])
+    return fit.model.poles * base, -rise, values
+
+
+def _extreme_levels(
+    train: Sequence[JointRecord], front: _InFront, fit: ModalFit, split: Samples
+) -> tuple[Samples, Samples]:
+    """Mean levels (k,) of the weakest record and of the strongest, of which each counts ``split`` (k, axes)."""
+    drives = front.shaping(train, fit.values).drives(fit.values)
+    ranked = sorted((d.mean_level(split) for d in drives), key=lambda level: float(level.mean()))
+    return ranked[0], ranked[-1]
+
+
+def _matched(
+    was: tuple[Samples, Samples], now: tuple[Samples, Samples], rise: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """``base`` and its relative rise per level for which base (1 + rise level) is what 1 + ``rise`` level was, at the
+    levels ``was`` and ``now``."""
+    at_low, at_high = 1 + rise * was[0], 1 + rise * was[1]
+    slope = (at_high - at_low) / (now[1] - now[0])
+    base = at_low - slope * now[0]
+    return base, slope / base
+
+
+def _squares_left(train: Sequence[JointRecord], fit: ModalFit, front: _InFront) -> float:
+    """Weighted squares of the residual with these shapes of the level and everything else as fitted."""
     total = 0.0
-    for drive, weight in zip(drives, fit.weights, strict=True):
+    for drive, weight in zip(front.shaping(train, fit.values).drives(fit.values), fit.weights, strict=True):
         error = (drive.x_um - fit.model.answer(drive))[drive.rows]
         total += weight * float(np.sum((error - error.mean(axis=0)) ** 2))
     return total
 
 
-def _between(left: Mapping[float, float]) -> tuple[float, float]:
-    """Interval of the memories that leave at most 1 % more than the best: all that can be said of something so slow."""
+def _between(left: Mapping[float, float], shape: Parameter) -> tuple[float, float]:
+    """Interval of the values that leave at most 1 % more than the best: all that can be said of something so slow, or
+    of a power that few levels show. A bound where the outermost value tried is among them."""
     least = min(left.values())
-    allowed = [t for t, value in left.items() if value < 1.01 * least]
+    allowed = [value for value, squares in left.items() if squares < 1.01 * least]
     low, high = min(allowed), max(allowed)
-    bounds = effect_of("level").parameter("tau_s")
-    return (low if low > min(left) else bounds.low, high if high < max(left) else bounds.high)
+    return (low if low > min(left) else shape.low, high if high < max(left) else shape.high)

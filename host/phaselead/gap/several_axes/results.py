@@ -11,6 +11,7 @@ from phaselead.gap.axis import AxisResult
 from phaselead.gap.findings import (
     NAMED,
     ONE_SIDED_95,
+    PROVISIONAL,
     Adopted,
     Bound,
     Candidate,
@@ -33,12 +34,12 @@ from phaselead.gap.several_axes.other_effects import EffectScore
 from phaselead.gap.several_axes.stage_effects import (
     adopted_axis,
     coupling_params,
+    in_front,
     own_gains,
     resonance_params,
-    softening_values,
 )
 from phaselead.gap.unexplained import Unexplained, unexplained
-from phaselead.model import AxisModel, Stage, catalogue
+from phaselead.model import AxisModel, Effect, Entry, Params, Stage, catalogue
 from phaselead.record import Recording, Samples
 
 UNEXPLAINED = 0.02
@@ -79,9 +80,11 @@ class StageFit:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
         part = catalogue()[name].shared_modes
-        if part == "level":
-            none = {a: [(e, {**p, "kappa": 0.0}) for e, p in of_axis] for a, of_axis in self.fit.entries.items()}
-            return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=replace(model, drop=None)))
+        if part == "level" or catalogue()[name].fitted_with_modes:
+            of_axes = self.axes if part == "level" else (self.axes[axis],)
+            none = {a: [_taken_out(e, p, name, a in of_axes) for e, p in ep] for a, ep in self.fit.entries.items()}
+            kept = model if part != "level" else replace(model, drop=None)
+            return replace(self.fit, entries=none, fit=replace(self.fit.fit, model=kept))
         weights = model.weights.copy()
         if part == "own path":
             weights[_columns(inputs, axis, len(model.poles)), axis] = 0.0
@@ -92,6 +95,12 @@ class StageFit:
                     weights[_columns(inputs, j, len(model.poles)), axis] = 0.0
                     weights[j, axis] = 0.0
         return replace(self.fit, fit=replace(self.fit.fit, model=replace(model, weights=weights)))
+
+
+def _taken_out(effect: Effect, params: Params, name: str, here: bool) -> Entry:
+    """An effect of an axis, of size 0 if it is the one of that name and acts here."""
+    gone = here and effect.name == name
+    return effect, {**params, **{p.name: 0.0 for p in effect.sizes}} if gone else params
 
 
 def _columns(inputs: int, axis: int, modes: int) -> slice:
@@ -105,8 +114,9 @@ def axis_results(
     """One result per axis; messages about the whole stage go with the first."""
     gains = own_gains(found.fit)
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
+    unsure = {a: _not_vouched_for(found, i, _taken(found, a, named[a])) for i, a in enumerate(found.axes)}
     adopted = {
-        a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]))
+        a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]), set(unsure[a]))
         for i, a in enumerate(found.axes)
     }
     after = predict_held_out(
@@ -116,7 +126,8 @@ def axis_results(
     results = []
     for i, a in enumerate(found.axes):
         gap = _gap(found, after, i)
-        taken = {one.name for one in named[a]} | {e.name for e in found.stage.axes[a].effects}
+        taken = _taken(found, a, named[a])
+        taken |= set(unsure[a])
         excluded = _excluded(found, a, taken)
         untestable = _untestable(found, taken | {b.name for b in excluded})
         left = gap.after**2 - gap.floor**2
@@ -128,10 +139,19 @@ def axis_results(
                 a, adopted[a], named[a], [], missing, excluded, untestable,
                 _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held), None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
-                [Adopted(one.name, a, NAMED) for one in named[a]], predictable,
+                [
+                    *(Adopted(one.name, a, NAMED) for one in named[a]),
+                    *(Adopted(name, a, PROVISIONAL) for name in unsure[a]),
+                ],
+                predictable,
             )
         )  # fmt: skip
     return results
+
+
+def _taken(found: StageFit, axis: str, named: Sequence[NamedEffect]) -> set[str]:
+    """What is named on an axis, and what the stage had."""
+    return {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
 
 
 def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
@@ -152,9 +172,9 @@ def _named(found: StageFit, axis: int) -> list[NamedEffect]:
 
 
 def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """The named effects, and those that the stage had, with their new values."""
+    """The named effects, those that the stage had, with their new values, and what the modes were fitted behind."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
-    names = {one.name for one in named} | known
+    names = {one.name for one in named} | known | set(in_front(found.fit, axis) if found.softens else ())
     return [one for one in _effects(found, axis) if one.name in names]
 
 
@@ -165,7 +185,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
         effect_of("coupling").name: coupling_params(found.fit, axis, found.axes),
     }
     if found.softens:
-        params[effect_of("level").name] = softening_values(found.fit, axis)
+        params |= in_front(found.fit, axis)
     result = []
     label = found.axes[axis]
     for name, values in params.items():
@@ -210,6 +230,11 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
         for one in found.others
         if one.axis == axis and one.effect.name not in taken and not one.effect.absorbed_by_modes
     ]
+
+
+def _not_vouched_for(found: StageFit, axis: int, taken: set[str]) -> list[str]:
+    """The effects that the modes were fitted behind and that are not among ``taken``."""
+    return [name for name in in_front(found.fit, axis) if name not in taken] if found.softens else []
 
 
 def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
@@ -263,4 +288,15 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
             for held in (found.before, after)
         )
         lines.append(f"held out at {level} V rms: {was:.3g} % of the output's rms before, {now:.3g} % after")
-    return [*lines, f"{len(found.fit.model.poles)} modes common to all axes"]
+    return [*lines, f"{len(found.fit.model.poles)} modes common to all axes", *_undetermined(found)]
+
+
+def _undetermined(found: StageFit) -> list[str]:
+    """What the levels of the training records leave open."""
+    power = effect_of("level").parameter("exponent")
+    if not found.softens or found.fit.exponents != (power.low, power.high):
+        return []
+    return [
+        f"the power of the level by which softening grows is not determined: {power.low:g} to {power.high:g} fit these "
+        "records alike; records at a level between those of the training records would tell"
+    ]

@@ -65,7 +65,8 @@ def search_together(
     strongest, linear = fit_linear(train, lambda share: report(0.35 * share))
     softened = None
     if effect_of("level").name in names and len(level_groups(train)) > 1:
-        softened = fit_softening(train, strongest, lambda share: report(0.35 + 0.5 * share))
+        beside = [e for e in effects if e.fitted_with_modes]
+        softened = fit_softening(train, strongest, beside, lambda share: report(0.35 + 0.5 * share))
     modes, softening = _better(linear, softened, held)
     others = score_other_effects(train, modes, effects)
     report(0.95)

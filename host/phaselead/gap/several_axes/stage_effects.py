@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 
 import numpy as np
 
 from phaselead.gap.adopt import stage_file_entry
 from phaselead.gap.findings import TWO_SIDED_95, Estimate, Estimates, NamedEffect
 from phaselead.gap.several_axes.common_modes import CommonModes
-from phaselead.gap.several_axes.joint_records import softening_params
-from phaselead.model import AxisModel, TimeView, rest_position_um
+from phaselead.model import AxisModel, Effect, Params, TimeView, rest_position_um
 from phaselead.record import Samples
 
 LEAST_STATIC_GAIN = 1e-3
@@ -57,19 +57,33 @@ def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[st
     return found
 
 
-def softening_values(fit: CommonModes, axis: int) -> dict[str, Estimate | Estimates]:
-    """What the level of one actuator does to its gain and to the modes."""
+def in_front(fit: CommonModes, axis: int) -> dict[str, dict[str, Estimate | Estimates]]:
+    """The effects between one actuator and the modes by name: softening, and what was fitted beside it."""
+    found: dict[str, dict[str, Estimate | Estimates]] = {}
+    for i, (effect, params) in enumerate(list(fit.entries.values())[axis]):
+        index = i * len(fit.entries) + axis
+        value, std = float(fit.fit.values[index]), float(fit.fit.value_std[index])
+        size, low = effect.sizes[0], value - TWO_SIDED_95 * std
+        bounded = max(low, size.low), min(value + TWO_SIDED_95 * std, size.high)
+        found[effect.name] = {size.name: (value, size.unit, bounded)}
+        if effect.shared_modes == "level":
+            found[effect.name] |= _level_shapes(fit, effect, params) | _shifts(fit, axis)
+    return found
+
+
+def _level_shapes(fit: CommonModes, effect: Effect, params: Params) -> dict[str, Estimate | Estimates]:
+    """The shapes of softening: those tried with what is known of them, the others as they were held."""
+    known = {"tau_s": fit.taus_s, "exponent": fit.exponents}
+    values = {p: float(params[p.name]) for p in effect.shapes}  # type: ignore[arg-type]
+    return {p.name: (v, p.unit, known.get(p.name) or (v, v)) for p, v in values.items()}
+
+
+def _shifts(fit: CommonModes, axis: int) -> dict[str, Estimate | Estimates]:
+    """How the level of one actuator moves the modes."""
     shift = fit.fit.shift
     assert shift is not None
     eta, split = np.sqrt(1 - fit.model.zeta**2), fit.split[:, axis]
-    params = softening_params(list(fit.entries.values())[axis])
-    assert params is not None
-    kappa, std = float(params["kappa"]), float(fit.fit.value_std[axis])  # type: ignore[arg-type]
-    low, high = fit.taus_s or (0.0, np.inf)
     return {
-        "kappa": (kappa, "1", (kappa - TWO_SIDED_95 * std, kappa + TWO_SIDED_95 * std)),
-        "tau_s": (float(params["tau_s"]), "s", (low, high)),  # type: ignore[arg-type]
-        "about_mean": (0.0, "1", (0.0, 0.0)),
         "f_drop": _with_intervals(shift.real * split, fit.fit.shift_std[0::2] * split, "1"),
         "zeta_rise": _with_intervals(-shift.imag * split * eta, fit.fit.shift_std[1::2] * split * eta, "1"),
     }
@@ -94,13 +108,17 @@ def _with_intervals(values: Samples, std: Samples, unit: str) -> Estimates:
     return tuple(float(v) for v in values), unit, pairs
 
 
-def adopted_axis(model: AxisModel, gain: float, found: Sequence[NamedEffect]) -> AxisModel:
-    """The axis with its base scaled by ``gain``, and the effects in place of those of the same name."""
+def adopted_axis(
+    model: AxisModel, gain: float, found: Sequence[NamedEffect], provisional: AbstractSet[str]
+) -> AxisModel:
+    """The axis with its base scaled by ``gain``, and the effects in place of those of the same name; ``provisional``
+    are the names that are not vouched for."""
     view = model.time
     assert view is not None
     names = {one.name for one in found}
     kept = [e for e in model.effects if e.name not in names]
-    effects = (*kept, *map(stage_file_entry, found))
+    new = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
+    effects = (*kept, *new)
     return model.model_copy(update={"time": _scaled(view, gain), "effects": effects})
 
 

@@ -9,7 +9,8 @@ from phaselead.identify.modal.frequency_domain import (
     frequency_response,
 )
 from phaselead.identify.modal.model import Drive, ModalModel
-from phaselead.identify.modal.one_axis import FittedModes, fit_in_turn
+from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_together
+from phaselead.identify.modal.shown_modes import measured_response
 from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes, score_test
 
 __all__ = [
@@ -22,8 +23,10 @@ __all__ = [
     "Shaping",
     "common_period",
     "common_poles",
-    "fit_in_turn",
     "fit_modes",
+    "fit_straight",
+    "fit_together",
     "frequency_response",
+    "measured_response",
     "score_test",
 ]

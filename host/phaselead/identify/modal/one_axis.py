@@ -1,10 +1,8 @@
-"""The first modes of one axis: ringing after every kink, in what the operator leaves of fast records.
+"""The operator of one axis and the first modes of its mechanics, fitted together.
 
-Without them a sine one of whose harmonics falls on a mode is predicted worse than the operator could. A mode is adopted
-only when it pays where it was not fitted; at most two are looked for.
-
-An operator fitted to a ringing stage takes up part of the ringing, and chooses fewer plays than the records carry. So
-operator and modes are fitted in turn, each with the other known, as long as it pays.
+Where the fit starts: from the modes that the measured response shows where the records are broadband; else from ringing
+after every kink, in what the operator alone leaves of fast records. Of the latter a mode is adopted only when it pays
+where it was not fitted, and at most two are looked for.
 """
 
 from __future__ import annotations
@@ -18,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from phaselead.identify.modal.shown_modes import measured_response, modes_shown
 from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, refit_operator
 from phaselead.identify.runs import AxisRun
 from phaselead.model import (
@@ -62,14 +61,11 @@ PRECISE = 1e-4
 """Of the squared residual: what a search may leave on the table."""
 FIRST_REACH, SECOND_REACH, ZETA_REACH = 0.03, 0.01, 0.4
 """First relative steps of a frequency, with one mode and with two, and of a damping."""
-
-TURNS = 8
 MANY_RUNS = 8
-"""A grid of sines away from the mode parts operator and mode by itself, and turns over it would take minutes."""
-ASTRAY = 0.5
-"""Share of the squared residual below which modes found from a straight line are believed."""
-TURN_PAYS = 0.9
-"""Another turn follows when one leaves less than this share of the squared residual of the turn before."""
+"""A grid of sines away from the mode parts operator and mode by itself."""
+
+ROUNDING = 1e-9
+"""Of the range: what is left of a record that the operator follows to the last digit."""
 
 Place = tuple[float, ...]
 """f_Hz and zeta of one mode, or of two in turn."""
@@ -84,11 +80,6 @@ class FittedModes:
     share_left: float
     """Of the operator's squared residual, on rows they were not fitted on."""
 
-    @property
-    def place(self) -> Place:
-        """Where they are."""
-        return tuple(value for _, f_Hz, zeta in self.modes for value in (f_Hz, zeta))
-
     def adopted(self, view: TimeView) -> tuple[TimeView, AdoptedEffect]:
         """The time view with the delay that remains, and the entry for the stage file."""
         effect, params = effect_of_modes(self.modes)
@@ -96,61 +87,58 @@ class FittedModes:
         return view.model_copy(update={"delay_s": self.delay_s}), adopted
 
 
-def fit_in_turn(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
-    """The operator of an axis and its first modes, if it shows any. Raises BadInput as ``fit_operator`` does."""
-    operator = fit_operator(runs)
-    found = find_modes(operator.view, runs)
-    if len(runs) >= MANY_RUNS:
-        return operator, found
-    if found is None:
-        return _from_a_line(operator, runs)
-    operator, found = _turns(operator, found, runs)
-    if len(found.modes) == 1 and (more := find_modes(operator.view, runs)) is not None and len(more.modes) > 1:
-        operator, found = _turns(operator, more, runs)
-    return operator, found
+def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
+    """The operator of an axis and its first modes, if it shows any. Raises BadInput as ``fit_operator`` does.
 
-
-def _from_a_line(operator: OperatorFit, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | None]:
-    """Modes behind a straight line, which follows no ringing, and the operator after them.
-
-    For an operator that ringing has led so far astray that no mode fits behind it; it stays as it was unless the others
-    leave much less.
+    The fit starts from the modes that the measured response shows; where the records have no such band, from those that
+    ring in what the operator alone leaves.
     """
-    straight = find_modes(fit_linear(runs).view, runs)
-    if straight is None:
-        return operator, None
-    view, _ = straight.adopted(operator.view)
-    again = refit_operator(runs, replace(operator, view=view), straight.modes)
-    found = find_modes(again.view, runs, straight)
-    if found is None:
-        return operator, None
-    again, found = _turns(again, found, runs)
-    if _squares(again, found, runs) > ASTRAY * _squares(operator, None, runs):
-        return operator, None
-    return again, found
+    shown = modes_shown(measured_response(runs))
+    alone = fit_operator(runs, lag_s=shown.lag_s)
+    if shown.modes:
+        found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs)
+        if found is not None:
+            return found
+    ringing = find_modes(alone.view, runs)
+    if ringing is None or len(runs) >= MANY_RUNS:
+        return alone, ringing
+    behind = replace(alone, view=ringing.adopted(alone.view)[0])
+    again = refit_operator(runs, behind, ringing.modes)
+    if _squares(again, again.modes, runs) > _squares(behind, ringing.modes, runs):
+        return alone, ringing
+    return _believed(alone, again, runs) or (alone, ringing)
 
 
-def _turns(operator: OperatorFit, found: FittedModes, runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes]:
-    squares = _squares(operator, found, runs)
-    for _ in range(TURNS):
-        view, _ = found.adopted(operator.view)
-        again = refit_operator(runs, replace(operator, view=view), found.modes)
-        found_again = find_modes(again.view, runs, found)
-        if found_again is None or (now := _squares(again, found_again, runs)) >= squares:
-            break
-        operator, found, squares, before = again, found_again, now, squares
-        if now > TURN_PAYS * before:
-            break
-    return operator, found
+def fit_straight(runs: Sequence[AxisRun]) -> OperatorFit:
+    """Gain and offset of slow motion. Raises BadInput as ``fit_linear`` does.
+
+    Where the records are broadband, what their response shows of lag and modes is fitted beside them: at its resonance
+    a stage answers with another gain.
+    """
+    response = measured_response(runs)
+    if not response.broadband:
+        return fit_linear(runs)
+    shown = modes_shown(response)
+    return fit_linear(runs, shown.modes, shown.lag_s)
 
 
-def _squares(operator: OperatorFit, found: FittedModes | None, runs: Sequence[AxisRun]) -> float:
+def _believed(
+    alone: OperatorFit, joint: OperatorFit, runs: Sequence[AxisRun]
+) -> tuple[OperatorFit, FittedModes] | None:
+    """Operator and modes together where they leave much less than the operator alone."""
+    if not joint.modes:
+        return None
+    left, left_alone = _squares(joint, joint.modes, runs), _squares(alone, (), runs)
+    if not left < PAYS * left_alone:
+        return None
+    return joint, FittedModes(joint.modes, joint.view.delay_s, left / left_alone)
+
+
+def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
-    view = operator.view if found is None else found.adopted(operator.view)[0]
     errors = []
     for run in runs:
-        answer = predict_time_view(view, run.t_s, run.u_V)
-        answer = answer if found is None else behind_modes(answer, found.modes, run.step_s)
+        answer = behind_modes(predict_time_view(operator.view, run.t_s, run.u_V), modes, run.step_s)
         errors.append((run.x_um - answer)[run.scored] / run.range_um)
     return sum(float(np.var(error)) for error in errors)
 
@@ -196,26 +184,23 @@ class _Ringing:
         return np.arange(len(self.base), dtype=np.uintp)[self.rows]
 
 
-def find_modes(view: TimeView, runs: Sequence[AxisRun], known: FittedModes | None = None) -> FittedModes | None:
-    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays.
-
-    ``known``: how many there are and about where.
-    """
+def find_modes(view: TimeView, runs: Sequence[AxisRun]) -> FittedModes | None:
+    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays."""
     fast = [run for run in runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
     if len(fast) < 2:
         return None
     fast.sort(key=lambda run: len(run.t_s))  # fast sines ring most, and are short
     fitted, judged = _parts([_ringing(view, run) for run in fast[:MOST_RUNS]])
     nothing = sum(float(np.var(r.residual[r.rows])) for r in judged)
-    one = _downhill(fitted, known.place[:2], FIRST_REACH) if known else _first(fitted)
+    if nothing < len(judged) * ROUNDING**2:
+        return None
+    one = _first(fitted)
     amounts = _amounts(fitted, one)
     squares = _squares_left(judged, one, amounts)
     if squares / nothing >= PAYS:
         return None
     alone = FittedModes(((1.0, one[0], one[1]),), max(view.delay_s + float(amounts[0]), 0.0), squares / nothing)
-    if known and len(known.modes) == 1:
-        return alone
-    two = _downhill(fitted, (*one, *known.place[2:]), SECOND_REACH) if known else _second(fitted, one)
+    two = _second(fitted, one)
     if two is None or two[2] < APART * two[0] or two[3] < UNDAMPED:
         return alone
     shift_s, share = _amounts(fitted, two).tolist()

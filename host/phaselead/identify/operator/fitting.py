@@ -1,6 +1,6 @@
-"""Fits of the time view to records of one axis: reversible slopes, plays, delay, offset and memory.
+"""Fits of the time view to records of one axis: reversible slopes, plays, delay, offset, memory, and modes behind it.
 
-How many plays and segments the records carry is decided on data left out.
+How many plays and segments the records carry is decided on data left out; a mode stays where it pays.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, rows_to_fit
+from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, ringing_s, rows_to_fit
 from phaselead.identify.operator.result import (
     Choice,
     OperatorFit,
@@ -31,7 +31,7 @@ from phaselead.identify.operator.solution import (
 )
 from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, with_memories
 from phaselead.identify.runs import AxisRun, distinct, longest_delay_s, period_s
-from phaselead.model import Mode
+from phaselead.model import LONGEST_DELAY_S, Mode
 from phaselead.record import Samples
 
 MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
@@ -52,9 +52,12 @@ FIRST_DELAY = 0.02
 SHORTER_DELAY = 1.05
 """On records of one frequency a delay looks like more play: the shortest is taken that costs at most this factor."""
 OFFSETS_DIFFER = 0.01
-"""Of the range: when the median record is further off, every one gets an offset of its own."""
+"""Of the range: when the median record is further off, every one gets an offset of its own; when a few are, so they do
+if that explains what no starting memory does."""
 REST_MATTERS = 1.001
 """The memory at rest is known when other rest fractions cost more than this factor in error."""
+MODE_PAYS = 0.9
+"""A mode stays in when the squared residual with it is less than this share of that without."""
 
 
 @dataclass(frozen=True)
@@ -64,96 +67,164 @@ class _Records:
     runs: Sequence[AxisRun]
     fits: list[FitRun]
     own_offsets: bool = False
+    lag_s: float = 0.0
+    """Of the measured response, where that is known: the delay may be twice as long, however short the periods."""
 
     @cached_property
     def longest_delay_s(self) -> float:
-        return min(min(LONGEST_DELAY * period_s(r), longest_delay_s(r)) for r in self.runs)
+        of_periods = min(LONGEST_DELAY * period_s(r) for r in self.runs)
+        return min(max(of_periods, 2 * self.lag_s), *(longest_delay_s(r) for r in self.runs), LONGEST_DELAY_S)
 
     def basis(self, n_plays: int, n_segments: int) -> Basis:
         low = min(float(r.u_V.min()) for r in self.runs)
         high = max(float(r.u_V.max()) for r in self.runs)
         return nested_basis(max(float(np.ptp(r.u_V[r.scored])) for r in self.runs), low, high, n_plays, n_segments)
 
-    def at(self, basis: Basis, delay_s: float, rest_fraction: float) -> Solution:
-        return best_slopes(self.fits, basis, delay_s, rest_fraction, self.own_offsets)
+    def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:
+        return best_slopes(self.fits, basis, delay_s, rest_fraction, self.own_offsets, modes)
 
-    def searched(self, basis: Basis, delay_s: float, rest_fraction: float) -> Solution:
-        """The best operator of a basis, from there on."""
-        return best_operator(self.fits, basis, self.longest_delay_s, self.own_offsets, (delay_s, rest_fraction))
+    def searched(
+        self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = (), *, whole: bool = False
+    ) -> Solution:
+        """The best operator of a basis and the best modes behind it, from there on."""
+        start = (delay_s, rest_fraction)
+        return best_operator(self.fits, basis, self.longest_delay_s, self.own_offsets, start, modes, whole=whole)
 
 
-def fit_operator(runs: Sequence[AxisRun]) -> OperatorFit:
+def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float = 0.0) -> OperatorFit:
     """Fit the time view to one axis of one or more records, each from rest or warmed by the rows before its window.
 
-    Raises BadInput for data that determine nothing.
+    ``modes``: about where the mechanics have some; those that pay are fitted together with the operator. ``lag_s``:
+    what else the measured response lags. Raises BadInput for data that determine nothing.
     """
-    records, found, messages = _with_memories(_Records(runs, _thinned(runs, SEARCH_ROWS)))
-    delay_s, rest = found.delay_s, found.rest_fraction
-    basis, choices = _choose_basis(records, delay_s, rest)
+    records = _Records(runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes)), lag_s=lag_s)
+    records, found, messages = _with_memories(records, modes)
+    basis, choices = _choose_basis(records, found)
     if not basis.equals(found.basis):
-        found = records.searched(basis, delay_s, rest)
-        delay_s, rest = found.delay_s, found.rest_fraction
-        basis, choices = _choose_basis(records, delay_s, rest)
-    if not _rest_matters(records, basis, delay_s, rest):
+        found = records.searched(basis, found.delay_s, found.rest_fraction, found.modes)
+        basis, choices = _choose_basis(records, found)
+    if modes:
+        found = _paying(records, replace(found, basis=basis))
+        basis, choices = _choose_basis(records, found)
+    delay_s, rest = found.delay_s, found.rest_fraction
+    if not _rest_matters(records, basis, found):
         rest = 0.0
         messages.append("no record starts from rest: the memory at rest is unknown and taken as 0")
     if _one_frequency(runs):
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
-    full = _thinned(runs, MOST_ROWS, memories=[f.came_from_V for f in records.fits])
-    return _result(replace(records, fits=full), basis, delay_s, rest, choices, messages)
+    full = _thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=[f.came_from_V for f in records.fits])
+    full_records = replace(records, fits=full)
+    return _result(full_records, full_records.at(basis, delay_s, rest, found.modes), choices, messages)
 
 
-def _with_memories(records: _Records) -> tuple[_Records, Solution, list[str]]:
+def _with_memories(records: _Records, modes: tuple[Mode, ...]) -> tuple[_Records, Solution, list[str]]:
     """The records with the memories and offsets that explain them best, the operator then, and what to say of them."""
-    messages: list[str] = []
+    apart = replace(records, own_offsets=True)
+    message = "the records differ in offset by more than 1 % of their range: each has its own"
+    first = _of_settled_rows(records, modes)
+    if float(np.median(_offsets([settled(f) for f in records.fits], first))) > OFFSETS_DIFFER:
+        records, found, said = _told_apart(apart, first)
+        return records, found, [message, *said]
+    common = _told_apart(records, first)
+    if max(_offsets(common[0].fits, common[1])) > OFFSETS_DIFFER:  # a memory may explain it, or another session
+        records, found, said = _told_apart(apart, _of_settled_rows(apart, modes))
+        if found.error**2 < OTHER_MEMORY * common[1].error ** 2:
+            return records, found, [message, *said]
+    return common
+
+
+def _of_settled_rows(records: _Records, modes: tuple[Mode, ...]) -> Solution:
+    """The operator of the rows that remember nothing of what was before their record but an offset."""
     late = replace(records, fits=[settled(f) for f in records.fits])
-    first = late.searched(late.basis(*SEARCH), FIRST_DELAY * late.longest_delay_s, 0.0)
-    if _offsets_differ(late.fits, first):
-        records, late = replace(records, own_offsets=True), replace(late, own_offsets=True)
-        messages.append("the records differ in offset by more than 1 % of their range: each has its own")
-    basis, _ = _choose_basis(late, first.delay_s, first.rest_fraction)
-    found = late.at(basis, first.delay_s, first.rest_fraction)
+    return late.searched(late.basis(*SEARCH), _first_delay_s(late), 0.0, modes)
+
+
+def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution, list[str]]:
+    """The same where it is known whether each record has an offset of its own; ``first`` is of settled rows."""
+    late = replace(records, fits=[settled(f) for f in records.fits])
+    basis, _ = _choose_basis(late, first)
+    found = late.at(basis, first.delay_s, first.rest_fraction, first.modes)
     moved, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets)
-    at_rest = records.searched(basis, first.delay_s, 0.0)
+    at_rest = records.searched(basis, first.delay_s, 0.0, first.modes)
     if said:
         elsewhere = replace(records, fits=moved)
-        found = elsewhere.searched(basis, first.delay_s, first.rest_fraction)
+        found = elsewhere.searched(basis, first.delay_s, first.rest_fraction, first.modes)
         if found.error**2 < OTHER_MEMORY * at_rest.error**2:
-            return elsewhere, found, messages + said
-    return records, at_rest, messages
+            return elsewhere, found, said
+    return records, at_rest, []
+
+
+def _first_delay_s(records: _Records) -> float:
+    return min(max(FIRST_DELAY * records.longest_delay_s, records.lag_s), records.longest_delay_s)
+
+
+def _paying(records: _Records, found: Solution) -> Solution:
+    """The operator without the modes that do not pay, and with all of the motion carried by the only one if that
+    costs nothing."""
+
+    def searched(modes: tuple[Mode, ...], *, whole: bool = False) -> Solution:
+        return records.searched(found.basis, found.delay_s, found.rest_fraction or 0.01, modes, whole=whole)
+
+    found = searched(found.modes)
+    while found.modes:
+        fewer = [searched(tuple(m for m in found.modes if m is not out)) for out in found.modes]
+        least = min(fewer, key=lambda solution: solution.error)
+        if MODE_PAYS * least.error**2 > found.error**2:
+            break
+        found = least
+    if len(found.modes) == 1:
+        ((_, f_Hz, zeta),) = found.modes
+        whole = searched(((1.0, f_Hz, zeta),), whole=True)
+        if MODE_PAYS * whole.error**2 < found.error**2:
+            return whole
+    return found
 
 
 def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
-    """The operator fitted again with modes behind it; memories and offsets of the records stay as in ``known``."""
+    """Operator and modes fitted together from there on; memories and offsets of the records stay as in ``known``."""
     memories = [record.came_from_V for record in known.records]
-    records = _Records(runs, _thinned(runs, SEARCH_ROWS, modes, memories), known.own_offsets)
-    found = records.searched(records.basis(*SEARCH), known.view.delay_s, known.view.rest_fraction or 0.01)
-    basis, choices = _choose_basis(records, found.delay_s, found.rest_fraction)
-    full = replace(records, fits=_thinned(runs, MOST_ROWS, modes, memories))
-    return _result(full, basis, found.delay_s, found.rest_fraction, choices, known.messages)
+    records = _Records(
+        runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
+    )
+    found = records.searched(records.basis(*SEARCH), known.view.delay_s, known.view.rest_fraction or 0.01, modes)
+    basis, choices = _choose_basis(records, found)
+    found = _paying(records, replace(found, basis=basis))
+    full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories))
+    solution = full.at(basis, found.delay_s, found.rest_fraction, found.modes)
+    return _result(full, solution, choices, known.messages)
 
 
-def fit_linear(runs: Sequence[AxisRun]) -> OperatorFit:
-    """Gain and offset only, no memory and no delay. Raises BadInput for data that determine nothing."""
-    records = _Records(runs, _thinned(runs, MOST_ROWS))
-    return _result(records, records.basis(0, 1), 0.0, 0.0, (), ())
+def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:
+    """Gain and offset only, no memory and no delay. Raises BadInput for data that determine nothing.
+
+    With a ``lag_s`` the gain is that of slow motion: lag, and the ``modes`` that pay, are fitted beside it.
+    """
+    fits = _thinned(runs, MOST_ROWS if lag_s is None else SEARCH_ROWS, ringing_s=ringing_s(modes))
+    records = _Records(runs, fits, lag_s=lag_s or 0.0)
+    basis = records.basis(0, 1)
+    if lag_s is None:
+        return _result(records, records.at(basis, 0.0, 0.0), (), ())
+    found = _paying(records, Solution(basis, lag_s, 0.0, np.zeros(1), 0.0, 0.0, modes))
+    full = replace(records, fits=_thinned(runs, MOST_ROWS))
+    return _result(full, replace(found, delay_s=0.0, rest_fraction=0.0, modes=()), (), ())
 
 
 def _thinned(
     runs: Sequence[AxisRun],
     most_rows: int,
-    modes: tuple[Mode, ...] = (),
+    *,
+    ringing_s: float = 0.0,
     memories: Sequence[float | None] | None = None,
 ) -> list[FitRun]:
     each = max(FEWEST_ROWS, most_rows // len(runs))
     blocks = 1 if len(runs) >= FOLD_BLOCKS else -(-FOLD_BLOCKS // len(runs))
-    fits = [rows_to_fit(run, each, i * blocks, blocks, modes) for i, run in enumerate(runs)]
+    fits = [rows_to_fit(run, each, i * blocks, blocks, ringing_s=ringing_s) for i, run in enumerate(runs)]
     return fits if memories is None else [replace(f, came_from_V=v) for f, v in zip(fits, memories, strict=True)]
 
 
-def _rest_matters(records: _Records, basis: Basis, delay_s: float, rest: float) -> bool:
-    errors = [records.at(basis, delay_s, r).error for r in (rest, -0.9, 0.9)]
+def _rest_matters(records: _Records, basis: Basis, found: Solution) -> bool:
+    errors = [records.at(basis, found.delay_s, r, found.modes).error for r in (found.rest_fraction, -0.9, 0.9)]
     return max(errors) > REST_MATTERS * errors[0]
 
 
@@ -178,16 +249,15 @@ def _shortest_delay_s(records: _Records, basis: Basis, delay_s: float, rest: flo
     return high
 
 
-def _offsets_differ(fits: list[FitRun], solution: Solution) -> bool:
-    """Whether the median record sits far from the common offset; one that does has another past."""
-    offsets = [abs(solution.residual(f).mean()) / f.run.range_um for f in fits]
-    return float(np.median(offsets)) > OFFSETS_DIFFER
+def _offsets(fits: list[FitRun], solution: Solution) -> list[float]:
+    """How far each record sits from the common offset, as a share of its range."""
+    return [abs(float(solution.residual(f).mean())) / f.run.range_um for f in fits]
 
 
-def _choose_basis(records: _Records, delay_s: float, rest: float) -> tuple[Basis, tuple[Choice, ...]]:
-    """The simplest basis that predicts left-out data as well as any, and all that were tried."""
+def _choose_basis(records: _Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
+    """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
     fine = records.basis(*FINEST)
-    of_groups = centred(moments(records.fits, fine, delay_s, rest))
+    of_groups = centred(moments(records.fits, fine, found.delay_s, found.rest_fraction, found.modes))
     folds = _folds(records.fits)
     choices, bases = [], []
     for stride, merge in product(PLAY_STRIDES, SEGMENT_MERGES):
@@ -246,26 +316,21 @@ def _unit_offset(moments: Samples) -> Samples:
     return unit
 
 
-def _result(
-    records: _Records,
-    basis: Basis,
-    delay_s: float,
-    rest: float,
-    choices: Sequence[Choice],
-    messages: Sequence[str],
-) -> OperatorFit:
-    fits, solution = records.fits, records.at(basis, delay_s, rest)
+def _result(records: _Records, solution: Solution, choices: Sequence[Choice], messages: Sequence[str]) -> OperatorFit:
+    fits = records.fits
     residuals = [solution.residual(f) for f in fits]
     if records.own_offsets:
         at_rest_um = solution.at_rest_um + float(np.median([e.mean() for e in residuals]))
         solution = replace(solution, at_rest_um=at_rest_um)
         residuals = [solution.residual(f) for f in fits]
+    unexplained = [e - e.mean() for e in residuals] if records.own_offsets else residuals
     return OperatorFit(
-        solution.time_view(1.0 / fits[0].run.step_s, residuals),
+        solution.time_view(1.0 / fits[0].run.step_s, unexplained),
         standard_errors(fits, solution, residuals),
-        tuple(RecordResidual.of(f, e) for f, e in zip(fits, residuals, strict=True)),
+        tuple(RecordResidual.of(f, e, own_offset=records.own_offsets) for f, e in zip(fits, residuals, strict=True)),
         tuple(choices),
         tuple(messages),
         sum(effective_rows(e) for e in residuals),
         records.own_offsets,
+        solution.modes,
     )

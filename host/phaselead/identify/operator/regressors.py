@@ -23,6 +23,8 @@ from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
 """Share of a period after a jump in which a model without dynamics is not asked to agree."""
+START_SHARE = 0.01
+"""Of its span: a voltage that begins closer to 0 V begins there."""
 FEWEST_ROWS = 200
 """Of each record, to which a fit thins it, however many records there are."""
 NO_WEIGHT = 1e-6
@@ -166,34 +168,53 @@ class FitRun:
     """Of a row's square; the weights of a run sum to 1 / range^2, so that small records count as much as large ones."""
     came_from_V: float | None = None
     """Memory at the start: None is from rest, else the voltage at which the stage last turned round."""
-    modes: tuple[Mode, ...] = ()
-    """Modes behind the operator, known already."""
 
     def position(self) -> Samples:
         """Measured (rows,) in um."""
         return self.run.x_um[self.rows]
 
     @cached_property
-    def _record(self) -> RecordInC:
-        u = self.run.u_V
-        before_V = 0.0 if self.came_from_V is None else float(u[0])
-        if self.modes:
-            return RecordInC(u, before_V, self.run.turning_rows, np.arange(len(u), dtype=np.uintp), self.run.x_um)
-        return RecordInC(u, before_V, self.run.turning_rows, self.rows, self.position())
+    def _before_V(self) -> float:
+        return 0.0 if self.came_from_V is None else float(self.run.u_V[0])
 
-    def fill(self, out: Samples, delay_s: float, play_r_V: Samples, rest_fraction: float, basis: BasisInC) -> None:
-        """Write the columns [segments, plays, 1, position] into ``out`` (rows, s + m + 2)."""
-        start = rest_fraction * play_r_V
-        if self.came_from_V is not None:
-            start = np.clip(start, self.came_from_V - play_r_V, self.came_from_V + play_r_V)
-        delay_rows = delay_s / self.run.step_s
-        if not self.modes:
-            self._record.fill(out, delay_rows, basis, start)
+    @cached_property
+    def _record(self) -> RecordInC:
+        return RecordInC(self.run.u_V, self._before_V, self.run.turning_rows, self.rows, self.position())
+
+    @cached_property
+    def _whole_record(self) -> RecordInC:
+        run = self.run
+        rows = np.arange(len(run.u_V), dtype=np.uintp)
+        return RecordInC(run.u_V, self._before_V, run.turning_rows, rows, run.x_um)
+
+    def fill(
+        self,
+        out: Samples,
+        delay_s: float,
+        basis: Basis,
+        rest_fraction: float,
+        in_C: BasisInC,
+        modes: tuple[Mode, ...] = (),
+    ) -> None:
+        """Write the columns [segments, plays, 1, position] into ``out`` (rows, s + m + 2), behind the ``modes``."""
+        if not modes:
+            self._record.fill(out, delay_s / self.run.step_s, in_C, self._start(basis, rest_fraction))
             return
-        whole = np.empty((len(self.run.u_V), out.shape[1]))
-        self._record.fill(whole, delay_rows, basis, start)
-        out[: len(self.rows), :-2] = behind_modes(whole[:, :-2], self.modes, self.run.step_s)[self.rows]
-        out[: len(self.rows), -2:] = whole[self.rows, -2:]
+        still = self.still(delay_s, basis, rest_fraction, in_C)
+        out[: len(self.rows)] = behind_modes(still, modes, self.run.step_s)[self.rows]  # all of it: a part is a copy
+        out[: len(self.rows), -1] = self.position()
+
+    def still(self, delay_s: float, basis: Basis, rest_fraction: float, in_C: BasisInC) -> Samples:
+        """The same columns at all rows of the record (n, s + m + 2), without modes."""
+        columns = np.empty((len(self.run.u_V), basis.size + 2))
+        self._whole_record.fill(columns, delay_s / self.run.step_s, in_C, self._start(basis, rest_fraction))
+        return columns
+
+    def _start(self, basis: Basis, rest_fraction: float) -> Samples:
+        start = rest_fraction * basis.play_r_V
+        if self.came_from_V is not None:
+            start = np.clip(start, self.came_from_V - basis.play_r_V, self.came_from_V + basis.play_r_V)
+        return start
 
     @cached_property
     def stretches(self) -> list[tuple[int, slice]]:
@@ -202,19 +223,33 @@ class FitRun:
         return [(int(self.groups[a]), slice(a, b)) for a, b in pairwise(edges)]
 
 
-def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, modes: tuple[Mode, ...] = ()) -> FitRun:
+def ringing_s(modes: tuple[Mode, ...]) -> float:
+    """How long the modes ring, down to a hundredth."""
+    return max((np.log(100) / (2 * np.pi * f_Hz * zeta) for _, f_Hz, zeta in modes), default=0.0)
+
+
+def rows_to_fit(run: AxisRun, most_rows: int, first_group: int, n_groups: int, *, ringing_s: float = 0.0) -> FitRun:
     """Thin the scored rows of ``run`` to about ``most_rows``, in ``n_groups`` stretches of time.
 
-    Rows just after a jump are left out, unless most are or there are ``modes`` that tell how the stage rings there.
+    Rows just after a jump are left out, unless most are or the model has modes that tell how the stage rings there
+    (for ``ringing_s``). They do not tell how it rang before the record: where that does not begin at 0 V, its start is
+    left out.
     """
     start, stop, _ = run.scored.indices(len(run.u_V))
     rows = np.arange(start, stop, max(1, (stop - start) // most_rows))
-    calm = rows[~_after_jump(run)[rows]]
-    if not modes and len(calm) > len(rows) // 2:
+    if ringing_s:
+        calm = rows if _begins_at_0_V(run) else rows[rows >= round(ringing_s / run.step_s)]
+    else:
+        calm = rows[~_after_jump(run)[rows]]
+    if len(calm) > len(rows) // 2:
         rows = calm
     groups = first_group + np.arange(len(rows)) * n_groups // len(rows)
     weight = 1.0 / (np.ptp(run.x_um[rows]) ** 2 * len(rows))
-    return FitRun(run, rows.astype(np.uintp), groups, float(weight), modes=modes)
+    return FitRun(run, rows.astype(np.uintp), groups, float(weight))
+
+
+def _begins_at_0_V(run: AxisRun) -> bool:
+    return abs(float(run.u_V[0])) < START_SHARE * float(np.ptp(run.u_V))
 
 
 def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
@@ -225,10 +260,12 @@ def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
     return flags
 
 
-def design_matrix(fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
+def design_matrix(
+    fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()
+) -> Samples:
     """(rows, segments + plays) in V: what a unit slope of each adds to the position, 0 at rest at 0 V."""
     columns = np.empty((len(fit.rows), basis.size + 2))
-    fit.fill(columns, delay_s, basis.play_r_V, rest_fraction, basis.in_C(rest_fraction))
+    fit.fill(columns, delay_s, basis, rest_fraction, basis.in_C(rest_fraction), modes)
     return columns[:, :-2]
 
 

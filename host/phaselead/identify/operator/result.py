@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phaselead.identify.operator.regressors import FitRun, with_weight
 from phaselead.identify.operator.solution import Solution, linearised
-from phaselead.model import TimeView
+from phaselead.model import Mode, TimeView, turned_view
 from phaselead.record import Samples
 
 SHOWN_RECORDS = 6
@@ -38,10 +38,12 @@ class RecordResidual:
     """Where the voltage last turned round before the record; None: it starts from rest."""
 
     @staticmethod
-    def of(fit: FitRun, residual: Samples) -> RecordResidual:
-        """From what the fit leaves of a record (rows,) in um."""
-        rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
-        return RecordResidual(fit.run.source, rms, largest, float(residual.mean()), fit.run.range_um, fit.came_from_V)
+    def of(fit: FitRun, residual: Samples, *, own_offset: bool) -> RecordResidual:
+        """From what the fit leaves of a record (rows,) in um; an offset of its own is not counted against it."""
+        mean = float(residual.mean())
+        left = residual - mean if own_offset else residual
+        rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
+        return RecordResidual(fit.run.source, rms, largest, mean, fit.run.range_um, fit.came_from_V)
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,16 @@ class OperatorFit:
     effective_rows: float
     own_offsets: bool = False
     """Whether each record has an offset of its own."""
+    modes: tuple[Mode, ...] = ()
+    """Behind the operator, fitted together with it."""
+
+    def turned(self) -> OperatorFit:
+        """The same fit to a sensor that counts the other way."""
+        return replace(
+            self,
+            view=turned_view(self.view),
+            records=tuple(replace(record, mean_um=-record.mean_um) for record in self.records),
+        )
 
     def __str__(self) -> str:
         view = self.view
@@ -106,7 +118,7 @@ def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samp
     G^-1 M G^-1, where M weighs the moments G of each record by the record's own residual and by how few of its rows are
     independent (Huber 1967). Slopes at their bound of zero are held there.
     """
-    size = int(np.count_nonzero(solution.slopes > 0)) + 3
+    size = int(np.count_nonzero(solution.slopes > 0)) + 3 + 3 * len(solution.modes)
     information, scatter = np.zeros((size, size)), np.zeros((size, size))
     delay_step_s = 0.02 * min(f.run.step_s for f in fits) + 0.01 * solution.delay_s
     for f, e in zip(fits, residuals, strict=True):
@@ -126,7 +138,7 @@ def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samp
 def _by_parameter(solution: Solution, covariance: Samples, std: Samples) -> dict[str, tuple[float, ...]]:
     """The errors under the names and in the order of the time view of a solution.
 
-    ``covariance`` and its root diagonal ``std`` are of [slopes that are not 0, delay, rest fraction, offset].
+    ``covariance`` and its root diagonal ``std`` are of [slopes that are not 0, delay, rest fraction, modes, offset].
     """
     basis, free = solution.basis, solution.slopes > 0
     n, where = basis.n_segments, np.flatnonzero(free)
@@ -142,7 +154,7 @@ def _by_parameter(solution: Solution, covariance: Samples, std: Samples) -> dict
         "gain_um_per_V": (float(np.sqrt(full[0, 0])) if free[0] else at_bound,),
         "play_w_um_per_V": tuple(weights[keep].tolist()),
         "deadzone_s_um_per_V": tuple(bends[bent].tolist()),
-        "offset_um": (float(std[count + 2]),),
+        "offset_um": (float(std[-1]),),
         "delay_s": (float(std[count]),),
         "rest_fraction": (float(std[count + 1]) if 0 < abs(solution.rest_fraction) < 1 else at_bound,),
     }

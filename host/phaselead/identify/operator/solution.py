@@ -1,7 +1,9 @@
-"""The best operator of a given basis: slopes of plays and segments, delay, and memory at rest.
+"""The best operator of a given basis: slopes of plays and segments, delay, memory at rest, and the modes behind it.
 
-At a given delay and rest fraction the model is linear with no negative coefficient and is solved for; these two are
-searched (``phaselead.identify.gauss_newton``). Everything is done on weighted sums over rows, the moments.
+At a given delay, rest fraction and given modes the model is linear with no negative coefficient and is solved for; the
+others are searched (``phaselead.identify.gauss_newton``), all together: an operator fitted without the modes would take
+up part of the ringing, and modes fitted behind such an operator would be what it left of theirs. Everything is done on
+weighted sums over rows, the moments.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from scipy.optimize import nnls
 from phaselead.errors import BadInput
 from phaselead.identify.gauss_newton import descend, least_in_box, ridged
 from phaselead.identify.operator.regressors import Basis, FitRun, design_matrix, time_view
-from phaselead.model import TimeView
+from phaselead.model import Mode, TimeView, behind_modes, resonant
 from phaselead.record import Samples
 
 SLOPES_RIDGE = 1e-8
@@ -37,6 +39,19 @@ DAMPING = 0.01
 """Of the squared error: what a step across the whole range must gain. Settled rows do not know the memory at rest."""
 UNFELT = 1e-12
 """Of the squared error: a move that changes the answer by less is rounding."""
+EXACT = 1e-9
+"""Of the range: an error below this is rounding, and leaves nothing to search for."""
+MODE_BOX = ((-2.0, 2.0), (0.002, 0.5))
+"""Share of the motion and damping of a mode, as in the catalogue of effects."""
+MODE_REACH = (0.3, 0.05, 0.7)
+"""Largest change of a mode in one step: of its share, and of the logarithms of its frequency and its damping."""
+FIRST_OF_RATE = 0.9
+"""Of the sampling rate: the highest frequency of a mode. One beyond half of the rate is not seen to ring, but it raises
+the response below it, by (f/f_Hz)^2."""
+TIGHT = 1e-12
+"""Width of the box where a parameter may not move."""
+MODE_STEP = 1e-5
+"""Relative, for the slope over a frequency or a damping."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +67,11 @@ class Solution:
     slopes: Samples
     at_rest_um: float
     error: float
+    modes: tuple[Mode, ...] = ()
 
     def residual(self, fit: FitRun) -> Samples:
         """Measured minus model (rows,) in um."""
-        columns = design_matrix(fit, self.basis, self.delay_s, self.rest_fraction)
+        columns = design_matrix(fit, self.basis, self.delay_s, self.rest_fraction, self.modes)
         return np.asarray(fit.position() - self.at_rest_um - columns @ self.slopes)
 
     def time_view(self, rate_Hz: float, residuals_um: list[Samples]) -> TimeView:
@@ -70,14 +86,16 @@ def group_numbers(fits: list[FitRun]) -> list[int]:
     return sorted({group for f in fits for group, _ in f.stretches})
 
 
-def moments(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float) -> Samples:
+def moments(
+    fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()
+) -> Samples:
     """Weighted moments (group, k, k) of the columns [segments, plays, 1, position], k = basis.size + 2."""
     in_C = basis.in_C(rest_fraction)
     room = np.empty((max(len(f.rows) for f in fits), basis.size + 2))
 
     def columns() -> Iterator[Samples]:
         for f in fits:
-            f.fill(room, delay_s, basis.play_r_V, rest_fraction, in_C)
+            f.fill(room, delay_s, basis, rest_fraction, in_C, modes)
             yield room
 
     return moments_of(fits, columns(), basis.size + 2)
@@ -128,78 +146,150 @@ def solve_slopes(moments: Samples, n_segments: int, own_offsets: bool) -> tuple[
     return slopes, at_rest, float(np.sqrt(max(squares, 0.0)))
 
 
-def best_slopes(fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float, own_offsets: bool) -> Solution:
-    """The best operator of ``basis`` at a given delay and rest fraction. Raises BadInput as ``solve_slopes`` does."""
-    solved = solve_slopes(moments(fits, basis, delay_s, rest_fraction), basis.n_segments, own_offsets)
-    return Solution(basis, delay_s, rest_fraction, *solved)
+def best_slopes(
+    fits: list[FitRun],
+    basis: Basis,
+    delay_s: float,
+    rest_fraction: float,
+    own_offsets: bool,
+    modes: tuple[Mode, ...] = (),
+) -> Solution:
+    """The best operator of ``basis`` at a given delay and rest fraction, behind it the ``modes``.
+
+    Raises BadInput as ``solve_slopes`` does.
+    """
+    solved = solve_slopes(moments(fits, basis, delay_s, rest_fraction, modes), basis.n_segments, own_offsets)
+    return Solution(basis, delay_s, rest_fraction, *solved, modes)
 
 
 def best_operator(
-    fits: list[FitRun], basis: Basis, longest_delay_s: float, own_offsets: bool, start: tuple[float, float]
+    fits: list[FitRun],
+    basis: Basis,
+    longest_delay_s: float,
+    own_offsets: bool,
+    start: tuple[float, float],
+    modes: tuple[Mode, ...] = (),
+    *,
+    whole: bool = False,
 ) -> Solution:
-    """The best operator of ``basis``, searched from ``start`` (delay in s, rest fraction).
+    """The best operator of ``basis``, searched from ``start`` (delay in s, rest fraction) and, with it, the ``modes``.
 
-    A start with a rest fraction of 0 knows nothing of the memory: a grid is tried first. Raises BadInput as
-    ``solve_slopes`` does.
+    A start with a rest fraction of 0 knows nothing of the memory: a grid is tried first. ``whole``: a single mode
+    carries all of the motion. Raises BadInput as ``solve_slopes`` does.
     """
 
-    def at(delay_s: float, rest_fraction: float) -> Solution:
-        return best_slopes(fits, basis, delay_s, rest_fraction, own_offsets)
+    def at(delay_s: float, rest_fraction: float, modes: tuple[Mode, ...]) -> Solution:
+        return best_slopes(fits, basis, delay_s, rest_fraction, own_offsets, modes)
 
     def trials(point: Solution) -> Iterator[Solution]:
-        move = _gauss_newton_step(fits, point, longest_delay_s, own_offsets)
+        if point.error < EXACT:
+            return
+        move = _gauss_newton_step(fits, point, longest_delay_s, own_offsets, whole)
         for share in STEP_SHARES:
-            yield at(max(point.delay_s + share * move[0], 0.0), point.rest_fraction + share * move[1])
+            delay_s = max(point.delay_s + share * move[0], 0.0)
+            yield at(delay_s, point.rest_fraction + share * move[1], _moved(point.modes, share * move[2:]))
 
-    first = at(*_first_guess(fits, basis, longest_delay_s, own_offsets, start))
+    first = at(*_first_guess(fits, basis, longest_delay_s, own_offsets, start, modes), modes)
     return descend(first, trials, lambda point: point.error, MOST_OPERATOR_STEPS, least_gain=LEAST_ERROR_GAIN)
 
 
 def _first_guess(
-    fits: list[FitRun], basis: Basis, longest_delay_s: float, own_offsets: bool, start: tuple[float, float]
+    fits: list[FitRun],
+    basis: Basis,
+    longest_delay_s: float,
+    own_offsets: bool,
+    start: tuple[float, float],
+    modes: tuple[Mode, ...],
 ) -> tuple[float, float]:
     """The start or, where that knows nothing of the memory, the best of it and a grid on a part of the rows."""
     if start[1] != 0.0:
         return start
     few = [replace(f, rows=f.rows[::GUESS_STRIDE], groups=f.groups[::GUESS_STRIDE]) for f in fits]
     grid = [(longest_delay_s * share, rest) for share, rest in product(GUESSED_DELAYS, GUESSED_RESTS)]
-    return min([start, *grid], key=lambda at: best_slopes(few, basis, at[0], at[1], own_offsets).error)
+    return min([start, *grid], key=lambda at: best_slopes(few, basis, at[0], at[1], own_offsets, modes).error)
+
+
+def _moved(modes: tuple[Mode, ...], change: Samples) -> tuple[Mode, ...]:
+    """``change`` (3m,): of the share and of the logarithms of frequency and damping of every mode."""
+    return tuple(
+        (c + float(dc), f_Hz * float(np.exp(df)), zeta * float(np.exp(dz)))
+        for (c, f_Hz, zeta), (dc, df, dz) in zip(modes, change.reshape(-1, 3), strict=True)
+    )
+
+
+def _reach(modes: tuple[Mode, ...], highest_Hz: float, whole: bool) -> tuple[Samples, Samples]:
+    """Smallest and largest change (3m,) that one step may make."""
+    low, high = [], []
+    for c, f_Hz, zeta in modes:
+        at = np.array([c, np.log(f_Hz), np.log(zeta)])
+        shares = (c, c) if whole and len(modes) == 1 else MODE_BOX[0]
+        box = np.array([shares, (-np.inf, np.log(max(highest_Hz, f_Hz))), np.log(MODE_BOX[1])])
+        low.append(np.clip(box[:, 0] - at, -np.array(MODE_REACH), 0.0))
+        high.append(np.clip(box[:, 1] - at, 0.0, np.array(MODE_REACH)))
+    return np.array(low).reshape(-1), np.array(high).reshape(-1)
 
 
 def _gauss_newton_step(
-    fits: list[FitRun], point: Solution, longest_delay_s: float, own_offsets: bool
-) -> tuple[float, float]:
-    """Change of delay and rest fraction for the least error of the linearised model, inside their bounds."""
+    fits: list[FitRun], point: Solution, longest_delay_s: float, own_offsets: bool, whole: bool
+) -> Samples:
+    """Change of delay, rest fraction and modes (2 + 3m,) for the least error of the linearised model, inside their
+    bounds."""
     step_s = DELAY_STEP * min(f.run.step_s for f in fits)
-    size = int(np.count_nonzero(point.slopes > 0)) + 4
+    searched = 2 + 3 * len(point.modes)
+    size = int(np.count_nonzero(point.slopes > 0)) + searched + 2
     each = moments_of(fits, (linearised(f, point, step_s) for f in fits), size)
     total = centred(each).sum(axis=0) if own_offsets else centred(each.sum(axis=0))
-    unit = np.array([longest_delay_s, 1.0])
-    total[-4:-2] *= unit[:, None]
-    total[:, -4:-2] *= unit
-    n = size - 4
+    n = size - searched - 2
+    unit = np.ones(searched + 2)
+    unit[0] = longest_delay_s
+    total[n:] *= unit[:, None]
+    total[:, n:] *= unit
     rest = total[n:, n:] - total[n:, :n] @ np.linalg.solve(ridged(total[:n, :n], SLOPES_RIDGE), total[:n, n:])
-    curvature = rest[:2, :2] + DAMPING * point.error**2 * np.eye(2)
+    curvature = rest[:searched, :searched] + DAMPING * point.error**2 * np.eye(searched)
     place = np.array([point.delay_s / longest_delay_s, point.rest_fraction])
-    move = least_in_box(curvature, rest[:2, 3], np.array([0.0, -1.0]) - place, 1.0 - place)
-    changes = np.diag(rest)[:2] * move**2 > UNFELT * point.error**2
-    return float(changes[0] * move[0] * longest_delay_s), float(changes[1] * move[1])
+    low, high = _reach(point.modes, FIRST_OF_RATE / max(f.run.step_s for f in fits), whole)
+    low, high = np.concatenate([np.array([0.0, -1.0]) - place, low]), np.concatenate([1.0 - place, high])
+    move = least_in_box(curvature, rest[:searched, -1], low, np.maximum(high, low + TIGHT))
+    changes = np.diag(rest)[:searched] * move**2 > UNFELT * point.error**2
+    return np.asarray(changes * move * unit[:searched])
 
 
 def linearised(fit: FitRun, point: Solution, delay_step_s: float) -> Samples:
-    """The model about a solution, (rows, slopes that are not 0 + 4).
+    """The model about a solution, (rows, slopes that are not 0 + 4 + 3m).
 
-    Columns: a unit of each of those slopes, of the delay, of the rest fraction, 1, and the measured position. The
-    column of the delay is a difference over ``delay_step_s``.
+    Columns: a unit of each of those slopes, of the delay, of the rest fraction, of the share and the logarithms of
+    frequency and damping of each mode, 1, and the measured position. The column of the delay is a difference over
+    ``delay_step_s``.
     """
-    free, slopes = point.slopes > 0, point.slopes
-    delay_s, rest = point.delay_s, point.rest_fraction
-    at = design_matrix(fit, point.basis, delay_s, rest)
-    columns = np.empty((len(at), int(free.sum()) + 4))
-    columns[:, :-4] = at[:, free]
+    basis, free, slopes, modes = point.basis, point.slopes > 0, point.slopes, point.modes
+    delay_s, rest, n = point.delay_s, point.rest_fraction, int(np.count_nonzero(point.slopes > 0))
     near = rest + (0.02 if rest < 0 else -0.02)
-    columns[:, -4] = (design_matrix(fit, point.basis, delay_s + delay_step_s, rest) - at) @ slopes / delay_step_s
-    columns[:, -3] = (design_matrix(fit, point.basis, delay_s, near) - at) @ slopes / (near - rest)
+    columns = np.empty((len(fit.rows), n + 4 + 3 * len(modes)))
+    if modes:
+        still = fit.still(delay_s, basis, rest, basis.in_C(rest))[:, :-2]
+        columns[:, :n] = behind_modes(still[:, free], modes, fit.run.step_s)[fit.rows]
+        answer = still @ slopes
+        late = fit.still(delay_s + delay_step_s, basis, rest, basis.in_C(rest))[:, :-2] @ slopes
+        other = fit.still(delay_s, basis, near, basis.in_C(near))[:, :-2] @ slopes
+        changes = np.stack([(late - answer) / delay_step_s, (other - answer) / (near - rest)], axis=1)
+        columns[:, n : n + 2] = behind_modes(changes, modes, fit.run.step_s)[fit.rows]
+        columns[:, n + 2 : -2] = _mode_columns(answer, modes, fit.run.step_s)[fit.rows]
+    else:
+        at = design_matrix(fit, basis, delay_s, rest)
+        columns[:, :n] = at[:, free]
+        columns[:, n] = (design_matrix(fit, basis, delay_s + delay_step_s, rest) - at) @ slopes / delay_step_s
+        columns[:, n + 1] = (design_matrix(fit, basis, delay_s, near) - at) @ slopes / (near - rest)
     columns[:, -2] = 1.0
     columns[:, -1] = fit.position()
     return columns
+
+
+def _mode_columns(answer: Samples, modes: tuple[Mode, ...], step_s: float) -> Samples:
+    """(n, 3m): what the share of each mode and the logarithms of its frequency and damping add to an answer (n,)."""
+    columns = []
+    for c, f_Hz, zeta in modes:
+        through = resonant(answer, f_Hz, zeta, step_s)
+        faster = resonant(answer, f_Hz * (1 + MODE_STEP), zeta, step_s)
+        damped = resonant(answer, f_Hz, zeta * (1 + MODE_STEP), step_s)
+        columns += [through - answer, c * (faster - through) / MODE_STEP, c * (damped - through) / MODE_STEP]
+    return np.stack(columns, axis=1)

@@ -1,6 +1,6 @@
-"""A hysteresis operator for a model that has none: symmetric plays without delay.
+"""A hysteresis operator for a model that has none: symmetric plays behind the delay that the model has.
 
-Asymmetry, delay and everything else are left to be found beyond it, each on its own evidence.
+Asymmetry, more delay and everything else are left to be found beyond it, each on its own evidence.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import Solution, best_slopes
 from phaselead.identify.operator.starting_memories import starting_memory
-from phaselead.identify.runs import AxisRun
-from phaselead.model import TimeView
+from phaselead.identify.runs import AxisRun, counts_backwards, turned
+from phaselead.model import TimeView, turned_view
 
 SYMMETRIC_PLAYS = 20
 MOST_PLAY_ROWS = 12_000
@@ -26,22 +26,29 @@ LEAST_RANGE_UM = 1e-9
 """Keeps the weight of a record that hardly moves finite."""
 
 
-def fit_plays(runs: Sequence[AxisRun]) -> TimeView:
-    """Plays and a gain fitted to driven runs of one axis, each with an offset and a starting memory of its own.
+def fit_plays(runs: Sequence[AxisRun], delay_s: float = 0.0) -> TimeView:
+    """Plays and a gain behind ``delay_s``, fitted to driven runs of one axis, each with an offset and a starting memory
+    of its own.
 
     Raises BadInput for records that determine nothing.
     """
+    if counts_backwards(runs):
+        return turned_view(_fit_rising([turned(run) for run in runs], delay_s))
+    return _fit_rising(runs, delay_s)
+
+
+def _fit_rising(runs: Sequence[AxisRun], delay_s: float) -> TimeView:
     low = min(float(r.u_V[r.scored].min()) for r in runs)
     high = max(float(r.u_V[r.scored].max()) for r in runs)
     swing = max(float(np.ptp(r.u_V[r.scored])) for r in runs)
     basis = nested_basis(swing, low, high, SYMMETRIC_PLAYS, 1)
     fits = [_thinned(run, max(FEWEST_ROWS, MOST_PLAY_ROWS // len(runs)), i) for i, run in enumerate(runs)]
     own_offsets = len(fits) > 1
-    tried = [best_slopes(fits, basis, 0.0, rest, own_offsets) for rest in REST_FRACTIONS.tolist()]
+    tried = [best_slopes(fits, basis, delay_s, rest, own_offsets) for rest in REST_FRACTIONS.tolist()]
     solution = min(tried, key=lambda s: s.error)
     if len(fits) > 1:
         fits = [_from_its_memory(fit, solution) for fit in fits]
-        solution = best_slopes(fits, basis, 0.0, solution.rest_fraction, own_offsets)
+        solution = best_slopes(fits, basis, delay_s, solution.rest_fraction, own_offsets)
     residuals = [solution.residual(f) for f in fits]
     return solution.time_view(1 / runs[0].step_s, [e - e.mean() for e in residuals])
 

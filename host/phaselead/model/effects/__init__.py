@@ -9,6 +9,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from phaselead.errors import BadInput
+from phaselead.model.effects.derived import Derived, Interval, Scene, derived_estimates
 from phaselead.model.effects.filters import (
     Mode,
     behind_modes,
@@ -19,7 +20,7 @@ from phaselead.model.effects.filters import (
 )
 from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
 from phaselead.model.effects.mode_bank import Complex, modes_of, shares, states, states_and_slopes
-from phaselead.model.effects.parameters import CheckedParameters, Parameter
+from phaselead.model.effects.parameters import CheckedParameters, Parameter, Value
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.softening import push_level
 from phaselead.model.effects.virtual import NotPlayed, VirtualAxis
@@ -28,6 +29,7 @@ __all__ = [
     "MODES_FROM",
     "CheckedParameters",
     "Complex",
+    "Derived",
     "Effect",
     "Entry",
     "Mode",
@@ -36,10 +38,12 @@ __all__ = [
     "Parameter",
     "Params",
     "Place",
+    "Scene",
     "Signal",
     "VirtualAxis",
     "behind_modes",
     "catalogue",
+    "derived_sizes",
     "effect",
     "effect_of_modes",
     "effect_of_shares",
@@ -85,3 +89,15 @@ def effect_of_modes(modes: Sequence[Mode]) -> tuple[Effect, dict[str, float | tu
 def effect_of_shares(shares_of_motion: Mapping[str, float]) -> Entry:
     """The effect by which an axis sees others move, and its parameters for these shares of their motion, by name."""
     return next((e, e.from_shares(shares_of_motion)) for e in _all().values() if e.from_shares is not None)
+
+
+def derived_sizes(
+    name: str, estimates: Mapping[str, tuple[Value, str, Interval | Sequence[Interval]]], scene: Scene
+) -> dict[str, tuple[float, str, Interval]]:
+    """What an effect's ``estimates`` (value, unit and 95 % interval of each parameter) come to as a person means them:
+    value, unit and interval of each derived size, by name; empty where the effect has none, or is not known."""
+    e = _all().get(name)
+    if e is None or not e.derived:
+        return {}
+    params = e.complete({p: value for p, (value, _, _) in estimates.items()})
+    return derived_estimates(e.derived, params, {p: interval for p, (_, _, interval) in estimates.items()}, scene)

@@ -7,12 +7,14 @@ import numpy as np
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects.interface import (
     CheckedParameters,
+    Derived,
     Effect,
     Parameter,
     Params,
     Picture,
     Place,
     Samples,
+    Scene,
     Signal,
     VirtualAxis,
     columns,
@@ -62,6 +64,10 @@ def whole_in_time_view(params: Params) -> bool:
     return not number(params, "skew")
 
 
+def _bow_um(params: Params, scene: Scene) -> float:
+    return number(params, "bend") * range_um(scene.axis)
+
+
 EFFECT = Effect(
     name="asymmetric_hysteresis",
     listed=20,
@@ -80,6 +86,7 @@ EFFECT = Effect(
             "reach", "1", 0.4, 0.05, 0.5, role="shape", log=True, doc="largest threshold of the skewed plays, in q"
         ),
     ),
+    derived=(Derived("bow_um", "um", _bow_um, doc="sag at mid-range from a straight line over the range"),),
     shows="even harmonics that grow as the square of the amplitude; gain and width of equal loops differ with bias",
     reveals="full loops of one size at several biases",
     confused_with=("sensor_nonlinearity", "saturation", "softening"),

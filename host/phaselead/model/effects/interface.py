@@ -12,6 +12,8 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.effects.code_grid import CodeGrid, code_grid
+from phaselead.model.effects.derived import Derived, Scene
 from phaselead.model.effects.filters import Mode
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Params, Value, number, numbers
 from phaselead.model.effects.place import MODES_FROM, Place
@@ -22,6 +24,7 @@ from phaselead.record import Samples
 
 __all__ = [
     "CheckedParameters",
+    "Derived",
     "Effect",
     "Entry",
     "Parameter",
@@ -30,6 +33,7 @@ __all__ = [
     "Place",
     "STOOD_OFF",
     "Samples",
+    "Scene",
     "Signal",
     "Value",
     "VirtualAxis",
@@ -78,7 +82,7 @@ class Signal:
 
     def carrying(self, value: Samples, drive_V: Samples | None) -> Signal:
         """The same record with another signal in it: ``dataclasses.replace`` for the many runs of a search. What is
-        cached of a signal depends on its axis alone, and is carried along."""
+        cached of a signal depends on its axis and its recorded voltage alone, and is carried along."""
         other = object.__new__(Signal)
         other.__dict__.update(self.__dict__, value=value, drive_V=drive_V)
         return other
@@ -117,6 +121,11 @@ class Signal:
     def range_um(self) -> float:
         """Quasi-static travel over the voltages the base was fitted on: what "of range" means."""
         return range_um(self.axis)
+
+    @cached_property
+    def code_grid(self) -> CodeGrid:
+        """Which codes of the output converter the recorded voltages belong to."""
+        return code_grid(self.axis.actuator, self.u_V)
 
     @property
     def displacement_um(self) -> Samples:
@@ -210,6 +219,10 @@ class Effect:
     """From the accepted forms to the one that ``apply`` takes."""
     untestable: Callable[[Signal], str | None] | None = None
     """Why this axis cannot show it whatever the data, or None."""
+    derived: tuple[Derived, ...] = ()
+    """Sizes that follow from its parameters and mean more to a person: reported beside them, never fitted."""
+    alone_as: str | None = None
+    """The effect that stands for it where one axis alone is seen, which cannot tell the two apart; None: itself."""
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not."""
 
@@ -220,6 +233,8 @@ class Effect:
     """How it moves the zero from one session to the next; None where it does not."""
     shared_modes: ModePart | None = None
     """Which part of the modes that the axes of a stage share it describes, if any."""
+    fitted_with_modes: bool = False
+    """Whether it is fitted together with modes that axes share and their softening, by its first size, on each axis."""
     absorbed_by_modes: bool = False
     """Whether modes fitted to axes that move together take it up, so that such records cannot show it."""
     hard_to_tell_from: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""A loop that widens with the rate of the voltage."""
+"""Friction whose level depends on the speed: a loop that widens or narrows with the rate."""
 
 from __future__ import annotations
 
@@ -19,77 +19,65 @@ from phaselead.model.effects.interface import (
     Samples,
     Signal,
     VirtualAxis,
+    columns,
     number,
+    with_columns,
 )
-from phaselead.model.operator import address, doubles, weighed_plays
+from phaselead.model.operator import address, doubles
+
+SIZES = ("growth", "stribeck", "coulomb")
 
 
 @cache
 def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.model._kernel", "stage_scaled_plays")
-    size, double, data = ctypes.c_size_t, ctypes.c_double, ctypes.c_void_p
-    kernel.stage_scaled_plays.argtypes = [size, data, data, size, data, data, double, data, data]
-    kernel.stage_scaled_plays.restype = None
+    kernel = kernel_of("phaselead.model._kernel", "stage_friction")
+    size, data = ctypes.c_size_t, ctypes.c_void_p
+    kernel.stage_friction.argtypes = [size, data, ctypes.c_double, size, data, data]
+    kernel.stage_friction.restype = None
     return kernel
 
 
-def scaled_plays(
-    v: ArrayLike, scale: ArrayLike, r: ArrayLike, w: ArrayLike, start: ArrayLike, held: float = 1.0
-) -> Samples:
-    """sum_j w_j play_j[v] (n,), thresholds ``scale`` (n,) times ``r`` (m,), from ``start`` (m,).
+def friction(q: ArrayLike, levels: ArrayLike, reach: float) -> Samples:
+    """Friction (n, m) along the path ``q`` (n,), from 0: Dahl's law with levels (n, m) that change from row to row.
 
-    Where a threshold shrinks, what is held back beyond it is let go at once but for the share ``held``, which is let go
-    only as the voltage moves, by as much. Raises ValueError when shapes differ.
+    It comes to its level over a path of ``reach``, in the direction of travel, and stays where the path stands still.
+    Raises ValueError when shapes differ.
     """
-    v, scale, r, w = doubles(v), doubles(scale), doubles(r), doubles(w)
-    p, y = np.array(start, dtype=np.float64), np.empty_like(v)
-    if not r.shape == w.shape == p.shape or scale.shape != v.shape:
-        raise ValueError(f"shapes differ: r {r.shape}, w {w.shape}, start {p.shape}; v {v.shape}, scale {scale.shape}")
-    arrays = (address(r), address(w), held, address(p), address(y))
-    _kernel().stage_scaled_plays(len(v), address(v), address(scale), len(r), *arrays)
+    q, levels = doubles(q), doubles(levels)
+    if levels.ndim != 2 or len(levels) != len(q):
+        raise ValueError(f"a path of {len(q)} rows needs levels of as many, not {levels.shape}")
+    y = np.empty_like(levels)
+    _kernel().stage_friction(len(q), address(q), reach, levels.shape[1], address(levels), address(y))
     return y
 
 
 def apply(signal: Signal, params: Params) -> Samples:
-    if number(params, "widening") == 0:
-        return signal.value
-    r, w, start = _plays(signal)
-    if not len(r):
-        return signal.value
-    v, spread = signal.driven_V, number(params, "spread")
-    r, w, start = spread * r, w / spread, v[0] + spread * (start - v[0])
-    widened = scaled_plays(v, scale(signal, params), r, w, start, number(params, "held"))
-    return signal.value + widened - weighed_plays(v, r, w, start)
+    return with_columns(signal, basis(signal, params), params, *SIZES)
 
 
-def scale(signal: Signal, params: Params) -> Samples:
-    """(n,) factor on every threshold."""
-    low, high = signal.span_V
-    rate = np.abs(np.diff(signal.driven_V, prepend=signal.driven_V[0])) / (signal.step_s * (high - low))
-    return 1 + number(params, "widening") * np.log10(1 + rate / number(params, "onset_per_s"))
+def basis(signal: Signal, params: Params) -> Samples:
+    if not _has_loop(signal):
+        return columns(*np.zeros((len(SIZES), len(signal.value))))
+    q = signal.value / signal.range_um
+    rate = np.abs(np.diff(q, prepend=q[0])) / signal.step_s
+    share = rate / number(params, "onset_per_s")
+    levels = columns(np.log1p(share) / np.log(10), np.expm1(-share), np.ones_like(share))
+    return -signal.range_um / 2 * friction(q, levels, number(params, "reach"))
 
 
-def _plays(signal: Signal) -> tuple[Samples, Samples, Samples]:
-    """Thresholds, weights and start of the plays of the base and of adopted effects."""
+def _has_loop(signal: Signal) -> bool:
+    """Whether there is hysteresis that could change with the rate: without it a loop is hysteresis first."""
     view = signal.axis.time
-    r = [np.asarray(view.play_r_V if view else ())]
-    w = [np.asarray(view.play_w_um_per_V if view else ())]
-    start = [signal.start_plays_V]
-    for effect, params in signal.active:
-        if effect.plays is not None:
-            more_r, more_w, more_start = effect.plays(signal, params)
-            r, w, start = [*r, more_r], [*w, more_w], [*start, more_start]
-    return np.concatenate(r), np.concatenate(w), np.concatenate(start)
+    return bool(view is not None and view.play_r_V) or any(e.plays is not None for e, _ in signal.active)
 
 
 def untestable(signal: Signal) -> str | None:
-    return None if len(_plays(signal)[0]) else "the model has no hysteresis whose width could change"
+    return None if _has_loop(signal) else "the model has no hysteresis whose width could change"
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
-    widening, held = given.one("widening", low=0.0), given.one("held", low=0.0)
-    onset_V_per_s = given.one("onset_per_s", above=0.0) * axis.range_V
-    axis.widening(widening, onset_V_per_s, held, given.one("spread", above=0.0) if widening else 0.0)
+    growth, stribeck, coulomb = (given.one(name) for name in SIZES)
+    axis.friction((growth, stribeck, coulomb), given.one("onset_per_s", above=0.0), given.one("reach", above=0.0))
 
 
 EFFECT = Effect(
@@ -98,36 +86,37 @@ EFFECT = Effect(
     title="Rate dependence",
     place=Place.HYSTERESIS,
     order=2,
-    equation="y = x + sum_i (w_i / spread) (play_ri(t)[v] - play_ri[v]),  r_i = spread times the loop's own,  "
-    "r_i(t) = r_i (1 + widening log10(1 + abs(dv/dt) / (U onset_per_s))); of what is held back beyond "
-    "a threshold that shrinks the share `held` is let go only as the voltage moves on, the rest at once",
-    source="Ang, Khosla and Riviere 2007 (rate-dependent Prandtl-Ishlinskii); Al Janaideh, Rakheja and Su 2009 "
-    "(thresholds alpha ln(beta + lambda abs(dv/dt)))",
+    equation="y = x - X/2 f,  df/ds = (sign(dq/dt) g - f) / reach along the path s of q = x/X,  "
+    "g = coulomb - stribeck (1 - exp(-p)) + growth log10(1 + p),  p = abs(dq/dt) / onset_per_s",
+    source="Dahl 1976 (friction that comes to its level along the path); Canudas de Wit, Olsson, Astrom and Lischinsky "
+    "1995 (a level that depends on the speed; Stribeck's fall, here Tustin's exponential). The growth is that of the "
+    "rate-dependent Prandtl-Ishlinskii model, thresholds alpha ln(beta + lambda abs(dv/dt)) (Al Janaideh, Rakheja and "
+    "Su 2009). Over what path the level is reached does not depend on the level, so that it is linear in its sizes. It "
+    "acts beside hysteresis only: a loop alone is called that",
     parameters=(
-        Parameter("widening", "per decade", 0.2, 0.0, 1.5, doc="growth of every threshold per decade of rate"),
+        Parameter("growth", "of range", 0.02, -0.3, 0.3, doc="opening of the loop added per decade of rate"),
+        Parameter(
+            "stribeck", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening lost between rest and sliding"
+        ),
+        Parameter(
+            "coulomb", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening that is the same at every rate"
+        ),
         Parameter(
             "onset_per_s", "1/s", 1.0, 0.02, 100.0, role="shape", log=True, doc="ranges per second where it sets in"
         ),
         Parameter(
-            "spread",
-            "1",
-            1.0,
-            0.15,
-            1.0,
-            role="shape",
-            log=True,
-            absorbed_by_refit=True,
-            doc="thresholds of what widens, as a share of the loop's own",
+            "reach", "of range", 0.03, 0.002, 0.3, role="shape", log=True, doc="path after which friction has turned"
         ),
-        Parameter("held", "1", 1.0, 0.0, 1.0, role="shape", doc="share let go only as the voltage moves on"),
     ),
-    shows="loop width against the logarithm of frequency is a straight line, while the way stays the same",
+    shows="the loop widens with the logarithm of frequency, or narrows from rest to sliding, while the way stays the "
+    "same",
     reveals="the same full loop from 0.1 to 50 Hz, well below the first mode",
     confused_with=("hysteresis", "backlash", "creep", "amplifier_lowpass", "delay", "softening"),
-    compensation="Not from its parameters: the inverse operator is made for one rate. The phase-lead tables, measured "
-    "at several frequencies, hold it for periodic paths.",
+    compensation="Not from its parameters: friction depends on the speed of the path, and the inverse operator is made "
+    "for one rate. The phase-lead tables, measured at several frequencies, hold it for periodic paths.",
     apply=apply,
-    picture=Picture("loops", {"widening": 0.6}, base="plays"),
+    picture=Picture("loops", {"growth": 0.08}, base="plays"),
+    basis=basis,
     untestable=untestable,
     virtual=virtual,
 )

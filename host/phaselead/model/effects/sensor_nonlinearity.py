@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from phaselead.model.effects.interface import (
     CheckedParameters,
+    Derived,
     Effect,
     Parameter,
     Params,
     Picture,
     Place,
     Samples,
+    Scene,
     Signal,
     VirtualAxis,
     columns,
+    number,
     with_columns,
 )
-from phaselead.model.operator import ends_um
+from phaselead.model.operator import ends_um, range_um
 
 SIZES = ("quadratic", "cubic", "quartic", "linear")
+CURVE_POINTS = 401
+"""At which the largest error is looked for: within 1e-4 of it."""
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -27,13 +34,23 @@ def apply(signal: Signal, params: Params) -> Samples:
 def basis(signal: Signal, params: Params) -> Samples:
     low, high = ends_um(signal.axis)
     s = (2 * signal.value - (low + high)) / ((high - low) or 1.0)
-    bow = signal.range_um * (1 - s**2)
-    return columns(bow, 1.5 * 3**0.5 * s * bow, 4 * s**2 * bow, signal.range_um * (1 + s) / 2)
+    return np.asarray(signal.range_um * np.column_stack([_curves(s), (1 + s) / 2]))
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     quadratic, cubic, quartic, linear = (given.one(name) for name in SIZES)
     axis.sensor_curve(quadratic, cubic, quartic, linear)
+
+
+def _curves(s: Samples) -> Samples:
+    """(n, 3), of range, for s = -1..1: quadratic, cubic and quartic."""
+    bow = 1 - s**2
+    return columns(bow, 1.5 * 3**0.5 * s * bow, 4 * s**2 * bow)
+
+
+def _peak_um(params: Params, scene: Scene) -> float:
+    curve = _curves(np.linspace(-1, 1, CURVE_POINTS)) @ np.array([number(params, name) for name in SIZES[:3]])
+    return float(np.max(np.abs(curve))) * range_um(scene.axis)
 
 
 EFFECT = Effect(
@@ -59,6 +76,7 @@ EFFECT = Effect(
             doc="slope: its maker set the scale elsewhere",
         ),
     ),
+    derived=(Derived("peak_um", "um", _peak_um, doc="largest departure from a straight line over the range"),),
     shows="an error that depends on the position, not on the voltage: the same on both branches of the loop",
     reveals="a bias ladder of small loops; a second sensor settles it",
     confused_with=("asymmetric_hysteresis", "dac_nonlinearity", "saturation"),

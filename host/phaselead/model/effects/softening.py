@@ -46,12 +46,13 @@ def _strain(signal: Signal, params: Params) -> Samples:
 
 
 def _level(z: Samples, params: Params, step_s: float) -> Samples:
-    """sqrt(e) (n,)."""
-    return np.sqrt(np.maximum(relaxed(z**2, number(params, "tau_s"), step_s), 0.0))
+    """sqrt(e)^exponent (n,)."""
+    square = np.maximum(relaxed(z**2, number(params, "tau_s"), step_s), 0.0)
+    return np.asarray(square ** (number(params, "exponent") / 2))
 
 
 def push_level(push: Signal, params: Params) -> Samples:
-    """sqrt(e) (n,) of an actuator, from what it gives to the mechanics."""
+    """sqrt(e)^exponent (n,) of an actuator, from what it gives to the mechanics."""
     return _level(_strain(push, params), params, push.step_s)
 
 
@@ -79,7 +80,7 @@ def _drop(params: Params, zeta: Samples) -> Complex:
 
 
 def normalise(params: Params) -> Params:
-    return {"kappa": 0.0, "tau_s": EFFECT.parameter("tau_s").typical, "about_mean": 0.0, **params}
+    return {"kappa": 0.0, **{p.name: p.typical for p in EFFECT.shapes}, **params}
 
 
 def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
@@ -88,7 +89,8 @@ def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
-    axis.level_gain(given.one("kappa"), given.one("tau_s", above=0.0), given.one("about_mean"))
+    tau_s, exponent = given.one("tau_s", above=0.0), given.one("exponent", above=0.0)
+    axis.level_gain(given.one("kappa"), tau_s, given.one("about_mean"), exponent)
 
 
 EFFECT = Effect(
@@ -97,17 +99,19 @@ EFFECT = Effect(
     title="Softening",
     place=Place.HYSTERESIS,
     order=3,
-    equation="y = x + kappa X z sqrt(e),  tau_s de/dt = z^2 - e,  z = (x - x_rest)/X less "
+    equation="y = x + kappa X z L,  L = sqrt(e)^exponent,  tau_s de/dt = z^2 - e,  z = (x - x_rest)/X less "
     "about_mean times its slow mean",
-    source="Damjanovic 1998 (Rayleigh law: the piezo coefficient grows with the amplitude of the field), "
-    "with a recent level instead of the amplitude. The lists f_drop and zeta_rise move the modes of the resonance: "
-    "f_Hz (1 - f_drop sqrt(e)), zeta + zeta_rise sqrt(e), with e of what the actuator gives to the mechanics",
+    source="Damjanovic 1998 (Rayleigh law: the piezo coefficient grows with the amplitude of the field, exponent 1; "
+    "pinning of unequal depth gives other powers), with a recent level instead of the amplitude. The lists f_drop and "
+    "zeta_rise move the modes of the resonance: f_Hz (1 - f_drop L), zeta + zeta_rise L, with L of what the actuator "
+    "gives to the mechanics",
     parameters=(
         Parameter("kappa", "1", 0.15, -2.0, 2.0, doc="relative growth of the gain at a level (rms) of the whole range"),
         Parameter("tau_s", "s", 0.5, 0.02, 100.0, role="shape", log=True, doc="memory of the level"),
         Parameter(
             "about_mean", "1", 0.0, 0.0, 1.0, role="shape", doc="0: level counts from rest; 1: from the recent mean"
         ),
+        Parameter("exponent", "1", 1.0, 0.5, 2.0, role="shape", log=True, doc="power of the level; 1: Rayleigh's law"),
     ),
     shows="the gain rises by 3-6 % with the drive level and modes fall a little; odd, but it follows the level slowly",
     reveals="one multisine at several levels, each long enough for the level to settle",

@@ -83,8 +83,13 @@ class VirtualAxis:
         """A play: follow no closer than ``half``."""
         _refuse()
 
-    def level_gain(self, kappa: float, tau_s: float, about_mean: float) -> None:
-        """y = x + kappa X z sqrt(e), tau de/dt = z^2 - e, z = x / X less ``about_mean`` times its mean over tau."""
+    def level_gain(self, kappa: float, tau_s: float, about_mean: float, exponent: float) -> None:
+        """y = x + kappa X z sqrt(e)^exponent, tau de/dt = z^2 - e, z = x / X less ``about_mean`` times its mean over
+        tau."""
+        _refuse()
+
+    def stiffness(self, square: float, cube: float) -> None:
+        """y = x + X (square z^2 + cube z^3), z = x / X."""
         _refuse()
 
     def plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float], start_V: Sequence[float]) -> None:
@@ -95,12 +100,14 @@ class VirtualAxis:
         """Curvature of the loop, and the width of one end that the other lacks."""
         _refuse()
 
-    def widening(self, per_decade: float, onset_V_per_s: float, held: float, spread: float) -> None:
-        """Thresholds of all plays, ``spread`` times their own, that grow with the rate of the voltage."""
+    def friction(self, openings: tuple[float, float, float], onset_per_s: float, reach: float) -> None:
+        """Friction along the path, of range: what it gains per decade of rate above ``onset_per_s``, what it loses from
+        rest to sliding, and what it has at any rate; it turns within ``reach``. Without plays there is none."""
         _refuse()
 
-    def converter_curve(self, bow_V: float, s_V: float, segment_V: float, segments: float) -> None:
-        """Error of the output converter: a bow, an S and a sine of ``segments`` half-waves over all codes."""
+    def converter_errors(self, bow_LSB: float, bits_LSB: Sequence[float]) -> None:
+        """Errors of the output converter, 0 at its first code and its last: a bow over all codes, and excess weights of
+        its bits, the most significant first."""
         _refuse()
 
     def delay(self, delay_s: float) -> None:

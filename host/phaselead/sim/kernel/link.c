@@ -9,18 +9,6 @@ static double clamp(double x, double low, double high)
     return x < low ? low : x > high ? high : x;
 }
 
-/* How much wider every threshold is at the mean rate over the last tick: a converter's stairs have no rate of their
- * own. */
-static double widened(struct operator_state *o, double u_V)
-{
-    double before = o->recent_V[o->now];
-    o->recent_V[o->now] = u_V;
-    o->now = (o->now + 1) % LINK_SUBSTEPS;
-    if (o->with->widening == 0)
-        return 1;
-    return 1 + o->with->widening * log10(1 + fabs(u_V - before) / o->with->tick_s / o->with->onset_V_per_s);
-}
-
 static double square_of(const struct operator_parameters *p, double u_V)
 {
     double q = (2 * u_V - p->low_V - p->high_V) / (p->high_V - p->low_V);
@@ -46,16 +34,11 @@ static double asymmetry_um(struct operator_state *o, double u_V)
 static double operator_um(struct operator_state *o, double u_V)
 {
     const struct operator_parameters *p = o->with;
-    double x = p->gain_um_per_V * u_V, scale = widened(o, u_V), moved = fabs(u_V - o->last_V);
+    double x = p->gain_um_per_V * u_V;
     for (uint32_t i = 0; i < p->plays; i++) {
-        double widens = p->play_widens[i];
-        double reach = (1 + widens * (scale - 1)) * p->play_r_V[i], kept = fabs(o->last_V - o->play[i]) - moved;
-        if (kept > reach && widens != 0)
-            reach += p->held * (kept - reach);
-        o->play[i] = clamp(o->play[i], u_V - reach, u_V + reach);
+        o->play[i] = clamp(o->play[i], u_V - p->play_r_V[i], u_V + p->play_r_V[i]);
         x += p->play_w_um_per_V[i] * o->play[i];
     }
-    o->last_V = u_V;
     for (uint32_t i = 0; i < p->deadzones; i++)
         x += u_V > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (u_V - p->deadzone_d_V[i]) : 0;
     return x + asymmetry_um(o, u_V);
@@ -68,9 +51,6 @@ static void operator_rest(struct operator_state *o, double rest_V)
         o->play[i] = rest_V + p->play_start_V[i]; /* a rail keeps the voltage at the material off 0 */
     for (int i = 0; i < LINK_RING_PLAYS; i++)
         o->square_play[i] = square_of(p, rest_V);
-    for (int i = 0; i < LINK_SUBSTEPS; i++)
-        o->recent_V[i] = rest_V;
-    o->last_V = rest_V;
     o->rest_um = operator_um(o, rest_V);
 }
 
@@ -109,7 +89,9 @@ bool link_make(struct link *link, const struct link_parameters *from, struct ope
         link->out = 0;
         return true;
     default:
-        return from->kind <= LINK_BACKLASH;
+        for (int i = 0; i < LINK_SUBSTEPS; i++)
+            link->recent[i] = rest;
+        return from->kind <= LINK_STIFFNESS;
     }
 }
 
@@ -135,7 +117,21 @@ static double softening_step(struct link *link, double x)
     link->mean += share * (0.5 * (z + link->in / n[1]) - link->mean);
     z -= n[3] * link->mean;
     link->level += share * (z * z - link->level);
-    return x + n[0] * n[1] * z * sqrt(link->level);
+    return x + n[0] * n[1] * z * pow(link->level, n[4] / 2);
+}
+
+/* The rate is the mean over the last tick: a converter's stairs have no rate of their own. */
+static double friction_step(struct link *link, double x)
+{
+    const double *n = link->with->number;
+    double before = link->recent[link->now], moved = fabs(x - link->in) / n[0];
+    link->recent[link->now] = x;
+    link->now = (link->now + 1) % LINK_SUBSTEPS;
+    double rate = fabs(x - before) / n[0] / (link->step_s * LINK_SUBSTEPS) / n[2];
+    double level = n[3] * log10(1 + rate) - n[4] * (1 - exp(-rate)) + n[5];
+    double towards = x > link->in ? level : -level;
+    link->drag = towards + (link->drag - towards) * exp(-moved / n[1]);
+    return x - 0.5 * n[0] * link->drag;
 }
 
 double link_step(struct link *link, double x)
@@ -157,8 +153,14 @@ double link_step(struct link *link, double x)
     case LINK_SOFTENING:
         link->out = softening_step(link, x);
         break;
-    default: /* LINK_BACKLASH, as link_make() has seen to */
+    case LINK_BACKLASH:
         link->out = clamp(link->out, x - n[0], x + n[0]);
+        break;
+    case LINK_FRICTION:
+        link->out = friction_step(link, x);
+        break;
+    default: /* LINK_STIFFNESS, as link_make() has seen to */
+        link->out = x + x * (x / n[0]) * (n[1] + n[2] * (x / n[0]));
     }
     link->in = x;
     return link->out;

@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #define LINK_POLES 48
+#define LINK_NUMBERS 6
 #define LINK_PLAYS 192
 #define LINK_DEADZONES 32
 #define LINK_RING_PLAYS 8
@@ -18,34 +19,30 @@ enum link_kind {
     LINK_SLEW,          /* follows by at most number[0] a second */
     LINK_CLIP,          /* between number[0] and number[1] */
     LINK_OPERATOR,      /* the hysteresis operator: V in, um from rest out */
-    LINK_SOFTENING,     /* kappa, X, tau, share of the mean that does not count */
+    LINK_SOFTENING,     /* kappa, X, tau, share of the mean that does not count, power of the level */
     LINK_BACKLASH,      /* number[0]: half the slack */
+    LINK_FRICTION,      /* X, path to turn, onset in X/s, openings: growth per decade, loss to sliding, at any rate */
+    LINK_STIFFNESS,     /* X, added at the whole range, of it: in proportion to the square and to the cube */
 };
 
 struct link_parameters {
     uint32_t kind, poles;
-    double number[4];
+    double number[LINK_NUMBERS];
     double pole_re[LINK_POLES], pole_im[LINK_POLES], weight_re[LINK_POLES], weight_im[LINK_POLES];
 };
 
 struct operator_parameters { /* a stage file's time view, with what can bend its loops */
     double gain_um_per_V;
     double play_r_V[LINK_PLAYS], play_w_um_per_V[LINK_PLAYS], play_start_V[LINK_PLAYS];
-    double play_widens[LINK_PLAYS]; /* 1: with the rate of the voltage, as below; 0: never */
     double deadzone_d_V[LINK_DEADZONES], deadzone_s_um_per_V[LINK_DEADZONES];
-    double low_V, high_V;                   /* the voltages that shares below refer to */
-    double bend_um, skew_um, skew_reach;    /* asymmetry: common curvature, one-sided width */
-    double widening, onset_V_per_s, tick_s; /* growth of the thresholds per decade of rate over the last tick */
-    double held;                            /* share of what shrinking thresholds let go only as the voltage moves */
+    double low_V, high_V;                /* the voltages that shares below refer to */
+    double bend_um, skew_um, skew_reach; /* asymmetry: common curvature, one-sided width */
     uint32_t plays, deadzones;
 };
 
 struct operator_state {
     const struct operator_parameters *with;
     double play[LINK_PLAYS], square_play[LINK_RING_PLAYS];
-    double recent_V[LINK_SUBSTEPS];
-    double last_V;
-    unsigned now;
     double rest_um;
 };
 
@@ -55,7 +52,9 @@ struct link {
     double step_s, rest, in, out;                      /* `rest` of what goes in */
     double state_re[LINK_POLES], state_im[LINK_POLES]; /* of LINK_POLES_SUM */
     double decay_re[LINK_POLES], decay_im[LINK_POLES], behind_re[LINK_POLES], behind_im[LINK_POLES];
-    double mean, level; /* of LINK_SOFTENING */
+    double mean, level;                 /* of LINK_SOFTENING */
+    double recent[LINK_SUBSTEPS], drag; /* of LINK_FRICTION: what went in over the last tick, and the friction */
+    unsigned now;
 };
 
 /* At rest under `rest` volts, or micrometres beyond the operator; link->out is then what rests behind it. False when

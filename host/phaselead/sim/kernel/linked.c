@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PI 3.14159265358979323846
-
 struct axis {
     const struct linked_axis_parameters *with;
     struct operator_state operator;
@@ -117,11 +115,13 @@ void linked_sample(struct linked *linked, double sensed_um[LINKED_AXES], double 
     }
 }
 
-static double converter_curve_V(const struct linked_axis_parameters *p, double u_V)
+/* By the end-point method: 0 at the first code and at the last. */
+static double converter_error_V(const struct linked_axis_parameters *p, uint16_t code)
 {
-    double s = (2 * u_V - p->dac_low_V - p->dac_high_V) / (p->dac_high_V - p->dac_low_V), bow = 1 - s * s;
-    return p->dac_bow_V * bow + 1.5 * sqrt(3.0) * p->dac_s_V * s * bow +
-           p->dac_segment_V * sin(PI * p->dac_segments * s);
+    double share = code / 65535.0, lsb = p->dac_bow_LSB * 4 * share * (1 - share);
+    for (int i = 0; i < LINKED_TOP_BITS; i++)
+        lsb += p->dac_bit_LSB[i] * ((code >> (15 - i) & 1) - share);
+    return lsb * p->dac_V_per_code;
 }
 
 static void latch(struct axis *axis, uint16_t code, uint64_t tick)
@@ -130,7 +130,8 @@ static void latch(struct axis *axis, uint16_t code, uint64_t tick)
         const struct linked_axis_parameters *p = axis->with;
         double u_V = (code - p->dac_zero_code) * p->dac_V_per_code;
         axis->dac_code = code;
-        axis->drive_V = u_V + converter_curve_V(p, u_V) - converter_curve_V(p, 0);
+        uint16_t zero = (uint16_t)fmin(fmax(round(p->dac_zero_code), 0), 65535);
+        axis->drive_V = u_V + converter_error_V(p, code) - converter_error_V(p, zero);
     }
     axis->sent_V[tick % axis->ring] = axis->drive_V;
 }

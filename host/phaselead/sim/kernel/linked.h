@@ -12,11 +12,11 @@
 #define LINKED_AXES 3
 #define LINKED_LINKS 16
 #define LINKED_SENSOR_LINKS 4
+#define LINKED_TOP_BITS 8
 
 struct linked_axis_parameters {
     double dac_zero_code, dac_V_per_code;
-    double dac_low_V, dac_high_V; /* of all codes */
-    double dac_bow_V, dac_s_V, dac_segment_V, dac_segments;
+    double dac_bow_LSB, dac_bit_LSB[LINKED_TOP_BITS]; /* bow over all codes; excess weights, the first bit's first */
     double delay_s; /* from the sample of a tick to the arrival of that tick's voltage */
     double offset_um;
     double from_um_per_um[LINKED_AXES], from_lag_s; /* motion of the others, beside the matrix */

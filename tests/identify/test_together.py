@@ -1,4 +1,4 @@
-"""An operator and a mode that each fit what the other leaves."""
+"""An operator and a mode, each fitted with the other in place."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from phaselead.identify.modal import one_axis
-from phaselead.identify.modal.one_axis import FittedModes, fit_in_turn
+from phaselead.identify.modal.one_axis import FittedModes, fit_together
+from phaselead.identify.modal.shown_modes import ShownModes
 from phaselead.identify.operator import OperatorFit, fit_operator
 from phaselead.identify.runs import AxisRun, period_s
 
@@ -62,28 +63,21 @@ def assert_parted(operator: OperatorFit, mode: FittedModes | None, runs: list[Ax
 
 
 def test_operator_and_mode_part(runs):
-    operator, mode = fit_in_turn(runs)
+    operator, mode = fit_together(runs)
     assert_parted(operator, mode, runs)
 
 
-def test_an_operator_that_ringing_led_astray_is_found_from_a_line(runs, monkeypatch):
-    """As on stages of zeta 0.013 whose jumps outweigh all else: behind that operator no mode pays."""
-    found_by = one_axis.find_modes
-    asked = []
-
-    def blind_at_first(view, runs, known=None):
-        asked.append(view)
-        return None if len(asked) == 1 else found_by(view, runs, known)
-
-    monkeypatch.setattr(one_axis, "find_modes", blind_at_first)
-    operator, mode = fit_in_turn(runs)
+def test_they_part_from_the_ringing_alone_too(runs, monkeypatch):
+    """Where no response shows the mode, the fit starts from what rings in the operator's residual."""
+    monkeypatch.setattr(one_axis, "modes_shown", lambda response: ShownModes((), 0.0))
+    operator, mode = fit_together(runs)
     assert_parted(operator, mode, runs)
 
 
 def test_a_stage_that_does_not_ring_keeps_its_operator(runs):
     calm = [replace(r, x_um=plays(r.u_V) + 0.01 * np.random.default_rng(i).standard_normal(len(r.u_V)))
             for i, r in enumerate(runs)]  # fmt: skip
-    operator, mode = fit_in_turn(calm)
+    operator, mode = fit_together(calm)
     assert mode is None
     assert operator.view == fit_operator(calm).view
 

@@ -1,0 +1,269 @@
+"""``fit`` on what a laboratory hands over: slow and fast, loops in front, idle, any range, rate and sign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from any_stage import (
+    NO_MODE,
+    ONE_MODE,
+    AnyStage,
+    Array,
+    bouc_wen,
+    full_loop,
+    held_out,
+    laboratory,
+    multisine,
+    ramp,
+    record_of,
+    slow_sine,
+    steps,
+)
+
+from phaselead.errors import BadInput
+from phaselead.identify.fitting import fit
+from phaselead.model.axis import LONGEST_DELAY_S
+from phaselead.model.prediction import predict
+from phaselead.model.stage_file import Stage, parse_stage, stage_text
+from phaselead.record.recording import AxisRecord, Recording
+
+RATE_HZ, COARSE_HZ = 5000.0, 2500.0
+QUICK = ("small sine", "steps", "multisine")
+
+
+def left_um(stage: Stage, recording: Recording) -> float:
+    """Rms of what the stage leaves, the record's own offset aside."""
+    x, model = recording.axes["x"].x_um, predict(stage, recording).axes["x"].x_um
+    assert x is not None
+    assert model is not None
+    return float(np.std(x - model))
+
+
+def modes_of(stage: Stage) -> list[tuple[float, float, float]]:
+    """Share, Hz and damping of every adopted mode."""
+    found = []
+    for effect in stage.axis("x").effects:
+        f_Hz, zeta = (np.atleast_1d(effect.params[key]) for key in ("f_Hz", "zeta"))
+        found += list(zip(np.atleast_1d(effect.params.get("c", 1.0)), f_Hz, zeta, strict=True))
+    return found
+
+
+def changed(
+    r: Recording,
+    u: Callable[[Array], Array] = lambda u: u,
+    x: Callable[[Array], Array] = lambda x: x,
+    late_s: float = 0,
+) -> Recording:
+    axis = r.axes["x"]
+    return replace(r, t_s=r.t_s + late_s, axes={"x": AxisRecord(u(axis.u_V), x(axis.x_um))})
+
+
+MECHANICS = {
+    "none": (),
+    "one mode": ((1.0, 430.0, 0.036),),
+    "two modes": ((0.8, 210.0, 0.02), (0.2, 480.0, 0.03)),
+    "zeros above": ((0.15, 300.0, 0.02),),
+    "zeros between": ((1.3, 200.0, 0.02), (-0.3, 350.0, 0.02)),
+    "hardly damped": ((1.0, 330.0, 0.005),),
+    "well damped": ((1.0, 300.0, 0.3),),
+    "slow": ((1.0, 69.0, 0.02),),
+}
+
+
+@pytest.mark.parametrize("mechanics", MECHANICS.values(), ids=MECHANICS)
+def test_operator_modes_and_delay_are_found_together(mechanics):
+    """Down to the noise of 11 nm, on 100 um."""
+    stage = replace(NO_MODE, modes=mechanics, delay_s=1 / COARSE_HZ)
+    fitted, report = fit(laboratory(stage, COARSE_HZ, only=QUICK))
+    found = modes_of(fitted)
+    assert len(found) == len(mechanics)
+    for one, true in zip(found, mechanics, strict=True):
+        assert one == pytest.approx(true, rel=0.02)
+    assert fitted.axis("x").time.delay_s == pytest.approx(stage.delay_s, abs=1e-5)
+    assert left_um(fitted, held_out(stage, COARSE_HZ)) < 0.03
+    assert any(("a mode at" if mechanics else "shows no mode up to 6") in line for line in report.messages)
+
+
+def test_every_record_of_the_laboratory_is_used():
+    """Ramp, idle stretch and small sine after a full loop too, two of six in another session."""
+    records = [
+        changed(r, x=lambda x, i=i: x + 5.0 * (i in (1, 4))) for i, r in enumerate(laboratory(ONE_MODE, RATE_HZ))
+    ]
+    fitted, report = fit(records)
+    assert report.left_out == []
+    assert {r.source for r in report.time["x"].records} == {r.source for r in records}
+    assert left_um(fitted, held_out(ONE_MODE, RATE_HZ)) < 0.02
+    assert all(r.rms_um < 0.02 for r in report.time["x"].records)
+
+
+def test_a_memory_that_no_operator_follows_hides_no_mode():
+    """Bouc-Wen loops do not close; what is left is theirs, and no more with a mode than without."""
+    without, _ = fit(laboratory(replace(NO_MODE, memory=bouc_wen), RATE_HZ, only=QUICK))
+    fitted, _ = fit(laboratory(replace(ONE_MODE, memory=bouc_wen), RATE_HZ, only=QUICK))
+    ((_, f_Hz, _),) = modes_of(fitted)
+    assert f_Hz == pytest.approx(430.0, rel=0.01)
+    assert fitted.axis("x").time.residual_um_rms < 1.2 * without.axis("x").time.residual_um_rms
+
+
+@pytest.mark.parametrize("delay_s", [1e-3, 2e-2])
+def test_a_delay_of_many_periods_is_found(delay_s):
+    stage = replace(ONE_MODE, delay_s=delay_s)
+    fitted, _ = fit(laboratory(stage, COARSE_HZ, only=QUICK))
+    assert fitted.axis("x").time.delay_s == pytest.approx(delay_s, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("rate_Hz", "span_V", "um_per_V"), [(200.0, 5.0, 0.4), (1000.0, 800.0, 1.0), (50e3, 10.0, 10.0)]
+)
+def test_any_rate_and_range(rate_Hz, span_V, um_per_V):
+    """2 um of 5 V at 200 Hz, 800 um of 800 V at 1 kHz, 50 kHz; the mode at a tenth of the rate or 430 Hz."""
+    f_Hz = min(rate_Hz / 12, 430.0)
+    stage = AnyStage(((1.0, f_Hz, 0.036),), um_per_V, span_V, 0.4 / rate_Hz, 1e-4 * um_per_V * span_V)
+    top_Hz = 1.6 * f_Hz
+    waves = {
+        "steps": steps(span_V, rate_Hz, max(0.008, 2 / rate_Hz)),
+        "multisine": multisine(span_V, rate_Hz, top_Hz=top_Hz),
+    }
+    seconds = 0.8 if rate_Hz > 10e3 else 2.0
+    records = [
+        record_of(stage, np.concatenate([full_loop(span_V, rate_Hz), u[: round(seconds * rate_Hz)]]), rate_Hz, i, name)
+        for i, (name, u) in enumerate(waves.items())
+    ]
+    fitted, _ = fit(records)
+    ((_, found_Hz, zeta),) = modes_of(fitted)
+    assert (found_Hz, zeta) == pytest.approx((f_Hz, 0.036), rel=0.03)
+    assert fitted.axis("x").time.residual_um_rms < 1e-3 * um_per_V * span_V
+
+
+def test_what_nothing_drives_is_not_found_and_said():
+    records = laboratory(ONE_MODE, RATE_HZ, only=("sine", "ramp", "idle"))
+    fitted, report = fit(records)
+    assert modes_of(fitted) == []
+    assert any("shows no mode up to" in line for line in report.messages)
+
+
+@pytest.fixture(scope="module")
+def few() -> list[Recording]:
+    return laboratory(ONE_MODE, COARSE_HZ, only=("sine", "steps", "multisine"))
+
+
+@pytest.fixture(scope="module")
+def judged() -> Recording:
+    return held_out(ONE_MODE, COARSE_HZ)
+
+
+def answer(records: list[Recording], judged: Recording) -> Array:
+    x = predict(fit(records)[0], judged).axes["x"].x_um
+    assert x is not None
+    return x
+
+
+@pytest.fixture(scope="module")
+def plain(few, judged) -> Array:
+    return answer(few, judged)
+
+
+@pytest.mark.parametrize(
+    ("u", "x", "late_s"),
+    [(1.0, 1e3, 0.0), (1e-3, 1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (1.0, 1.0, 1e4)],
+    ids=["nm", "kV", "sensor counts backwards", "voltage turned round", "later"],
+)
+def test_units_signs_and_time_do_not_matter(few, judged, plain, u, x, late_s):
+    """0.1 % of the range at most."""
+
+    def seen(record):
+        return changed(record, lambda volts: u * volts, lambda um: x * um, late_s)
+
+    found = answer([seen(r) for r in few], seen(judged)) / x
+    assert np.std(found - plain) < 1e-3 * np.ptp(plain)
+
+
+def test_the_order_of_records_does_not_matter(few, judged, plain):
+    assert np.std(answer(few[::-1], judged) - plain) < 1e-4 * np.ptp(plain)
+
+
+@pytest.mark.parametrize(("which", "at_s"), [(0, 2.3), (1, 2.0), (2, 2.5)])
+def test_a_record_cut_in_two_shows_the_same(few, judged, plain, which, at_s):
+    """Even where the second part begins in motion, with a memory that it must tell by itself: 0.05 % of the range."""
+    rows = round(COARSE_HZ * at_s)
+    whole = few[which]
+    axis = whole.axes["x"]
+    parts = [
+        replace(whole, t_s=whole.t_s[part], axes={"x": AxisRecord(axis.u_V[part], axis.x_um[part])}, source=name)
+        for name, part in (("first part", slice(0, rows)), ("second part", slice(rows, None)))
+    ]
+    found = answer([*parts, *(r for r in few if r is not whole)], judged)
+    assert np.std(found - plain) < 5e-4 * np.ptp(plain)
+
+
+def test_what_cannot_be_used_is_left_out_and_said(few):
+    still = changed(few[0], u=lambda u: np.full_like(u, 2.0))
+    clipped = replace(changed(few[0], x=lambda x: np.minimum(x, 50.0)), source="the clipped one")
+    stage, report = fit([*few, replace(still, source="the idle one", sha256="f" * 64), clipped])
+    assert len(report.left_out) == 2
+    assert all("\n" not in line for line in report.left_out)
+    assert any("the idle one" in line and "never moves" in line for line in report.left_out)
+    assert any("the clipped one" in line for line in report.left_out)
+    assert sum(line.startswith("left out: the ") for line in report.lines()) == 2
+    assert report.as_dict()["left_out"] == report.left_out
+    assert stage.provenance.left_out == tuple(report.left_out)
+    assert "f" * 64 not in {source.sha256 for source in stage.provenance.data}
+    assert parse_stage(stage_text(stage)) == stage
+    with pytest.raises(BadInput, match="never moves"):
+        fit([still])
+
+
+def test_a_set_without_a_loop_is_refused():
+    one_way = record_of(NO_MODE, ramp(10.0, 500.0), 500.0, 0, "ramp")
+    with pytest.raises(BadInput, match=r"ramp: .* turns round less than twice"):
+        fit([one_way, one_way])
+    loop = record_of(NO_MODE, slow_sine(10.0, 500.0, 1.0), 500.0, 1, "loop")
+    assert fit([one_way, loop])[1].left_out == []
+
+
+def test_a_sensor_that_counts_backwards_has_a_negative_gain(few):
+    stage, report = fit([changed(r, x=lambda x: -x) for r in few])
+    view = stage.axis("x").time
+    assert view.gain_um_per_V < 0
+    assert max(view.play_w_um_per_V) <= 0
+    assert parse_stage(stage_text(stage)) == stage
+    assert any("rises with the voltage" in line for line in report.messages)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("mechanics", ["one mode", "slow"])
+def test_a_line_has_the_gain_of_slow_motion(mechanics, sign):
+    """On broadband records too, where the position mostly runs against the voltage; signed."""
+    stage = AnyStage(MECHANICS[mechanics], um_per_V=20.0 * sign, memory=lambda u, span: u)
+    (record,) = laboratory(stage, RATE_HZ, only=("multisine",))
+    u = record.axes["x"].u_V
+    alone = Recording(record.t_s[5000:], {"x": AxisRecord(u[5000:], record.axes["x"].x_um[5000:])}, source="multisine")
+    fitted, _ = fit([alone], base="linear")
+    assert fitted.axis("x").time.gain_um_per_V == pytest.approx(20.0 * sign, rel=0.01)
+    assert fitted.axis("x").effects == ()
+
+
+@pytest.mark.parametrize("base", ["operator", "linear"])
+def test_a_slow_answer_stays_below_the_longest_delay(base):
+    """Once a ValidationError: a tenth of a period of 1000 s is more than a stage file takes."""
+    stage = AnyStage(delay_s=30.0)
+    waves = [slow_sine(10.0, 0.2, share, f_Hz) for share, f_Hz in ((1.0, 1e-3), (0.5, 2e-3))]
+    records = [record_of(stage, u, 0.2, i, f"{i}") for i, u in enumerate(waves)]
+    fitted, _ = fit(records, base=base)
+    assert fitted.axis("x").time.delay_s <= LONGEST_DELAY_S
+
+
+@pytest.mark.parametrize("um_per_V", [0.1, -0.1])
+@pytest.mark.parametrize("noise_um", [0.0, 0.01])
+@pytest.mark.parametrize("memory", [lambda u, span: u, AnyStage.memory])
+def test_loops_of_800_V(um_per_V, noise_um, memory):
+    """Once a division by zero behind an operator that did not move at all; an exact line once was singular."""
+    stage = AnyStage(um_per_V=um_per_V, span_V=800.0, noise_um=noise_um, memory=memory, delay_s=0.0)
+    t = np.arange(1500) / 500.0
+    waves = [share * 800.0 * (1 - np.abs(2 * (t % 1) - 1)) for share in (1.0, 0.5)]
+    fitted, _ = fit([record_of(stage, u, 500.0, i, f"{i}") for i, u in enumerate(waves)])
+    assert fitted.axis("x").time.residual_um_rms < 0.05
+    assert np.sign(fitted.axis("x").time.gain_um_per_V) == np.sign(um_per_V)
