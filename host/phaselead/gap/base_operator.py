@@ -15,17 +15,12 @@ from phaselead.gap.problem import make_problem
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import refit
 from phaselead.gap.residual import modelled_run
-from phaselead.gap.savings import probability_by_chance, saved_by_block
+from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.scan import refit_best, scan
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
 from phaselead.model import AxisModel, Effect
 from phaselead.record import Samples
-
-
-BY_CHANCE = 0.01
-"""Probability that plays are given which predict the held-out records no better than the line does."""
-
 
 def find_memory(
     axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, seed: int
@@ -49,7 +44,9 @@ def find_memory(
     held = [run for run in runs if run.role == "holdout"]
     as_line = [modelled_run(axis, run) for run in held]
     saved = saved_by_block(as_line, (), [modelled_run(given, run) for run in held], ())
-    others = [saved_by_block(as_line, (), as_line, one.entries).sum() for n, one in tried.items() if n != becoming[0].name]
+    others = [
+        saved_by_block(as_line, (), as_line, one.entries).sum() for n, one in tried.items() if n != becoming[0].name
+    ]
     chance = probability_by_chance(saved)
     described = tried.get(becoming[0].name)
     if chance > BY_CHANCE or saved.sum() <= max(others, default=0.0) or described is None:

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.gap.comparison import residual_amounts
-from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.discrepancy import Discrepancy, residual_amounts
 from phaselead.gap.findings import ONE_SIDED_95, Bound, Estimate, NamedEffect
 from phaselead.gap.metric import Regressors
 from phaselead.gap.refit import Fitted, from_internal, to_internal
 from phaselead.gap.scan import ScannedShape, full_moments, projection, scan, with_free
-from phaselead.gap.search import Selection
+from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Parameter, catalogue
 from phaselead.record import Samples
 
@@ -22,8 +21,6 @@ BOOTSTRAP_DRAWS = 400
 EQUATION_MISFIT = 1.5
 """A stage's own effect has not quite the catalogue's equation, so that these records may show less of it than there is:
 by up to a third on trials."""
-NEAR_SCORE_SHARE = 0.5
-"""Share of the score of a named effect from which a rival came near it."""
 HOPELESS = 20.0
 """An effect whose bound lies this many typical sizes up is not tested by these records."""
 MANY_TIMES = 1000.0
@@ -123,15 +120,11 @@ def _hidden(times: float) -> str:
 
 
 def _in_place_of_a_named(selection: Selection, effect: Effect) -> float:
-    """Its size when it was fitted in the place of an effect that was named, where its score came near: should the name
-    be wrong, it may be that large. Otherwise 0."""
-    near = [
-        rival.fitted.entries[-1][1]
-        for one in selection.named
-        for rival in one.rivals
-        if rival.effect.name == effect.name and rival.score > NEAR_SCORE_SHARE * one.score
-    ]
-    return max((abs(params[effect.sizes[0].name]) for params in near), default=0.0)
+    """Its size where it stands in the place of an effect that is tied with it: should that be wrong, it may be that
+    large. Otherwise 0."""
+    sets = [rival for claim in selection.claims for rival in claim.rivals]
+    sizes = [abs(params[effect.sizes[0].name]) for rival in sets for e, params in rival if e.name == effect.name]
+    return max(sizes, default=0.0)
 
 
 def _upper(scanned: ScannedShape) -> float:

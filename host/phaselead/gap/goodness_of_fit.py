@@ -9,15 +9,14 @@ import numpy as np
 from scipy.stats import mannwhitneyu
 
 from phaselead.gap.base_operator import with_operator
-from phaselead.gap.comparison import residual_amounts
-from phaselead.gap.discrepancy import Discrepancy
+from phaselead.gap.discrepancy import Discrepancy, residual_amounts
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.metric import Regressors
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.refit import Fitted, SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
-from phaselead.gap.search import Selection
+from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
 from phaselead.model import AxisModel
 from phaselead.record import Samples
@@ -29,10 +28,6 @@ CLEARLY_ABOVE_FLOOR = 2.0
 is structure whatever a rank test says: a stop met now and then fills too few blocks for ranks."""
 STRUCTURE_P, STRUCTURE_SHARE, STRUCTURE_CHI2 = 1e-3, 0.02, 1.3
 """Significance, share of the power and excess of chi^2 that structure must have, all three."""
-MOST_LEFT_um, FINE_LEFT_um, MOST_LEFT_WHITENED = 0.5, 0.07, 0.2
-"""Shares of the power that is new since the reference. Names that leave more than the first of it in um are the
-catalogue's nearest and not what it is, and so are names that leave more than the second in um and more than the third
-in the metric."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +116,7 @@ def final_fit(selection: Selection, runs: Sequence[GapRun]) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
     now to what the effects leave."""
     axis, fitted = selection.problem.axis, selection.fitted
-    if selection.operator is not None and fitted.entries:
+    if selection.memory is not None and fitted.entries:
         axis = _refitted_operator(axis, fitted, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
@@ -192,25 +187,6 @@ def much_predictable(left: Unexplained, gap: GapSize, claimed: bool) -> bool:
     """
     predicted_um2 = left.share * gap.after**2
     return left.something_missing and (not claimed or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
-
-
-def names_leave_too_much(selection: Selection, final: FinalFit) -> bool:
-    """Whether the names explain so little of what is new since the reference that something else must be behind it.
-
-    Judged by the power in um^2 of the held-out records, and in the metric by that of the training records. What is slow
-    has moved the records' offsets before they began: that shows in um and is no fault of a name.
-    """
-    problem, gap = selection.problem, final.gap
-    if problem.reference is None or not selection.named or gap.after < CLEARLY_ABOVE_FLOOR * gap.floor:
-        return False
-    left = (gap.after**2 - gap.floor**2) / max(gap.before**2 - gap.floor**2, 1e-30)
-    slow = any(one.effect.slow for one in selection.named)
-    if left <= FINE_LEFT_um or (left >= MOST_LEFT_um and not slow):
-        return left >= MOST_LEFT_um
-    known = float(_mean_squares(problem.reference, problem.discrepancy, ()).mean())
-    before = float(_mean_squares(problem.train_common, problem.discrepancy, ()).mean())
-    after = float(_mean_squares(problem.train_common, problem.discrepancy, selection.fitted.entries).mean())
-    return after - known > MOST_LEFT_WHITENED * (before - known)
 
 
 def _mean_squares(regressors: Regressors, discrepancy: Discrepancy, entries: tuple[SizedEffect, ...]) -> Samples:

@@ -15,7 +15,7 @@ from phaselead.gap.discrepancy import (
     inflation_by_reference,
     reference_discrepancy,
 )
-from phaselead.gap.metric import Regressors, fair_weights, metric_of, noise_of, whitened_regressors
+from phaselead.gap.metric import Regressors, fair_weights, metric_of, noise_of, repetition, whitened_regressors
 from phaselead.gap.noise import Noise, as_idle
 from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import (
@@ -113,7 +113,9 @@ def make_problem(
     common = on_train.restricted(layout.common())
     on_held = whitened_regressors(metric_of(held, noise), layout.coarser(), of_held)
     on_held = _weighed(on_held, of_held, discrepancy)
-    return Problem(axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, frozen, inflation)
+    return Problem(
+        axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, frozen, inflation
+    )
 
 
 def _by_role(every: Sequence[ModelledRun]) -> list[list[ModelledRun]]:
@@ -213,5 +215,12 @@ def _weighed(found: Regressors, simulated: Sequence[SimulatedRegressors], discre
         moments = found.with_columns([e[:, None] for e in errors])
         amounts = flexible_residual(moments, discrepancy, np.arange(found.size), found.size)
         left = found.unweighted(np.einsum("i,bij,j->b", amounts, moments, amounts))
-        found = found.reweighted([fair_weights(part, r) for part, r in zip(left, rows, strict=True)])
+        again = [_repeated(found, i, amounts, e) for i, e in enumerate(errors)]
+        found = found.reweighted([fair_weights(part, r, n) for part, r, n in zip(left, rows, again, strict=True)])
     return found
+
+
+def _repeated(found: Regressors, index: int, amounts: Samples, error: Samples) -> float:
+    """By how much what flexible regressors leave of a run only repeats itself from period to period."""
+    white = found.projected[index] @ amounts[found.live] + found.metric.project(index, error[:, None])[:, 0]
+    return repetition(white, found.metric.modelled_runs[index].period_rows)

@@ -17,12 +17,10 @@ from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.problem import make_problem
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import SizedEffect, refit
-from phaselead.gap.savings import probability_by_chance, saved_by_block
+from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.scan import refit_best, scan
 from phaselead.model import AxisModel, Effect
 
-BY_CHANCE = 0.01
-"""Probability that a step adopts what predicts no better, over all that it compares (Bonferroni)."""
 MOST_PROVISIONAL = 3
 """Effects that are adopted one after the other: as many as the trials hide."""
 

@@ -12,6 +12,9 @@ from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
+BY_CHANCE = 0.01
+"""Probability from which a saving is no chance."""
+
 
 def saved_by_block(
     before: Sequence[ModelledRun],

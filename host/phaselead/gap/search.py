@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.findings import NAMED, Candidate
-from phaselead.gap.posterior import Contest, Judgement, intervals, judge, search_sets
+from phaselead.gap.posterior import Claim, Contest, Judgement, intervals, judge, search_sets
 from phaselead.gap.problem import Problem, make_problem, with_effects
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, SizedEffect, squares_left
+from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection
 from phaselead.model import AxisModel, Effect
 
@@ -36,7 +35,8 @@ def select_effects(
     problem = make_problem(base, runs, left, frozen, open_plays=memory is not None)
     contest = search_sets(problem, left, lambda share: on_progress(0.2 + 0.8 * share))
     found = judge(contest)
-    claimed = {name for claim in found.claims for name in claim.tied}
+    claims = _that_pay(problem, found)
+    claimed = {claim.effect.name for claim in claims}
     entries = tuple(entry for entry in found.best.entries if entry[0].name in claimed)
     values = intervals(entries, contest.solver.spread(entries)) if entries else []
     after = with_effects(problem, entries) if entries else problem
@@ -44,11 +44,23 @@ def select_effects(
         after,
         axis,
         _fitted(after, entries),
-        found.claims,
+        claims,
         {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
         _candidates(contest, found),
         memory,
     )
+
+
+def _that_pay(problem: Problem, found: Judgement) -> tuple[Claim, ...]:
+    """The claims without which the held-out records are not predicted better, in um, than with them."""
+    held, kept = problem.holdout.metric.modelled_runs, list(found.claims)
+    for claim in found.claims:
+        names = {one.effect.name for one in kept}
+        entries = [entry for entry in found.best.entries if entry[0].name in names]
+        without = [entry for entry in entries if entry[0].name != claim.effect.name]
+        if probability_by_chance(saved_by_block(held, entries, held, without)) < BY_CHANCE:
+            kept.remove(claim)
+    return tuple(kept)
 
 
 def _fitted(problem: Problem, entries: tuple[SizedEffect, ...]) -> Fitted:

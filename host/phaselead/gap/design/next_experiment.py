@@ -13,20 +13,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.gap.acceptance import Named
-from phaselead.gap.comparison import TIE, Rival
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_PROPOSED_s, excitations, span_V
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
+from phaselead.gap.posterior import Claim
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import fresh_columns
+from phaselead.gap.refit import Fitted, SizedEffect, fresh_columns, squares_left, with_total
 from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun, modelled_run
-from phaselead.gap.search import Selection
+from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
+TIE = 37.0
+"""Squared whitened distance below which two effects, each at its best, cannot be told apart: errors of 1 in 1000."""
 MOST_PREDICTED_ROWS = 10_000
 """Of one prediction; longer excitations are predicted at a coarser step."""
 MOST_MEMBERS = 4
@@ -37,8 +38,6 @@ VOLTAGE_SLACK = 0.02
 """Share of the span of the fitted voltages by which a drive may leave it."""
 APPROACH_s = 0.1
 """At the start, not counted: the output jumps to its first voltage, which the waveform is not chosen for."""
-NEAR_TIE = 10.0
-"""In units of the separation that breaks a tie: rivals that are fewer points behind are told apart as well."""
 ENOUGH_SEPARATION = 30.0
 """In the same units: more separation is of no use, a shorter experiment is better."""
 SEPARATION_MARGIN = 2.0
@@ -56,18 +55,17 @@ SENSORS = {
 class Member:
     """One member of a tie, and what the present records say about its parameters and those of the base."""
 
-    rival: Rival
+    fitted: Fitted
+    """The set that has it, with the sum of its moments."""
     known: Samples
     """Information matrix (k, k): the base's columns, then the parameters of all effects, in the units of the refit."""
 
 
-def propose(selection: Selection, tied: Named, label: str | None) -> NextExperiment | None:
+def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
-    rivals = [r for r in tied.rivals if r.effect.name in tied.tied]
-    if len(rivals) < 2 or selection.problem.axis.time is None:
+    if len(tied.rivals) < 2 or selection.problem.axis.time is None:
         return None
-    rivals += [r for r in tied.rivals if r.effect.name not in tied.tied and _near(r, rivals)]
-    members = [Member(r, _known(selection, r)) for r in rivals[:MOST_MEMBERS]]
+    members = [_member(selection, entries) for entries in tied.rivals[:MOST_MEMBERS]]
     step_s = selection.problem.train_runs()[0].run.step_s
     tried = [
         (option, _separation(selection, option, members, step_s))
@@ -76,16 +74,18 @@ def propose(selection: Selection, tied: Named, label: str | None) -> NextExperim
     if not tried:
         return None
     option, apart = _long_enough(*max(tried, key=lambda one: _worth(*one)))
-    sensor = None if apart >= TIE else sensor_for([r.effect for r in rivals if r.effect.name in tied.tied])
+    sensor = None if apart >= TIE else sensor_for([entries[-1][0] for entries in tied.rivals])
     return NextExperiment(
         option.waveform, option.level_V, option.band_Hz, option.bias_V, label, option.seconds, apart, sensor
     )
 
 
-def _near(rival: Rival, tied: Sequence[Rival]) -> bool:
-    """Whether a rival outside the tie could belong to it: few points behind, and known to look like a member."""
-    behind = tied[0].score - rival.score
-    return behind < NEAR_TIE * TIE and any(rival.effect.name in r.effect.confused_with for r in tied)
+def _member(selection: Selection, entries: tuple[SizedEffect, ...]) -> Member:
+    """A member of a tie from the set that has it."""
+    problem = selection.problem
+    fitted = Fitted(entries, squares_left(problem.train_common, problem.discrepancy, entries))
+    fitted = with_total(problem.train_common, fitted)
+    return Member(fitted, _known(selection, fitted))
 
 
 def _worth(option: Excitation, apart: float) -> tuple[float, float]:
@@ -102,15 +102,15 @@ def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
     return replace(option, seconds=longest), apart / option.seconds * longest
 
 
-def _known(selection: Selection, rival: Rival) -> Samples:
+def _known(selection: Selection, fitted: Fitted) -> Samples:
     """Information matrix of a member's columns, from the moments of its refit and what is known of the base."""
-    total = rival.fitted.total
+    total = fitted.total
     correction, k = selection.problem.discrepancy, len(selection.problem.layout.common())
     assert total is not None
     size = len(total) - 1
-    if size != k + rival.fitted.n_tangents:  # the base was given an operator since
-        return np.eye(selection.problem.layout.n_base + rival.fitted.n_tangents)
-    inner = total[:size, :size] / selection.inflation
+    if size != k + fitted.n_tangents:  # the base was given an operator since
+        return np.eye(selection.problem.layout.n_base + fitted.n_tangents)
+    inner = total[:size, :size]
     inner[np.ix_(correction.index, correction.index)] += correction.precision
     base = np.arange(k - selection.problem.layout.n_base, k)
     kept = np.concatenate([base, np.arange(k, size)])
@@ -137,23 +137,23 @@ def _separation(selection: Selection, option: Excitation, members: Sequence[Memb
     start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
     run = GapRun("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
     made = modelled_run(selection.problem.axis, run)
-    shown = [made.answer(m.rival.fitted.entries) for m in members]
+    shown = [made.answer(m.fitted.entries) for m in members]
     if not _within_sensor(selection, shown) or not _within_fitted_voltages(selection, made, members):
         return 0.0
     metric = metric_of([made], coarser(selection.problem.noise, every))
-    base = metric.project(0, base_columns(made, selection.problem.freedom, members[0].rival.fitted.entries))
+    base = metric.project(0, base_columns(made, selection.problem.freedom, members[0].fitted.entries))
     answers = [metric.project(0, answer[:, None])[:, 0] for answer in shown]
     least = np.inf
     for j, member in enumerate(members[1:], 1):
-        fitted = member.rival.fitted
+        fitted = member.fitted
         tangents = metric.project(0, fresh_columns(made, fitted.entries, fitted.free)[:, :-1])
         columns = np.concatenate([base, tangents], axis=1)
-        normal = columns.T @ columns / selection.inflation + member.known
+        normal = columns.T @ columns + member.known
         normal += 1e-9 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
         for answer in answers[:j]:
             apart = answer - answers[j]
-            right = columns.T @ apart / selection.inflation
-            left = apart @ apart / selection.inflation - right @ np.linalg.solve(normal, right)
+            right = columns.T @ apart
+            left = apart @ apart - right @ np.linalg.solve(normal, right)
             least = min(least, float(left))
     return max(least, 0.0)
 
@@ -171,7 +171,7 @@ def _within_fitted_voltages(selection: Selection, made: ModelledRun, members: Se
     """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below them."""
     low, high = span_V(selection.problem.axis)
     slack = VOLTAGE_SLACK * (high - low)
-    drives = [made.chain.signal_at(Place.AMPLIFIER, m.rival.fitted.entries).value for m in members]
+    drives = [made.chain.signal_at(Place.AMPLIFIER, m.fitted.entries).value for m in members]
     return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
 
 

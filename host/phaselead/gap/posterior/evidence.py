@@ -15,10 +15,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from phaselead.gap.posterior.misfit import as_fault, equation_misfit, parameters_of
-from phaselead.gap.posterior.priors import Prior, prior_of
+from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.space import Columns, Mask, Space, SpaceRecord, joined
-from phaselead.gap.refit import SizedEffect, bounded, from_internal, fresh_columns, is_logarithmic, to_internal
-from phaselead.model import Effect, Parameter
+from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, is_logarithmic, to_internal
+from phaselead.model import Effect
 from phaselead.record import Samples
 
 SHARES = (0.02, 0.07, 0.2)
@@ -109,6 +109,8 @@ class Solver:
         self._reference_error = space.columns(errors)
         self._missed = space.missed()
         self._fresh: dict[object, Columns] = {}
+        nothing = self.space.from_white([np.zeros((len(r.base), 0)) for r in space.records])
+        self._nothing = Uncertain(nothing, np.zeros(0))
         self._alone = {
             name: self._changed_columns(lambda r, e=entries: (r.modelled.answer(e) - r.modelled.answer())[:, None])
             for name, entries in alone.items()
@@ -159,7 +161,9 @@ class Solver:
 
     def _changed_columns(self, of: Callable[[SpaceRecord], Samples]) -> Columns:
         """Columns of the records in which effects may act."""
-        return self.space.columns([of(r) if c else None for r, c in zip(self.space.records, self._changed, strict=True)])
+        return self.space.columns(
+            [of(r) if c else None for r, c in zip(self.space.records, self._changed, strict=True)]
+        )
 
     def _beyond(self, entries: Sequence[SizedEffect], columns: Columns) -> Columns:
         """Columns without what other parameters of the effects would do: that is no misfit of an equation."""
@@ -266,9 +270,10 @@ class Solver:
 
         return reduced
 
-    def contest(self, sets: Sequence[Sequence[SizedEffect]], uncertain: Uncertain) -> list[SetFit]:
+    def contest(self, sets: Sequence[Sequence[SizedEffect]], uncertain: Uncertain | None) -> list[SetFit]:
         """Every set under the same covariance, with the ``uncertain`` columns integrated: only so can their evidences be
         compared. A set that brought its own would win by its freedom alone."""
+        uncertain = uncertain if uncertain is not None else self._nothing
         found = []
         for which in (self.space.all, self.space.fitted):
             own = self.space.inner(uncertain.columns, uncertain.columns, which)

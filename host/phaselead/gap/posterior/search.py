@@ -27,11 +27,12 @@ WORTH_FITTING = 6.0
 prior takes off."""
 ROUGH_STEPS, STARTS = 3, 2
 """Steps in which a start is refined by the scan's metric, and how many of them are fitted."""
-CONTEST_WITHIN, MOST_IN_CONTEST, MOST_UNCERTAIN = 15.0, 6, 7
-"""Log units behind the best, and number, of the sets whose equations may be wrong in the last contest, and the effects
-in it whose are: of a worse set nothing depends on it."""
-KEPT_WITHIN = 40.0
-"""Log units behind the best beyond which a set is out of the contest: its probability is 0."""
+WITHIN, MOST_EFFECTS = 15.0, 7
+"""Log units behind the best set, beyond which a set has no part in the last contest (a probability of e^-15), and the
+most effects in it."""
+
+AT_END = 0.001
+"""Relative distance to an end of its range from which a parameter stands at it."""
 
 Names = tuple[str, ...]
 """Of a set of effects, sorted."""
@@ -72,7 +73,7 @@ def search_sets(problem: Problem, effects: Sequence[Effect], on_progress: Callab
     alone = _starts_beside(problem, bare, effects, most=len(effects))
     solver = _solver(problem, effects, alone)
     nothing = Grown((), 0.0)
-    pool = {(): nothing}
+    pool: dict[Names, Grown] = {(): nothing}
     for i, starts in enumerate(list(alone.values())[:TRIED_ALONE]):
         _add(pool, _best_grown(solver, nothing, starts, len(effects)))
         on_progress(0.5 * (i + 1) / min(len(alone), TRIED_ALONE))
@@ -161,18 +162,27 @@ def _best(sets: Sequence[Grown]) -> list[Grown]:
 
 
 def _contest(solver: Solver, pool: Mapping[Names, Grown], catalogue_size: int) -> Contest:
-    """The best sets, the best one less each of its effects, every single effect and nothing, under one covariance."""
-    ranked = sorted(pool.values(), key=lambda one: -one.value)
+    """Nothing, the best sets, and each of these less one of its effects, under one covariance: that in which the
+    equations of all of them may be wrong, and all may be faults of the base."""
+    ranked = sorted((one for one in pool.values() if not at_an_end(one.entries)), key=lambda one: -one.value)
     best = ranked[0]
     parts, covered = [], set[str]()
-    for one in ranked[:MOST_IN_CONTEST]:
-        if one.value > best.value - CONTEST_WITHIN and set(one.names) - covered and len(covered) < MOST_UNCERTAIN:
+    for one in ranked:
+        new = set(one.names) - covered
+        if new and one.value > best.value - WITHIN and len(covered | new) <= MOST_EFFECTS:
             parts.append(solver.uncertain(one.entries))
-            covered |= set(one.names)
-    sets = {one.names: one.entries for one in ranked if one.value > best.value - KEPT_WITHIN or len(one.entries) < 2}
+            covered |= new
+    sets = {one.names: one.entries for one in ranked if set(one.names) <= covered}
     for i in range(len(best.entries)):
         rest = best.entries[:i] + best.entries[i + 1 :]
         if names_of(rest) not in sets:
             sets[names_of(rest)] = solver.fit(rest)
-    fits = solver.contest(list(sets.values()), together(parts))
+    fits = solver.contest(list(sets.values()), together(parts) if parts else None)
     return Contest(solver, dict(zip(sets, fits, strict=True)), pool, catalogue_size)
+
+
+def at_an_end(entries: Sequence[SizedEffect]) -> bool:
+    """Whether a parameter of one of the effects stands at an end of its range beyond which no stage lies, where it is
+    no longer that effect: an end of 0 is where it vanishes or takes another form."""
+    found = [(p, params[p.name]) for effect, params in entries for p in effect.parameters]
+    return any(value >= (1 - AT_END) * p.high or value <= p.low + AT_END * abs(p.low) != 0 for p, value in found)

@@ -90,7 +90,10 @@ def joined(*parts: Columns) -> Columns:
         return np.concatenate(wide, axis=1)
 
     return Columns(
-        *(tuple(side_by_side(one) for one in zip(*of_parts, strict=True)) for of_parts in zip(*(p._parts for p in filled), strict=True))
+        *(
+            tuple(side_by_side(one) for one in zip(*of_parts, strict=True))
+            for of_parts in zip(*(p._parts for p in filled), strict=True)
+        )
     )
 
 
@@ -181,7 +184,9 @@ class Space:
         reference = ~self.changed
         if not reference.any():
             return [np.zeros(len(record.base)) for record in self.records]
-        errors = [record.modelled.error()[:, None] if r else None for record, r in zip(self.records, reference, strict=True)]
+        errors = [
+            record.modelled.error()[:, None] if r else None for record, r in zip(self.records, reference, strict=True)
+        ]
         found = self._shared_part(self.columns(errors), reference)
         amounts = self.shared @ cho_solve(self._factor(reference), found)[:, 0]
         return [record.base @ amounts for record in self.records]

@@ -15,8 +15,8 @@ from phaselead.model import Effect
 
 SURE = 0.99
 """Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
-AT_END = 0.001
-"""Relative distance to an end of its range from which a shape stands at it."""
+AGAINST = -3.0
+"""Log odds by which held-out records speak against an effect: so much once in twenty times where it is there."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -36,6 +36,11 @@ class Claim:
     """For each of ``tied`` the most probable set that has it and none of the others, its own entry last."""
     tied: Names
     """Names that these records cannot tell apart, its own first."""
+
+    @property
+    def borne_out(self) -> bool:
+        """Whether the records that were fitted speak for it, and those held out do not speak against it."""
+        return self.log_odds > self.held_out_log_odds and self.held_out_log_odds > AGAINST
 
 
 @dataclass(frozen=True)
@@ -59,17 +64,10 @@ def judge(contest: Contest) -> Judgement:
     claims = []
     for effect, _ in contest.fits[best].entries:
         group, probability = _group(effect.name, best, sets, single)
-        if probability >= SURE and _tells_something(effect.name, contest.fits[best]):
-            claims.append(_claim(contest, effect, group, sets, single))
+        claim = _claim(contest, effect, group, sets, single)
+        if probability >= SURE and claim.borne_out:
+            claims.append(claim)
     return Judgement(contest.fits[best], tuple(claims), single, sets)
-
-
-def _tells_something(name: str, fit: SetFit) -> bool:
-    """Whether the parameters of an effect are ones that it may have: no shape stands at an end of its range beyond
-    which no stage lies, and a size is there."""
-    effect, params = next(entry for entry in fit.entries if entry[0].name == name)
-    at_end = [p for p in effect.shapes if p.extreme and not p.low * (1 + AT_END) < params[p.name] < p.high * (1 - AT_END)]
-    return not at_end and any(params[p.name] != 0 for p in effect.sizes)
 
 
 def _probabilities(contest: Contest) -> dict[Names, float]:
@@ -86,9 +84,7 @@ def _with_any(sets: Mapping[Names, float], names: Names) -> float:
     return min(1.0, sum(p for members, p in sets.items() if set(members) & set(names)))
 
 
-def _group(
-    name: str, best: Names, sets: Mapping[Names, float], single: Mapping[str, float]
-) -> tuple[Names, float]:
+def _group(name: str, best: Names, sets: Mapping[Names, float], single: Mapping[str, float]) -> tuple[Names, float]:
     """The smallest group of an effect of the best set and its rivals that is sure to be there, or the largest allowed,
     and its probability."""
     group: Names = (name,)
@@ -107,7 +103,9 @@ def _claim(
     with_it = max((n for n in sets if set(n) & set(group)), key=lambda n: sets[n])
     without = max((n for n in sets if not set(n) & set(group)), key=lambda n: sets[n])
     a, b = contest.fits[with_it], contest.fits[without]
-    prior = log_prior_of_set(len(with_it), contest.catalogue_size) - log_prior_of_set(len(without), contest.catalogue_size)
+    prior = log_prior_of_set(len(with_it), contest.catalogue_size) - log_prior_of_set(
+        len(without), contest.catalogue_size
+    )
     odds = a.log_evidence - b.log_evidence + prior
     fitted = a.log_evidence_fitted - b.log_evidence_fitted + prior
     rivals = [entries for name in group if (entries := _most_probable_with(contest, name, group, sets))]

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
 from phaselead.gap.axis import AxisResult
 from phaselead.gap.findings import (
@@ -24,7 +25,6 @@ from phaselead.gap.findings import (
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.noise import fit_noise
-from phaselead.gap.probability import probability_from_z
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
 from phaselead.gap.several_axes.common_modes import CommonModes
@@ -194,7 +194,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
         share = _share(found, without, axis) if gained.pays else 0.0
         growth = 1 / np.sqrt(max(1 - gained.saved, 1e-9))
         why = f"without it the held-out error grows {growth:.3g}-fold (z = {gained.z:.1f})"
-        result.append(NamedEffect(name, label, values, share, why, probability_from_z(gained.z)))
+        result.append(NamedEffect(name, label, values, share, why, _probability(gained.z)))
     return result
 
 
@@ -300,3 +300,9 @@ def _undetermined(found: StageFit) -> list[str]:
         f"the power of the level by which softening grows is not determined: {power.low:g} to {power.high:g} fit these "
         "records alike; records at a level between those of the training records would tell"
     ]
+
+
+def _probability(z: float) -> float:
+    """Of an effect that held-out records show by so many standard deviations, where it was as probable as not before:
+    z^2 / 2 is what its amount gains in log likelihood."""
+    return float(expit(0.5 * max(z, 0.0) ** 2))
