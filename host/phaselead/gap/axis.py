@@ -108,7 +108,8 @@ def search_axis(
     excluded, hidden = upper_bounds(selection, candidates, taken, label)
     on_progress(0.9)
     left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
-    unknown = structure_remains(selection, final) or other.unknown or much_predictable(left, final.gap, bool(taken))
+    closed = bool(taken) and selection.problem.reference is not None
+    unknown = structure_remains(selection, final) or other.unknown or much_predictable(left, final.gap, closed)
     on_progress(0.92)
     provisional: list[NamedEffect] = []
     if unknown:

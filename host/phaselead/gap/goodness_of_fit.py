@@ -179,14 +179,14 @@ def structure_remains(selection: Selection, final: FinalFit) -> bool:
     return float(mannwhitneyu(held, known, alternative="greater").pvalue) < STRUCTURE_P
 
 
-def much_predictable(left: Unexplained, gap: GapSize, claimed: bool) -> bool:
+def much_predictable(left: Unexplained, gap: GapSize, closed_by_names: bool) -> bool:
     """Whether so much of what the names leave can be predicted from the voltage that something else is missing.
 
-    Beside names it must also be as much as other structure must be: of a gap that names have all but closed, a part is
-    always predictable, since no equation is exactly that of the stage.
+    Beside names that close a gap to reference records it must also be as much as other structure must be: of a gap that
+    names have all but closed, a part is always predictable, since no equation is exactly that of the stage.
     """
     predicted_um2 = left.share * gap.after**2
-    return left.something_missing and (not claimed or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
+    return left.something_missing and (not closed_by_names or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
 
 
 def _mean_squares(regressors: Regressors, discrepancy: Discrepancy, entries: tuple[SizedEffect, ...]) -> Samples:
