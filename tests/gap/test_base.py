@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from phaselead.gap.comparison import MARGIN
 
 from phaselead.gap.base_operator import with_operator
-from phaselead.gap.comparison import MARGIN
 from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import Freedom, base_columns
 from phaselead.gap.residual import modelled_run

@@ -5,9 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace as Made
 
 import pytest
+from phaselead.gap.comparison import Rival
 
 from phaselead.gap import acceptance, axis, comparison, goodness_of_fit
-from phaselead.gap.comparison import Rival
 from phaselead.gap.search import Selection
 from phaselead.model.effects import effect
 

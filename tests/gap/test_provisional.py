@@ -11,13 +11,13 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
+from phaselead.gap.probability import probability_from_points, probability_from_z
 
 from phaselead.cli import main
 from phaselead.gap.adopt import adopted
 from phaselead.gap.confidence import raised_bounds
 from phaselead.gap.findings import Bound, GapSize, NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.probability import probability_from_points, probability_from_z
 from phaselead.gap.provisional import FittedSet, _best_that_pays, nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted

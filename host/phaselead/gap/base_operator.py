@@ -22,6 +22,7 @@ from phaselead.identify import fit_plays
 from phaselead.model import AxisModel, Effect
 from phaselead.record import Samples
 
+
 def find_memory(
     axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, seed: int
 ) -> tuple[AxisModel, Memory | None]:

@@ -111,10 +111,7 @@ class Solver:
         self._fresh: dict[object, Columns] = {}
         nothing = self.space.from_white([np.zeros((len(r.base), 0)) for r in space.records])
         self._nothing = Uncertain(nothing, np.zeros(0))
-        self._alone = {
-            name: self._changed_columns(lambda r, e=entries: (r.modelled.answer(e) - r.modelled.answer())[:, None])
-            for name, entries in alone.items()
-        }
+        self._alone = {name: self.signals(entries) for name, entries in alone.items()}
 
     def residual(self, entries: Sequence[SizedEffect]) -> Columns:
         """The residual of every record."""
@@ -148,16 +145,22 @@ class Solver:
 
     def uncertain(self, entries: Sequence[SizedEffect]) -> Uncertain:
         """What is uncertain with these effects beside their parameters."""
-        parts: list[tuple[Columns, bool]] = []
-        bent = [
-            self._changed_columns(lambda r, i=i: equation_misfit(r.modelled, entries, i)) for i in range(len(entries))
-        ]
-        near = self._neighbours(entries)
-        parts.append((self._beyond(entries, joined(*bent, *([near] if near else []))), True))
+        parts = [(self._beyond(entries, self._misfit(entries)), True), *self._of_records(entries)]
         if not self._changed.all():
             parts.append((self.space.columns([as_fault(r.modelled, entries) for r in self.space.records]), False))
-        parts += [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
         return _uncertain(parts)
+
+    def _misfit(self, entries: Sequence[SizedEffect]) -> Columns:
+        """What the equations of the effects may miss, for a share of 1."""
+        bent = self._changed_columns(
+            lambda r: np.concatenate([equation_misfit(r.modelled, entries, i) for i in range(len(entries))], axis=1)
+        )
+        near = self._neighbours(entries)
+        return bent if near is None else joined(bent, near)
+
+    def _of_records(self, entries: Sequence[SizedEffect]) -> list[tuple[Columns, bool]]:
+        """What goes with the effects in single records, and is no misfit of theirs."""
+        return [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
 
     def _changed_columns(self, of: Callable[[SpaceRecord], Samples]) -> Columns:
         """Columns of the records in which effects may act."""
@@ -247,7 +250,7 @@ class Solver:
             right = moments[:-1, -1] - prior.precision * (x - prior.centre)
             gained = 0.0
             for _ in range(DAMPINGS):
-                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right)
+                step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
                 tried = _moved(entries, x, step)
                 value = cost(tried)
                 if value < best:
@@ -266,13 +269,15 @@ class Solver:
 
         def reduced(columns: Columns) -> Samples:
             cross = self.space.inner(uncertain, columns, every)
-            return self.space.inner(columns, columns, every) - cross.T @ cho_solve(factor, cross)
+            return np.asarray(self.space.inner(columns, columns, every) - cross.T @ cho_solve(factor, cross))
 
         return reduced
 
     def contest(self, sets: Sequence[Sequence[SizedEffect]], uncertain: Uncertain | None) -> list[SetFit]:
-        """Every set under the same covariance, with the ``uncertain`` columns integrated: only so can their evidences be
-        compared. A set that brought its own would win by its freedom alone."""
+        """Every set under the same covariance, with the ``uncertain`` columns integrated.
+
+        Only so can their evidences be compared: a set that brought its own would win by its freedom alone.
+        """
         uncertain = uncertain if uncertain is not None else self._nothing
         found = []
         for which in (self.space.all, self.space.fitted):
@@ -284,13 +289,9 @@ class Solver:
     def spread(self, entries: Sequence[SizedEffect]) -> Samples:
         """Covariance (parameters, parameters) in internal units of the parameters of a set, with all that its equations
         may miss, also what other parameters of the effects would do."""
-        bent = [
-            self._changed_columns(lambda r, i=i: equation_misfit(r.modelled, entries, i)) for i in range(len(entries))
-        ]
-        near = self._neighbours(entries)
-        parts = [(joined(*bent, *([near] if near else [])), True)]
-        parts += [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
-        return self.contest([entries], _uncertain(parts))[0].covariance
+        return self.contest([entries], _uncertain([(self._misfit(entries), True), *self._of_records(entries)]))[
+            0
+        ].covariance
 
     def _logs(
         self, entries: Sequence[SizedEffect], uncertain: Uncertain, own: Samples, which: Mask

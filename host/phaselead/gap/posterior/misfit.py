@@ -85,7 +85,7 @@ def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     as large as they are and of shapes near theirs."""
     free = parameters_of(entries)
     deviations = np.array([_fault_deviation(p, entries[i][1][p.name]) for i, p in free])
-    return fresh_columns(modelled, entries, free)[:, :-1] * deviations
+    return np.asarray(fresh_columns(modelled, entries, free)[:, :-1] * deviations)
 
 
 def _fault_deviation(p: Parameter, value: float) -> float:

@@ -147,7 +147,7 @@ class Space:
         """Products (q, p) under the inverse covariance of all that is not an effect, over some records."""
         shared_a = self._shared_part(a, which)
         shared_b = shared_a if b is a else self._shared_part(b, which)
-        return self._within(a, b, which) - shared_a.T @ cho_solve(self._factor(which), shared_b)
+        return np.asarray(self._within(a, b, which) - shared_a.T @ cho_solve(self._factor(which), shared_b))
 
     def log_determinant(self, which: Mask) -> float:
         """Of the covariance, up to what does not depend on the deviations."""
