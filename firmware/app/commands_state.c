@@ -15,15 +15,22 @@ static uint32_t model_crc(const struct device *device)
     return slot ? slot->crc : 0;
 }
 
-static bool session_alive(const struct device *device)
+/* Whether the session's host holds the device. One that has switched its timeout off holds a path for as long as it
+ * runs, but a device that is only armed no longer than HOST_TIMEOUT_TICKS after its last word. */
+static bool is_held(const struct device *device)
 {
     const struct control *control = &device->control;
-    return device->session != 0 &&
-           (control->timeout_ticks == 0 || control->tick - control->heard_tick < control->timeout_ticks);
+    const bool running = control->state == WIRE_STATE_RUNNING;
+    if (device->session == 0 || (!running && control->state != WIRE_STATE_ARMED))
+        return false;
+    if (control->timeout_ticks == 0 && running)
+        return true;
+    uint32_t ticks = control->timeout_ticks != 0 ? control->timeout_ticks : HOST_TIMEOUT_TICKS;
+    return control->tick - control->heard_tick < ticks;
 }
 
-/* A new session resets a parked device, except for its model and its outputs. An armed device is taken over as it is;
- * commands of the host that armed it are refused from then on. */
+/* A new session inherits the model, the outputs and a latched fault, and nothing else: whatever still moves is ramped
+ * to its safe value, and what the host before it had set is gone. */
 static void begin_session(struct device *device, uint64_t session)
 {
     struct wire_event stale;
@@ -33,10 +40,12 @@ static void begin_session(struct device *device, uint64_t session)
         ;
     device->session = session;
     device->latched_valid = false;
-    if (device->control.state == WIRE_STATE_PARKED) {
-        device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
-        device_reset_axes(device);
-    }
+    device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
+    if (device->control.state == WIRE_STATE_ARMED || device->control.state == WIRE_STATE_RUNNING)
+        device_event(device, EVENT_PARK, 0);
+    device->wave_mask = 0;
+    device_link_models(device);
+    device_reset_axes(device);
 }
 
 enum wire_status command_hello(struct device *device, const struct request *request, struct answer *answer)
@@ -44,10 +53,9 @@ enum wire_status command_hello(struct device *device, const struct request *requ
     const struct control *control = &device->control;
     enum wire_status status = WIRE_STATUS_OK;
     uint64_t session = request->header->session;
-    bool driven = control->state == WIRE_STATE_RUNNING;
     if (session == 0)
         status = WIRE_STATUS_BAD_VALUE;
-    else if (session != device->session && driven && session_alive(device))
+    else if (session != device->session && is_held(device))
         status = WIRE_STATUS_BUSY;
     else if (session != device->session)
         begin_session(device, session);
@@ -106,6 +114,7 @@ enum wire_status command_arm(struct device *device, const struct request *reques
             return WIRE_STATUS_NO_MODEL;
         if (arm.model_crc != model_crc(device) && (arm.model_crc != 0 || device->models.fallback))
             return WIRE_STATUS_MUST_NAME_MODEL;
+        device_take_safe_values(device);
     }
     return device_event(device, EVENT_ARM, 0);
 }

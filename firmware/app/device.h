@@ -55,6 +55,7 @@ struct device {
     struct control control;
     struct device_port port;
     uint64_t session;              /* 0: none yet */
+    bool host_is_recorded;         /* a replay: whether the host lived is in the recording */
     _Atomic uint32_t raised;       /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
     _Atomic uint32_t raised_first; /* of them; enum wire_fault */
     uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns, latched_late; /* kept by the port */
@@ -83,8 +84,12 @@ _Static_assert(sizeof(struct control) == 48 + AXES * (sizeof(struct axis_config)
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 
-/* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. */
+/* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. Where a ramp goes stays as it
+ * was: 0 V from reset on, until device_take_safe_values(). */
 void device_reset_axes(struct device *device);
+
+/* From now on a ramp goes to the safe values of the model. For ARM alone: nothing moves before it. */
+void device_take_safe_values(struct device *device);
 
 /* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
 void device_rest(struct device *device);

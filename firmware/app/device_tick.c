@@ -9,7 +9,8 @@ static void watch_host(struct device *device)
 {
     const struct control *control = &device->control;
     bool driving = control->state == WIRE_STATE_ARMED || control->state == WIRE_STATE_RUNNING;
-    if (driving && control->timeout_ticks != 0 && control->tick - control->heard_tick >= control->timeout_ticks)
+    if (driving && !device->host_is_recorded && control->timeout_ticks != 0 &&
+        control->tick - control->heard_tick >= control->timeout_ticks)
         device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
 }
 

@@ -116,6 +116,7 @@ static enum model_field expand_axis(struct model_slot *slot, unsigned axis, cons
         field = model_compensation(model, &slot->compensation[axis]);
         slot->inverse_mask |= field == FIELD_NONE ? 1u << axis : 0;
     }
+    slot->idle[axis] = model_idle_config(model);
     return field;
 }
 
