@@ -96,7 +96,6 @@ void axes_start(struct device *device, uint8_t axis_mask)
             device_wake(device, axis);
             axis_start(&device->control.axis[axis]);
         }
-    axes_set_targets(device);
 }
 
 void axes_leave_paths(struct device *device, enum axis_drive drive)

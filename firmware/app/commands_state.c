@@ -129,13 +129,14 @@ static bool can_start(const struct device *device, unsigned axis)
 enum wire_status command_start(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_start_request start;
-    (void)answer;
+    struct wire_start_reply reply = {.first_tick = device->control.tick + 1};
     wire_unpack_start_request(&start, request->payload, request->size);
     if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (start.axis_mask >> axis & 1u && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
             return WIRE_STATUS_BAD_VALUE;
+    wire_pack_start_reply(&reply, answer->payload, answer->size);
     return device_event(device, EVENT_START, start.axis_mask);
 }
 
@@ -182,6 +183,8 @@ enum wire_status command_info(struct device *device, const struct request *reque
                                     .cycles_max = device->cycles_max,
                                     .overruns = device->overruns,
                                     .latched_late = device->latched_late,
+                                    .lost_ticks = device->lost_ticks,
+                                    .brown_out_level = device->port.brown_out_level,
                                     .last_fault = (uint8_t)device->last_fault,
                                     .last_fault_detail = device->last_fault_detail,
                                     .flash_sequence = device->models.sequence};

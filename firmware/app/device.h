@@ -47,6 +47,7 @@ struct device_port {
     void *context;
     uint32_t baud;
     enum wire_reset_cause reset_cause;
+    uint8_t brown_out_level; /* 0: off */
     const char *target;
     uint8_t build_id[20];
 };
@@ -59,6 +60,7 @@ struct device {
     _Atomic uint32_t raised;       /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
     _Atomic uint32_t raised_first; /* of them; enum wire_fault */
     uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns, latched_late; /* kept by the port */
+    uint32_t lost_ticks;
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */

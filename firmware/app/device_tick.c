@@ -97,3 +97,10 @@ void device_miss_ticks(struct device *device, uint32_t ticks)
     device->control.tick += ticks;
     recorder_miss(&device->recorder, ticks);
 }
+
+void device_lose_ticks(struct device *device, uint32_t ticks)
+{
+    device->lost_ticks += ticks;
+    device_miss_ticks(device, ticks);
+    device_raise(device, WIRE_FAULT_TICK_LOST, NO_AXIS, ticks);
+}

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xFEFA7131u
+#define WIRE_FINGERPRINT 0xC76DB85Du
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -107,8 +107,9 @@ enum wire_fault {
     WIRE_FAULT_FLASH_ERROR = 6,
     WIRE_FAULT_CORE_LOST = 7,
     WIRE_FAULT_TRACKING_ERROR = 8,
+    WIRE_FAULT_TICK_LOST = 9,
 };
-#define WIRE_FAULT_COUNT 9
+#define WIRE_FAULT_COUNT 10
 
 /* Why the device last started */
 enum wire_reset_cause {
@@ -131,8 +132,9 @@ enum wire_core_loss {
     WIRE_CORE_LOSS_CLOCK_STOPPED = 6,
     WIRE_CORE_LOSS_NO_CRYSTAL = 7,
     WIRE_CORE_LOSS_STRAY_INTERRUPT = 8,
+    WIRE_CORE_LOSS_SUPPLY_LOW = 9,
 };
-#define WIRE_CORE_LOSS_COUNT 9
+#define WIRE_CORE_LOSS_COUNT 10
 
 /* Bits of the stream's channel mask; per tick and axis, in this order */
 enum wire_channel {
@@ -311,10 +313,18 @@ struct wire_arm_request {
     uint32_t model_crc;
 };
 
-/* 0x05: armed -> running: the paths of these axes begin together at the reply's tick */
+/* 0x05: armed -> running: the paths of these axes begin together */
 #define WIRE_START_REQUEST_SIZE 1
 struct wire_start_request {
     uint8_t axis_mask;
+};
+
+/* 0x85: armed -> running: the paths of these axes begin together */
+#define WIRE_START_REPLY_SIZE 17
+struct wire_start_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint64_t first_tick; /* in which they begin: the one after the reply's, which works out what they begin with */
 };
 
 /* 0x08: Mode and gains of one axis; while parked or armed */
@@ -465,7 +475,7 @@ struct wire_set_timeout_request {
 };
 
 /* 0x95: Timing of the tick and the fault log */
-#define WIRE_INFO_REPLY_SIZE 98
+#define WIRE_INFO_REPLY_SIZE 103
 struct wire_info_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
@@ -473,7 +483,9 @@ struct wire_info_reply {
     uint32_t cycles_max;
     uint32_t histogram[16]; /* ticks by log2 of cycles */
     uint32_t overruns;
-    uint32_t latched_late; /* ticks whose output came later than 20 us after the sample */
+    uint32_t latched_late; /* ticks whose output was written too late for 30 us after the sample */
+    uint32_t lost_ticks; /* ticks that did not come at all */
+    uint8_t brown_out_level; /* of the chip's option bytes; 0: its brown-out reset is off */
     uint8_t last_fault;
     uint32_t last_fault_detail;
     uint32_t flash_sequence;
@@ -505,7 +517,6 @@ struct wire_event {
 #define WIRE_STOP_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_STATUS_REQUEST_SIZE 0 /* What the device is doing; also feeds the host timeout */
 #define WIRE_ARM_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
-#define WIRE_START_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_PARK_REQUEST_SIZE 0 /* Ramps to the safe value, then parked */
 #define WIRE_PARK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_CLEAR_FAULT_REQUEST_SIZE 0 /* fault -> parked once the output is at its safe value */
@@ -557,6 +568,8 @@ int32_t wire_pack_arm_request(const struct wire_arm_request *from, uint8_t *out,
 bool wire_unpack_arm_request(struct wire_arm_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_start_request(const struct wire_start_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_start_request(struct wire_start_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_start_reply(const struct wire_start_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_start_reply(struct wire_start_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_axis_request(const struct wire_set_axis_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_set_axis_request(struct wire_set_axis_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_path_request(const struct wire_set_path_request *from, uint8_t *out, size_t capacity);

@@ -28,6 +28,7 @@ FROM_OUTSIDE = (
     wire.Fault.INTERLOCK,
     wire.Fault.FLASH_ERROR,
     wire.Fault.TRACKING_ERROR,
+    wire.Fault.TICK_LOST,
 )
 """Faults that do not follow from codes and commands: they are raised again in the tick in which they were."""
 
