@@ -74,8 +74,7 @@ void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[A
         struct axis_trace *trace = &device->traces[axis];
         if (!is_in(moving, axis))
             continue;
-        if (axis_step(&device->control.config[axis], &device->control.axis[axis], device->adc_codes[axis],
-                      error_q16[axis], trace))
+        if (axis_step(&device->control.config[axis], &device->control.axis[axis], error_q16[axis], trace))
             device->resting |= 1u << axis;
         device->dac_codes[axis] = trace->dac_code;
     }

@@ -6,6 +6,8 @@
 static const struct axis_config DEFAULT_IDLE = {
     .u_park_q24 = 0,
     .ramp_q24 = 167772, /* 0.01 V a tick */
+    .error_limit_q16 = 18350080 / 4,
+    .error_ticks = MODEL_DEFAULT_ERROR_TICKS,
     .pid.d_alpha_q31 = PID_DERIVATIVE_UNFILTERED,
     .output = {.u_min_q24 = -(2 << 24), .u_max_q24 = 10 << 24, .slew_q24 = 3355443 /* 0.2 V a tick */},
     .converter = {.dac_zero_code = 32768,

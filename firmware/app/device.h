@@ -16,7 +16,6 @@
 #define ALL_AXES ((1u << AXES) - 1)
 #define NO_AXIS 255
 #define HOST_TIMEOUT_TICKS 5000 /* 1 s until SET_TIMEOUT says otherwise */
-#define RAIL_TICKS 3            /* consecutive samples at a rail that count as clipped */
 #define RAM_BUDGET (100 * 1024)
 
 /* Everything that the next tick depends on, besides model and waveforms: what SNAPSHOT_READ gives and a replay starts

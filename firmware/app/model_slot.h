@@ -9,6 +9,8 @@
 #include "core/feedforward.h"
 
 #define MODEL_AXES 3
+/* A model whose error limit is 0 gets a quarter of the sensor's range, for 0.1 s. */
+#define MODEL_DEFAULT_ERROR_TICKS 500u
 
 struct model_slot {
     uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */

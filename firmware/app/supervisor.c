@@ -23,6 +23,9 @@ const struct fault_reaction FAULT_REACTIONS[] = {
     [WIRE_FAULT_CORE_LOST] = {"core-lost", EVENT_CORE_LOST},
     [WIRE_FAULT_TRACKING_ERROR] = {"hold", EVENT_FAULT_HOLD},
     [WIRE_FAULT_TICK_LOST] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_SENSOR_FROZEN] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_SENSOR_JUMP] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_OUTPUT_LIMITED] = {"ramp", EVENT_FAULT_RAMP},
 };
 _Static_assert(COUNT(FAULT_REACTIONS) == WIRE_FAULT_COUNT, "a fault without a reaction");
 

@@ -267,6 +267,8 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
         out = put_u32(out, (uint32_t)from->knot_s_q20[i]);
     for (size_t i = 0; i < 3; i++)
         out = put_u32(out, (uint32_t)from->coupling_q28[i]);
+    out = put_u32(out, (uint32_t)from->error_limit_q16);
+    out = put_u32(out, from->error_ticks);
     return WIRE_AXIS_MODEL_SIZE;
 }
 
@@ -320,6 +322,8 @@ bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_
         to->knot_s_q20[i] = (int32_t)get_u32(&in);
     for (size_t i = 0; i < 3; i++)
         to->coupling_q28[i] = (int32_t)get_u32(&in);
+    to->error_limit_q16 = (int32_t)get_u32(&in);
+    to->error_ticks = get_u32(&in);
     return true;
 }
 

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xC76DB85Du
+#define WIRE_FINGERPRINT 0xA11499ECu
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -108,8 +108,11 @@ enum wire_fault {
     WIRE_FAULT_CORE_LOST = 7,
     WIRE_FAULT_TRACKING_ERROR = 8,
     WIRE_FAULT_TICK_LOST = 9,
+    WIRE_FAULT_SENSOR_FROZEN = 10,
+    WIRE_FAULT_SENSOR_JUMP = 11,
+    WIRE_FAULT_OUTPUT_LIMITED = 12,
 };
-#define WIRE_FAULT_COUNT 10
+#define WIRE_FAULT_COUNT 13
 
 /* Why the device last started */
 enum wire_reset_cause {
@@ -226,7 +229,7 @@ struct wire_biquad {
 };
 
 /* One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes */
-#define WIRE_AXIS_MODEL_SIZE 888
+#define WIRE_AXIS_MODEL_SIZE 896
 struct wire_axis_model {
     uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are */
     int32_t u_min_q24; /* lower clamp, V */
@@ -258,10 +261,12 @@ struct wire_axis_model {
     int32_t knot_d_q24[24]; /* V, rising; those not in use: 0x7fffffff */
     int32_t knot_s_q20[24]; /* um/V */
     int32_t coupling_q28[3]; /* what this axis sees of x, y, z; its own share is 1 */
+    int32_t error_limit_q16; /* under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500 ticks */
+    uint32_t error_ticks;
 };
 
 /* The model blob that is uploaded, checked, persisted and read back */
-#define WIRE_MODEL_SIZE 2700
+#define WIRE_MODEL_SIZE 2724
 struct wire_model {
     uint32_t magic; /* 0x314C4850, 'PHL1' */
     uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */

@@ -65,6 +65,8 @@ BAD_FIELDS = [
     ("knot_s_q20", (-(15 << 20), *[0] * 23)),
     ("coupling_q28", (2 << 28, 0, 0)),
     ("coupling_q28", (1 << 28, -(2 << 28), 1 << 29)),
+    ("error_limit_q16", -1),
+    ("error_ticks", 0),
 ]
 
 

@@ -14,7 +14,7 @@
 #include "port/host/flash.h"
 
 #define LINE_BITS_PER_BYTE 10
-#define INJECTED_RAIL_TICKS (2 * RAIL_TICKS)
+#define INJECTED_RAIL_TICKS (2 * WATCH_RAIL_TICKS)
 
 struct host_device {
     struct device device;

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xC76DB85D
+FINGERPRINT = 0xA11499EC
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -161,6 +161,9 @@ class Fault(IntEnum):
     CORE_LOST = 7
     TRACKING_ERROR = 8
     TICK_LOST = 9
+    SENSOR_FROZEN = 10
+    SENSOR_JUMP = 11
+    OUTPUT_LIMITED = 12
 
 
 class ResetCause(IntEnum):
@@ -244,8 +247,8 @@ class AxisModel(Message):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
-    SIZE: ClassVar[int] = 888
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3i")
+    SIZE: ClassVar[int] = 896
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiI")
     flags: int
     """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are."""
     u_min_q24: int
@@ -304,6 +307,11 @@ class AxisModel(Message):
     """um/V."""
     coupling_q28: tuple[int, ...]
     """what this axis sees of x, y, z; its own share is 1."""
+    error_limit_q16: int
+    """under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500
+    ticks.
+    """
+    error_ticks: int
 
     def pack(self) -> bytes:
         if len(self.shape) != 6:
@@ -343,6 +351,8 @@ class AxisModel(Message):
             *self.knot_d_q24,
             *self.knot_s_q20,
             *self.coupling_q28,
+            self.error_limit_q16,
+            self.error_ticks,
         )
 
     @classmethod
@@ -380,6 +390,8 @@ class AxisModel(Message):
             v[115:139],
             v[139:163],
             v[163:166],
+            v[166],
+            v[167],
         )
 
 
@@ -388,8 +400,8 @@ class Model(Message):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
-    SIZE: ClassVar[int] = 2700
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2664s")
+    SIZE: ClassVar[int] = 2724
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2688s")
     magic: int
     """0x314C4850, 'PHL1'."""
     stage_hash: bytes
@@ -411,7 +423,7 @@ class Model(Message):
     def unpack(cls, payload: bytes) -> Model:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 888]) for i in range(0, 2664, 888)))
+        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
 
 
 @dataclass(frozen=True, slots=True)

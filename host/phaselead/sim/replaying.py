@@ -27,7 +27,6 @@ FROM_OUTSIDE = (
     wire.Fault.CONVERTER_SILENT,
     wire.Fault.INTERLOCK,
     wire.Fault.FLASH_ERROR,
-    wire.Fault.TRACKING_ERROR,
     wire.Fault.TICK_LOST,
 )
 """Faults that do not follow from codes and commands: they are raised again in the tick in which they were."""
