@@ -166,7 +166,7 @@ def test_a_host_timeout_in_a_recording_comes_again():
     assert replay(capture) is None
 
 
-@pytest.mark.parametrize("fault", [wire.Fault.INTERLOCK, wire.Fault.TRACKING_ERROR, wire.Fault.TICK_OVERRUN])
+@pytest.mark.parametrize("fault", [wire.Fault.INTERLOCK, wire.Fault.TICK_LOST, wire.Fault.TICK_OVERRUN])
 def test_a_fault_from_outside_comes_again_in_its_tick(fault):
     with Device.open(URL, park_on_exit=False) as device:
         sine("open", 4, 5)(device)
