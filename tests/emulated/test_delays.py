@@ -5,9 +5,10 @@ import struct
 
 import numpy as np
 import pytest
-from talker import Talker, V
+from talker import UM, Talker, V
 from test_board_faults import BRANCH_TO_ITSELF, ZERO_V, assert_ramps_home, symbol
 
+from phaselead.control.gains import PAPER_GAINS
 from phaselead.device import wire
 from phaselead.errors import PhaseleadError
 from phaselead.sim.emulated import BOARDS, Injection
@@ -16,6 +17,10 @@ ADC_SILENT, NO_CONVERSION = 0, 2
 """Details of converter_silent."""
 LOCKED_FOR_A_WHILE = struct.pack("<HHHHHHHH", 0xB672, 0xF64F, 0x73FF, 0x3B01, 0xD1FD, 0xB662, 0x2000, 0x4770)
 """cpsid i; movw r3, #65535; 1: subs r3, #1; bne 1b; cpsie i; movs r0, #0; bx lr: about a millisecond without a tick."""
+
+
+SLOW = struct.pack("<HHHHH", 0xF247, 0x5330, 0x3B01, 0xD1FD, 0x4770)
+"""movw r3, #30000; 1: subs r3, #1; bne 1b; bx lr: half a millisecond."""
 
 
 def info(talker):
@@ -128,6 +133,36 @@ def test_ticks_that_were_lost_are_counted_and_a_fault(running):
     assert facts.lost_ticks >= 4
     running.run(1500)
     assert status(running).at_rest == 7
+
+
+def test_a_tick_that_takes_too_long_is_a_fault(running):
+    place = symbol("tick_drive")
+    original = running.device.peek(place, len(SLOW))
+    running.device.poke(place, SLOW)
+    running.run(3)
+    running.device.poke(place, original)
+    running.run(1500)
+    said = status(running)
+    assert (said.fault, said.at_rest) == (wire.Fault.TICK_OVERRUN, 7)
+    assert said.overruns >= 1
+
+
+def test_a_sensor_that_freezes_under_feedback_ramps_home(idle):
+    gains = PAPER_GAINS
+    kp, ki_ts = round(gains.kp_V_per_um * V), round(gains.ki_V_per_um_s / 5000 * 2**32)
+    idle.ok(
+        wire.SetTimeoutRequest(0),
+        wire.SetAxisRequest(0, wire.Mode.PID, kp, ki_ts, round(gains.kd_V_s_per_um * 5000 * V), 0x7FFFFFFF),
+        wire.SetPathRequest(0, wire.PathKind.SINE, 60 * UM, 0, round(5 / 5000 * 2**64), 0),
+        wire.ArmRequest(0),
+        wire.StartRequest(1),
+    )
+    idle.run(1200)
+    assert status(idle).fault == wire.Fault.NONE
+    idle.device.inject(Injection.FROZEN, 1)
+    idle.run(3000)
+    said = status(idle)
+    assert (said.fault, said.fault_axis, said.at_rest) == (wire.Fault.SENSOR_FROZEN, 0, 7)
 
 
 def test_ticks_count_real_time_even_if_some_were_lost(running):
