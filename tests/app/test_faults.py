@@ -125,9 +125,12 @@ def test_an_error_that_stays_is_a_fault_and_holds():
     assert len(set(held)) == 1
 
 
-def test_without_a_limit_in_the_model_a_quarter_of_the_sensor_counts():
+@pytest.mark.parametrize("with_model", [True, False])
+def test_without_a_limit_in_the_model_a_quarter_of_the_sensor_counts(with_model):
     for swing_um, fault in ((60, wire.Fault.NONE), (120, wire.Fault.TRACKING_ERROR)):
         bench = Bench()
+        if with_model:
+            assert bench.upload(model(error_limit_q16=0, error_ticks=0)).status == wire.Status.OK
         bench.set_axis(0, wire.Mode.PID, kp=1)
         assert bench.set_path(path=wire.PathKind.MOVE, swing=swing_um << 16, offset=75 << 16, step=2**64 // 500) == 0
         bench.ok(wire.SetTimeoutRequest(0))
