@@ -37,13 +37,16 @@ XU_LI_TABLE_I = TableView(
 )
 CLOCK_Hz = 168_000_000
 TICK_CYCLES = CLOCK_Hz // 5000
+SAMPLE_TO_LATCH = round((30e-6 - 1.7e-6 - 0.9e-6) * CLOCK_Hz)
+"""LDAC comes 30 us after the sample, codes are there 1.7 us before it, and a tick begins 0.9 us after its sample."""
+LOCK = round(20e-6 * CLOCK_Hz)
 CEILINGS = {
     "cycles a tick, one axis, ff+pid, tables, streamed": None,
     "the same with the built-in stage's time view beside the tables": None,
     "cycles a tick, three axes, every place of the model in use": TICK_CYCLES // 2,
     "the same with the built-in stage's model": TICK_CYCLES // 2,
-    "cycles from the sample to the DAC, three axes": None,
-    "cycles with interrupts locked": None,
+    "cycles from the tick's beginning to the DAC, three axes": SAMPLE_TO_LATCH,
+    "cycles with interrupts locked": LOCK,
     "instructions a tick, one axis, ff+pid, tables, streamed": None,
     "instructions a tick, three axes, every place of the model in use": None,
     "stack, bytes": 2048,
@@ -55,6 +58,8 @@ TOO_MUCH, MUCH_MORE = "ABOVE ITS CEILING", "more than 10 % above the last"
 STARTS = 120
 """More than the 39 ticks of a batch and the 7 between questions have phases that matter two by two."""
 UNFILTERED = 0x7FFF_FFFF
+ANSWER_TICKS = 20_000
+"""An erase takes a second."""
 
 
 def function(elf: Path, name: str) -> tuple[str, list[str]]:
@@ -76,7 +81,7 @@ class Counted:
         _, marks = function(elf, "tick_drive")
         count = f"{entry}:{'+'.join(exits)}:{'+'.join(marks)}"
         self.device = EmulatedDevice(BOARD, plant_parameters(built_in("xyz250")), elf=elf, count=count)
-        self.reader, self.id = FrameReader(), 0
+        self.reader, self.id, self.session = FrameReader(), 0, SESSION
 
     def ask(self, *commands: wire.Command) -> None:
         for command in commands:
@@ -86,7 +91,7 @@ class Counted:
 
     def try_to(self, command: wire.Command) -> wire.Status:
         self.id += 1
-        self.device.write(encode_frame(wire.HEADER.pack(command.NUMBER, self.id, SESSION) + command.pack()))
+        self.device.write(encode_frame(wire.HEADER.pack(command.NUMBER, self.id, self.session) + command.pack()))
         return wire.Status(self._answer()[wire.HEADER.size])
 
     def park(self, ticks: int) -> None:
@@ -96,7 +101,7 @@ class Counted:
         self.try_to(wire.ClearFaultRequest())
 
     def _answer(self) -> bytes:
-        for _ in range(2000):
+        for _ in range(ANSWER_TICKS):
             self.device.run(1)
             for body in self.reader.feed(self.device.read(self.device.readable)):
                 if wire.HEADER.unpack(body[: wire.HEADER.size])[1] == self.id and body[0] & wire.REPLY_BIT:
@@ -236,11 +241,34 @@ def three_axes(elf: Path, blob: bytes) -> Counts:
     return worst(found)
 
 
+def settings(elf: Path) -> Counts:
+    """The longest lock of any command: sessions, uploads, paths of every kind and their starts, reads and a save."""
+    board = Counted(elf)
+    board.ask(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(full()))
+    for mode, kind in (
+        (wire.Mode.FF_PID, wire.PathKind.SINE),
+        (wire.Mode.FF_PID, wire.PathKind.MOVE),
+        (wire.Mode.INVERSE_PID, wire.PathKind.WAVE),
+    ):
+        board.ask(wire.StreamStartRequest(31, 7, 1))
+        for index in range(3):
+            set_axis, set_path = axis(index, mode, 60 * UM, 5)
+            board.ask(*waveform(index, nested()), set_axis, replace(set_path, path=kind))
+        board.ask(wire.ArmRequest(0), wire.StartRequest(7))
+        board.device.run(500)
+        board.ask(wire.StatusRequest(), wire.InfoRequest(), wire.StopRequest(), wire.StreamStopRequest())
+        board.ask(wire.SnapshotReadRequest(wire.Region.STATE, 0, 1024), wire.ModelReadRequest(0, 1024))
+        board.park(3000)
+    board.session += 1
+    board.ask(wire.HelloRequest(), wire.ModelPersistRequest())
+    return board.most(0)
+
+
 def ticks(elf: Path) -> tuple[int, ...]:
     """The first rows of the table."""
     tables, time_view = one_axis(elf, tables_alone()), one_axis(elf, model())
     everything, built = three_axes(elf, full()), three_axes(elf, model())
-    every = worst((tables, time_view, everything, built))
+    every = worst((tables, time_view, everything, built, settings(elf)))
     cycles = tables.cycles, time_view.cycles, everything.cycles, built.cycles, every.cycles_to_mark, every.locked_cycles
     return *cycles, tables.instructions, everything.instructions
 

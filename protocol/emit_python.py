@@ -172,7 +172,12 @@ def _dataclass(
         names = f"{{{', '.join(platform)}}}"
         head = "PLATFORM: ClassVar[frozenset[str]] = frozenset("
         line = f"{head}{names})"
-        constants += [line] if len(line) <= 116 else [head, f"    {names}", ")"]
+        if len(line) <= 116:
+            constants.append(line)
+        elif len(names) <= 112:
+            constants += [head, f"    {names}", ")"]
+        else:
+            constants += [head, "    {", *(f"        {name}," for name in platform), "    }", ")"]
     constants.append(f'LAYOUT: ClassVar[struct.Struct] = struct.Struct("{_struct_text(schema, fixed)}")')
     body = [*constants]
     for f in fields:

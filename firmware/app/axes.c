@@ -74,8 +74,7 @@ void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[A
         struct axis_trace *trace = &device->traces[axis];
         if (!is_in(moving, axis))
             continue;
-        if (axis_step(&device->control.config[axis], &device->control.axis[axis], device->adc_codes[axis],
-                      error_q16[axis], trace))
+        if (axis_step(&device->control.config[axis], &device->control.axis[axis], error_q16[axis], trace))
             device->resting |= 1u << axis;
         device->dac_codes[axis] = trace->dac_code;
     }
@@ -96,7 +95,6 @@ void axes_start(struct device *device, uint8_t axis_mask)
             device_wake(device, axis);
             axis_start(&device->control.axis[axis]);
         }
-    axes_set_targets(device);
 }
 
 void axes_leave_paths(struct device *device, enum axis_drive drive)

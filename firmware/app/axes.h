@@ -7,8 +7,8 @@
 /* Axes whose output can change: those that do not rest. */
 uint32_t axes_moving(const struct device *device);
 
-/* Reference, look-ahead and feed-forward of the next tick, for the axes that follow a path. Called when they start, and
- * after the output of every tick. */
+/* Reference, look-ahead and feed-forward of the next tick, for the axes that follow a path. Called after the output of
+ * every tick. */
 void axes_set_targets(struct device *device);
 
 /* Errors of the axes under feedback, decoupled; 0 for the others. */
@@ -20,7 +20,8 @@ void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[A
 /* After the output: lets the memory of the inverses follow it. */
 void axes_follow_outputs(struct device *device, uint32_t moving);
 
-/* The axes of the mask begin their paths. */
+/* The axes of the mask begin their paths with the tick after next: the next one still holds, and works out with what.
+ * That takes too long for a command, which keeps ticks out. */
 void axes_start(struct device *device, uint8_t axis_mask);
 
 /* All axes leave their paths, to hold or to ramp to their safe value. */

@@ -21,13 +21,13 @@ enum wire_status command_model_chunk(struct device *device, const struct request
 }
 
 /* New limits that leave out the present output would make it jump. */
-static bool would_clamp(struct device *device)
+static bool would_clamp(const struct device *device)
 {
     const struct model_slot *slot = model_store_prepared(&device->models);
     for (unsigned axis = 0; axis < AXES; axis++) {
-        const struct wire_axis_model *model = model_axis(slot, axis, &device->models.room);
+        const struct output_config *limits = &slot->idle[axis].output;
         int32_t u_q24 = device->control.axis[axis].u_q24;
-        if (u_q24 < model->u_min_q24 || u_q24 > model->u_max_q24)
+        if (u_q24 < limits->u_min_q24 || u_q24 > limits->u_max_q24)
             return true;
     }
     return false;
@@ -35,25 +35,23 @@ static bool would_clamp(struct device *device)
 
 /* Another calibration of the DAC changes its code, and so the output, although u stays. A step of the park ramp is
  * tolerated. Returns the field that is to blame, 0 for none. */
-static uint16_t would_jump(struct device *device)
+static uint16_t would_jump(const struct device *device)
 {
     const struct model_slot *slot = model_store_prepared(&device->models);
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *now = &device->control.config[axis];
-        const struct wire_axis_model *model = model_axis(slot, axis, &device->models.room);
         bool saturated = false;
-        struct converter_config converter = {.dac_zero_code = model->dac_zero_code,
-                                             .dac_codes_per_V_q16 = model->dac_codes_per_V_q16};
         int32_t u_q24 = device->control.axis[axis].u_q24;
-        int64_t jump = (int64_t)converter_dac_code(&converter, u_q24, &saturated) - device->dac_codes[axis];
+        int64_t jump = (int64_t)converter_dac_code(&slot->idle[axis].converter, u_q24, &saturated);
         int64_t tolerated = floor_shift_i64((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16, 40) + 1;
+        jump -= device->dac_codes[axis];
         if (jump > tolerated || jump < -tolerated)
             return (uint16_t)(100 * axis + (u_q24 == 0 ? FIELD_DAC_ZERO : FIELD_DAC_SCALE));
     }
     return 0;
 }
 
-/* A new park value moves nothing by itself: the way there begins with `park` or `arm`. */
+/* A new model moves nothing by itself. */
 static void stand_still(struct device *device)
 {
     for (unsigned axis = 0; axis < AXES; axis++)

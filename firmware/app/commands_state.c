@@ -15,15 +15,22 @@ static uint32_t model_crc(const struct device *device)
     return slot ? slot->crc : 0;
 }
 
-static bool session_alive(const struct device *device)
+/* Whether the session's host holds the device. One that has switched its timeout off holds a path for as long as it
+ * runs, but a device that is only armed no longer than HOST_TIMEOUT_TICKS after its last word. */
+static bool is_held(const struct device *device)
 {
     const struct control *control = &device->control;
-    return device->session != 0 &&
-           (control->timeout_ticks == 0 || control->tick - control->heard_tick < control->timeout_ticks);
+    const bool running = control->state == WIRE_STATE_RUNNING;
+    if (device->session == 0 || (!running && control->state != WIRE_STATE_ARMED))
+        return false;
+    if (control->timeout_ticks == 0 && running)
+        return true;
+    uint32_t ticks = control->timeout_ticks != 0 ? control->timeout_ticks : HOST_TIMEOUT_TICKS;
+    return control->tick - control->heard_tick < ticks;
 }
 
-/* A new session resets a parked device, except for its model and its outputs. An armed device is taken over as it is;
- * commands of the host that armed it are refused from then on. */
+/* A new session inherits the model, the outputs and a latched fault, and nothing else: whatever still moves is ramped
+ * to its safe value, and what the host before it had set is gone. */
 static void begin_session(struct device *device, uint64_t session)
 {
     struct wire_event stale;
@@ -33,10 +40,12 @@ static void begin_session(struct device *device, uint64_t session)
         ;
     device->session = session;
     device->latched_valid = false;
-    if (device->control.state == WIRE_STATE_PARKED) {
-        device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
-        device_reset_axes(device);
-    }
+    device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
+    if (device->control.state == WIRE_STATE_ARMED || device->control.state == WIRE_STATE_RUNNING)
+        device_event(device, EVENT_PARK, 0);
+    device->wave_mask = 0;
+    device_link_models(device);
+    device_reset_axes(device);
 }
 
 enum wire_status command_hello(struct device *device, const struct request *request, struct answer *answer)
@@ -44,10 +53,9 @@ enum wire_status command_hello(struct device *device, const struct request *requ
     const struct control *control = &device->control;
     enum wire_status status = WIRE_STATUS_OK;
     uint64_t session = request->header->session;
-    bool driven = control->state == WIRE_STATE_RUNNING;
     if (session == 0)
         status = WIRE_STATUS_BAD_VALUE;
-    else if (session != device->session && driven && session_alive(device))
+    else if (session != device->session && is_held(device))
         status = WIRE_STATUS_BUSY;
     else if (session != device->session)
         begin_session(device, session);
@@ -106,6 +114,7 @@ enum wire_status command_arm(struct device *device, const struct request *reques
             return WIRE_STATUS_NO_MODEL;
         if (arm.model_crc != model_crc(device) && (arm.model_crc != 0 || device->models.fallback))
             return WIRE_STATUS_MUST_NAME_MODEL;
+        device_take_safe_values(device);
     }
     return device_event(device, EVENT_ARM, 0);
 }
@@ -120,13 +129,14 @@ static bool can_start(const struct device *device, unsigned axis)
 enum wire_status command_start(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_start_request start;
-    (void)answer;
+    struct wire_start_reply reply = {.first_tick = device->control.tick + 1};
     wire_unpack_start_request(&start, request->payload, request->size);
     if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (start.axis_mask >> axis & 1u && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
             return WIRE_STATUS_BAD_VALUE;
+    wire_pack_start_reply(&reply, answer->payload, answer->size);
     return device_event(device, EVENT_START, start.axis_mask);
 }
 
@@ -173,6 +183,8 @@ enum wire_status command_info(struct device *device, const struct request *reque
                                     .cycles_max = device->cycles_max,
                                     .overruns = device->overruns,
                                     .latched_late = device->latched_late,
+                                    .lost_ticks = device->lost_ticks,
+                                    .brown_out_level = device->port.brown_out_level,
                                     .last_fault = (uint8_t)device->last_fault,
                                     .last_fault_detail = device->last_fault_detail,
                                     .flash_sequence = device->models.sequence};

@@ -3,16 +3,17 @@
 #include <string.h>
 
 /* Without a model: -2..10 V, 1000 V/s, parking at 50 V/s on 0 V; 16-bit converters over +-10.24 V and -10..270 um. */
-static const struct wire_axis_model DEFAULT_AXIS = {
-    .u_min_q24 = -(2 << 24),
-    .u_max_q24 = 10 << 24,
+static const struct axis_config DEFAULT_IDLE = {
     .u_park_q24 = 0,
-    .slew_q24 = 3355443, /* 0.2 V a tick */
-    .ramp_q24 = 167772,  /* 0.01 V a tick */
-    .dac_zero_code = 32768,
-    .dac_codes_per_V_q16 = 209715200, /* 65536 / 20.48 V */
-    .adc_zero_code = 2341,            /* 10 um x 65536 / 280 um = 2340.57 */
-    .adc_um_per_code_q32 = 18350080,  /* 280 um / 65536 */
+    .ramp_q24 = 167772, /* 0.01 V a tick */
+    .error_limit_q16 = 18350080 / 4,
+    .error_ticks = MODEL_DEFAULT_ERROR_TICKS,
+    .pid.d_alpha_q31 = PID_DERIVATIVE_UNFILTERED,
+    .output = {.u_min_q24 = -(2 << 24), .u_max_q24 = 10 << 24, .slew_q24 = 3355443 /* 0.2 V a tick */},
+    .converter = {.dac_zero_code = 32768,
+                  .dac_codes_per_V_q16 = 209715200, /* 65536 / 20.48 V */
+                  .adc_zero_code = 2341,            /* 10 um x 65536 / 280 um = 2340.57 */
+                  .adc_um_per_code_q32 = 18350080 /* 280 um / 65536 */},
 };
 
 void device_lock(const struct device *device)
@@ -57,26 +58,28 @@ void device_link_models(struct device *device)
                                                      device_wave_q30(device, axis)};
 }
 
-static void reset_axis(struct device *device, unsigned axis)
+static const struct axis_config *idle_config(const struct device *device, unsigned axis)
 {
     const struct model_slot *slot = model_store_active(&device->models);
+    return slot ? &slot->idle[axis] : &DEFAULT_IDLE;
+}
+
+static void reset_axis(struct device *device, unsigned axis)
+{
     struct axis_config *config = &device->control.config[axis];
     struct axis_state *state = &device->control.axis[axis];
-    const struct wire_axis_model *model = slot ? model_axis(slot, axis, &device->models.room) : &DEFAULT_AXIS;
-    memset(config, 0, sizeof *config);
-    config->u_park_q24 = model->u_park_q24;
-    config->ramp_q24 = model->ramp_q24;
-    config->pid.d_alpha_q31 = PID_DERIVATIVE_UNFILTERED;
-    config->output.u_min_q24 = model->u_min_q24;
-    config->output.u_max_q24 = model->u_max_q24;
-    config->output.slew_q24 = model->slew_q24;
-    config->converter.dac_zero_code = model->dac_zero_code;
-    config->converter.dac_codes_per_V_q16 = model->dac_codes_per_V_q16;
-    config->converter.adc_zero_code = model->adc_zero_code;
-    config->converter.adc_um_per_code_q32 = model->adc_um_per_code_q32;
+    const int32_t u_park_q24 = config->u_park_q24;
+    *config = *idle_config(device, axis);
+    config->u_park_q24 = u_park_q24;
     memset(&state->path, 0, sizeof state->path);
     memset(&state->target, 0, sizeof state->target);
     pid_reset(&state->pid);
+}
+
+void device_take_safe_values(struct device *device)
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        device->control.config[axis].u_park_q24 = idle_config(device, axis)->u_park_q24;
 }
 
 void device_reset_axes(struct device *device)

@@ -16,7 +16,6 @@
 #define ALL_AXES ((1u << AXES) - 1)
 #define NO_AXIS 255
 #define HOST_TIMEOUT_TICKS 5000 /* 1 s until SET_TIMEOUT says otherwise */
-#define RAIL_TICKS 3            /* consecutive samples at a rail that count as clipped */
 #define RAM_BUDGET (100 * 1024)
 
 /* Everything that the next tick depends on, besides model and waveforms: what SNAPSHOT_READ gives and a replay starts
@@ -47,6 +46,7 @@ struct device_port {
     void *context;
     uint32_t baud;
     enum wire_reset_cause reset_cause;
+    uint8_t brown_out_level; /* 0: off */
     const char *target;
     uint8_t build_id[20];
 };
@@ -55,9 +55,11 @@ struct device {
     struct control control;
     struct device_port port;
     uint64_t session;              /* 0: none yet */
+    bool host_is_recorded;         /* a replay: whether the host lived is in the recording */
     _Atomic uint32_t raised;       /* faults a port has detected, bit by enum wire_fault: taken up by the next tick */
     _Atomic uint32_t raised_first; /* of them; enum wire_fault */
     uint32_t cycles_last, cycles_max, cycles_histogram[16], overruns, latched_late; /* kept by the port */
+    uint32_t lost_ticks;
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
@@ -83,8 +85,12 @@ _Static_assert(sizeof(struct control) == 48 + AXES * (sizeof(struct axis_config)
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 
-/* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. */
+/* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. Where a ramp goes stays as it
+ * was: 0 V from reset on, until device_take_safe_values(). */
 void device_reset_axes(struct device *device);
+
+/* From now on a ramp goes to the safe values of the model. For ARM alone: nothing moves before it. */
+void device_take_safe_values(struct device *device);
 
 /* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
 void device_rest(struct device *device);

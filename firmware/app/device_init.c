@@ -17,7 +17,6 @@ void device_init(struct device *device, const struct device_port *port)
     line_init(&device->line);
     for (unsigned axis = 0; axis < AXES; axis++) {
         bool saturated = false;
-        device->control.axis[axis].drive = DRIVE_RAMP; /* the hardware starts at 0 V; a model may park elsewhere */
         device->dac_codes[axis] = converter_dac_code(&device->control.config[axis].converter, 0, &saturated);
     }
     if (port->reset_cause == WIRE_RESET_CAUSE_WATCHDOG)

@@ -9,19 +9,31 @@ static void watch_host(struct device *device)
 {
     const struct control *control = &device->control;
     bool driving = control->state == WIRE_STATE_ARMED || control->state == WIRE_STATE_RUNNING;
-    if (driving && control->timeout_ticks != 0 && control->tick - control->heard_tick >= control->timeout_ticks)
+    if (driving && !device->host_is_recorded && control->timeout_ticks != 0 &&
+        control->tick - control->heard_tick >= control->timeout_ticks)
         device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
 }
 
-/* A loop that can no longer see where it is must not go on pushing. */
-static void watch_rails(struct device *device, uint32_t moving)
+/* A loop that can no longer see where it is, or that no longer gets where it should be, must not go on pushing. */
+static void watch_loops(struct device *device, uint32_t moving, const int32_t error_q16[AXES])
 {
-    const struct control *control = &device->control;
+    static const uint8_t FAULTS[] = {[WATCH_FINE] = WIRE_FAULT_NONE,
+                                     [WATCH_RAIL] = WIRE_FAULT_ADC_RAIL,
+                                     [WATCH_JUMPED] = WIRE_FAULT_SENSOR_JUMP,
+                                     [WATCH_FROZEN] = WIRE_FAULT_SENSOR_FROZEN,
+                                     [WATCH_ERROR] = WIRE_FAULT_TRACKING_ERROR,
+                                     [WATCH_LIMITED] = WIRE_FAULT_OUTPUT_LIMITED};
+    struct control *control = &device->control;
     for (unsigned axis = 0; axis < AXES; axis++) {
-        const struct axis_state *state = &control->axis[axis];
-        if ((moving >> axis & 1u) != 0 && state->rail_ticks >= RAIL_TICKS && control->state == WIRE_STATE_RUNNING &&
-            axis_mode_has_feedback(control->config[axis].mode) && state->drive == DRIVE_PATH)
-            device_fault(device, WIRE_FAULT_ADC_RAIL, axis, device->adc_codes[axis]);
+        struct axis_state *state = &control->axis[axis];
+        const struct axis_config *config = &control->config[axis];
+        if ((moving >> axis & 1u) == 0 || control->state != WIRE_STATE_RUNNING || state->drive != DRIVE_PATH ||
+            !axis_mode_has_feedback(config->mode))
+            continue;
+        enum watch_finding found =
+            axis_watch(config, state, device->adc_codes[axis], error_q16[axis], &device->traces[axis]);
+        if (found != WATCH_FINE)
+            device_fault(device, (enum wire_fault)FAULTS[found], axis, device->adc_codes[axis]);
     }
 }
 
@@ -70,7 +82,7 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     device_drive_outputs(device, dac_codes);
 
     axes_follow_outputs(device, moving);
-    watch_rails(device, moving);
+    watch_loops(device, moving, error_q16);
     note_ended_paths(device, moving);
     if (device->control.state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
@@ -95,4 +107,11 @@ void device_miss_ticks(struct device *device, uint32_t ticks)
 {
     device->control.tick += ticks;
     recorder_miss(&device->recorder, ticks);
+}
+
+void device_lose_ticks(struct device *device, uint32_t ticks)
+{
+    device->lost_ticks += ticks;
+    device_miss_ticks(device, ticks);
+    device_raise(device, WIRE_FAULT_TICK_LOST, NO_AXIS, ticks);
 }

@@ -14,4 +14,8 @@ void device_put_path_events(struct device *device);
  * stream reports them as dropped. */
 void device_miss_ticks(struct device *device, uint32_t ticks);
 
+/* For ports, at the beginning of a tick: this many before it did not come although they should have. They are counted
+ * as well, and a fault. */
+void device_lose_ticks(struct device *device, uint32_t ticks);
+
 #endif

@@ -50,6 +50,10 @@ static enum model_field check_limits(const struct wire_axis_model *model)
         return FIELD_SLEW;
     if (model->ramp_q24 <= 0 || model->ramp_q24 > model->slew_q24)
         return FIELD_RAMP;
+    if (model->error_limit_q16 < 0)
+        return FIELD_ERROR_LIMIT;
+    if (model->error_limit_q16 != 0 && model->error_ticks == 0)
+        return FIELD_ERROR_TICKS;
     return FIELD_NONE;
 }
 
@@ -116,6 +120,7 @@ static enum model_field expand_axis(struct model_slot *slot, unsigned axis, cons
         field = model_compensation(model, &slot->compensation[axis]);
         slot->inverse_mask |= field == FIELD_NONE ? 1u << axis : 0;
     }
+    slot->idle[axis] = model_idle_config(model);
     return field;
 }
 

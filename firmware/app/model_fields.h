@@ -34,6 +34,8 @@ enum model_field {
     FIELD_KNOT_D,
     FIELD_KNOT_S,
     FIELD_COUPLING,
+    FIELD_ERROR_LIMIT,
+    FIELD_ERROR_TICKS,
 };
 
 #endif

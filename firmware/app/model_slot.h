@@ -3,17 +3,21 @@
 #define PHASELEAD_APP_MODEL_SLOT_H
 
 #include "app/wire.h"
+#include "core/axis.h"
 #include "core/compensation.h"
 #include "core/decouple.h"
 #include "core/feedforward.h"
 
 #define MODEL_AXES 3
+/* A model whose error limit is 0 gets a quarter of the sensor's range, for 0.1 s. */
+#define MODEL_DEFAULT_ERROR_TICKS 500u
 
 struct model_slot {
     uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */
     uint32_t crc;
-    uint32_t table_mask;   /* axes with a table view */
-    uint32_t inverse_mask; /* axes with a time view that can be inverted */
+    uint32_t table_mask;                 /* axes with a table view */
+    uint32_t inverse_mask;               /* axes with a time view that can be inverted */
+    struct axis_config idle[MODEL_AXES]; /* what an axis begins with: limits, converters and safe value */
     struct feedforward_tables tables[MODEL_AXES];
     struct compensation compensation[MODEL_AXES];
     struct decoupling decoupling;
@@ -21,5 +25,8 @@ struct model_slot {
 
 /* One axis of a slot's blob, unpacked into `room`. */
 const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room);
+
+/* Idle, without gains or a path. */
+struct axis_config model_idle_config(const struct wire_axis_model *model);
 
 #endif

@@ -124,6 +124,18 @@ static unsigned newest_whole(const enum record_kind kind[FLASH_SLOTS], const uin
     return kind[1] == RECORD_WHOLE && (int32_t)(sequence[1] - sequence[0]) > 0 ? 1 : 0;
 }
 
+/* Of the records that are also of use; FLASH_SLOTS when there is none. Expanding is what takes time: only the one that
+ * is used is, unless it turns out to be of none. */
+static unsigned newest_usable(struct model_store *store, enum record_kind kind[FLASH_SLOTS],
+                              const uint32_t sequence[FLASH_SLOTS])
+{
+    unsigned newest;
+    while ((newest = newest_whole(kind, sequence)) != FLASH_SLOTS &&
+           model_expand(&store->slots[newest], &store->room) != 0)
+        kind[newest] = RECORD_TORN;
+    return newest;
+}
+
 void model_store_boot(struct model_store *store, const struct flash_port *flash)
 {
     uint32_t sequence[FLASH_SLOTS] = {0, 0};
@@ -131,16 +143,11 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
     memset(store, 0, sizeof *store);
     for (unsigned i = 0; i < FLASH_SLOTS; i++)
         kind[i] = read_record(flash, i, &store->slots[i], &sequence[i]);
-    unsigned newest = newest_whole(kind, sequence);
-    /* Expanding is what takes time: only the one that is used, unless it is of no use. */
-    if (newest != FLASH_SLOTS && model_expand(&store->slots[newest], &store->room) != 0) {
-        kind[newest] = RECORD_TORN;
-        newest = newest_whole(kind, sequence);
-        if (newest != FLASH_SLOTS && model_expand(&store->slots[newest], &store->room) != 0)
-            return;
-    }
-    if (newest == FLASH_SLOTS)
+    unsigned newest = newest_usable(store, kind, sequence);
+    if (newest == FLASH_SLOTS) {
+        store->littered = kind[0] != RECORD_BLANK || kind[1] != RECORD_BLANK;
         return;
+    }
     unsigned other = 1 - newest;
     store->active = (uint8_t)newest;
     store->newest_slot = (uint8_t)newest;
@@ -181,6 +188,9 @@ enum wire_status model_store_persist(struct model_store *store, const struct fla
     put_u32(head + 4, next);
     put_u32(head + 8, WIRE_MODEL_SIZE);
     put_u32(head + 12, record_crc(next, slot->blob));
+    if (store->littered && !flash->erase(flash->context, 1 - at)) /* or it would pass for a save that was lost */
+        return WIRE_STATUS_FLASH_FAILED;
+    store->littered = false;
     if (!flash->erase(flash->context, at) ||
         !program_verified(flash, at, RECORD_HEADER_SIZE, slot->blob, WIRE_MODEL_SIZE) ||
         !program_verified(flash, at, 0, head, sizeof head))

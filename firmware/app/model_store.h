@@ -31,6 +31,7 @@ struct model_store {
     uint32_t promised_crc;
     uint32_t sequence; /* of the newest record in flash; 0: none */
     uint8_t newest_slot;
+    bool littered; /* there is no record that is of use, but flash is not blank */
 };
 
 /* Loads the newest whole record, if there is one. */

@@ -79,6 +79,14 @@ static void obey(struct device *device, const struct request *request, bool in_s
     line->reply_size = (uint32_t)answer.size;
 }
 
+/* A repeat is answered without being done again, but its host lives. */
+static void note_heard(struct device *device)
+{
+    device_lock(device);
+    device->control.heard_tick = device->control.tick;
+    device_unlock(device);
+}
+
 static void take_frame(struct device *device, const uint8_t *body, size_t size)
 {
     struct line *line = &device->line;
@@ -95,6 +103,7 @@ static void take_frame(struct device *device, const uint8_t *body, size_t size)
     bool in_session = device->session != 0 && header.session == device->session;
     const struct reply_kept *kept = in_session ? find_kept(line, &header, request_crc) : NULL;
     if (kept) {
+        note_heard(device);
         memcpy(line->reply_body + WIRE_HEADER_SIZE, kept->body, kept->size);
         line->reply_size = kept->size;
         return;

@@ -22,6 +22,10 @@ const struct fault_reaction FAULT_REACTIONS[] = {
     [WIRE_FAULT_FLASH_ERROR] = {"hold", EVENT_FAULT_HOLD}, /* only met while parked */
     [WIRE_FAULT_CORE_LOST] = {"core-lost", EVENT_CORE_LOST},
     [WIRE_FAULT_TRACKING_ERROR] = {"hold", EVENT_FAULT_HOLD},
+    [WIRE_FAULT_TICK_LOST] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_SENSOR_FROZEN] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_SENSOR_JUMP] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_OUTPUT_LIMITED] = {"ramp", EVENT_FAULT_RAMP},
 };
 _Static_assert(COUNT(FAULT_REACTIONS) == WIRE_FAULT_COUNT, "a fault without a reaction");
 
@@ -39,7 +43,7 @@ static const struct supervisor_step TRANSITIONS[WIRE_STATE_COUNT][EVENT_COUNT] =
                 [EVENT_ARM] = {ARMED, ACTION_RAMP},
                 [EVENT_START] = {PARKED, ACTION_REFUSE},
                 [EVENT_PARK] = {PARKED, ACTION_RAMP},
-                [EVENT_STOP] = {PARKED, ACTION_RAMP},
+                [EVENT_STOP] = {PARKED, ACTION_HOLD},
                 [EVENT_AT_REST] = {PARKED, ACTION_NONE},
                 [EVENT_CLEAR] = {PARKED, ACTION_REFUSE},
                 [EVENT_CLEAR_EARLY] = {PARKED, ACTION_REFUSE},

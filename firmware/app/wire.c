@@ -76,7 +76,7 @@ static const struct {
     {"arm", {4, false}, 0x04},
     {"arm", {9, false}, 0x84},
     {"start", {1, false}, 0x05},
-    {"start", {9, false}, 0x85},
+    {"start", {17, false}, 0x85},
     {"park", {0, false}, 0x06},
     {"park", {9, false}, 0x86},
     {"clear_fault", {0, false}, 0x07},
@@ -108,7 +108,7 @@ static const struct {
     {"set_timeout", {4, false}, 0x14},
     {"set_timeout", {9, false}, 0x94},
     {"info", {0, false}, 0x15},
-    {"info", {98, false}, 0x95},
+    {"info", {103, false}, 0x95},
     {"samples", {20, true}, 0x70},
     {"event", {13, false}, 0x71},
 };
@@ -267,6 +267,8 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
         out = put_u32(out, (uint32_t)from->knot_s_q20[i]);
     for (size_t i = 0; i < 3; i++)
         out = put_u32(out, (uint32_t)from->coupling_q28[i]);
+    out = put_u32(out, (uint32_t)from->error_limit_q16);
+    out = put_u32(out, from->error_ticks);
     return WIRE_AXIS_MODEL_SIZE;
 }
 
@@ -320,6 +322,8 @@ bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_
         to->knot_s_q20[i] = (int32_t)get_u32(&in);
     for (size_t i = 0; i < 3; i++)
         to->coupling_q28[i] = (int32_t)get_u32(&in);
+    to->error_limit_q16 = (int32_t)get_u32(&in);
+    to->error_ticks = get_u32(&in);
     return true;
 }
 
@@ -470,6 +474,26 @@ bool wire_unpack_start_request(struct wire_start_request *to, const uint8_t *in,
     if (size != WIRE_START_REQUEST_SIZE)
         return false;
     to->axis_mask = get_u8(&in);
+    return true;
+}
+
+int32_t wire_pack_start_reply(const struct wire_start_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_START_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u64(out, from->first_tick);
+    return WIRE_START_REPLY_SIZE;
+}
+
+bool wire_unpack_start_reply(struct wire_start_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_START_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->first_tick = get_u64(&in);
     return true;
 }
 
@@ -847,6 +871,8 @@ int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, s
         out = put_u32(out, from->histogram[i]);
     out = put_u32(out, from->overruns);
     out = put_u32(out, from->latched_late);
+    out = put_u32(out, from->lost_ticks);
+    out = put_u8(out, from->brown_out_level);
     out = put_u8(out, from->last_fault);
     out = put_u32(out, from->last_fault_detail);
     out = put_u32(out, from->flash_sequence);
@@ -865,6 +891,8 @@ bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_
         to->histogram[i] = get_u32(&in);
     to->overruns = get_u32(&in);
     to->latched_late = get_u32(&in);
+    to->lost_ticks = get_u32(&in);
+    to->brown_out_level = get_u8(&in);
     to->last_fault = get_u8(&in);
     to->last_fault_detail = get_u32(&in);
     to->flash_sequence = get_u32(&in);

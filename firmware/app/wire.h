@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xFEFA7131u
+#define WIRE_FINGERPRINT 0xA11499ECu
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -107,8 +107,12 @@ enum wire_fault {
     WIRE_FAULT_FLASH_ERROR = 6,
     WIRE_FAULT_CORE_LOST = 7,
     WIRE_FAULT_TRACKING_ERROR = 8,
+    WIRE_FAULT_TICK_LOST = 9,
+    WIRE_FAULT_SENSOR_FROZEN = 10,
+    WIRE_FAULT_SENSOR_JUMP = 11,
+    WIRE_FAULT_OUTPUT_LIMITED = 12,
 };
-#define WIRE_FAULT_COUNT 9
+#define WIRE_FAULT_COUNT 13
 
 /* Why the device last started */
 enum wire_reset_cause {
@@ -131,8 +135,9 @@ enum wire_core_loss {
     WIRE_CORE_LOSS_CLOCK_STOPPED = 6,
     WIRE_CORE_LOSS_NO_CRYSTAL = 7,
     WIRE_CORE_LOSS_STRAY_INTERRUPT = 8,
+    WIRE_CORE_LOSS_SUPPLY_LOW = 9,
 };
-#define WIRE_CORE_LOSS_COUNT 9
+#define WIRE_CORE_LOSS_COUNT 10
 
 /* Bits of the stream's channel mask; per tick and axis, in this order */
 enum wire_channel {
@@ -224,7 +229,7 @@ struct wire_biquad {
 };
 
 /* One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes */
-#define WIRE_AXIS_MODEL_SIZE 888
+#define WIRE_AXIS_MODEL_SIZE 896
 struct wire_axis_model {
     uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are */
     int32_t u_min_q24; /* lower clamp, V */
@@ -256,10 +261,12 @@ struct wire_axis_model {
     int32_t knot_d_q24[24]; /* V, rising; those not in use: 0x7fffffff */
     int32_t knot_s_q20[24]; /* um/V */
     int32_t coupling_q28[3]; /* what this axis sees of x, y, z; its own share is 1 */
+    int32_t error_limit_q16; /* under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500 ticks */
+    uint32_t error_ticks;
 };
 
 /* The model blob that is uploaded, checked, persisted and read back */
-#define WIRE_MODEL_SIZE 2700
+#define WIRE_MODEL_SIZE 2724
 struct wire_model {
     uint32_t magic; /* 0x314C4850, 'PHL1' */
     uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */
@@ -311,10 +318,18 @@ struct wire_arm_request {
     uint32_t model_crc;
 };
 
-/* 0x05: armed -> running: the paths of these axes begin together at the reply's tick */
+/* 0x05: armed -> running: the paths of these axes begin together */
 #define WIRE_START_REQUEST_SIZE 1
 struct wire_start_request {
     uint8_t axis_mask;
+};
+
+/* 0x85: armed -> running: the paths of these axes begin together */
+#define WIRE_START_REPLY_SIZE 17
+struct wire_start_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint64_t first_tick; /* in which they begin: the one after the reply's, which works out what they begin with */
 };
 
 /* 0x08: Mode and gains of one axis; while parked or armed */
@@ -465,7 +480,7 @@ struct wire_set_timeout_request {
 };
 
 /* 0x95: Timing of the tick and the fault log */
-#define WIRE_INFO_REPLY_SIZE 98
+#define WIRE_INFO_REPLY_SIZE 103
 struct wire_info_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
@@ -473,7 +488,9 @@ struct wire_info_reply {
     uint32_t cycles_max;
     uint32_t histogram[16]; /* ticks by log2 of cycles */
     uint32_t overruns;
-    uint32_t latched_late; /* ticks whose output came later than 20 us after the sample */
+    uint32_t latched_late; /* ticks whose output was written too late for 30 us after the sample */
+    uint32_t lost_ticks; /* ticks that did not come at all */
+    uint8_t brown_out_level; /* of the chip's option bytes; 0: its brown-out reset is off */
     uint8_t last_fault;
     uint32_t last_fault_detail;
     uint32_t flash_sequence;
@@ -505,7 +522,6 @@ struct wire_event {
 #define WIRE_STOP_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_STATUS_REQUEST_SIZE 0 /* What the device is doing; also feeds the host timeout */
 #define WIRE_ARM_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
-#define WIRE_START_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_PARK_REQUEST_SIZE 0 /* Ramps to the safe value, then parked */
 #define WIRE_PARK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_CLEAR_FAULT_REQUEST_SIZE 0 /* fault -> parked once the output is at its safe value */
@@ -557,6 +573,8 @@ int32_t wire_pack_arm_request(const struct wire_arm_request *from, uint8_t *out,
 bool wire_unpack_arm_request(struct wire_arm_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_start_request(const struct wire_start_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_start_request(struct wire_start_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_start_reply(const struct wire_start_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_start_reply(struct wire_start_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_axis_request(const struct wire_set_axis_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_set_axis_request(struct wire_set_axis_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_path_request(const struct wire_set_path_request *from, uint8_t *out, size_t capacity);

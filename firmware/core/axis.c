@@ -24,7 +24,7 @@ void axis_start(struct axis_state *state)
     pid_reset(&state->pid);
     state->compensation.primed = 0;
     state->target.flags = 0;
-    state->rail_ticks = 0;
+    state->watch = (struct watch_state){0};
     state->drive = DRIVE_PATH;
 }
 
@@ -137,28 +137,26 @@ static int32_t feedback_q24(const struct axis_config *config, struct axis_state 
 
 /* Slew limit and clamp, with anti-windup for what they cut off. */
 static int32_t limit_q24(const struct axis_config *config, struct axis_state *state, int32_t forward_q24,
-                         int32_t back_q24, bool *saturated)
+                         int32_t back_q24, bool *limited)
 {
-    bool limited = false;
-    int32_t wanted_q24 = sat_add_i32(forward_q24, back_q24, &limited);
-    int32_t u_q24 = output_limit_q24(&config->output, state->u_q24, wanted_q24, &limited);
-    if (limited) {
-        *saturated = true;
+    *limited = false;
+    int32_t wanted_q24 = sat_add_i32(forward_q24, back_q24, limited);
+    int32_t u_q24 = output_limit_q24(&config->output, state->u_q24, wanted_q24, limited);
+    if (*limited)
         pid_unwind(&state->pid, u_q24 - ((int64_t)forward_q24 + back_q24));
-    }
     return u_q24;
 }
 
-static void follow_path(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
-                        int32_t error_q16, bool *saturated, struct axis_trace *trace)
+static void follow_path(const struct axis_config *config, struct axis_state *state, int32_t error_q16, bool *saturated,
+                        struct axis_trace *trace)
 {
-    state->rail_ticks = converter_rail_ticks(adc_code, state->rail_ticks);
     trace->path_done = has_flag(state, TARGET_PATH_DONE);
     trace->inverted = has_flag(state, TARGET_INVERSE);
     *saturated = has_flag(state, TARGET_SATURATED);
     trace->feedforward_q24 = state->target.feedforward_q24;
     trace->feedback_q24 = feedback_q24(config, state, error_q16, saturated);
-    state->u_q24 = limit_q24(config, state, trace->feedforward_q24, trace->feedback_q24, saturated);
+    state->u_q24 = limit_q24(config, state, trace->feedforward_q24, trace->feedback_q24, &trace->limited);
+    *saturated = *saturated || trace->limited;
 }
 
 /* True: the output stands still and will stay so. */
@@ -172,13 +170,12 @@ static bool hold_or_ramp(const struct axis_config *config, struct axis_state *st
     return state->drive != DRIVE_PATH && state->u_q24 == before_q24;
 }
 
-bool axis_step(const struct axis_config *config, struct axis_state *state, uint16_t adc_code, int32_t error_q16,
-               struct axis_trace *trace)
+bool axis_step(const struct axis_config *config, struct axis_state *state, int32_t error_q16, struct axis_trace *trace)
 {
     bool saturated = false, rests = false;
     *trace = (struct axis_trace){.reference = state->target.reference};
     if (state->drive == DRIVE_PATH && has_flag(state, TARGET_FOLLOWS_PATH))
-        follow_path(config, state, adc_code, error_q16, &saturated, trace);
+        follow_path(config, state, error_q16, &saturated, trace);
     else
         rests = hold_or_ramp(config, state, &saturated);
     state->target.flags = 0;
@@ -186,6 +183,19 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, uint1
     if (saturated)
         state->saturations++;
     return rests;
+}
+
+enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
+                              int32_t error_q16, const struct axis_trace *trace)
+{
+    bool saturated = false;
+    const struct watch_config watch = {.error_limit_q16 = config->error_limit_q16,
+                                       .error_ticks = config->error_ticks,
+                                       .u_range_q24 =
+                                           sat_sub_i32(config->output.u_max_q24, config->output.u_min_q24, &saturated)};
+    const struct watch_tick tick = {
+        .adc_code = adc_code, .limited = trace->limited, .u_q24 = state->u_q24, .error_q16 = error_q16};
+    return watch_step(&watch, &state->watch, &tick);
 }
 
 bool axis_follow_output(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace)

@@ -17,6 +17,7 @@
 #include "core/output.h"
 #include "core/path.h"
 #include "core/pid.h"
+#include "core/watch.h"
 
 /* What the supervisor makes the axis do. */
 enum axis_drive { DRIVE_HOLD, DRIVE_PATH, DRIVE_RAMP };
@@ -25,13 +26,13 @@ struct axis_config { /* fixed-size fields, explicit padding: read back as it lie
     uint32_t mode;   /* enum axis_mode */
     int32_t u_park_q24;
     int32_t ramp_q24;
-    uint32_t reserved;
+    int32_t error_limit_q16; /* under feedback, um: further off for error_ticks is a fault */
     struct pid_config pid;
     struct path_config path;
     struct feedforward_point point; /* tables at the path's range and frequency, looked up when the path was set */
     struct output_config output;
     struct converter_config converter;
-    uint32_t reserved2;
+    uint32_t error_ticks;
 };
 
 struct axis_model {                          /* what came with the stage model and the path; each may be NULL */
@@ -65,12 +66,12 @@ struct axis_state {
     int32_t u_q24;        /* output of the last tick */
     uint32_t drive;       /* enum axis_drive */
     uint32_t saturations; /* ticks in which at least one block saturated */
-    uint32_t rail_ticks;  /* consecutive ticks on the path with the ADC at a rail */
+    struct watch_state watch;
 };
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
 _Static_assert(sizeof(struct axis_config) == 104 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 552 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
+_Static_assert(sizeof(struct axis_state) == 584 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
 
 struct axis_trace { /* what a tick did, for the recorder */
     int32_t reference;
@@ -78,6 +79,7 @@ struct axis_trace { /* what a tick did, for the recorder */
     uint16_t dac_code;
     bool path_done; /* the path ended in this tick */
     bool inverted;  /* the inverse made the feed-forward */
+    bool limited;   /* slew limit or clamp cut the output */
 };
 
 /* The axis begins its path in the next tick (drive becomes DRIVE_PATH), without a bump in its output: the integrator is
@@ -104,8 +106,11 @@ bool axis_has_feedback(const struct axis_state *state);
 int32_t axis_error_q16(const struct axis_config *config, struct axis_state *state, uint16_t adc_code);
 
 /* Feedback, limit and DAC code. The target is used up. True: the axis is at rest, another step would change nothing. */
-bool axis_step(const struct axis_config *config, struct axis_state *state, uint16_t adc_code, int32_t error_q16,
-               struct axis_trace *trace);
+bool axis_step(const struct axis_config *config, struct axis_state *state, int32_t error_q16, struct axis_trace *trace);
+
+/* After the output, for an axis under feedback: whether it can still be believed. `error_q16` as axis_step() had it. */
+enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
+                              int32_t error_q16, const struct axis_trace *trace);
 
 /* Lets the memory of the inverse follow an output that the inverse did not make. True when the memory keeps changing
  * while the output stands still (creep). */

@@ -14,10 +14,3 @@ int32_t converter_position_q16(const struct converter_config *config, uint16_t a
     int32_t from_zero = (int32_t)(adc_code - (uint32_t)config->adc_zero_code);
     return mul_shift_i32(from_zero, config->adc_um_per_code_q32, 16, saturated);
 }
-
-uint32_t converter_rail_ticks(uint16_t adc_code, uint32_t ticks)
-{
-    if (adc_code != 0 && adc_code != UINT16_MAX)
-        return 0;
-    return ticks == UINT32_MAX ? ticks : ticks + 1;
-}

@@ -18,7 +18,4 @@ struct converter_config {
 uint16_t converter_dac_code(const struct converter_config *config, int32_t u_q24, bool *saturated);
 int32_t converter_position_q16(const struct converter_config *config, uint16_t adc_code, bool *saturated);
 
-/* Consecutive ticks with the code at a rail, where the position may be beyond what it says: `ticks` were so before. */
-uint32_t converter_rail_ticks(uint16_t adc_code, uint32_t ticks);
-
 #endif

@@ -185,6 +185,8 @@ AXIS_MODEL = wire.AxisModel(
     knot_d_q24=padded([d for d, _ in KNOTS], 24, 24, UNUSED),
     knot_s_q20=padded([s for _, s in KNOTS], 20, 24),
     coupling_q28=(1 << 28, 0, 0),
+    error_limit_q16=70 * UM,
+    error_ticks=500,
 )
 COUPLING = ((1.0, 0.02, -0.013), (0.04, 1.0, 0.017), (-0.024, 0.031, 1.0))
 

@@ -22,6 +22,8 @@ static uint64_t random_state;
 static uint16_t next_id;
 static uint32_t replies, frames, ok_replies, ticks;
 static uint32_t running_ticks, inverse_ticks, faults;
+static bool armed; /* since the last reset */
+static uint16_t codes[AXES];
 
 static void fail(const char *what, int line)
 {
@@ -266,8 +268,10 @@ static void check(const struct control *before)
     const struct control *now = &device.control;
     CHECK(now->state < WIRE_STATE_COUNT && now->fault < WIRE_FAULT_COUNT);
     CHECK((now->fault != WIRE_FAULT_NONE) == (now->state == WIRE_STATE_FAULT));
+    armed = armed || now->state == WIRE_STATE_ARMED || now->state == WIRE_STATE_RUNNING;
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *config = &now->config[axis];
+        CHECK(armed || now->axis[axis].u_q24 == 0);
         int64_t step = (int64_t)now->axis[axis].u_q24 - before->axis[axis].u_q24;
         CHECK(step <= config->output.slew_q24 && step >= -(int64_t)config->output.slew_q24);
         CHECK(now->axis[axis].u_q24 >= config->output.u_min_q24 && now->axis[axis].u_q24 <= config->output.u_max_q24);
@@ -277,14 +281,22 @@ static void check(const struct control *before)
     }
 }
 
+/* As a sensor that works: wild ones end a closed loop at once. */
+static uint16_t walked(unsigned axis)
+{
+    uint32_t code = codes[axis] + below(2001);
+    codes[axis] = (uint16_t)(code < 2000 ? 2000 : code > 64000 ? 62000 : code - 1000);
+    return codes[axis];
+}
+
 static void run(unsigned count)
 {
     uint16_t adc[AXES], dac[AXES];
-    bool railed = below(8) == 0;
+    bool railed = below(16) == 0, wild = below(16) == 0;
     for (unsigned i = 0; i < count; i++) {
         struct control before = device.control;
         for (unsigned axis = 0; axis < AXES; axis++)
-            adc[axis] = (uint16_t)(railed ? UINT16_MAX * below(2) : random_bits());
+            adc[axis] = railed ? (uint16_t)(UINT16_MAX * below(2)) : wild ? (uint16_t)random_bits() : walked(axis);
         device_tick(&device, adc, dac);
         check(&before);
         ticks++;
@@ -307,11 +319,12 @@ static void noise(void)
 
 static void round_trip(void)
 {
-    switch (below(12)) {
+    switch (below(13)) {
     case 0:
         noise();
         break;
     case 1:
+    case 12:
         send_mode_and_path();
         send_arm_and_start();
         run(below(2000));
@@ -356,6 +369,7 @@ int main(int count, char **arguments)
                 fill(flash.image + below(HOST_FLASH_SIZE - 8), 8);
             port.flash = host_flash_port(&flash);
             device_init(&device, &port);
+            armed = false;
             send(WIRE_HELLO, SESSION, NULL, 0);
         }
         round_trip();

@@ -26,7 +26,7 @@ COMMANDS = [
     wire.StreamStartRequest(wire.Channel.DAC, 1, 1),
     wire.StreamStopRequest(),
     wire.SnapshotReadRequest(wire.Region.STATE, 0, 100),
-    wire.SetTimeoutRequest(1),
+    wire.SetTimeoutRequest(1000),
     wire.InfoRequest(),
 ]
 
@@ -65,18 +65,6 @@ def test_a_second_host_may_have_it_when_the_first_has_timed_out(bench):
     bench.ok(wire.HelloRequest(), session=OTHER)
     assert bench.status_of(wire.StatusRequest()) == wire.Status.NO_SESSION  # the first one is out
     assert bench.ok(wire.StatusRequest(), session=OTHER).fault == wire.Fault.HOST_TIMEOUT
-
-
-def test_a_second_host_takes_an_armed_device_over_as_it_is(bench):
-    assert bench.set_axis(0, wire.Mode.OPEN) == wire.Status.OK
-    bench.ok(wire.SetTimeoutRequest(0))
-    bench.ok(wire.ArmRequest(0))
-    bench.ok(wire.HelloRequest(), session=OTHER)
-    assert bench.status_of(wire.StatusRequest()) == wire.Status.NO_SESSION
-    bench.session = OTHER
-    bench.run(5001)  # the timeout that was off stays off
-    status = bench.status()
-    assert (status.state, status.fault, status.modes[0]) == (wire.State.ARMED, wire.Fault.NONE, wire.Mode.OPEN)
 
 
 def test_anyone_may_stop(bench):
@@ -155,16 +143,6 @@ def test_the_same_number_with_another_content_is_another_command(bench):
     number = 77
     assert bench.status_of(wire.SetTimeoutRequest(5), id=number) == wire.Status.OK
     assert bench.ask(wire.StatusRequest(), id=number).state == wire.State.PARKED
-
-
-def test_a_repeat_does_not_feed_the_host_timeout(bench):
-    """Only what the host means to say shows that it is alive; a replay knows nothing of repeats."""
-    bench.drive()
-    frame = bench.frame(wire.StatusRequest())
-    for _ in range(6):
-        bench.raw(frame)
-        bench.run(999)
-    assert bench.status().fault == wire.Fault.HOST_TIMEOUT
 
 
 def test_strangers_do_not_feed_the_host_timeout(bench):

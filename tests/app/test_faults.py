@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from device_bench import RAMP_CODES, SLEW_CODES, ZERO_V_CODE, Bench, V
+from device_bench import RAMP_CODES, SLEW_CODES, UM, ZERO_V_CODE, Bench, V, model
 
 from phaselead.device import wire
 
@@ -62,15 +62,16 @@ def test_a_holding_fault_keeps_the_output_until_it_is_parked(moving, fault):
 
 @pytest.mark.parametrize("rail", [0, 65535])
 def test_three_samples_at_a_rail_end_a_closed_loop(rail):
+    near = abs(rail - 10_000)
     bench = Bench()
     bench.drive(mode=wire.Mode.PID)
-    bench.run(50)
+    bench.run(50, adc=near)
     bench.run(2, adc=rail)
-    assert bench.state == wire.State.RUNNING  # two are no clip
-    bench.run(10)
+    bench.run(10, adc=near)
+    assert not [event for event in bench.events if event.kind == wire.EventKind.FAULT]  # two are no clip
     bench.run(3, adc=rail)
     before = int(bench.dac[-1, 0])
-    codes = bench.run(1000)
+    codes = bench.run(1000, adc=near)
     moves = np.diff(np.concatenate([[before], codes[:, 0].astype(int)]))
     assert moves[0] != 0 or before == ZERO_V_CODE
     assert abs(moves).max() <= RAMP_CODES + 1
@@ -79,8 +80,84 @@ def test_three_samples_at_a_rail_end_a_closed_loop(rail):
     assert (status.fault, status.fault_axis) == (wire.Fault.ADC_RAIL, 0)
 
 
+def closed_loop(mode=wire.Mode.PID, **path):
+    """A device whose axis x follows a path; its sensor shows noise of one code."""
+    bench = Bench()
+    bench.drive(mode=mode, **path)
+    return bench
+
+
+def noisy(ticks, at=20_000):
+    codes = np.full((ticks, 3), at)
+    codes[1::2] += 1
+    return codes
+
+
+def test_a_frozen_sensor_ramps_home():
+    bench = closed_loop(offset=45 * UM)
+    bench.run(500, adc=noisy(500))
+    codes = bench.run(1500, adc=20_001)[:, 0].astype(int)
+    status = bench.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.SENSOR_FROZEN, 0)
+    assert codes[-1] == ZERO_V_CODE
+    assert codes.max() < ZERO_V_CODE + 6 * 3200  # it once drove on to the limit
+
+
+def test_a_jumping_sensor_ramps_home():
+    bench = closed_loop()
+    jumps = noisy(200)
+    jumps[50::10] += 20_000
+    bench.run(200, adc=jumps)
+    status = bench.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.SENSOR_JUMP, 0)
+    assert status.fault_tick - 50 < 30
+
+
+def test_an_error_that_stays_is_a_fault_and_holds():
+    """The plant is gone: the sensor shows noise and nothing else."""
+    bench = Bench()
+    bench.upload(model(error_limit_q16=20 * UM, error_ticks=300))
+    bench.drive(mode=wire.Mode.PID, path=wire.PathKind.MOVE, swing=40 * UM, offset=75 * UM, step=2**64 // 500)
+    bench.run(1500, adc=noisy(1500))
+    status = bench.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.TRACKING_ERROR, 0)
+    held = bench.run(300, adc=noisy(300))[:, 0]
+    assert len(set(held)) == 1
+
+
+@pytest.mark.parametrize("with_model", [True, False])
+def test_without_a_limit_in_the_model_a_quarter_of_the_sensor_counts(with_model):
+    for swing_um, fault in ((60, wire.Fault.NONE), (120, wire.Fault.TRACKING_ERROR)):
+        bench = Bench()
+        if with_model:
+            assert bench.upload(model(error_limit_q16=0, error_ticks=0)).status == wire.Status.OK
+        bench.set_axis(0, wire.Mode.PID, kp=1)
+        assert bench.set_path(path=wire.PathKind.MOVE, swing=swing_um << 16, offset=75 << 16, step=2**64 // 500) == 0
+        bench.ok(wire.SetTimeoutRequest(0))
+        bench.ok(wire.ArmRequest(0))
+        bench.ok(wire.StartRequest(1))
+        bench.run(2000, adc=noisy(2000))
+        assert bench.status().fault == fault
+
+
+def test_a_loop_that_is_at_its_limit_for_half_a_second_ramps_home():
+    bench = Bench()
+    bench.set_axis(0, wire.Mode.PID, ki=1 << 20)
+    assert bench.set_path(path=wire.PathKind.HOLD, swing=0, offset=140 << 16) == 0
+    bench.ok(wire.SetTimeoutRequest(0))
+    bench.ok(wire.ArmRequest(0))
+    bench.ok(wire.StartRequest(1))
+    bench.run(3000, adc=noisy(3000))  # at 10 V after some 640
+    assert bench.state == wire.State.RUNNING
+    codes = bench.run(2000, adc=noisy(2000))
+    assert bench.status().fault == wire.Fault.OUTPUT_LIMITED
+    assert codes[-1, 0] == ZERO_V_CODE
+
+
 def test_rails_do_not_matter_to_an_open_loop_or_to_other_axes(moving):
     moving.run(100, adc=[65535, 0, 65535])
+    moving.run(3000, adc=noisy(3000)[:, ::-1] * [1, 3, 1])
+    moving.ok(wire.StatusRequest())
     assert moving.state == wire.State.RUNNING
 
 

@@ -142,6 +142,32 @@ def test_two_damaged_records_are_no_model():
     assert boot(bytes(flash))[1].model_flags == 0
 
 
+@pytest.mark.parametrize("hits", [(100, SLOT + 100), (0, SLOT), (SLOT + 3,)])
+def test_the_save_after_damage_to_both_leaves_no_false_flag(hits):
+    """The other slot once still held its damaged record, and the newest model was called a fallback ever after."""
+    flash = bytearray(saved(1, 2) if len(hits) == 2 else saved(1))
+    for at in hits:
+        flash[at] ^= 1
+    if len(hits) == 1:
+        flash[100] ^= 1
+    assert boot(bytes(flash))[1].model_flags == 0
+    for count in (3, 4, 5):
+        flash = saved(count, flash=bytes(flash))
+        _, hello = boot(flash)
+        assert (hello.model_flags, hello.model_crc) == (LOADED | PERSISTED, crc_of(count))
+
+
+def test_a_cut_in_the_save_after_damage_to_both_is_no_model_or_the_new_one():
+    flash = bytearray(saved(1, 2))
+    flash[100] ^= 1
+    flash[SLOT + 100] ^= 1
+    for at in (1, 500, SLOT - 1, SLOT, SLOT + 1, 2 * SLOT - 1, 2 * SLOT, 2 * SLOT + 900, SLOT + SAVE_BYTES - 1):
+        torn, acknowledged = cut_save(bytes(flash), 9, at)
+        hello = boot(torn)[1]
+        assert hello.model_crc in ({crc_of(9)} if acknowledged else {0, crc_of(9)}), at
+        assert hello.model_flags in (0, LOADED | PERSISTED), at
+
+
 def test_sequence_numbers_may_wrap():
     flash = bytearray(saved(1, 2))
     for slot, sequence in ((0, 2**32 - 2), (1, 2**32 - 1)):

@@ -155,7 +155,7 @@ def test_paths_of_several_axes_begin_together_and_end_as_asked(bench):
         bench.set_axis(axis)
         assert bench.set_path(axis, ticks=ticks) == wire.Status.OK
     bench.ok(wire.ArmRequest(0))
-    start = bench.ok(wire.StartRequest(7)).tick
+    start = bench.ok(wire.StartRequest(7)).first_tick
     bench.run(300)
     done = {event.value: event.tick for event in bench.events if event.kind == wire.EventKind.PATH_DONE}
     assert done == {0: start + 99, 1: start + 249}
@@ -188,7 +188,7 @@ def test_a_waveform_is_played_point_by_point(bench):
     swing = V // 8  # slow enough for the slew limit
     assert bench.set_path(path=wire.PathKind.WAVE, swing=swing, step=2**54) == wire.Status.OK
     bench.ok(wire.ArmRequest(0))
-    start = bench.ok(wire.StartRequest(1)).tick
+    start = bench.ok(wire.StartRequest(1)).first_tick
     bench.run(1100)
     expected = np.round(32768 + points / ONE * 3200 / 8)
     assert abs(bench.dac[start : start + 1024, 0] - expected).max() <= 1

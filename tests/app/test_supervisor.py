@@ -18,7 +18,7 @@ REFUSED = "refuse"
 EXPECTED = {
     ("parked", "arm"): ("armed", "ramp"),
     ("parked", "park"): ("parked", "ramp"),
-    ("parked", "stop"): ("parked", "ramp"),
+    ("parked", "stop"): ("parked", "hold"),
     ("armed", "start"): ("running", "start"),
     ("armed", "park"): ("stopping", "ramp"),
     ("armed", "stop"): ("stopping", "ramp"),

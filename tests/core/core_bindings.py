@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
-STRAIGHT = ["axis", "axis_mode", "biquad", "converter", "feedforward", "output", "path", "pid", "sine"]
+STRAIGHT = ["axis", "axis_mode", "biquad", "converter", "feedforward", "output", "path", "pid", "sine", "watch"]
 COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
@@ -119,13 +119,13 @@ class AxisConfig(ct.Structure):
         ("mode", ct.c_uint32),
         ("u_park_q24", ct.c_int32),
         ("ramp_q24", ct.c_int32),
-        ("reserved", ct.c_uint32),
+        ("error_limit_q16", ct.c_int32),
         ("pid", PidConfig),
         ("path", PathConfig),
         ("point", Point),
         ("output", OutputConfig),
         ("converter", ConverterConfig),
-        ("reserved2", ct.c_uint32),
+        ("error_ticks", ct.c_uint32),
     ]
 
 
@@ -244,6 +244,33 @@ class AxisTarget(ct.Structure):
     ]
 
 
+class WatchState(ct.Structure):
+    _fields_ = [
+        ("rail_ticks", ct.c_uint32),
+        ("error_ticks", ct.c_uint32),
+        ("limited_ticks", ct.c_uint32),
+        ("jumps", ct.c_uint32),
+        ("calm_ticks", ct.c_uint32),
+        ("same_ticks", ct.c_uint32),
+        ("same_u_q24", ct.c_int32),
+        ("code", ct.c_uint32),
+        ("primed", ct.c_uint32),
+    ]
+
+
+class WatchConfig(ct.Structure):
+    _fields_ = [("error_limit_q16", ct.c_int32), ("error_ticks", ct.c_uint32), ("u_range_q24", ct.c_int32)]
+
+
+class WatchTick(ct.Structure):
+    _fields_ = [
+        ("adc_code", ct.c_uint16),
+        ("limited", ct.c_bool),
+        ("u_q24", ct.c_int32),
+        ("error_q16", ct.c_int32),
+    ]
+
+
 class AxisState(ct.Structure):
     _fields_ = [
         ("path", PathState),
@@ -253,7 +280,7 @@ class AxisState(ct.Structure):
         ("u_q24", ct.c_int32),
         ("drive", ct.c_uint32),
         ("saturations", ct.c_uint32),
-        ("rail_ticks", ct.c_uint32),
+        ("watch", WatchState),
     ]
 
 
@@ -273,6 +300,7 @@ class AxisTrace(ct.Structure):
         ("dac_code", ct.c_uint16),
         ("path_done", ct.c_bool),
         ("inverted", ct.c_bool),
+        ("limited", ct.c_bool),
     ]
 
 
@@ -376,6 +404,7 @@ PROTOTYPES = {
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisState)]),
+    "watch_step": (ct.c_int, [ct.POINTER(WatchConfig), ct.POINTER(WatchState), ct.POINTER(WatchTick)]),
     "axis_set_target": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
     "axis_step": (
         ct.c_bool,

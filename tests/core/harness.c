@@ -181,7 +181,8 @@ size_t h_sizeof(int which)
         sizeof(struct axis_config),        sizeof(struct axis_state),         sizeof(struct axis_trace),
         sizeof(struct feedforward_model),  sizeof(struct feedforward_tables), sizeof(struct path_config),
         sizeof(struct path_state),         sizeof(struct pid_state),          sizeof(struct compensation),
-        sizeof(struct compensation_state), sizeof(struct decoupling),         sizeof(struct axis_target)};
+        sizeof(struct compensation_state), sizeof(struct decoupling),         sizeof(struct axis_target),
+        sizeof(struct watch_state),        sizeof(struct watch_config),       sizeof(struct watch_tick)};
     return sizes[which];
 }
 
@@ -208,7 +209,7 @@ void h_run(const struct axis_config *config, const struct axis_model *model, str
             axis_start(state);
         find_target(config, model, state);
         int32_t error_q16 = axis_has_feedback(state) ? axis_error_q16(config, state, ticks[i].adc_code) : 0;
-        axis_step(config, state, ticks[i].adc_code, error_q16, &traces[i]);
+        axis_step(config, state, error_q16, &traces[i]);
         axis_follow_output(model, state, &traces[i]);
     }
 }

@@ -27,6 +27,9 @@ from core_bindings import (
     PidConfig,
     PidState,
     Point,
+    WatchConfig,
+    WatchState,
+    WatchTick,
     any_i32,
     any_u64,
     real,
@@ -117,8 +120,6 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
     reference = state.target.reference
     ff = fb = error = 0
     asked = state.u_q24
-    if follows:
-        state.rail_ticks = state.rail_ticks + 1 if adc_code in (0, 65535) else 0
     if follows and config.mode in INVERSE:
         lead = config.point.lead_turn32, compensation.preview_ticks_q16
         ahead = block("path_ahead", config.path, state.path, wave, *lead)
@@ -147,7 +148,9 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
         state.target.feedforward_q24 = ff
     if state.drive == Command.RAMP:
         asked += max(-config.ramp_q24, min(config.ramp_q24, config.u_park_q24 - state.u_q24))
+    before = len(flags)
     state.u_q24 = block("output_limit_q24", config.output, state.u_q24, limited(asked))
+    cut = follows and any(flags[before:])
     done = False
     if follows:
         core.pid_unwind(state.pid, state.u_q24 - asked)
@@ -156,7 +159,7 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
         core.compensation_follow(compensation, state.compensation, state.u_q24)
     dac = block("converter_dac_code", config.converter, state.u_q24)
     state.saturations += any(flags)
-    return reference, ff, fb, dac, done, follows and config.mode in INVERSE
+    return reference, ff, fb, dac, done, follows and config.mode in INVERSE, cut
 
 
 @pytest.mark.parametrize("mode", Mode, ids=lambda mode: mode.name)
@@ -183,6 +186,7 @@ def test_axis_is_its_blocks(core, tables, wave, mode, data, ticks, with_model):
 def test_struct_sizes_are_those_of_the_bindings(core):
     structs = [AxisConfig, AxisState, AxisTrace, FeedforwardModel, FeedforwardTables]
     structs += [PathConfig, PathState, PidState, Compensation, CompensationState, Decoupling, AxisTarget]
+    structs += [WatchState, WatchConfig, WatchTick]
     assert [core.h_sizeof(i) for i in range(len(structs))] == [ct.sizeof(s) for s in structs]
 
 
@@ -190,12 +194,14 @@ def test_start_sets_the_whole_state(core):
     state = AxisState(
         PathState(1, 2, 0, 4), AxisTarget(1, 2, 3, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1)
     )
-    state.u_q24, state.drive, state.saturations, state.rail_ticks = 777, Command.RAMP, 8, 9
+    state.u_q24, state.drive, state.saturations = 777, Command.RAMP, 8
+    state.watch.rail_ticks, state.watch.primed = 9, 1
     state.compensation.inverse.v_q24 = 5
     core.axis_start(state)
     assert bytes(state.path) == bytes(PathState(0, 0, 1, 0))
     assert bytes(state.pid) == bytes(PidState())
-    assert (state.u_q24, state.drive, state.saturations, state.rail_ticks) == (777, Command.PATH, 8, 0)
+    assert (state.u_q24, state.drive, state.saturations) == (777, Command.PATH, 8)
+    assert bytes(state.watch) == bytes(WatchState())
     assert state.target.flags == 0
     assert (state.compensation.primed, state.compensation.inverse.v_q24) == (0, 5)
 
@@ -249,20 +255,6 @@ def test_open_is_the_path_in_volts(core):
     assert np.abs(u_V - exact).max() < 1e-7
     assert [t.path_done for t in traces] == [False] * 999 + [True]
     assert [t.dac_code for t in traces] == [math.floor(32768 + 3200 * u + 0.5) for u in u_V]
-
-
-def test_rails_are_counted_in_a_row_on_the_path(core):
-    config, state = AxisConfig(Mode.PID, output=OUTPUT, converter=CONVERTER), AxisState(drive=Command.PATH)
-    for adc_code, expected in [(0, 1), (65535, 2), (0, 3), (1, 0), (65534, 0), (65535, 1)]:
-        core.run(config, state, [(adc_code, Command.NOTHING)])
-        assert state.rail_ticks == expected
-    state.rail_ticks = 2**32 - 1
-    core.run(config, state, [(0, Command.NOTHING)])
-    assert state.rail_ticks == 2**32 - 1
-    core.run(config, state, [(0, Command.HOLD)])
-    assert state.rail_ticks == 2**32 - 1
-    core.run(config, state, [(0, Command.START)])
-    assert state.rail_ticks == 1
 
 
 # ---------------------------------------------------------------- closed loop

@@ -125,6 +125,7 @@ class FakeDevice:
                 self.state = wire.State.ARMED
             case wire.StartRequest():
                 self.state = wire.State.RUNNING
+                return wire.StartReply(*head, self.tick + 1)
             case wire.ParkRequest() | wire.StopRequest() if self.state in (
                 wire.State.ARMED,
                 wire.State.RUNNING,

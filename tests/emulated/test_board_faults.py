@@ -67,7 +67,7 @@ def info(talker):
 @pytest.mark.parametrize(
     ("injection", "fault", "detection_ticks"),
     [
-        (Injection.ADC_SILENT, wire.Fault.CONVERTER_SILENT, 1),
+        (Injection.ADC_SILENT, wire.Fault.CONVERTER_SILENT, 2),
         (Injection.DAC_SILENT, wire.Fault.CONVERTER_SILENT, 8),
         (Injection.INTERLOCK, wire.Fault.INTERLOCK, 3),
     ],
@@ -195,6 +195,7 @@ def test_without_a_crystal_it_starts_on_the_internal_oscillator_and_says_so(star
 
 
 def test_a_brown_out_is_a_fresh_start_that_is_called_by_its_name(running):
+    running.device.inject(Injection.BOR_LEVEL, 0)  # as board.md asks for; test_delays.py has the other case
     running.device.inject(Injection.BROWN_OUT)
     codes = dac(running, 100)
     assert back_at_zero(codes, 2)
@@ -215,23 +216,25 @@ def test_a_save_that_loses_power_falls_back_to_the_model_before(start):
     board.write(talker.frame(wire.ModelPersistRequest()))
     talker.run(6000)
     hello = talker.ok(wire.HelloRequest())
-    assert hello.reset_cause == wire.ResetCause.BROWN_OUT
+    assert hello.reset_cause == wire.ResetCause.POWER_ON
     assert hello.model_flags == 0b111  # loaded, a fallback, persisted
     talker.run(1)
 
 
-def test_a_stream_says_which_ticks_went_by_while_flash_was_busy(start):
-    """Every tick is streamed or counted as dropped, and at its place."""
+@pytest.mark.parametrize("decimation", [1, 7])
+def test_a_stream_says_which_ticks_went_by_while_flash_was_busy(start, decimation):
+    """Every tick that was asked for is streamed or counted as dropped, and at its place."""
     talker = Talker(start())
-    talker.ok(wire.HelloRequest(), *upload(stage_model()), wire.StreamStartRequest(31, 1, 1))
+    talker.ok(wire.HelloRequest(), *upload(stage_model()), wire.StreamStartRequest(31, 1, decimation))
     talker.run(300)
     assert talker.ask(wire.ModelPersistRequest(), ticks=20_000).status == wire.Status.OK
     talker.run(600)
     stopped = talker.ok(wire.StreamStopRequest())
     talker.run(100)
-    assert stopped.dropped_ticks > 4500  # an erase takes a second
+    assert stopped.dropped_ticks > 4500 / decimation  # an erase takes a second
     for one, other in itertools.pairwise(talker.samples):
-        assert other.first_tick - one.first_tick == len(one.data) // 12 + other.dropped - one.dropped
+        rows = len(one.data) // 12 + other.dropped - one.dropped
+        assert other.first_tick - one.first_tick == rows * decimation
     assert talker.samples[-1].dropped == stopped.dropped_ticks
 
 

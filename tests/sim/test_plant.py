@@ -17,7 +17,7 @@ TS = 1 / 5000
 ZERO = 32768
 CODES_PER_V = 3200
 UM_PER_CODE = 280 / 65536
-LATCH_S = 20e-6
+LATCH_S = 30e-6
 VIEW = TimeView(gain_um_per_V=10, u_range_V=(0, 10), rate_Hz=5000)
 
 

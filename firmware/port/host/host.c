@@ -14,7 +14,7 @@
 #include "port/host/flash.h"
 
 #define LINE_BITS_PER_BYTE 10
-#define INJECTED_RAIL_TICKS (2 * RAIL_TICKS)
+#define INJECTED_RAIL_TICKS (2 * WATCH_RAIL_TICKS)
 
 struct host_device {
     struct device device;
@@ -239,6 +239,7 @@ int host_restore(struct host_device *host, uint64_t session, const uint8_t *stat
     host->device.control = control;
     device_link_models(&host->device);
     host->device.session = session;
+    host->device.host_is_recorded = true;
     host->infinite_line = true;
     return HOST_RESTORED;
 }

@@ -18,15 +18,17 @@
 #define APB2_HZ 84000000u
 #define TIMER_HZ 84000000u
 
-#define CONVST_HIGH_COUNTS 84u /* 1 us */
-#define SAMPLED_COUNTS 76u     /* 0.9 us: the ADC needs 0.85; the tick begins here, so that it need not wait */
-#define LATCH_COUNTS 1680u     /* 20 us from the sample to LDAC */
+#define CONVST_HIGH_COUNTS 84u  /* 1 us */
+#define SAMPLED_COUNTS 76u      /* 0.9 us: the ADC needs 0.85; the tick begins here, so that it need not wait */
+#define LATCH_COUNTS 2520u      /* 30 us from the sample to LDAC, in every build */
+#define LATCH_SETUP_COUNTS 143u /* 1.7 us from the last SYNC to LDAC (AD5764R) */
 
 enum port { PORT_A, PORT_B, PORT_C };
-enum pin_a { PIN_CONVST = 0, PIN_LDAC = 1, PIN_ADC_CS = 4, PIN_ADC_SCK = 5, PIN_ADC_DOUT = 6 };
+enum pin_a { PIN_CONVST = 0, PIN_LDAC = 1, PIN_ADC_CS = 4, PIN_ADC_DOUT = 6 };
 enum pin_b {
     PIN_ADC_BUSY = 0,
     PIN_ADC_FRSTDATA = 1,
+    PIN_ADC_SCK = 3, /* SPI1 has it on PA5 too, but there the NUCLEO has its LED */
     PIN_DAC_SYNC = 12,
     PIN_DAC_SCK = 13,
     PIN_DAC_SDO = 14,

@@ -28,14 +28,30 @@ static bool start_pll(uint32_t m, uint32_t source)
     RCC->CR |= RCC_CR_PLLON;
     if (!wait_for(&RCC->CR, RCC_CR_PLLRDY, RCC_CR_PLLRDY, PLL_TURNS))
         return false;
+    /* RM0090, 3.5.1: the wait states are in force when they read back; then the buses' dividers, then the clock. */
     FLASH->ACR = FLASH_ACR_5_WAITS | FLASH_ACR_PRFTEN | FLASH_ACR_ICEN | FLASH_ACR_DCEN;
+    if (!wait_for(&FLASH->ACR, FLASH_ACR_WAITS_MASK, FLASH_ACR_5_WAITS, PLL_TURNS))
+        return false;
+    RCC->CFGR = RCC_CFGR_APB1_DIV4 | RCC_CFGR_APB2_DIV2;
+    (void)RCC->CFGR;
     RCC->CFGR = RCC_CFGR_APB1_DIV4 | RCC_CFGR_APB2_DIV2 | RCC_CFGR_SW_PLL;
     return wait_for(&RCC->CFGR, RCC_CFGR_SWS_MASK, RCC_CFGR_SWS_PLL, PLL_TURNS);
 }
 
+/* ES0182, 2.1.13 (F405) and ES0298 (F446): a peripheral misses what is written to it in the first 1 + AHB/APB cycles. A
+ * barrier is the workaround that was measured to help on an F407, reading back is not (community.st.com, 579949); the
+ * reads take the 5 cycles as well. */
+void clock_enable(volatile uint32_t *enable, uint32_t bits)
+{
+    *enable |= bits;
+    __asm volatile("dsb" ::: "memory");
+    for (unsigned reads = 0; reads < 4; reads++)
+        (void)*enable;
+}
+
 enum clock_source clock_start(void)
 {
-    RCC->APB1ENR |= RCC_APB1ENR_PWR;
+    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_PWR);
     PWR->CR |= PWR_CR_VOS_SCALE1;
     if (BOARD_HSE_BYPASS)
         RCC->CR |= RCC_CR_HSEBYP;

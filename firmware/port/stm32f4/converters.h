@@ -15,24 +15,29 @@
 /* Pins and buses; the DAC stays cleared to 0 V. */
 void converters_set_up(void);
 
+/* At full speed: a pulse of 3 us at least, after which the ADC does not convert for 253 us. */
+void converters_reset_adc(void);
+
 /* Programs the DAC's range, 0 V on every channel, then lets go of its clear pin. False: it does not answer. */
 bool converters_start(void);
 
-/* Reads the conversion that the tick's edge began. False when the converter did not answer: `codes` are then as before.
- */
-bool converters_sample(uint16_t codes[CONVERTER_AXES]);
+enum converters_sampled {
+    CONVERTERS_SAMPLED,
+    CONVERTERS_SILENT, /* the ADC did not answer */
+    CONVERTERS_STALE   /* it answers, but began no conversion with this tick: BUSY did not fall */
+};
+
+/* Reads the conversion that the tick's edge began. `codes` stay as before unless it was sampled. */
+enum converters_sampled converters_sample(uint16_t codes[CONVERTER_AXES]);
+
+/* Both ends of a longer pulse, for a tick, which cannot wait. */
+void converters_hold_adc_in_reset(bool held);
 
 /* Writes the codes of this tick; LDAC makes them the output. */
 void converters_drive(const uint16_t codes[CONVERTER_AXES]);
 
-/* Asks the DAC for the range it was given; the answer comes with the next frame it is sent. */
-void converters_ask_dac(void);
-
-/* Whether that was the range, with the first frame of converters_drive() or converters_listen(). */
-bool converters_dac_answered(void);
-
-/* Takes the DAC's answer without telling it anything. */
-void converters_listen(void);
+/* Whether the DAC gives back the range that it was given. Takes some 6 us. */
+bool converters_dac_answers(void);
 
 /* The codes that the DAC holds. */
 void converters_read_back(uint16_t codes[CONVERTER_AXES]);

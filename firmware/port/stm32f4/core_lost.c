@@ -68,6 +68,11 @@ RAM_CODE void core_lost_on_stray(void)
     core_lost(WIRE_CORE_LOSS_STRAY_INTERRUPT, SCB->ICSR & SCB_ICSR_VECTACTIVE);
 }
 
+RAM_CODE void core_lost_on_supply(void)
+{
+    core_lost(WIRE_CORE_LOSS_SUPPLY_LOW, 0);
+}
+
 uint32_t core_lost_take(void)
 {
     uint32_t detail = last_loss.detail;

@@ -17,6 +17,7 @@ _Noreturn void core_lost(enum wire_core_loss loss, uint32_t address);
 void core_lost_on_fault(void);
 void core_lost_on_nmi(void);
 void core_lost_on_stray(void);
+void core_lost_on_supply(void);
 
 /* Takes the detail that the last core_lost() left, 0 when there is none. */
 uint32_t core_lost_take(void);

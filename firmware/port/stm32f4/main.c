@@ -7,6 +7,7 @@
 #include "port/stm32f4/core_lost.h"
 #include "port/stm32f4/model_flash.h"
 #include "port/stm32f4/serial.h"
+#include "port/stm32f4/supply.h"
 #include "port/stm32f4/tick.h"
 #include "port/stm32f4/watchdog.h"
 
@@ -44,15 +45,20 @@ int main(void)
     converters_set_up(); /* first of all: the output is 0 V from here on by our own hand too */
     enum wire_reset_cause cause = reset_cause();
     core_lost_arm();
+    if (!supply_comes_up())
+        core_lost(WIRE_CORE_LOSS_SUPPLY_LOW, 0);
+    supply_watch();
     enum clock_source clock = clock_start();
     if (clock == CLOCK_SLOW)
         core_lost(WIRE_CORE_LOSS_CLOCK_STOPPED, 0);
+    converters_reset_adc(); /* it is ready again long before the first tick */
     struct device_port port = {.flash = model_flash_port(&device),
                                .lock = tick_lock,
                                .unlock = tick_unlock,
                                .drive = tick_drive,
                                .baud = PHASELEAD_BAUD,
                                .reset_cause = cause,
+                               .brown_out_level = (uint8_t)supply_brown_out_level(),
                                .target = BOARD_NAME};
     build_id(port.build_id);
     device_init(&device, &port); /* some 18 ms with a model, tables and inverse of three axes */

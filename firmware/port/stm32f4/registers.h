@@ -42,6 +42,7 @@ struct rcc {
 #define RCC_APB1ENR_PWR BIT(28)
 #define RCC_APB2ENR_USART1 BIT(4)
 #define RCC_APB2ENR_SPI1 BIT(12)
+#define RCC_APB2ENR_SYSCFG BIT(14)
 #define RCC_CSR_RMVF BIT(24)
 #define RCC_CSR_BORRSTF BIT(25)
 #define RCC_CSR_PINRSTF BIT(26)
@@ -54,6 +55,7 @@ struct flash {
 };
 #define FLASH ((struct flash *)0x40023C00)
 #define FLASH_ACR_5_WAITS 5u
+#define FLASH_ACR_WAITS_MASK 7u
 #define FLASH_ACR_PRFTEN BIT(8)
 #define FLASH_ACR_ICEN BIT(9)
 #define FLASH_ACR_DCEN BIT(10)
@@ -68,6 +70,7 @@ struct flash {
 #define FLASH_CR_BY_WORD (2u << 8)
 #define FLASH_CR_STRT BIT(16)
 #define FLASH_CR_LOCK BIT(31)
+#define FLASH_OPTCR_BOR_LEV(optcr) ((optcr) >> 2 & 3u) /* 3: off, 2 to 0: levels 1 to 3 */
 
 struct gpio {
     volatile uint32_t MODER, OTYPER, OSPEEDR, PUPDR, IDR, ODR, BSRR, LCKR, AFR[2];
@@ -99,12 +102,14 @@ struct spi {
 #define SPI_CR1_MSTR BIT(2)
 #define SPI_CR1_DIV2 (0u << 3)
 #define SPI_CR1_DIV4 (1u << 3)
+#define SPI_CR1_DIV8 (2u << 3)
 #define SPI_CR1_SPE BIT(6)
 #define SPI_CR1_SSI BIT(8)
 #define SPI_CR1_SSM BIT(9)
 #define SPI_CR1_DFF16 BIT(11)
 #define SPI_SR_RXNE BIT(0)
 #define SPI_SR_TXE BIT(1)
+#define SPI_SR_BSY BIT(7)
 
 struct usart {
     volatile uint32_t SR, DR, BRR, CR1, CR2, CR3;
@@ -143,12 +148,28 @@ struct iwdg {
 #define IWDG_FEED 0xAAAAu
 #define IWDG_UNLOCK 0x5555u
 #define IWDG_START 0xCCCCu
+#define IWDG_SR_UPDATING 3u
 
 struct pwr {
     volatile uint32_t CR, CSR;
 };
 #define PWR ((struct pwr *)0x40007000)
+#define PWR_CR_PVDE BIT(4)
+#define PWR_CR_PLS_HIGHEST (7u << 5)
+#define PWR_CSR_PVDO BIT(2)
 #define PWR_CR_VOS_SCALE1 (3u << 14) /* F405: bit 15 is reserved and reads 0 */
+
+struct syscfg {
+    volatile uint32_t MEMRMP, PMC, EXTICR[4];
+};
+#define SYSCFG ((struct syscfg *)0x40013800)
+#define SYSCFG_EXTICR_PORT_B 1u
+
+struct exti {
+    volatile uint32_t IMR, EMR, RTSR, FTSR, SWIER, PR;
+};
+#define EXTI ((struct exti *)0x40013C00)
+#define EXTI_LINE_PVD BIT(16)
 
 /* ---------------------------------------------------------------- core */
 struct scb {
@@ -192,6 +213,6 @@ struct dwt {
 #define DEMCR (*(volatile uint32_t *)0xE000EDFC)
 #define DEMCR_TRCENA BIT(24)
 
-enum irq { IRQ_DMA1_STREAM6 = 17, IRQ_TIM2 = 28, IRQ_DMA2_STREAM7 = 70, IRQ_COUNT = 97 };
+enum irq { IRQ_PVD = 1, IRQ_DMA1_STREAM6 = 17, IRQ_TIM2 = 28, IRQ_DMA2_STREAM7 = 70, IRQ_COUNT = 97 };
 
 #endif

@@ -2,6 +2,7 @@
 
 #include "app/service.h"
 #include "port/stm32f4/board.h"
+#include "port/stm32f4/clock.h"
 #include "port/stm32f4/pins.h"
 
 /* 10 ms at 2 Mbaud: more than the host sends before it waits for an answer. */
@@ -44,11 +45,11 @@ static uint32_t sending; /* bytes under way; 0: none */
 
 void serial_set_up(void)
 {
-    RCC->AHB1ENR |= RCC_AHB1ENR_GPIO(PORT_A) | (BOARD_USART == 2 ? RCC_AHB1ENR_DMA1 : RCC_AHB1ENR_DMA2);
+    clock_enable(&RCC->AHB1ENR, RCC_AHB1ENR_GPIO(PORT_A) | (BOARD_USART == 2 ? RCC_AHB1ENR_DMA1 : RCC_AHB1ENR_DMA2));
     if (BOARD_USART == 2)
-        RCC->APB1ENR |= RCC_APB1ENR_USART2;
+        clock_enable(&RCC->APB1ENR, RCC_APB1ENR_USART2);
     else
-        RCC->APB2ENR |= RCC_APB2ENR_USART1;
+        clock_enable(&RCC->APB2ENR, RCC_APB2ENR_USART1);
     pin_set_up(GPIOA, PIN_TX, PIN_FUNCTION, PULL_UP, AF_USART);
     pin_set_up(GPIOA, PIN_RX, PIN_FUNCTION, PULL_UP, AF_USART);
     USART->BRR = DIVIDER;

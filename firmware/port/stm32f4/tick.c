@@ -6,6 +6,7 @@
 #include "app/reaction.h"
 #include "core/fixed.h"
 #include "port/stm32f4/board.h"
+#include "port/stm32f4/clock.h"
 #include "port/stm32f4/converters.h"
 #include "port/stm32f4/pins.h"
 #include "port/stm32f4/watchdog.h"
@@ -15,11 +16,23 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 
 /* The longest the main loop is busy is the expansion of a model's tables, some 10 ms. */
 #define MAIN_LOOP_TICKS 500u
-/* Between two questions to the DAC; it answers in the tick that follows. The question is not put in a tick that did
- * something rare; it waits, but not for long. */
+#define TICK_CYCLES (SYSCLK_HZ / TICK_RATE_HZ)
+/* No lock begins so shortly before a tick is due that it could delay it: the longest takes 20 us (`make budget`). */
+#define LOCK_COUNTS (TIMER_HZ / 50000u)
+_Static_assert(LOCK_COUNTS < PERIOD_COUNTS / 2, "a lock must fit between two ticks");
+
+/* Between two questions to the DAC. The question is not put in a tick that did something rare; it waits, but not for
+ * long. */
 #define DAC_TICKS 7u
 #define DAC_TICKS_MOST 10u
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
+/* So often in a row a converter may fail to answer, or the ADC to convert, before it is a fault: once is a spike. */
+#define MISSES 2u
+/* As long as the ADC is silent it is reset this often, by a pulse of one tick; it needs two more to set itself up. */
+#define ADC_RESET_TICKS 50u
+#define DETAIL_ADC_SILENT 0u
+#define DETAIL_DAC_SILENT 1u
+#define DETAIL_NO_CONVERSION 2u
 
 volatile uint32_t tick_parked_count;
 
@@ -27,7 +40,9 @@ static struct device *ticking;
 static volatile uint32_t since_main_loop;
 static uint16_t adc_codes[AXES]; /* the last that the ADC gave */
 static uint32_t interlock_open_ticks;
-static uint32_t since_dac_asked = 1; /* ticks; 0: in the last one */
+static uint32_t adc_misses, dac_misses; /* in a row */
+static uint32_t since_dac_asked;        /* ticks */
+static uint32_t ticked_at;              /* cycle counter, at the beginning of the last tick */
 static enum dac { DAC_HEARS, DAC_SILENT, DAC_BEHIND } dac;
 static uint16_t dac_codes_held[AXES]; /* DAC_BEHIND: on the way from where it stood to where it should be */
 
@@ -38,12 +53,30 @@ static void watch_interlock(void)
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
 }
 
+static void watch_adc(enum converters_sampled sampled)
+{
+    if (sampled == CONVERTERS_SAMPLED) {
+        adc_misses = 0;
+        return;
+    }
+    if (++adc_misses < MISSES)
+        return;
+    device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS,
+                 sampled == CONVERTERS_STALE ? DETAIL_NO_CONVERSION : DETAIL_ADC_SILENT);
+    if (adc_misses == MISSES + ADC_RESET_TICKS)
+        adc_misses = MISSES;
+    converters_hold_adc_in_reset(adc_misses == MISSES);
+}
+
 /* A DAC that answers again is not sent its present code at once, which would be a jump. */
 static void dac_answered(bool answered)
 {
-    if (!answered) {
+    dac_misses = answered ? 0 : dac_misses + 1;
+    if (dac_misses >= MISSES) {
         dac = DAC_SILENT;
-        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
+        device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, DETAIL_DAC_SILENT);
+    } else if (!answered) {
+        since_dac_asked = DAC_TICKS_MOST; /* again in the next tick */
     } else if (dac == DAC_SILENT) {
         converters_read_back(dac_codes_held);
         dac = DAC_BEHIND;
@@ -76,11 +109,6 @@ static const uint16_t *codes_behind(const uint16_t codes[AXES])
 
 static void watch_dac(struct device *device)
 {
-    if (since_dac_asked == 0) {
-        bool answered = converters_dac_answered();
-        if (!answered || dac == DAC_SILENT)
-            dac_answered(answered);
-    }
     if (++since_dac_asked < DAC_TICKS)
         return;
     if (device->rare && since_dac_asked < DAC_TICKS_MOST) {
@@ -88,7 +116,15 @@ static void watch_dac(struct device *device)
         return;
     }
     since_dac_asked = 0;
-    converters_ask_dac();
+    dac_answered(converters_dac_answers());
+}
+
+/* Ticks that should have begun since the last one, by the cycle counter, which nothing stops. */
+static inline __attribute__((always_inline)) uint32_t ticks_due(uint32_t now)
+{
+    uint32_t cycles = now - ticked_at;
+    ticked_at = now;
+    return cycles < TICK_CYCLES + TICK_CYCLES / 2 ? 1 : (cycles + TICK_CYCLES / 2) / TICK_CYCLES;
 }
 
 static void keep_time(struct device *device, uint32_t start)
@@ -111,8 +147,10 @@ void tick_interrupt(void)
     struct device *device = ticking;
     uint16_t dac_codes[AXES];
     TIM2->SR = ~TIM_SR_CC3IF;
-    if (!converters_sample(adc_codes))
-        device_raise(device, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 0);
+    uint32_t due = ticks_due(start);
+    if (due > 1)
+        device_lose_ticks(device, due - 1);
+    watch_adc(converters_sample(adc_codes));
     watch_interlock();
     device_tick(device, adc_codes, dac_codes);
     watch_dac(device);
@@ -127,9 +165,7 @@ void tick_drive(void *context, const uint16_t dac_codes[AXES])
     const uint16_t *codes = dac == DAC_HEARS ? dac_codes : codes_behind(dac_codes);
     if (codes != NULL)
         converters_drive(codes);
-    else
-        converters_listen();
-    if (TIM2->CNT >= LATCH_COUNTS)
+    if (TIM2->CNT >= LATCH_COUNTS - LATCH_SETUP_COUNTS)
         ticking->latched_late++;
 }
 
@@ -140,7 +176,7 @@ RAM_CODE void tick_parked(void)
         interlock_open_ticks = 0;
     else if (interlock_open_ticks < INTERLOCK_TICKS - 1) /* the last one is left to a tick that can react */
         interlock_open_ticks++;
-    tick_parked_count++;
+    tick_parked_count += ticks_due(DWT->CYCCNT);
     IWDG->KR = IWDG_FEED;
 }
 
@@ -152,6 +188,8 @@ void tick_main_loop_alive(void)
 void tick_lock(void *context)
 {
     (void)context;
+    while (TIM2->CNT >= PERIOD_COUNTS - LOCK_COUNTS)
+        ;
     __asm volatile("cpsid i" ::: "memory");
 }
 
@@ -168,7 +206,7 @@ void tick_start(struct device *device)
     DEMCR |= DEMCR_TRCENA;
     DWT->CYCCNT = 0;
     DWT->CTRL |= DWT_CTRL_CYCCNTENA;
-    RCC->APB1ENR |= RCC_APB1ENR_TIM2;
+    clock_enable(&RCC->APB1ENR, RCC_APB1ENR_TIM2);
     TIM2->ARR = PERIOD_COUNTS - 1u;
     TIM2->CCR1 = CONVST_HIGH_COUNTS;
     TIM2->CCR2 = LATCH_COUNTS;
@@ -180,5 +218,6 @@ void tick_start(struct device *device)
     TIM2->DIER = TIM_DIER_CC3IE;
     NVIC->IPR[IRQ_TIM2] = 0;
     NVIC->ISER[IRQ_TIM2 / 32] = BIT(IRQ_TIM2 % 32);
+    ticked_at = DWT->CYCCNT;
     TIM2->CR1 = TIM_CR1_CEN;
 }

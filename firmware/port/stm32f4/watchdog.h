@@ -5,6 +5,9 @@
 #include "port/stm32f4/registers.h"
 
 #define WATCHDOG_RELOAD 63u /* of a quarter of 32 kHz */
+/* A new reload counts five cycles of that oscillator after it has started (RM0090, 21.4.4; at most 40 us and 294 us);
+ * to feed it before would load the 0.5 s that it had. A turn is at least 4 cycles. */
+#define WATCHDOG_TURNS 40000u
 
 static inline void watchdog_start(void)
 {
@@ -12,6 +15,8 @@ static inline void watchdog_start(void)
     IWDG->KR = IWDG_UNLOCK;
     IWDG->PR = 0;
     IWDG->RLR = WATCHDOG_RELOAD;
+    for (uint32_t turns = WATCHDOG_TURNS; turns > 0 && (IWDG->SR & IWDG_SR_UPDATING) != 0; turns--)
+        ;
     IWDG->KR = IWDG_FEED;
 }
 

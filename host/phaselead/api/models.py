@@ -46,7 +46,7 @@ def fit(
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
     ...     fitted = pl.fit(dev.record("sine:5V@5Hz", duration=1))
-    >>> fitted.model.axis("x").time.gain_um_per_V > 10
+    >>> fitted.model.axis("x").time.gain_um_per_V > 5
     True
     """
     from phaselead.identify import FitResult

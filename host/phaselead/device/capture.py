@@ -237,7 +237,7 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     start_tick = -1
     if plan.start:
         session.request(wire.ArmRequest(plan.model_crc))
-        start_tick = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).tick
+        start_tick = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).first_tick
     begin = start_tick if plan.start else first.tick
     run.run_to(begin + plan.ticks, progress, begin)
     status = session.request(wire.StatusRequest())

@@ -185,6 +185,8 @@ class Device:
             "cycles_histogram": list(r.histogram),
             "overruns": r.overruns,
             "latched_late": r.latched_late,
+            "lost_ticks": r.lost_ticks,
+            "brown_out_level": r.brown_out_level,
             "last_fault": _name(wire.Fault, r.last_fault),
             "last_fault_detail": _fault_detail(r.last_fault, r.last_fault_detail),
             "flash_record": r.flash_sequence,
@@ -197,10 +199,10 @@ class Device:
         return self.session.request(wire.ArmRequest(model_crc)).tick
 
     def start(self, axes: str = "x") -> int:
-        """armed -> running: the paths of these axes begin together. Returns the tick before which they do."""
+        """armed -> running: the paths of these axes begin together. Returns the tick in which they do."""
         for axis in axes:
             axis_index(axis)
-        return self.session.request(wire.StartRequest(mask_of(axes))).tick
+        return self.session.request(wire.StartRequest(mask_of(axes))).first_tick
 
     def park(self, *, clear_fault: bool = True) -> None:
         """Ramps every axis to its safe value, waits until it is there, then clears a latched fault."""

@@ -21,6 +21,9 @@ R = TypeVar("R", bound=wire.Reply)
 WAITS_S = (0.2, 0.4, 0.8, 1.6)
 """How long each attempt at a command waits for its reply."""
 HELLO_WAITS_S = (0.2, 0.4, 0.8)
+LEFT_ARMED_S = 1.5
+"""A device that was left armed belongs to its last host for one second of silence: so long a hello is repeated."""
+HELLO_AGAIN_S = 0.1
 FLASH_WAITS_S = (6.0, 6.0)
 """An erase stalls the device for up to 2.6 s."""
 SHORTEST_REPLY = wire.HEADER.size + wire.REPLY_HEAD.size + CRC_SIZE + 2
@@ -113,9 +116,11 @@ class Session:
             Refused: another host is driving the device.
         """
         self._write(b"\0")  # ends whatever half frame the line still holds
-        pending = self.submit(wire.HelloRequest())
-        if not self._await(pending, HELLO_WAITS_S):
-            raise LinkError(self._why_no_hello())
+        began_s = self.now_s()
+        pending = self._say_hello()
+        while _payload(pending)[:1] == bytes([wire.Status.BUSY]) and self.now_s() - began_s < LEFT_ARMED_S:
+            self._listen(HELLO_AGAIN_S)
+            pending = self._say_hello()
         payload = _payload(pending)
         fingerprint = payload[wire.REPLY_HEAD.size : wire.REPLY_HEAD.size + 4]
         if len(fingerprint) == 4 and int.from_bytes(fingerprint, "little") != wire.FINGERPRINT:
@@ -126,6 +131,17 @@ class Session:
             )
         reply: wire.HelloReply = self._reply(pending)
         return reply
+
+    def _say_hello(self) -> Pending:
+        pending = self.submit(wire.HelloRequest())
+        if not self._await(pending, HELLO_WAITS_S):
+            raise LinkError(self._why_no_hello())
+        return pending
+
+    def _listen(self, seconds: float) -> None:
+        until_s = self.now_s() + seconds
+        while self.now_s() < until_s:
+            self.pump(SHORTEST_REPLY)
 
     def request(self, command: wire.Command[R], waits_s: Sequence[float] = WAITS_S) -> R:
         """Sends a command and waits for its reply, sending the very same frame again when none comes.

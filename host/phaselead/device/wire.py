@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xFEFA7131
+FINGERPRINT = 0xA11499EC
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -160,6 +160,10 @@ class Fault(IntEnum):
     FLASH_ERROR = 6
     CORE_LOST = 7
     TRACKING_ERROR = 8
+    TICK_LOST = 9
+    SENSOR_FROZEN = 10
+    SENSOR_JUMP = 11
+    OUTPUT_LIMITED = 12
 
 
 class ResetCause(IntEnum):
@@ -184,6 +188,7 @@ class CoreLoss(IntEnum):
     CLOCK_STOPPED = 6
     NO_CRYSTAL = 7
     STRAY_INTERRUPT = 8
+    SUPPLY_LOW = 9
 
 
 class Channel(IntEnum):
@@ -242,8 +247,8 @@ class AxisModel(Message):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
-    SIZE: ClassVar[int] = 888
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3i")
+    SIZE: ClassVar[int] = 896
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiI")
     flags: int
     """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are."""
     u_min_q24: int
@@ -302,6 +307,11 @@ class AxisModel(Message):
     """um/V."""
     coupling_q28: tuple[int, ...]
     """what this axis sees of x, y, z; its own share is 1."""
+    error_limit_q16: int
+    """under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500
+    ticks.
+    """
+    error_ticks: int
 
     def pack(self) -> bytes:
         if len(self.shape) != 6:
@@ -341,6 +351,8 @@ class AxisModel(Message):
             *self.knot_d_q24,
             *self.knot_s_q20,
             *self.coupling_q28,
+            self.error_limit_q16,
+            self.error_ticks,
         )
 
     @classmethod
@@ -378,6 +390,8 @@ class AxisModel(Message):
             v[115:139],
             v[139:163],
             v[163:166],
+            v[166],
+            v[167],
         )
 
 
@@ -386,8 +400,8 @@ class Model(Message):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
-    SIZE: ClassVar[int] = 2700
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2664s")
+    SIZE: ClassVar[int] = 2724
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2688s")
     magic: int
     """0x314C4850, 'PHL1'."""
     stage_hash: bytes
@@ -409,7 +423,7 @@ class Model(Message):
     def unpack(cls, payload: bytes) -> Model:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 888]) for i in range(0, 2664, 888)))
+        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -672,25 +686,27 @@ class StartReply(Reply):
 
     NAME: ClassVar[str] = "start reply"
     NUMBER: ClassVar[int] = 0x85
-    SIZE: ClassVar[int] = 9
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    SIZE: ClassVar[int] = 17
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQQ")
     status: int
     tick: int
     """the tick before which the command took effect."""
+    first_tick: int
+    """in which they begin: the one after the reply's, which works out what they begin with."""
 
     def pack(self) -> bytes:
-        return _pack(StartReply.NAME, StartReply.LAYOUT, self.status, self.tick)
+        return _pack(StartReply.NAME, StartReply.LAYOUT, self.status, self.tick, self.first_tick)
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartReply:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1])
+        return cls(v[0], v[1], v[2])
 
 
 @dataclass(frozen=True, slots=True)
 class StartRequest(Command[StartReply]):
-    """armed -> running: the paths of these axes begin together at the reply's tick."""
+    """armed -> running: the paths of these axes begin together."""
 
     NAME: ClassVar[str] = "start"
     NUMBER: ClassVar[int] = 0x05
@@ -1489,11 +1505,20 @@ class InfoReply(Reply):
 
     NAME: ClassVar[str] = "info reply"
     NUMBER: ClassVar[int] = 0x95
-    SIZE: ClassVar[int] = 98
+    SIZE: ClassVar[int] = 103
     PLATFORM: ClassVar[frozenset[str]] = frozenset(
-        {"cycles_last", "cycles_max", "histogram", "overruns", "latched_late", "last_fault_detail"}
+        {
+            "cycles_last",
+            "cycles_max",
+            "histogram",
+            "overruns",
+            "latched_late",
+            "lost_ticks",
+            "brown_out_level",
+            "last_fault_detail",
+        }
     )
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIIBII")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIIIBBII")
     status: int
     tick: int
     """the tick before which the command took effect."""
@@ -1503,7 +1528,11 @@ class InfoReply(Reply):
     """ticks by log2 of cycles."""
     overruns: int
     latched_late: int
-    """ticks whose output came later than 20 us after the sample."""
+    """ticks whose output was written too late for 30 us after the sample."""
+    lost_ticks: int
+    """ticks that did not come at all."""
+    brown_out_level: int
+    """of the chip's option bytes; 0: its brown-out reset is off."""
     last_fault: int
     last_fault_detail: int
     flash_sequence: int
@@ -1519,6 +1548,8 @@ class InfoReply(Reply):
             *self.histogram,
             self.overruns,
             self.latched_late,
+            self.lost_ticks,
+            self.brown_out_level,
             self.last_fault,
             self.last_fault_detail,
             self.flash_sequence,
@@ -1528,7 +1559,7 @@ class InfoReply(Reply):
     def unpack(cls, payload: bytes) -> InfoReply:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24])
+        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24], v[25], v[26])
 
 
 @dataclass(frozen=True, slots=True)

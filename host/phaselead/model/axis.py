@@ -28,6 +28,8 @@ class Limits(Part):
     u_park_V: Number = Field(0.0, description="safe value, V: reached on park, stop and faults")
     slew_V_per_s: Positive = Field(1000.0, description="largest rate of the output, V/s")
     ramp_V_per_s: Positive = Field(50.0, description="rate of parking, V/s; at most slew_V_per_s")
+    error_um: NotNegative = Field(0.0, description="under feedback: so far off is a fault; 0: a quarter of the sensor")
+    error_s: Positive = Field(0.1, description="once it has lasted this long, s")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

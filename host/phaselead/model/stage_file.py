@@ -97,7 +97,7 @@ class Stage(Result, Part):
     >>> model.save("stage.toml")
     >>> pl.load("stage.toml") == model
     True
-    >>> sorted(model.axes), model.axis("x").time.gain_um_per_V > 10
+    >>> sorted(model.axes), model.axis("x").time.gain_um_per_V > 5
     (['x'], True)
     """
 

@@ -75,6 +75,11 @@ class Injection(enum.IntEnum):
     RAIL = 8
     FLASH_CUT = 9
     RESET_PIN = 10
+    ADC_CONFUSED = 11
+    NO_CONVERSION = 12
+    BOR_LEVEL = 13
+    SUPPLY_LOW = 14
+    FROZEN = 15
 
 
 def find_firmware(board: str) -> Path:
@@ -179,6 +184,8 @@ class EmulatedDevice:
         elf: the firmware; by default what `make firmware` built.
         flash: image of the two model sectors, ``FLASH_SIZE`` bytes; by default erased.
         baud: speed of the host's end of the line.
+        delays: the parts take as long as their data sheets allow; by default unless cycles are counted, which has its
+            own model of them.
         count: places between which instructions and cycles are counted, see emulator/count.c.
         boot: let the firmware come up first.
 
@@ -195,6 +202,7 @@ class EmulatedDevice:
         flash: bytes | None = None,
         baud: int = BAUD,
         count: str | None = None,
+        delays: bool | None = None,
         boot: bool = True,
     ) -> None:
         if BOARDS and board not in BOARDS:
@@ -202,7 +210,7 @@ class EmulatedDevice:
         if flash is not None and len(flash) != FLASH_SIZE:
             raise BadInput("the flash image has the wrong size; give one that an emulated board wrote, or none")
         self._process: subprocess.Popen[bytes] | None = None
-        self._start(board, elf or find_firmware(board), count)
+        self._start(board, elf or find_firmware(board), count, count is None if delays is None else delays)
         self._buffer = bytearray()
         self._flash: tuple[bytes, int] | None = None
         self._flash_changes = 0
@@ -214,12 +222,14 @@ class EmulatedDevice:
         if boot:
             self.run(BOOT_TICKS)
 
-    def _start(self, board: str, elf: Path, count: str | None) -> None:
+    def _start(self, board: str, elf: Path, count: str | None, delays: bool) -> None:
         if not elf.is_file():
             raise BadInput(f"{elf}: there is no such firmware")
         down, to_board = os.pipe()
         from_board, up = os.pipe()
-        plugin = f"{_plugin()},in={down},out={up},library={_stage_library()},{hardware_of(elf, board)}"
+        plugin = (
+            f"{_plugin()},in={down},out={up},library={_stage_library()},{hardware_of(elf, board)},delays={delays:d}"
+        )
         if count is not None:
             plugin += f",count={count}"
         self._said = tempfile.TemporaryFile()  # noqa: SIM115

@@ -14,7 +14,7 @@ from phaselead.model import TICK_S, AxisModel, NotPlayed, Place, Stage, VirtualA
 from phaselead.sim.linked import add_effects, linked_parameters
 from phaselead.sim.structures import LinkedParameters
 
-LATCH_S = 20e-6
+LATCH_S = 30e-6
 """From the sample of a tick to its DAC output, in every build of the firmware."""
 PLAYS, DEADZONES, CREEPS, MODES, DELAY_TICKS = 64, 32, 8, 4, 63
 """Bounds of the kernel, as in plant.h."""

@@ -2,7 +2,7 @@
 
 ``qemu://nucleo_f446re`` or ``qemu://generic_f405``, with ``?stage=NAME`` or ``?stage=FILE.toml`` for the stage
 (xyz250 by default), ``&seed=N``, ``&state=FILE`` to keep the flash, ``&baud=N`` for the line, ``&elf=FILE`` for
-another firmware than the one `make firmware` built.
+another firmware than the one `make firmware` built, ``&delays=0`` for parts that take no time.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Place:
     state: Path | None = None
     baud: int = BAUD
     elf: Path | None = None
+    delays: int = 1
 
 
 def parse_url(url: str) -> Place:
@@ -45,12 +46,14 @@ def parse_url(url: str) -> Place:
             options[name] = number_option(url, name, text, 0, 2**64 - 1)
         elif name == "baud":
             options[name] = number_option(url, name, text, 9600, 100_000_000)
+        elif name == "delays":
+            options[name] = number_option(url, name, text, 0, 1)
         elif name == "stage" and text:
             options[name] = text
         elif name in ("state", "elf") and text:
             options[name] = Path(text)
         else:
-            raise BadInput(f"{url}: {name!r} is no option; there are stage, seed, state, baud and elf")
+            raise BadInput(f"{url}: {name!r} is no option; there are stage, seed, state, baud, elf and delays")
     return Place(board, **options)
 
 
@@ -59,7 +62,8 @@ def open_device(place: Place) -> EmulatedDevice:
     parameters = plant_parameters(load_any(place.stage), place.seed)
     flash = None if place.state is None else read_flash(place.state)
     try:
-        return EmulatedDevice(place.board, parameters, elf=place.elf, flash=flash, baud=place.baud)
+        delays = bool(place.delays)
+        return EmulatedDevice(place.board, parameters, elf=place.elf, flash=flash, baud=place.baud, delays=delays)
     except BadInput as error:
         raise BadInput(f"{SCHEME}{place.board}: {error}") from None
 

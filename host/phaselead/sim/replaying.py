@@ -21,14 +21,15 @@ MODEL_CHUNK = 512
 WAVE_CHUNK = 1024
 UNSEEN_CODE = 0x8000
 """For axes that were not recorded; they must not have moved, so nothing hangs on it."""
-DETECTED_BY_PORT = (
+FROM_OUTSIDE = (
+    wire.Fault.HOST_TIMEOUT,  # retries feed it too, and a recording does not hold them
     wire.Fault.TICK_OVERRUN,
     wire.Fault.CONVERTER_SILENT,
     wire.Fault.INTERLOCK,
     wire.Fault.FLASH_ERROR,
-    wire.Fault.TRACKING_ERROR,
+    wire.Fault.TICK_LOST,
 )
-"""Faults that do not follow from the codes: they are raised again in the tick in which they were."""
+"""Faults that do not follow from codes and commands: they are raised again in the tick in which they were."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def _happenings(capture: Capture) -> list[tuple[int, bytes | int]]:
     faults = [
         (event.tick, event.value)
         for event in capture.events
-        if event.kind == wire.EventKind.FAULT and event.value in DETECTED_BY_PORT
+        if event.kind == wire.EventKind.FAULT and event.value in FROM_OUTSIDE
     ]
     both: list[tuple[int, bytes | int]] = [*capture.command_log, *faults]
     return sorted(both, key=lambda happening: happening[0])

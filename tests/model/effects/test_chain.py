@@ -192,7 +192,7 @@ def test_predictions_honour_effects_and_coupling():
 
 
 def test_the_simulators_own_plant_agrees():
-    """Code of its own. It holds the voltage for a tick, from 20 us after it: half a tick and 20 us more delay."""
+    """Code of its own. It holds the voltage for a tick, from 30 us after it: half a tick and 30 us more delay."""
     stage = built_in("xyz250").model_copy(update={"cross_coupling": None})
     model = stage.axes["x"]
     n, tick_s = 20_000, 1 / 5000

@@ -123,6 +123,7 @@ static void reset(void *opaque)
     timer_reset();
     gpio_reset();
     converters_reset();
+    exti_reset();
     line_reset();
     flash_reset();
     watchdog_reset();
@@ -147,6 +148,7 @@ static void make(qemu_plugin_id_t id, unsigned vcpu)
     timer_map();
     gpio_map();
     converters_map();
+    exti_map();
     line_map();
     flash_map();
     watchdog_map();
@@ -169,6 +171,8 @@ int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info *info, int a
             out = atoi(argv[i] + 4);
         else if (strncmp(argv[i], "library=", 8) == 0)
             library = argv[i] + 8;
+        else if (strcmp(argv[i], "delays=1") == 0)
+            board.delays = true;
         else if (strcmp(argv[i], "chip=F446") == 0)
             board.f446 = true;
         else if (strncmp(argv[i], "usart=", 6) == 0)

@@ -15,6 +15,7 @@
 struct board {
     bool f446;
     unsigned usart;      /* the one that is wired: 1 or 2 */
+    bool delays;         /* parts take their time, as long as their data sheets allow */
     const char *problem; /* NULL: none yet */
 };
 extern struct board board;
@@ -33,6 +34,9 @@ void rcc_map(void);
 void rcc_reset(void);
 void rcc_reset_by(enum reset_flag flag); /* of the reset that follows */
 void rcc_crystal(bool runs);
+void rcc_supply(bool low);                 /* below the voltage detector's highest threshold, above a reset */
+void rcc_brown_out_level(uint32_t option); /* BOR_LEV of the option bytes: 3 is off, as chips are delivered */
+uint32_t rcc_brown_out_option(void);
 bool rcc_on(unsigned reg_offset, unsigned bit); /* an enable bit, by its register's offset */
 uint64_t rcc_sysclk_Hz(void);
 uint64_t rcc_apb_Hz(unsigned apb);
@@ -45,6 +49,7 @@ void timer_map(void);
 void timer_reset(void);
 bool timer_runs(void);
 int64_t timer_period_began_ns(void);
+int64_t timer_latch_ns(void); /* when LDAC falls in this period */
 
 /* ---- gpio.c */
 enum gpio_port { GPIO_A, GPIO_B, GPIO_C };
@@ -54,16 +59,34 @@ bool gpio_is_function(enum gpio_port port, unsigned pin, unsigned function);
 /* What the pin is driven to; `pull` when it is not driven. */
 bool gpio_output(enum gpio_port port, unsigned pin, bool pull);
 
-/* ---- converters.c: AD7606B on SPI1, AD5764R on SPI2 */
+/* ---- converters.c: SPI1 and SPI2 */
 void converters_map(void);
 void converters_reset(void);
 void converters_power_on(void);
 void converters_pins_changed(void);
-void converters_convert(const uint16_t codes[AXES]);
-void converters_output(uint16_t codes[AXES]); /* of the tick that ends now */
-bool converters_busy(void);
-bool converters_frstdata(void);
-bool converters_interlock_open(void);
+
+/* ---- adc.c: AD7606B */
+void adc_pins(bool selected, bool reset);
+uint32_t adc_exchange(int64_t done_ns); /* of the word that is out by then */
+void adc_word_taken(void);
+void adc_convert(const uint16_t codes[AXES]);
+bool adc_busy(void);
+bool adc_busy_fell(void);
+void adc_forget_edge(void);
+bool adc_frstdata(void);
+void adc_confuse(void);
+void adc_power_on(void);
+
+/* ---- dac.c: AD5764R */
+void dac_pins(bool selected, bool cleared);
+uint32_t dac_exchange(uint32_t byte, uint64_t clock_Hz);
+void dac_output(uint16_t codes[AXES]); /* of the tick that ends now */
+void dac_power_on(void);
+
+/* ---- exti.c: edges of BUSY and of the supply */
+void exti_map(void);
+void exti_reset(void);
+void exti_supply_fell(void);
 
 /* ---- line.c: USART and its DMA */
 void line_map(void);
@@ -79,6 +102,7 @@ void line_garble(uint32_t bytes); /* noise on so many of the next bytes to the b
 #define FLASH_MODEL_SIZE 0x40000
 void flash_map(void);
 void flash_reset(void);
+bool flash_waits_confirmed(void); /* enough wait states for 168 MHz, and read back since they were written */
 uint8_t *flash_models(void);
 uint64_t flash_changes(void);          /* so many erases and programs began */
 void flash_cut_after(int64_t changes); /* bytes; the byte under way is left half done; negative: never */
@@ -105,11 +129,16 @@ enum injection {
     INJECT_NOISE,
     INJECT_RAIL,
     INJECT_FLASH_CUT,
-    INJECT_RESET_PIN
+    INJECT_RESET_PIN,
+    INJECT_ADC_CONFUSED,
+    INJECT_NO_CONVERSION,
+    INJECT_BOR_LEVEL,
+    INJECT_SUPPLY_LOW,
+    INJECT_FROZEN
 };
 extern struct injected {
-    bool adc_silent, dac_silent, interlock_open;
-    uint32_t rail_mask;
+    bool adc_silent, dac_silent, interlock_open, no_conversion;
+    uint32_t rail_mask, frozen_mask;
 } injected;
 void inject(uint32_t what, uint32_t value);
 void inject_reset(void); /* what goes with the reset that was asked for */

@@ -16,6 +16,9 @@
 #define KEYR 1
 #define SR 3
 #define CR 4
+#define OPTCR 5
+#define OPTCR_AT_RESET 0x0FFFAAE1u
+#define WAITS_FOR_168_MHZ 5u
 #define SR_PGSERR 0x80u
 #define SR_PGPERR 0x40u
 #define SR_WRPERR 0x10u
@@ -31,7 +34,7 @@ static QEMUTimer end;
 static uint8_t cells[FLASH_MODEL_SIZE];
 static bool filled;
 static uint32_t regs[8];
-static bool half_unlocked, busy;
+static bool half_unlocked, busy, waits_read;
 static int64_t cut_after = -1;
 static uint64_t changes;
 
@@ -141,6 +144,10 @@ static uint64_t controller_read(void *opaque, uint64_t offset, unsigned size)
     (void)opaque, (void)size;
     if (offset / 4 >= 8)
         return 0;
+    if (offset / 4 == ACR)
+        waits_read = true;
+    if (offset / 4 == OPTCR)
+        return OPTCR_AT_RESET | rcc_brown_out_option() << 2;
     return regs[offset / 4] | (offset / 4 == SR && busy ? SR_BSY : 0);
 }
 
@@ -165,7 +172,13 @@ static void controller_write(void *opaque, uint64_t offset, uint64_t value, unsi
             erase((uint32_t)value >> 3 & 15u);
     } else if (offset / 4 == ACR) {
         regs[ACR] = (uint32_t)value;
+        waits_read = false;
     }
+}
+
+bool flash_waits_confirmed(void)
+{
+    return waits_read && (regs[ACR] & 7u) >= WAITS_FOR_168_MHZ;
 }
 
 void flash_reset(void)

@@ -38,10 +38,9 @@ static uint32_t inputs(int port)
 {
     uint32_t levels = regs[port][ODR];
     if (port == GPIO_B)
-        levels =
-            (levels & ~3u) | (uint32_t)converters_busy() << PIN_BUSY | (uint32_t)converters_frstdata() << PIN_FRSTDATA;
+        levels = (levels & ~3u) | (uint32_t)adc_busy() << PIN_BUSY | (uint32_t)adc_frstdata() << PIN_FRSTDATA;
     if (port == GPIO_C)
-        levels = (levels & ~(1u << PIN_INTERLOCK)) | (uint32_t)converters_interlock_open() << PIN_INTERLOCK;
+        levels = (levels & ~(1u << PIN_INTERLOCK)) | (uint32_t)injected.interlock_open << PIN_INTERLOCK;
     return levels & 0xFFFFu;
 }
 

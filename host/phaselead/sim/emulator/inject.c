@@ -53,6 +53,21 @@ void inject(uint32_t what, uint32_t value)
     case INJECT_FLASH_CUT:
         flash_cut_after(value);
         break;
+    case INJECT_ADC_CONFUSED:
+        adc_confuse();
+        break;
+    case INJECT_NO_CONVERSION:
+        injected.no_conversion = value;
+        break;
+    case INJECT_BOR_LEVEL:
+        rcc_brown_out_level(value);
+        break;
+    case INJECT_SUPPLY_LOW:
+        rcc_supply(value);
+        break;
+    case INJECT_FROZEN:
+        injected.frozen_mask = value;
+        break;
     case INJECT_RESET_PIN:
         qemu_system_reset_request(CAUSE_GUEST_RESET);
         break;

@@ -19,7 +19,21 @@
 #define CSS_ON (1u << 19)
 #define CSS_FLAG (1u << 7)
 
+#define PPRE (63u << 10)
+#define SW 3u
+#define AHB_CLOCKS 2
+#define APB_CLOCKS 1 /* and the prescaler */
+#define CLOCK_NS 8   /* an instruction, a cycle at least, takes this long here */
+#define PVDE (1u << 4)
+#define PVDO (1u << 2)
+#define VOSRDY (1u << 14)
+#define BOR_OFF 3u
+
 static MemoryRegion rcc, pwr;
+static uint32_t pwr_cr;
+static bool supply_is_low;
+static uint32_t brown_out_option = BOR_OFF;
+static int64_t enabled_ns[3][32];
 static uint32_t regs[0x100];
 static uint32_t flags;
 static enum reset_flag next_reset = RESET_POWER_ON;
@@ -60,9 +74,62 @@ uint64_t rcc_apb_Hz(unsigned apb)
     return Hz;
 }
 
+static int enable_register(unsigned reg_offset)
+{
+    return reg_offset == RCC_AHB1ENR ? 0 : reg_offset == RCC_APB1ENR ? 1 : reg_offset == RCC_APB2ENR ? 2 : -1;
+}
+
+/* ES0182, 2.1.13: a clock that was just enabled has not arrived yet. */
+static int64_t enable_delay_ns(int which)
+{
+    if (which == 0)
+        return AHB_CLOCKS * CLOCK_NS;
+    return (int64_t)(APB_CLOCKS + rcc_sysclk_Hz() / rcc_apb_Hz((unsigned)which)) * CLOCK_NS;
+}
+
 bool rcc_on(unsigned reg_offset, unsigned bit)
 {
-    return regs[reg_offset / 4] >> bit & 1u;
+    int which = enable_register(reg_offset);
+    if (!(regs[reg_offset / 4] >> bit & 1u))
+        return false;
+    return !board.delays || now_ns() - enabled_ns[which][bit] >= enable_delay_ns(which);
+}
+
+static void note_enabled(unsigned reg_offset, uint32_t value)
+{
+    int which = enable_register(reg_offset);
+    for (unsigned bit = 0; which >= 0 && bit < 32; bit++)
+        if ((value & ~regs[reg_offset / 4]) >> bit & 1u)
+            enabled_ns[which][bit] = now_ns();
+}
+
+/* RM0090, 3.5.1: wait states first, and read back; buses within their limits before the faster clock is taken. */
+static void check_switch(uint32_t value)
+{
+    uint32_t changed = value ^ regs[CFGR / 4];
+    if (!board.delays || !(changed & SW) || (value & SW) != 2u)
+        return;
+    if (changed & PPRE)
+        board_broken("the bus prescalers and the clock were switched in one write");
+    if (!flash_waits_confirmed())
+        board_broken("the clock was raised before the flash's wait states were read back");
+}
+
+void rcc_supply(bool low)
+{
+    if (low && !supply_is_low && pwr_cr & PVDE)
+        exti_supply_fell();
+    supply_is_low = low;
+}
+
+void rcc_brown_out_level(uint32_t option)
+{
+    brown_out_option = option & 3u;
+}
+
+uint32_t rcc_brown_out_option(void)
+{
+    return brown_out_option;
 }
 
 void rcc_reset_by(enum reset_flag flag)
@@ -75,9 +142,12 @@ void rcc_reset(void)
 {
     static const uint32_t FLAGS[] = {
         [RESET_POWER_ON] = POR | BOR, [RESET_BROWN_OUT] = BOR, [RESET_WATCHDOG] = IWDG, [RESET_SOFTWARE] = SFT};
+    if (next_reset == RESET_BROWN_OUT && brown_out_option == BOR_OFF)
+        next_reset = RESET_POWER_ON; /* the dip went on until the power-down reset took it, or nobody saw it */
     flags = (next_reset <= RESET_BROWN_OUT ? 0 : flags) | FLAGS[next_reset] | PIN;
     next_reset = RESET_SOFTWARE;
     memset(regs, 0, sizeof regs);
+    pwr_cr = 0;
     regs[CR / 4] = 0x81u;
     regs[PLLCFGR / 4] = 0x24003010u;
 }
@@ -111,6 +181,9 @@ static uint64_t rcc_read(void *opaque, uint64_t offset, unsigned size)
 static void rcc_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
 {
     (void)opaque, (void)size;
+    note_enabled((unsigned)offset, (uint32_t)value);
+    if (offset == CFGR)
+        check_switch((uint32_t)value);
     if (offset == CIR)
         regs[CIR / 4] &= ~((uint32_t)value >> 16 & 0xFFu);
     else
@@ -122,12 +195,14 @@ static void rcc_write(void *opaque, uint64_t offset, uint64_t value, unsigned si
 static uint64_t pwr_read(void *opaque, uint64_t offset, unsigned size)
 {
     (void)opaque, (void)size;
-    return offset == 4 ? 1u << 14 : 0xC000u;
+    return offset == 4 ? VOSRDY | (pwr_cr & PVDE && supply_is_low ? PVDO : 0) : 0xC000u | pwr_cr;
 }
 
 static void pwr_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
 {
-    (void)opaque, (void)offset, (void)value, (void)size;
+    (void)opaque, (void)size;
+    if (offset == 0)
+        pwr_cr = (uint32_t)value;
 }
 
 void rcc_map(void)

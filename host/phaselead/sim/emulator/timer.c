@@ -13,6 +13,7 @@
 #define CNT 9
 #define PSC 10
 #define ARR 11
+#define CCR2 14
 #define CCR3 15
 #define UPDATE 1u
 #define COMPARE3 8u
@@ -52,6 +53,11 @@ static int64_t period_begins_ns(uint64_t period)
 {
     unsigned __int128 counts = (unsigned __int128)period * (regs[PSC] + 1ull) * (regs[ARR] + 1ull);
     return started_ns + (int64_t)(counts * 1000000000u / clock_Hz());
+}
+
+int64_t timer_latch_ns(void)
+{
+    return began_ns + counts_ns(regs[CCR2]);
 }
 
 static void set_irq(void)

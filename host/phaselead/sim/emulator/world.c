@@ -232,7 +232,7 @@ static void log_codes(unsigned which, const uint16_t codes[AXES])
 static void end_tick(void)
 {
     uint16_t codes[AXES];
-    converters_output(codes);
+    dac_output(codes);
     if (awake) {
         log_codes(1, codes);
         logged++;
@@ -258,7 +258,7 @@ void world_tick(void)
     stage.sample(plant, codes);
     log_codes(0, codes);
     if (timer_runs()) {
-        converters_convert(codes);
+        adc_convert(codes);
         ticks++;
     }
 }
