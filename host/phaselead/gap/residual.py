@@ -23,6 +23,8 @@ TURNING_POINTS = 15
 """How many last turning points are tried, from the lowest to the highest voltage of model and record."""
 PLAY_SPREAD = 0.5
 """Standard deviation of a play's start about its best guess, in thresholds: its prior as a nuisance."""
+SMALL_V_SHARE = 0.02
+"""Of the voltages that the base was fitted on: a change that is small beside the thresholds of its larger plays."""
 PERIODIC = 0.98
 """Correlation with itself a period later from which a voltage counts as periodic."""
 
@@ -54,6 +56,15 @@ class ModelledRun:
     def with_axis(self, axis: AxisModel) -> ModelledRun:
         """The same run from the same memory under another model of its axis."""
         return replace(self, axis=axis, chain=_chain(axis, self.run, self.plays_V))
+
+    def after_voltage(self, added_V: Samples) -> Samples:
+        """What a voltage (n_all,) in V, added to that of every row of the run, would add to its answer: (n,) in um over
+        the scored rows, in proportion to a small part of it."""
+        assert self.axis.time is not None
+        low, high = self.axis.time.u_range_V
+        part = SMALL_V_SHARE * (high - low) / max(float(np.abs(added_V).max()), 1e-30)
+        moved = replace(self.run, u_V=self.run.u_V + part * added_V)
+        return np.asarray((_chain(self.axis, moved, self.plays_V).run()[self.run.rows] - self.answer()) / part)
 
     def error(self, extra: Extra = ()) -> Samples:
         """Residual (n,) in um over the scored rows: measured minus the model with the effects ``extra``. The record's

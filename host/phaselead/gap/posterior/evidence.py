@@ -18,7 +18,8 @@ from phaselead.gap.posterior.misfit import as_fault, equation_misfit, parameters
 from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.space import Columns, Mask, Space, SpaceRecord, joined
 from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, is_logarithmic, to_internal
-from phaselead.model import Effect
+from phaselead.gap.residual import ModelledRun
+from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
 SHARES = (0.02, 0.07, 0.2)
@@ -111,7 +112,7 @@ class Solver:
         self._fresh: dict[object, Columns] = {}
         nothing = self.space.from_white([np.zeros((len(r.base), 0)) for r in space.records])
         self._nothing = Uncertain(nothing, np.zeros(0))
-        self._alone = {name: self.signals(entries) for name, entries in alone.items()}
+        self._alone = {name: self.signals(entries, 0) for name, entries in alone.items()}
 
     def residual(self, entries: Sequence[SizedEffect]) -> Columns:
         """The residual of every record."""
@@ -133,29 +134,23 @@ class Solver:
                 part[i] = np.concatenate([np.zeros((len(last), columns.count - 1)), last], axis=1)
         return Columns(*map(tuple, wide))
 
-    def signals(self, entries: Sequence[SizedEffect]) -> Columns:
-        """What each effect adds to the others, one column each."""
-        rests = [[*entries[:i], *entries[i + 1 :]] for i in range(len(entries))]
-
-        def of(record: SpaceRecord) -> Samples:
-            whole = record.modelled.answer(entries)
-            return np.stack([whole - record.modelled.answer(rest) for rest in rests], axis=1)
-
-        return self._changed_columns(of)
+    def signals(self, entries: Sequence[SizedEffect], index: int) -> Columns:
+        """What one effect adds to the others, one column."""
+        rest = [*entries[:index], *entries[index + 1 :]]
+        return self._changed_columns(lambda r: (r.modelled.answer(entries) - r.modelled.answer(rest))[:, None])
 
     def uncertain(self, entries: Sequence[SizedEffect]) -> Uncertain:
         """What is uncertain with these effects beside their parameters."""
-        parts = [(self._beyond(entries, self._misfit(entries)), True), *self._of_records(entries)]
+        beyond = [self._beyond(entries, i, self._misfit(entries, i)) for i in range(len(entries))]
+        parts = [*((one, True) for one in beyond), *self._of_records(entries)]
         if not self._changed.all():
             parts.append((self.space.columns([as_fault(r.modelled, entries) for r in self.space.records]), False))
         return _uncertain(parts)
 
-    def _misfit(self, entries: Sequence[SizedEffect]) -> Columns:
-        """What the equations of the effects may miss, for a share of 1."""
-        bent = self._changed_columns(
-            lambda r: np.concatenate([equation_misfit(r.modelled, entries, i) for i in range(len(entries))], axis=1)
-        )
-        near = self._neighbours(entries)
+    def _misfit(self, entries: Sequence[SizedEffect], index: int) -> Columns:
+        """What the equation of one of the effects may miss, for a share of 1."""
+        bent = self._changed_columns(lambda r: equation_misfit(r.modelled, entries, index))
+        near = self._neighbours(entries, index)
         return bent if near is None else joined(bent, near)
 
     def _of_records(self, entries: Sequence[SizedEffect]) -> list[tuple[Columns, bool]]:
@@ -168,43 +163,38 @@ class Solver:
             [of(r) if c else None for r, c in zip(self.space.records, self._changed, strict=True)]
         )
 
-    def _beyond(self, entries: Sequence[SizedEffect], columns: Columns) -> Columns:
-        """Columns without what other parameters of the effects would do: that is no misfit of an equation."""
-        free = parameters_of(entries)
+    def _beyond(self, entries: Sequence[SizedEffect], index: int, columns: Columns) -> Columns:
+        """Columns without what other parameters of the effect would do: that is no misfit of its equation."""
+        free = [(i, p) for i, p in parameters_of(entries) if i == index]
         tangents = self._changed_columns(lambda r: fresh_columns(r.modelled, entries, free)[:, :-1])
         normal = self.space.inner(tangents, tangents, self.space.all)
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6, hermitian=True) / np.outer(scale, scale)
         return columns.minus(tangents, inverse @ self.space.inner(tangents, columns, self.space.all))
 
-    def _neighbours(self, entries: Sequence[SizedEffect]) -> Columns | None:
-        """What effects say that an effect of the set is confused with, as large as it is: what an equation leaves looks
-        most like them."""
-        every, signals = self.space.all, self.signals(entries)
-        power = np.maximum(np.diag(self.space.inner(signals, signals, every)), 0.0)
+    def _neighbours(self, entries: Sequence[SizedEffect], index: int) -> Columns | None:
+        """What effects say that one of the set is confused with, as large as it is: what an equation leaves looks most
+        like them."""
+        every, effect = self.space.all, entries[index][0]
+        signal = self.signals(entries, index)
+        power = max(float(self.space.inner(signal, signal, every)[0, 0]), 0.0)
         parts = []
-        for i, (effect, _) in enumerate(entries):
-            for name, rival in self._alone.items():
-                if confused(effect, self._catalogue[name]):
-                    own = float(self.space.inner(rival, rival, every)[0, 0])
-                    parts.append(rival.scaled(float(np.sqrt(power[i] / max(own, 1e-12)))))
+        for name, rival in self._alone.items():
+            if confused(effect, self._catalogue[name]):
+                own = float(self.space.inner(rival, rival, every)[0, 0])
+                parts.append(rival.scaled(float(np.sqrt(power / max(own, 1e-12)))))
         return joined(*parts) if parts else None
 
     def _before(self, entries: Sequence[SizedEffect]) -> Columns | None:
         """What slow effects had done before each record began: an initial state for each of their lags and records."""
-        per_record = []
-        for record, changed in zip(self.space.records, self._changed, strict=True):
-            run = record.modelled.run
-            since = run.t_s[run.rows] - run.t_s[0]
-            columns = [
-                effect.before_record(since, params, record.modelled.axis)
-                for effect, params in entries
-                if effect.before_record is not None
-            ]
-            per_record.append(np.concatenate(columns, axis=1) if columns and changed else None)
-        count = next((c.shape[1] for c in per_record if c is not None), 0)
-        if not count:
+        slow = [(effect, params) for effect, params in entries if effect.before_record is not None]
+        if not slow:
             return None
+        per_record = [
+            _before_record(r.modelled, slow) if c else None
+            for r, c in zip(self.space.records, self._changed, strict=True)
+        ]
+        count = next((c.shape[1] for c in per_record if c is not None), 0)
         white = [None if c is None else self.space.whitened(i, c) for i, c in enumerate(per_record)]
         found: list[Samples | None] = []
         places = np.cumsum([w is not None for w in white]) - 1
@@ -327,6 +317,21 @@ class Solver:
                 self._fresh.clear()
             self._fresh[key] = self.fresh(entries) if entries else self.residual(())
         return self._fresh[key]
+
+
+def _before_record(modelled: ModelledRun, slow: Sequence[SizedEffect]) -> Samples:
+    """Columns (n, m) in um of what slow effects had done before one run began. What stood off as a voltage passes the
+    hysteresis."""
+    run, found = modelled.run, []
+    since_s = run.t_s - run.t_s[0]
+    for effect, params in slow:
+        assert effect.before_record is not None
+        columns = effect.before_record(since_s, params, modelled.axis)
+        if effect.place <= Place.AMPLIFIER:
+            found += [modelled.after_voltage(column) for column in columns.T]
+        else:
+            found += list(columns[run.rows].T)
+    return np.stack(found, axis=1)
 
 
 def confused(one: Effect, other: Effect) -> bool:

@@ -19,7 +19,6 @@ from phaselead.model.effects.interface import (
     VirtualAxis,
     number,
 )
-from phaselead.model.operator import range_um
 
 
 def apply(signal: Signal, params: Params) -> Samples:
@@ -31,7 +30,11 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 
 def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
-    return np.asarray(STOOD_OFF * range_um(axis) * np.exp(-number(params, "rate_per_s") * since_s)[:, None])
+    """What had leaked away before."""
+    view = axis.time
+    assert view is not None
+    low, high = view.u_range_V
+    return np.asarray(STOOD_OFF * (high - low) * np.exp(-number(params, "rate_per_s") * since_s)[:, None])
 
 
 def reads(params: Params, axis: AxisModel) -> str:
