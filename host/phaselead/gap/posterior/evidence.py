@@ -279,9 +279,8 @@ class Solver:
     def spread(self, entries: Sequence[SizedEffect]) -> Samples:
         """Covariance (parameters, parameters) in internal units of the parameters of a set, with all that its equations
         may miss, also what other parameters of the effects would do."""
-        return self.contest([entries], _uncertain([(self._misfit(entries), True), *self._of_records(entries)]))[
-            0
-        ].covariance
+        missed = [(self._misfit(entries, i), True) for i in range(len(entries))]
+        return self.contest([entries], _uncertain([*missed, *self._of_records(entries)]))[0].covariance
 
     def _logs(
         self, entries: Sequence[SizedEffect], uncertain: Uncertain, own: Samples, which: Mask

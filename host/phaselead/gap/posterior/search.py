@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.posterior.build import space_of
-from phaselead.gap.posterior.evidence import SetFit, Solver, together
+from phaselead.gap.posterior.evidence import SetFit, Solver, confused, together
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.problem import Problem, with_effects
 from phaselead.gap.refit import Fitted, SizedEffect, refit
@@ -166,10 +166,11 @@ def _contest(solver: Solver, pool: Mapping[Names, Grown], catalogue_size: int) -
     equations of all of them may be wrong, and all may be faults of the base."""
     ranked = sorted((one for one in pool.values() if not at_an_end(one.entries)), key=lambda one: -one.value)
     best = ranked[0]
+    close = [one for one in ranked if one.value > best.value - WITHIN]
     parts, covered = [], set[str]()
-    for one in ranked:
+    for one in [*close[:1], *_rivals(best, ranked), *close[1:]]:
         new = set(one.names) - covered
-        if new and one.value > best.value - WITHIN and len(covered | new) <= MOST_EFFECTS:
+        if new and len(covered | new) <= MOST_EFFECTS:
             parts.append(solver.uncertain(one.entries))
             covered |= new
     sets = {one.names: one.entries for one in ranked if set(one.names) <= covered}
@@ -179,6 +180,14 @@ def _contest(solver: Solver, pool: Mapping[Names, Grown], catalogue_size: int) -
             sets[names_of(rest)] = solver.fit(rest)
     fits = solver.contest(list(sets.values()), together(parts) if parts else None)
     return Contest(solver, dict(zip(sets, fits, strict=True)), pool, catalogue_size)
+
+
+def _rivals(best: Grown, ranked: Sequence[Grown]) -> list[Grown]:
+    """Single effects that one of the best set is confused with: their values are under other covariances, and say
+    little."""
+    alone = [one for one in ranked if len(one.entries) == 1]
+    mine = [effect for effect, _ in best.entries]
+    return [one for one in alone if any(confused(one.entries[0][0], effect) for effect in mine)]
 
 
 def at_an_end(entries: Sequence[SizedEffect]) -> bool:
