@@ -44,7 +44,15 @@ from phaselead.model.effects import (
     states_and_slopes,
 )
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
-from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um, turned_view
+from phaselead.model.operator import (
+    plays,
+    predict_time_view,
+    range_um,
+    respond,
+    rest_plays,
+    rest_position_um,
+    turned_view,
+)
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -115,6 +123,7 @@ __all__ = [
     "predict_time_view",
     "provenance_of",
     "push_level",
+    "range_um",
     "resonant",
     "respond",
     "rest_plays",

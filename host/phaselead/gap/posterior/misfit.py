@@ -14,8 +14,7 @@ from scipy.signal import lfilter
 
 from phaselead.gap.refit import SizedEffect, fresh_columns, is_logarithmic, to_internal
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Parameter, Place
-from phaselead.model.operator import range_um
+from phaselead.model import Parameter, Place, range_um
 from phaselead.record import Samples
 
 BASE_SHARE = 0.01
