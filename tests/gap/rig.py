@@ -79,8 +79,9 @@ class Rig:
         )
         b = [0, bd[0, 0], ad[0, 1] * bd[1, 0] - ad[1, 1] * bd[0, 0]]
         den = [1, -np.trace(ad), np.linalg.det(ad)]
-        held = np.repeat(x - x[0], fine)
-        return x[0] + lfilter(b, den, held)[fine - 1 :: fine]
+        rows = np.arange(fine * len(x)) / fine + 0.5 / fine  # straight between rows
+        pushed = np.interp(rows, np.arange(len(x)), x - x[0])
+        return x[0] + lfilter(b, den, pushed)[::fine]
 
     def record(self, u: np.ndarray, name: str) -> Recording:
         n = len(u)

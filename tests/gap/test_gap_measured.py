@@ -31,11 +31,8 @@ def test_a_straight_line_lacks_hysteresis(tmp_path):
     assert phaselead("gap", "--model", linear, *records, "-o", after, "--json", figures, *MAPPED) == (0, "")
     found = json.loads(figures.read_text())
     assert "named" in found["verdicts"]
-    assert [e["name"] for e in found["effects"]] == ["hysteresis"]
-    ties = [set(tie) for tie in found["ties"]]  # one loop cannot tell more
-    assert any({"asymmetric_hysteresis", "sensor_nonlinearity"} <= tie for tie in ties)
-    assert any({"creep", "rate_dependence"} <= tie for tie in ties)
-    assert found["gap"]["after"] <= 0.27 < found["gap"]["before"]
+    assert [e["name"] for e in found["effects"]] == ["hysteresis", "creep"]
+    assert found["gap"]["after"] <= 0.15 < found["gap"]["before"]
     assert linear.read_bytes() == before
     assert after.exists()
 
@@ -64,8 +61,8 @@ def test_a_jump_rings_at_the_mode(tmp_path):
     records = ("--train", f"{JUMPS}@0:7", "--holdout", f"{JUMPS}@7:10")
     assert phaselead("gap", "--model", linear, *records, "-o", after, "--json", figures, *mapped) == (0, "")
     found = json.loads(figures.read_text())
-    assert found["effects"][0]["name"] == "hysteresis"
+    assert {"hysteresis", "creep", "resonance"} <= {e["name"] for e in found["effects"]}
     (mode,) = (effect for effect in found["effects"] if effect["name"] == "resonance")
     assert mode["params"]["f_Hz"]["value"] == pytest.approx(965, rel=0.03)
     assert mode["params"]["zeta"]["value"] == pytest.approx(0.033, rel=0.3)
-    assert found["gap"]["after"] < 0.11 < found["gap"]["before"]
+    assert found["gap"]["after"] <= 0.096 < found["gap"]["before"]

@@ -95,6 +95,9 @@ def axis_runs(
     refuse_overlap(train, holdout, "training")
     refuse_overlap(reference, holdout, "reference")
     refuse_overlap(reference, train, "reference", "training")
+    for records, what in ((train, "training"), (holdout, "held-out"), (reference, "reference")):
+        for i, record in enumerate(records):
+            refuse_overlap(records[:i], [record], what, what)
     parts: list[tuple[Role, Sequence[Recording]]] = [("train", train), ("holdout", holdout), ("reference", reference)]
     for _, records in parts:
         for record in records:
@@ -123,17 +126,19 @@ INSTEAD = {
     "held-out": "hold out other rows, e.g. another window of the file",
     "training": "a reference is from before what is missing now; give records of that time, or none",
 }
+ONCE = "the same rows tell nothing new; give them once"
 
 
 def refuse_overlap(first: Sequence[Recording], later: Sequence[Recording], what: str, now: str = "held-out") -> None:
-    """Refuse rows that are given in two roles: windows of one file that share time, or a copy of it."""
+    """Refuse rows that are given twice, in two roles or in one: windows of one file that share time, or a copy of
+    it."""
+    also = f"a {what} record" if what != now else "another"
+    instead = INSTEAD[now] if what != now else ONCE
     for record in first:
         for other in later:
             one_file = bool(record.sha256) and record.sha256 == other.sha256
             if (one_file and _share_time(record, other)) or (not one_file and _copy_of(record, other)):
-                raise BadInput(
-                    f"{other.source}: the {now} record is also a {what} record ({record.source}); {INSTEAD[now]}"
-                )
+                raise BadInput(f"{other.source}: the {now} record is also {also} ({record.source}); {instead}")
 
 
 def _share_time(a: Recording, b: Recording) -> bool:

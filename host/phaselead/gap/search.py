@@ -38,7 +38,10 @@ def select_effects(
     claims = _that_pay(problem, found)
     claimed = {claim.effect.name for claim in claims}
     entries = tuple(entry for entry in found.best.entries if entry[0].name in claimed)
-    values = intervals(entries, contest.solver.spread(entries)) if entries else []
+    values = []
+    if entries:
+        entries, covariance = contest.solver.estimate(entries)
+        values = intervals(entries, covariance)
     after = with_effects(problem, entries) if entries else problem
     return Selection(
         after,

@@ -222,12 +222,15 @@ class Solver:
             found.append(np.stack([rows * slope, 0.5 * rows**2 * np.gradient(slope)], axis=1) if changed else None)
         return self.space.from_white(found)
 
-    def fit(self, entries: Sequence[SizedEffect], steps: int = STEPS) -> tuple[SizedEffect, ...]:
-        """The most likely parameters near those of ``entries``; what is uncertain with them stays that of the start."""
+    def fit(
+        self, entries: Sequence[SizedEffect], steps: int = STEPS, uncertain: Uncertain | None = None
+    ) -> tuple[SizedEffect, ...]:
+        """The most likely parameters near those of ``entries``; what is uncertain with them stays that of the start,
+        or is ``uncertain``."""
         entries = tuple((effect, dict(params)) for effect, params in entries)
         if not entries:
             return entries
-        reduced = self._reduction(self.uncertain(entries), FITTED_AT)
+        reduced = self._reduction(uncertain or self.uncertain(entries), FITTED_AT)
 
         def cost(tried: Sequence[SizedEffect]) -> float:
             return 0.5 * float(reduced(self.residual(tried))[-1, -1]) - prior_of(tried, self.step_s).log_density
@@ -276,11 +279,14 @@ class Solver:
         pairs = zip(sets, *found, strict=True)
         return [SetFit(tuple(entries), every[0], fitted[0], every[1]) for entries, every, fitted in pairs]
 
-    def spread(self, entries: Sequence[SizedEffect]) -> Samples:
-        """Covariance (parameters, parameters) in internal units of the parameters of a set, with all that its equations
-        may miss, also what other parameters of the effects would do."""
+    def estimate(self, entries: Sequence[SizedEffect]) -> tuple[tuple[SizedEffect, ...], Samples]:
+        """A set that is there at its most likely parameters, and their covariance (parameters, parameters) in internal
+        units: both with all that its equations may miss, also what other parameters of the effects would do, and
+        without the fault of the base that it might have been."""
         missed = [(self._misfit(entries, i), True) for i in range(len(entries))]
-        return self.contest([entries], _uncertain([*missed, *self._of_records(entries)]))[0].covariance
+        uncertain = _uncertain([*missed, *self._of_records(entries)])
+        entries = self.fit(entries, uncertain=uncertain)
+        return entries, self.contest([entries], uncertain)[0].covariance
 
     def _logs(
         self, entries: Sequence[SizedEffect], uncertain: Uncertain, own: Samples, which: Mask

@@ -203,8 +203,8 @@ class Effect:
     """Whether it moves the position for seconds to hours after the voltage has stopped: over whole records, and before
     they began."""
     before_record: Callable[[Samples, Params, AxisModel], Samples] | None = None
-    """Columns (n, m) at times (n,) since a record began: what the states of a slow effect that stood off then still do,
-    one prior deviation each, in V up to AMPLIFIER and in um after it. A stage stood anywhere in its range before."""
+    """Columns (n, m) at times (n,) since a record began: what the states of an effect that stood off then still do, one
+    prior deviation each, in V up to AMPLIFIER and in um after it. A stage stood anywhere in its range before."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None

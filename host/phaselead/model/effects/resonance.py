@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.model.axis import AxisModel
 from phaselead.model.effects.filters import Mode, behind_modes, resonant
 from phaselead.model.effects.interface import (
+    STOOD_OFF,
     CheckedParameters,
     Effect,
     Parameter,
@@ -24,6 +26,7 @@ from phaselead.model.effects.interface import (
 from phaselead.model.effects.mode_bank import NOT_PLAYED, poles, state_weights, states
 from phaselead.model.effects.softening import mode_levels
 from phaselead.model.effects.virtual import MOST_POLES
+from phaselead.model.operator import range_um
 from phaselead.model.sections import Undone, undo_modes
 
 
@@ -74,6 +77,16 @@ def basis(signal: Signal, params: Params) -> Samples:
     return columns(*(resonant(signal.value, f, zeta, signal.step_s) - signal.value for _, f, zeta in modes(params)))
 
 
+def before_record(since_s: Samples, params: Params, axis: AxisModel) -> Samples:
+    """What rings of a step that each mode was given before, a quarter of a turn apart."""
+    found = []
+    for c, f_Hz, zeta in modes(params):
+        turn = 2 * np.pi * f_Hz * since_s
+        ringing = abs(c) * STOOD_OFF * range_um(axis) * np.exp((1j * np.sqrt(1 - zeta**2) - zeta) * turn)
+        found += [ringing.real, ringing.imag]
+    return np.stack(found, axis=1)
+
+
 def normalise(params: Params) -> Params:
     return {"c": 1.0, **params} if "f_Hz" in params and np.ndim(params["f_Hz"]) == 0 else params
 
@@ -119,6 +132,7 @@ EFFECT = Effect(
     shared_modes="own path",
     picture=Picture("response", {"c": 1.0, "f_Hz": 200.0, "zeta": 0.02}),
     basis=basis,
+    before_record=before_record,
     accepts=("velocity",),
     normalise=normalise,
     modes=modes,

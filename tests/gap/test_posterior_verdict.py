@@ -1,0 +1,159 @@
+"""From evidences to names: laws of the verdict on contests made up, and of the prior over sets."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import comb, exp, log
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phaselead.gap.posterior.evidence import SetFit
+from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
+from phaselead.gap.posterior.search import Contest, at_an_end
+from phaselead.gap.posterior.verdict import MOST_TIED, SURE, judge
+from phaselead.gap.refit import to_internal
+from phaselead.model.effects import effect
+
+NAMES = ("delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "creep", "gain_change", "saturation")
+CATALOGUE = 20
+
+
+def typical(name):
+    found = effect(name)
+    return found, {p.name: p.typical for p in found.parameters}
+
+
+def contest(logs, held_out=None):
+    """Of sets given as tuples of names with their log posterior odds; ``held_out`` is what of them the held-out
+    records add."""
+    fits = {}
+    for names, value in logs.items():
+        log_evidence = value - log_prior_of_set(len(names), CATALOGUE)
+        fitted = log_evidence - (held_out or {}).get(names, 0.4 * value)
+        entries = tuple(typical(name) for name in names)
+        fits[tuple(sorted(names))] = SetFit(entries, {0.07: log_evidence}, {0.07: fitted})
+    return Contest(None, fits, {}, CATALOGUE)
+
+
+sets = st.sets(st.sampled_from(NAMES), max_size=3).map(lambda s: tuple(sorted(s)))
+
+
+@given(st.dictionaries(sets, st.floats(-30, 30), max_size=8).map(lambda d: {(): 0.0} | d))
+def test_probabilities_are_probabilities_and_claims_are_sure(logs):
+    found = judge(contest(logs))
+    assert sum(found.sets.values()) == pytest.approx(1.0)
+    assert all(0 <= p <= 1 for p in (*found.sets.values(), *found.probability.values()))
+    assert found.sets[found.best.names] == max(found.sets.values())
+    for name, p in found.probability.items():
+        assert p == pytest.approx(sum(q for names, q in found.sets.items() if name in names), abs=1e-9)
+    for claim in found.claims:
+        group = set(claim.tied)
+        assert claim.tied[0] == claim.effect.name in found.best.names
+        assert len(group) == len(claim.tied) <= MOST_TIED
+        assert sum(q for names, q in found.sets.items() if group & set(names)) >= SURE - 1e-9
+        assert len(claim.tied) == 1 or claim.probability < SURE
+        assert claim.borne_out
+
+
+@given(st.dictionaries(sets, st.floats(-30, 30), max_size=8).map(lambda d: {(): 0.0} | d), st.floats(-1e5, 1e5))
+def test_only_differences_of_evidence_count(logs, shift):
+    plain = contest(logs)
+    shifted = {
+        n: SetFit(f.entries, {0.07: f.log_evidence + shift}, {0.07: f.log_evidence_fitted + shift})
+        for n, f in plain.fits.items()
+    }
+    found, again = judge(plain), judge(Contest(None, shifted, {}, CATALOGUE))
+    assert found.sets == pytest.approx(again.sets, abs=1e-6)
+
+
+def test_an_effect_is_named_from_the_stated_probability_on():
+    odds = log(SURE / (1 - SURE))
+    for more, named in ((0.01, True), (-0.01, False)):
+        found = judge(contest({(): 0.0, ("delay",): odds + more}))
+        assert [c.effect.name for c in found.claims] == (["delay"] if named else [])
+        assert found.probability["delay"] == pytest.approx(SURE, abs=1e-3)
+
+
+def test_of_a_named_effect_the_odds_are_against_the_best_set_without_it():
+    logs = {(): 0.0, ("delay",): 40.0, ("creep",): 25.0, ("creep", "delay"): 60.0}
+    claims = {c.effect.name: c for c in judge(contest(logs)).claims}
+    assert claims["delay"].log_odds == pytest.approx(35.0)
+    assert claims["creep"].log_odds == pytest.approx(20.0)
+    assert claims["delay"].held_out_log_odds == pytest.approx(0.4 * 35)
+
+
+def test_a_tie_is_the_smallest_group_of_rivals_that_is_sure_together():
+    logs = {(): 0.0, ("delay",): 30.0, ("amplifier_lowpass",): 29.5, ("sensor_lowpass",): 24.0, ("resonance",): 22.0}
+    (claim,) = judge(contest(logs)).claims
+    assert claim.tied == ("delay", "amplifier_lowpass")
+    assert [entries[-1][0].name for entries in claim.rivals] == list(claim.tied)
+    logs["sensor_lowpass",] = 29.0
+    (claim,) = judge(contest(logs)).claims
+    assert claim.tied == ("delay", "amplifier_lowpass", "sensor_lowpass")
+
+
+def test_beside_a_tie_another_effect_is_named():
+    logs = {(): 0.0, ("creep", "delay"): 60.0, ("amplifier_lowpass", "creep"): 59.5, ("delay",): 20.0}
+    claims = {c.effect.name: c.tied for c in judge(contest(logs)).claims}
+    assert claims == {"creep": ("creep",), "delay": ("delay", "amplifier_lowpass")}
+
+
+def test_more_rivals_than_say_something_are_no_tie():
+    many = NAMES[: MOST_TIED + 1]
+    assert not judge(contest({(): 0.0} | {(name,): 30.0 for name in many})).claims
+    assert judge(contest({(): 0.0} | {(name,): 30.0 for name in many[:-1]})).claims
+
+
+@pytest.mark.parametrize(("held_out", "named"), [(12.0, True), (0.0, True), (-5.0, True), (31.0, False)])
+def test_what_only_the_held_out_records_show_is_not_named(held_out, named):
+    """With 30 log units in all, of which the held-out records add these."""
+    found = judge(contest({(): 0.0, ("delay",): 30.0}, {("delay",): held_out}))
+    assert bool(found.claims) is named
+
+
+@given(st.integers(1, 40))
+def test_the_prior_of_all_sets_sums_to_one_and_every_number_of_effects_is_as_likely(size):
+    by_number = [comb(size, k) * exp(log_prior_of_set(k, size)) for k in range(size + 1)]
+    assert by_number == pytest.approx([1 / (size + 1)] * (size + 1))
+    names = range(min(size, 6))
+    every = (s for k in range(len(names) + 1) for s in combinations(names, k))
+    assert sum(exp(log_prior_of_set(len(s), len(names))) for s in every) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["gain_change", "delay", "asymmetric_hysteresis"])
+def test_the_prior_of_a_size_is_a_density(name):
+    found = effect(name)
+    shapes = {p.name: p.typical for p in found.shapes}
+    first, *others = found.sizes
+    fixed = shapes | {p.name: 0.0 for p in others}
+    unit = first.typical / to_internal(first, first.typical)
+    at = np.linspace(max(first.low / unit, -15), min(first.high / unit, 15), 4001)
+
+    def density(x):
+        return exp(prior_of([(found, fixed | {first.name: float(x * unit)})], 1e-4).log_density)
+
+    area = np.trapezoid([density(x) for x in at], at)
+    others_at_0 = exp(prior_of([(found, fixed | {first.name: 0.0})], 1e-4).log_density) / density(0.0)
+    assert others_at_0 == 1.0
+    if len(found.parameters) == 1:
+        assert area == pytest.approx(1.0, abs=0.01)
+    assert density(1.0) > density(3.0) > density(6.0)
+
+
+def test_a_shape_at_an_end_of_its_range_is_no_longer_that_effect():
+    mode, params = typical("resonance")
+    (f_Hz,) = (p for p in mode.parameters if p.name == "f_Hz")
+    assert not at_an_end([(mode, params)])
+    for value, end in ((f_Hz.low, True), (f_Hz.high, True), (1.01 * f_Hz.low, False), (0.99 * f_Hz.high, False)):
+        assert at_an_end([typical("delay"), (mode, params | {"f_Hz": value})]) is end
+
+
+def test_an_end_of_nothing_is_where_it_vanishes():
+    late, params = typical("delay")
+    assert late.parameters[0].low == 0.0
+    assert not at_an_end([(late, params | {"delay_s": 0.0})])
+    assert at_an_end([(late, {"delay_s": late.parameters[0].high})])
+    assert not at_an_end([])

@@ -1,0 +1,59 @@
+"""Whether a model saves held-out squares beyond chance."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace as Made
+
+import numpy as np
+import pytest
+
+from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
+
+ROWS, STEP_S = 4000, 1e-3
+
+
+def a_run(error, fitted=0.0):
+    """A run whose error is ``error`` (n,), less a share of it for every effect in the model."""
+    run = Made(start=0, stop=len(error), step_s=STEP_S)
+    return Made(run=run, period_rows=None, error=lambda entries: error * (1 - fitted * len(entries)))
+
+
+def test_its_rate_of_false_alarms_is_the_stated_one():
+    rng = np.random.default_rng(0)
+    draws = [probability_by_chance(rng.normal(size=12)) for _ in range(4000)]
+    for level in (BY_CHANCE, 0.1, 0.5):
+        rate = float(np.mean(np.array(draws) < level))
+        assert rate == pytest.approx(level, abs=4 * np.sqrt(level / 4000))
+
+
+def test_a_saving_in_every_block_is_no_chance_and_a_loss_is():
+    rng = np.random.default_rng(1)
+    saved = 1.0 + 0.2 * rng.normal(size=12)
+    assert probability_by_chance(saved) < 1e-6
+    assert probability_by_chance(-saved) > 0.999
+    assert probability_by_chance(np.array([5.0])) == 1.0  # one block tells nothing of chance
+    assert probability_by_chance(np.zeros(5)) == 1.0
+
+
+def test_what_is_saved_is_the_difference_of_squares_about_each_mean():
+    rng = np.random.default_rng(2)
+    errors = [rng.normal(size=n) + 100.0 for n in (ROWS, ROWS // 2)]
+    runs = [a_run(error, 0.5) for error in errors]
+    saved = saved_by_block(runs, (), runs, ("one",))
+    assert saved.sum() == pytest.approx(0.75 * sum(float(np.sum((e - e.mean()) ** 2)) for e in errors))
+    assert len(saved) > 10
+    assert saved_by_block(runs, (), runs, ()) == pytest.approx(np.zeros(len(saved)))
+
+
+def test_effects_of_no_use_save_nothing_beyond_chance():
+    found = []
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        error, useless = rng.normal(size=(2, 1000))
+        model = Made(
+            run=Made(start=0, stop=1000, step_s=STEP_S),
+            period_rows=None,
+            error=lambda entries, e=error, w=useless: e + 0.1 * len(entries) * w,
+        )
+        found.append(probability_by_chance(saved_by_block([model], (), [model], ("one",))))
+    assert np.mean(np.array(found) < BY_CHANCE) < 0.01  # what is useless adds its own squares
