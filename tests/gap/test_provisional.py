@@ -15,7 +15,7 @@ from phaselead.gap.probability import probability_from_points, probability_from_
 
 from phaselead.cli import main
 from phaselead.gap.adopt import adopted
-from phaselead.gap.confidence import raised_bounds
+from phaselead.gap.bounds import raised_bounds
 from phaselead.gap.findings import Bound, GapSize, NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.provisional import FittedSet, _best_that_pays, nearest_that_pays
@@ -52,7 +52,7 @@ def unnamed(system, axis=LINE, count=4):
 def test_the_nearest_set_predicts_held_out_records_better():
     records, runs, alone = unnamed(outsiders.mode)
     effects = [effect(name) for name in NEAR]
-    final, entries = nearest_that_pays(alone, [], runs, effects, None, None, 0)
+    final, entries = nearest_that_pays(alone, [], runs, effects, None, None)
     assert entries[0].name == "resonance"
     assert final.gap.after < 0.1 * alone.gap.after
     value, _, (low, high) = entries[0].params["f_Hz"]
@@ -68,7 +68,7 @@ def test_the_nearest_set_predicts_held_out_records_better():
 
 def test_what_saves_no_more_than_chance_is_not_adopted():
     _, runs, alone = unnamed(lambda u, step_s: 20.0 * u)
-    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None, None, 0)
+    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None, None)
     assert entries == []
     assert final is alone
     # One sign of so small a change saves a little of any noise.
