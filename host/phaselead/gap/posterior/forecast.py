@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 
 from phaselead.gap.posterior.build import missed_columns
 from phaselead.gap.posterior.evidence import FITTED_AT, Solver, uncertain_columns
@@ -22,6 +22,9 @@ from phaselead.gap.problem import Problem
 from phaselead.gap.refit import SizedEffect, fresh_columns
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
+
+ROUNDING = 1e-12
+"""Of the largest eigenvalue of an information matrix: what is below is rounding."""
 
 Whiten = Callable[[Samples], Samples]
 """Columns (n, k) in um of the proposed record to whitened ones (m, k), its own nuisances taken out."""
@@ -112,5 +115,5 @@ def _integrated(products: Samples, places: Samples, root: Samples) -> Samples:
 def _root_of_inverse(information: Samples) -> Samples:
     """R (k, k) with R R' the inverse."""
     scale = 1 / np.sqrt(np.diag(information))
-    factor = cholesky(scale[:, None] * information * scale + 1e-10 * np.eye(len(scale)), lower=True)
-    return np.asarray(scale[:, None] * solve_triangular(factor, np.eye(len(factor)), lower=True).T)
+    power, turn = np.linalg.eigh(scale[:, None] * information * scale)
+    return np.asarray(scale[:, None] * turn / np.sqrt(np.maximum(power, ROUNDING * power[-1])))
