@@ -157,11 +157,6 @@ class Space:
         shared = self._shared_part(columns, which)
         return np.block([[self._normal(which), shared], [shared.T, self._within(columns, columns, which)]])
 
-    def log_determinant(self, which: Mask) -> float:
-        """Of the covariance, up to what does not depend on the deviations."""
-        factor, _ = self._factor(which)
-        return float(2 * np.log(np.diag(factor)).sum())
-
     def _within(self, a: Columns, b: Columns, which: Mask) -> Samples:
         """Products (q, p) before the shared misfit is taken out."""
         found = np.zeros((a.count, b.count))
