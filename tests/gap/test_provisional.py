@@ -18,7 +18,7 @@ from phaselead.gap.adopt import adopted
 from phaselead.gap.bounds import raised_bounds
 from phaselead.gap.findings import Bound, GapSize, NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.provisional import FittedSet, _best_that_pays, nearest_that_pays
+from phaselead.gap.provisional import _best_that_pays, nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import modelled_run
@@ -72,19 +72,10 @@ def test_what_saves_no_more_than_chance_is_not_adopted():
     assert entries == []
     assert final is alone
     # One sign of so small a change saves a little of any noise.
-    either = [FittedSet(((effect("gain_change"), {"gain": gain}),), ()) for gain in (1e-6, -1e-6)]
+    either = [Fitted(((effect("gain_change"), {"gain": gain}),), 0.0) for gain in (1e-6, -1e-6)]
     squares = [float(np.mean(alone.with_entries(one.entries).residuals("holdout")[0].error_um ** 2)) for one in either]
     assert min(squares) < alone.gap.after**2
     assert _best_that_pays(alone, either) is None
-
-
-def test_a_set_that_was_taken_back_is_adopted_where_it_is_the_nearest():
-    _, runs, alone = unnamed(outsiders.mode)
-    params = {"c": 1.0, "f_Hz": 69.0, "zeta": 0.02}
-    back = FittedSet(((effect("resonance"), params),), (found("resonance", "f_Hz", 69.0),))
-    final, entries = nearest_that_pays(alone, [], runs, [effect("delay")], back, None, 0)
-    assert entries[0].name == "resonance"
-    assert final.fitted.entries[0][1] is params
 
 
 @pytest.mark.parametrize("system", [outsiders.hardening, outsiders.upside_down])

@@ -19,7 +19,6 @@ from phaselead.gap.findings import ONE_SIDED_95, NextExperiment
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.posterior import SURE, Claim, Contest, Forecast, names_of
-from phaselead.gap.posterior.space import Space
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, modelled_run
@@ -113,7 +112,7 @@ class _Predicted:
         self._forecast = Forecast(contest.solver, selection.problem, sets)
         self._needed = needed_log_odds(contest, sets)
         self._records = [record.modelled for record in contest.solver.space.records]
-        self._weight = usual_weight(contest.solver.space)
+        self._weight = contest.solver.space.usual_weight()
 
     @property
     def _step_s(self) -> float:
@@ -184,14 +183,6 @@ class _Predicted:
         slack = VOLTAGE_SLACK * (high - low)
         drives = [made.chain.signal_at(Place.AMPLIFIER, entries).value for entries in self._sets]
         return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
-
-
-def usual_weight(space: Space) -> float:
-    """What a row of a driven record with the effects in it counts in the middle: less than 1 by what no combination of
-    effects explains there."""
-    driven = [r for r in space.records if r.changed and r.modelled.run.driven]
-    rows = [r.metric.row_weights(r.index) for r in driven or space.records]
-    return float(np.median(np.concatenate(rows)))
 
 
 def _means(made: ModelledRun, every: int) -> ModelledRun:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.posterior.beside import Beside, beside
+from phaselead.gap.posterior.absent import Beside, beside
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone
 from phaselead.gap.posterior.priors import KNOWN_BEFORE

@@ -128,6 +128,12 @@ class Space:
         """Every record but those held out."""
         return np.array([record.modelled.run.role != "holdout" for record in self.records])
 
+    def usual_weight(self) -> float:
+        """What a row of a driven record in which effects act counts in the middle: less than 1 by what no combination
+        of effects explains there."""
+        driven = [r for r in self.records if r.changed and r.modelled.run.driven]
+        return float(np.median(np.concatenate([r.metric.row_weights(r.index) for r in driven or self.records])))
+
     def whitened(self, index: int, columns: Samples) -> Samples:
         """Columns (n, q) in um of one record: whitened, its own nuisances taken out."""
         record = self.records[index]
