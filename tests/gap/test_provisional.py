@@ -52,7 +52,7 @@ def unnamed(system, axis=LINE, count=4):
 def test_the_nearest_set_predicts_held_out_records_better():
     records, runs, alone = unnamed(outsiders.mode)
     effects = [effect(name) for name in NEAR]
-    final, entries = nearest_that_pays(alone, [], runs, effects, None, None)
+    final, entries = nearest_that_pays(alone, [], runs, effects, None)
     assert entries[0].name == "resonance"
     assert final.gap.after < 0.1 * alone.gap.after
     value, _, (low, high) = entries[0].params["f_Hz"]
@@ -68,7 +68,7 @@ def test_the_nearest_set_predicts_held_out_records_better():
 
 def test_what_saves_no_more_than_chance_is_not_adopted():
     _, runs, alone = unnamed(lambda u, step_s: 20.0 * u)
-    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None, None)
+    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None)
     assert entries == []
     assert final is alone
     # One sign of so small a change saves a little of any noise.
