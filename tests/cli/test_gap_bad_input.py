@@ -212,6 +212,7 @@ EXPERIMENT = {
     "waveform": "triangle", "level": 2.0, "band": [1.0, 5.0], "bias": 1.0, "axis": None, "seconds": 1.0,
     "separation": 100.0, "needs_sensor": None,
 }  # fmt: skip
+AGAIN = {**EXPERIMENT, "waveform": "record", "source": "ref.csv", "points": [abs(1 - i / 512) for i in range(1024)]}
 TIE = {"verdicts": ["tie"], "ties": [["delay", "sensor_lowpass"]], "next_experiment": EXPERIMENT}
 
 
@@ -228,6 +229,9 @@ TIE = {"verdicts": ["tie"], "ties": [["delay", "sensor_lowpass"]], "next_experim
         (json.dumps({**TIE, "next_experiment": {"waveform": "triangle"}}), ("lacks one of",)),
         (json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "waveform": "wiggle"}}), ("'wiggle'", "make gap.json")),
         (json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "seconds": -1}}), ("-1 s",)),
+        (json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "waveform": "record"}}), ("'record'", "make gap.json")),
+        (json.dumps({**TIE, "next_experiment": {**AGAIN, "points": [0.0, 1.0]}}), ("'record'", "make gap.json")),
+        (json.dumps({**TIE, "next_experiment": {**AGAIN, "points": "abc"}}), ("lacks one of",)),
         (json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "level": 60.0}}), ("outside the limits",)),
         (json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "band": [300, 300]}}), ("V/s",)),
     ],
@@ -258,6 +262,9 @@ def test_a_proposed_experiment_is_run_and_recorded(run, tmp_path):
     outcome = run("gap", "next", path, "-o", more)
     assert outcome.status == 0, outcome.err
     assert run("log", "info", more, "--json", "-").json["rate_Hz"] == pytest.approx(5000)
+    path.write_text(json.dumps({**TIE, "next_experiment": {**AGAIN, "bias": 3.0, "band": [0.5, 0.5]}}))
+    assert run("gap", "next", path, "-o", tmp_path / "again.h5").status == 0
+    assert run("log", "info", tmp_path / "again.h5", "--json", "-").json["samples"] == 5000
     idle = {**EXPERIMENT, "waveform": "idle", "level": 0.0, "bias": 0.0, "seconds": 0.2}
     path.write_text(json.dumps({**TIE, "next_experiment": idle}))
     assert run("gap", "next", path, "-o", tmp_path / "idle.h5").status == 0

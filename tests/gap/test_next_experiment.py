@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from functools import cache
 
 import numpy as np
 import pytest
 
-from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, span_V
+from phaselead.gap.design import excitation_of
+from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, repeats, span_V
 from phaselead.gap.design.next_experiment import coarser, sensor_for
+from phaselead.gap.findings import NextExperiment
 from phaselead.gap.noise import Noise
+from phaselead.gap.records import GapRun
+from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import run_gap
 from phaselead.identify.fitting import fit
@@ -24,6 +29,8 @@ from phaselead.waveforms.waveform import POINTS
 
 RATE_HZ = 5000
 RIVALS = {"delay", "sensor_lowpass", "amplifier_lowpass", "gain_change"}
+NEEDED = np.log(2 * 0.99 / 0.01)
+"""Log odds against each of two rivals for a probability of 0.99."""
 WITHOUT = tuple(name for name in catalogue() if name not in RIVALS)
 """A small catalogue: what is tested here is the way from a tie to its end, not the search."""
 
@@ -50,7 +57,8 @@ def sine(swing_V: float, f_Hz: float, seconds: float = 1.0) -> np.ndarray:
 @cache
 def reference() -> tuple[Stage, tuple[Recording, ...]]:
     """A model fitted to the stage as it was, and the records it was fitted on."""
-    waves = [sine(8, 2), sine(8, 5), sine(4, 5), sine(2, 10), sine(3, 40, 0.5)]
+    fast = Excitation("multisine", 2.0, (5.0, 1000.0), 4.0, 2.0).voltage(np.arange(2 * RATE_HZ) / RATE_HZ)
+    waves = [sine(8, 2), sine(8, 5), sine(4, 5), sine(2, 10), sine(3, 40, 0.5), fast]
     records = tuple(record(stage_with(), u, 100 + i) for i, u in enumerate(waves))
     return fit(records)[0], records
 
@@ -70,8 +78,8 @@ def test_the_proposed_experiment_breaks_the_tie_for_the_truth():
     proposed = first.next_experiment
     assert proposed is not None
     assert proposed.needs_sensor is None
-    assert proposed.separation > 37
-    excitation = Excitation(proposed.waveform, proposed.level, proposed.band, proposed.bias, proposed.seconds)
+    assert proposed.separation > NEEDED
+    excitation = excitation_of(vars(proposed))
     t = np.arange(round(proposed.seconds * RATE_HZ)) / RATE_HZ
     then = after(truth, record(stage_with(truth), excitation.voltage(t), 400))
     assert then.ties == ()
@@ -113,6 +121,28 @@ def test_what_is_predicted_is_what_the_device_plays(name):
     assert np.allclose(u[:1000], u[1000:2000], atol=1e-6)
     assert 1.0 - 1e-9 <= u.min() <= u.max() <= 5.0 + 1e-9
     assert np.ptp(wave.points) * wave.swing == pytest.approx(wave.swing)
+
+
+def run_of(u: np.ndarray, role: str) -> ModelledRun:
+    t = np.arange(len(u)) / RATE_HZ
+    run = GapRun("x", role, t, u, 20 * u, None, 0, len(u), f"lab/{role}.csv", role, {}, {})  # type: ignore[arg-type]
+    return modelled_run(AxisModel(time=VIEW), run)
+
+
+def test_the_waveform_of_a_record_is_played_again():
+    """A period of it, from its own points, which a gap.json carries; each waveform once."""
+    ramp = np.interp(np.arange(3000), [0, 1000, 2999], [1.0, 4.0, 1.0])
+    runs = [run_of(sine(4, 5), "reference"), run_of(sine(4, 5), "train"), run_of(ramp, "holdout")]
+    found = repeats([*runs, run_of(np.zeros(2000), "reference")], AxisModel(time=VIEW))
+    assert [(one.waveform, one.source) for one in found] == [("record", "reference.csv"), ("record", "holdout.csv")]
+    assert found[0].seconds == 2.0
+    for one, u in zip(found, (sine(4, 5), ramp), strict=True):
+        proposed = NextExperiment(
+            one.waveform, one.level_V, one.band_Hz, one.bias_V, None, one.seconds, 9.0, None, one.source, one.points
+        )
+        again = excitation_of(json.loads(json.dumps(vars(proposed))))
+        assert again == one
+        assert again.voltage(np.arange(len(u) - 3) / RATE_HZ) == pytest.approx(u[:-3], abs=0.01)
 
 
 def test_coarser_noise_is_the_mean_of_rows():

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 from phaselead.cli import main
 from phaselead.gap.adopt import adopted
-from phaselead.gap.confidence import raised_bounds
+from phaselead.gap.bounds import raised_bounds
 from phaselead.gap.findings import Bound, GapSize, NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.provisional import FittedSet, _best_that_pays, nearest_that_pays
+from phaselead.gap.provisional import _best_that_pays, nearest_that_pays
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import modelled_run
@@ -48,7 +48,7 @@ def unnamed(system, axis=LINE, count=4):
 def test_the_nearest_set_predicts_held_out_records_better():
     records, runs, alone = unnamed(outsiders.mode)
     effects = [effect(name) for name in NEAR]
-    final, entries = nearest_that_pays(alone, [], runs, effects, None, 0)
+    final, entries = nearest_that_pays(alone, [], runs, effects, None)
     assert entries[0].name == "resonance"
     assert final.gap.after < 0.1 * alone.gap.after
     value, _, (low, high) = entries[0].params["f_Hz"]
@@ -64,11 +64,11 @@ def test_the_nearest_set_predicts_held_out_records_better():
 
 def test_what_saves_no_more_than_chance_is_not_adopted():
     _, runs, alone = unnamed(lambda u, step_s: 20.0 * u)
-    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None, 0)
+    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None)
     assert entries == []
     assert final is alone
     # One sign of so small a change saves a little of any noise.
-    either = [FittedSet(((effect("gain_change"), {"gain": gain}),), ()) for gain in (1e-6, -1e-6)]
+    either = [Fitted(((effect("gain_change"), {"gain": gain}),), 0.0) for gain in (1e-6, -1e-6)]
     squares = [float(np.mean(alone.with_entries(one.entries).residuals("holdout")[0].error_um ** 2)) for one in either]
     assert min(squares) < alone.gap.after**2
     assert _best_that_pays(alone, either) is None

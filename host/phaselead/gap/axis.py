@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from phaselead.gap.adopt import adopted, kept_names
-from phaselead.gap.confidence import raised_bounds, upper_bounds
+from phaselead.gap.bounds import raised_bounds, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
     HELD_OUT_P,
@@ -96,10 +96,10 @@ def search_axis(
 ) -> AxisResult:
     """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data.
 
-    ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for intervals and cells.
+    ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for cells.
     """
     candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
-    selection = select_effects(model, runs, candidates, frozen, seed, lambda share: on_progress(0.85 * share))
+    selection = select_effects(model, runs, candidates, frozen, lambda share: on_progress(0.85 * share))
     final = final_fit(selection, runs)
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
@@ -116,7 +116,7 @@ def search_axis(
         untried = [effect for effect in effects if effect.name not in taken]
         # The base stays as it is, so that anything may be tried that a frozen one shows.
         allowed, _ = responses(untried, frozen=True, referenced=False)
-        final, provisional = nearest_that_pays(final, file_entries, runs, allowed, label, seed)
+        final, provisional = nearest_that_pays(final, file_entries, runs, allowed, label)
     kept = kept_names([*named, *other.named], [*file_entries, *provisional], selection.memory is not None, label)
     unsure = {one.name for one in kept if one.status == PROVISIONAL}
     return AxisResult(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from phaselead.errors import BadInput
-from phaselead.gap.confidence import confidence_intervals
+from phaselead.gap.posterior import intervals_alone
 from phaselead.gap.problem import make_problem
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import refit
@@ -24,7 +24,7 @@ from phaselead.record import Samples
 
 
 def find_memory(
-    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, seed: int
+    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool
 ) -> tuple[AxisModel, Memory | None]:
     """The axis with plays of its own, and what they are, where it has none and plays predict the held-out records
     better than the line and than any other single effect; otherwise the axis as it is, and None.
@@ -52,7 +52,7 @@ def find_memory(
     described = tried.get(becoming[0].name)
     if chance > BY_CHANCE or saved.sum() <= max(others, default=0.0) or described is None:
         return axis, None
-    params = confidence_intervals(described, problem.train_common, problem.discrepancy, seed)[-1]
+    params = intervals_alone(problem, described.entries)[-1]
     why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
     return given, Memory(becoming[0], params, 1 - chance, why)
 

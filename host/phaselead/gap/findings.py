@@ -88,8 +88,12 @@ class NextExperiment:
     axis: str | None
     seconds: float
     separation: float
-    """Predicted smallest squared distance between two members, in standard deviations."""
+    """Least log odds between two members that it is expected to bring for the true one."""
     needs_sensor: str | None = None
+    source: str | None = None
+    """File of the record whose waveform it repeats."""
+    points: tuple[float, ...] | None = None
+    """One period of that waveform as shares of the level."""
 
 
 NAMED: Final = "named"

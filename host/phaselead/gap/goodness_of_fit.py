@@ -65,7 +65,7 @@ class FinalFit:
 
     def with_entries(self, entries: Sequence[SizedEffect]) -> FinalFit:
         """The same with further effects, and the gap that they leave."""
-        fitted = replace(self.fitted, entries=(*self.fitted.entries, *entries), total=None)
+        fitted = replace(self.fitted, entries=(*self.fitted.entries, *entries))
         richer = replace(self, fitted=fitted)
         after = float(np.sqrt(_power([left.error_um for left in richer.residuals("holdout")])))
         referenced = any(t.run.role == "reference" for t in self.after)

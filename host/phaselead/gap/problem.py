@@ -136,14 +136,6 @@ def with_effects(problem: Problem, extra: Extra) -> Problem:
     return replace(problem, train=on_train, train_common=common, holdout=on_held)
 
 
-def common_with_effects(problem: Problem, extra: Extra) -> Regressors:
-    """The common columns of the training runs alone, simulated anew in a model that has the effects ``extra``."""
-    coarse = problem.layout.coarser()
-    simulated = [simulated_regressors(m, coarse.groups, problem.freedom, extra) for m in problem.train_runs()]
-    found = whitened_regressors(problem.train.metric, coarse, simulated)
-    return found.restricted(np.arange(found.size))
-
-
 def _errors(simulated: Sequence[SimulatedRegressors]) -> list[Samples]:
     """Measured minus modelled position (n,) in um per run."""
     return [np.asarray(r.modelled.run.x_um[r.modelled.run.rows] - r.base_um) for r in simulated]

@@ -44,18 +44,11 @@ class Fitted:
     entries: tuple[SizedEffect, ...]
     squares: float
     """Whitened squares that they leave of the training runs."""
-    total: Samples | None = None
-    """Sum (k, k) of the moments of [common columns, tangents, residual] there, where it was asked for."""
 
     @property
     def free(self) -> tuple[tuple[int, Parameter], ...]:
         """Every parameter, each after the number of the entry that it belongs to."""
         return tuple((i, p) for i, (effect, _) in enumerate(self.entries) for p in effect.parameters)
-
-    @property
-    def n_tangents(self) -> int:
-        """How many parameters there are, each with a tangent."""
-        return len(self.free)
 
 
 def refit(
@@ -98,11 +91,6 @@ def _trials(regressors: Regressors, conditional: _Conditional, at: _Damped) -> I
         moved = _moved(at.fitted, step)
         yield _Damped(Fitted(tuple(moved), conditional.squares_left(moved)), max(damping / BOLDER, LEAST_DAMPING))
         damping = max(damping, CALMED_FROM) * CALMER
-
-
-def with_total(regressors: Regressors, fitted: Fitted) -> Fitted:
-    """The same with the sum of its moments."""
-    return replace(fitted, total=_total(regressors, fitted))
 
 
 def _sampled(effect: Effect, highest_Hz: float) -> Effect:

@@ -74,8 +74,6 @@ class ScannedShape:
     """The gain over the inflation, less the penalty."""
     inflation: float
     """By how much more than white noise the residual scatters along the columns, at least 1."""
-    std: tuple[float, ...]
-    """Standard deviations of the amounts for white noise of unit variance."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +96,11 @@ def scan(problem: Problem, fitted: Fitted, candidates: Sequence[Effect]) -> list
         result = moments.estimate(problem.layout.columns_of(i))
         if result is None:
             continue
-        amounts, std, gain, inflation = result
+        amounts, gain, inflation = result
         inflation = max(inflation, problem.reference_inflation.get(group.effect.name, 1.0))
         score = gain / inflation - penalty(problem, group.effect)
         by_name.setdefault(group.effect.name, []).append(
-            ScannedShape(group.effect, group, tuple(amounts.tolist()), gain, score, inflation, tuple(std.tolist()))
+            ScannedShape(group.effect, group, tuple(amounts.tolist()), gain, score, inflation)
         )
     found = [sorted(shapes, key=lambda s: -s.score) for shapes in by_name.values()]
     return sorted(found, key=lambda shapes: -shapes[0].score)
@@ -118,19 +116,17 @@ class _ConditionalMoments:
     target: int
     """Column of the residual."""
 
-    def estimate(self, columns: Index) -> tuple[Samples, Samples, float, float] | None:
-        """Amounts of ``columns``, their deviations, gain in squares and inflation; None where no column has power."""
+    def estimate(self, columns: Index) -> tuple[Samples, float, float] | None:
+        """Amounts of ``columns``, gain in squares and inflation; None where no column has power."""
         power = np.diag(self.total)[columns]
         seen = power > LEAST_POWER
         if not seen.any():
             return None
         live = columns[seen]
         normal = self.total[np.ix_(live, live)] + 1e-9 * np.diag(power[seen])
-        amounts, std = np.zeros(len(columns)), np.full(len(columns), np.inf)
-        inverse = _inverse(normal)
-        amounts[seen] = inverse @ self.total[live, self.target]
-        std[seen] = np.sqrt(np.maximum(np.diag(inverse), 1 / np.diag(normal)))
-        return amounts, std, float(self.total[columns, self.target] @ amounts), float(self.inflation[live].max())
+        amounts = np.zeros(len(columns))
+        amounts[seen] = _inverse(normal) @ self.total[live, self.target]
+        return amounts, float(self.total[columns, self.target] @ amounts), float(self.inflation[live].max())
 
 
 def _inverse(normal: Samples) -> Samples:

@@ -22,14 +22,14 @@ Progress = Callable[[float], None]
 
 
 def select_effects(
-    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, seed: int, on_progress: Progress
+    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
 ) -> Selection:
     """The effects of ``effects`` that are there. The base ``axis`` has a time view.
 
     ``frozen``: without reference runs, whether nothing may be wrong with the base. A base without plays is given its
-    memory first, where that explains most. ``seed`` is of the intervals of the memory.
+    memory first, where that explains most.
     """
-    base, memory = find_memory(axis, runs, effects, frozen, seed)
+    base, memory = find_memory(axis, runs, effects, frozen)
     on_progress(0.1)
     left = [effect for effect in effects if memory is None or effect.name != memory.effect.name]
     problem = make_problem(base, runs, left, frozen, open_plays=memory is not None)
@@ -49,6 +49,7 @@ def select_effects(
         _fitted(after, entries),
         claims,
         {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
+        contest,
         _candidates(contest, found),
         memory,
     )

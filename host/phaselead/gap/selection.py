@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from phaselead.gap.findings import Candidate, Estimate
-from phaselead.gap.posterior import Claim
+from phaselead.gap.posterior import Claim, Contest
 from phaselead.gap.problem import Problem
 from phaselead.gap.refit import Fitted
 from phaselead.model import AxisModel, Effect
@@ -34,6 +34,8 @@ class Selection:
     claims: tuple[Claim, ...] = ()
     estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     """Value, unit and interval of every parameter by effect."""
+    contest: Contest | None = None
+    """The sets that were compared, and their space."""
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None

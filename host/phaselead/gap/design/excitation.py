@@ -1,12 +1,16 @@
-"""Excitations that may tell rival effects apart, as the device can play them: one period of 1024 points, repeated."""
+"""Excitations that may tell rival effects apart, as the device can play them: one period of 1024 points, repeated.
+
+Most have a shape of ``SHAPES``. One that repeats the waveform of a record carries its points.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from phaselead.gap.residual import ModelledRun
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 from phaselead.waveforms import POINTS, Sampled, refuse_out_of_range
@@ -15,11 +19,14 @@ LINES = 60
 """Of a multisine."""
 FEWEST_POINTS = 5
 """Points of a waveform on one cycle of its highest line."""
+DECIMALS = 5
+"""Of a point of a repeated waveform: finer than any converter."""
 LEAST_LEVEL = 0.02
 """Of the voltage range: a weaker drive is not worth its time."""
-LONGEST_PROPOSED_s = 60.0
-LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, LONGEST_PROPOSED_s)
+LENGTHS_s = (2.0, 5.0, 10.0, 20.0, 40.0, 60.0)
 """That an experiment may take."""
+RECORD = "record"
+"""Name of the waveform that repeats a record."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,10 @@ class Excitation:
     band_Hz: tuple[float, float]
     bias_V: float
     seconds: float
+    source: str | None = None
+    """File of the record whose waveform it repeats."""
+    points: tuple[float, ...] | None = None
+    """One period of that waveform, (POINTS,) as shares of the level."""
 
     @property
     def idle(self) -> bool:
@@ -39,7 +50,7 @@ class Excitation:
 
     def wave(self) -> Sampled:
         """As the device plays it, in volts. It goes to its first value at the slew limit."""
-        points = SHAPES[self.waveform](self.band_Hz)
+        points = np.array(self.points) if self.waveform == RECORD else SHAPES[self.waveform](self.band_Hz)
         lowest, span = float(points.min()), float(np.ptp(points))
         offset_V = self.bias_V + self.level_V * (lowest - 0.5)
         return Sampled(self.level_V * span, offset_V, "V", self.band_Hz[0], (points - lowest) / span)
@@ -145,6 +156,25 @@ def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:
             middle = low + level / 2 + place * (high - low - level)
             found += [Excitation(name, level, band, middle, s) for name, band, s in _kinds(rate_Hz)]
     return [e for e in (one.within(axis) for one in found) if e is not None]
+
+
+def repeats(runs: Sequence[ModelledRun], axis: AxisModel) -> list[Excitation]:
+    """The waveforms that these runs were driven with, each once: a period of it, or all of it where it has none."""
+    found: dict[tuple[float, ...], Excitation] = {}
+    for modelled in runs:
+        run = modelled.run
+        u = run.u_V[run.rows][-modelled.period_rows :] if modelled.period_rows else run.u_V[: run.stop]
+        level = float(np.ptp(u))
+        if not run.driven or not level > 0:
+            continue
+        shares = (np.interp(np.arange(POINTS) * len(u) / POINTS, np.arange(len(u)), u) - u.min()) / level
+        points = tuple(np.round(shares, DECIMALS).tolist())
+        f_Hz, middle = 1 / (len(u) * run.step_s), float(u.min()) + level / 2
+        seconds = max(LENGTHS_s[0], 1 / f_Hz)
+        one = Excitation(RECORD, level, (f_Hz, f_Hz), middle, seconds, run.name, points).within(axis)
+        if one is not None and seconds <= LENGTHS_s[-1]:
+            found.setdefault((round(level, 2), round(middle, 2), *np.sort(points).round(2).tolist()), one)
+    return list(found.values())
 
 
 def _kinds(rate_Hz: float) -> list[tuple[str, tuple[float, float], float]]:

@@ -1,47 +1,43 @@
 """The experiment that would best tell the members of a tie apart, or the sensor that it takes.
 
-T-optimal design (Atkinson and Fedorov 1975). For each excitation the response is predicted under every member of the
-tie; another member is then fitted to it, with parameters that may move as far as the present records allow. What is
-left is the separation: a squared distance in standard deviations. The excitation whose smallest separation per second
-is largest wins.
+For each excitation the answers of every two members are predicted in the space in which they were compared, with all
+that the base and their equations may miss (``Forecast``). Half a squared distance is the log odds that the record is
+expected to bring for the true member, and the distance their deviation. An experiment is good when the odds pass what
+a name needs, whichever of the two is true, nineteen times out of twenty. The shortest good one wins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
-from phaselead.gap.design.excitation import Excitation, LENGTHS_s, LONGEST_PROPOSED_s, excitations, span_V
-from phaselead.gap.findings import NextExperiment
+from phaselead.gap.design.excitation import Excitation, LENGTHS_s, excitations, repeats, span_V
+from phaselead.gap.findings import ONE_SIDED_95, NextExperiment
 from phaselead.gap.metric import metric_of
 from phaselead.gap.noise import Noise
-from phaselead.gap.posterior import Claim
+from phaselead.gap.posterior import SURE, Claim, Contest, Forecast, names_of
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import Fitted, SizedEffect, fresh_columns, squares_left, with_total
-from phaselead.gap.regressors import base_columns
+from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-TIE = 37.0
-"""Squared whitened distance below which two effects, each at its best, cannot be told apart: errors of 1 in 1000."""
 MOST_PREDICTED_ROWS = 10_000
-"""Of one prediction; longer excitations are predicted at a coarser step."""
-MOST_MEMBERS = 4
-"""Members of a tie that are told apart at once, the best first."""
+"""Of one prediction; of longer excitations as many means over rows are predicted."""
+MOST_PREDICTED = 16
+"""Excitations that are predicted with everything that may be missed: what the time for an answer allows."""
+LENGTHENED = 3
+"""Excitations that are predicted for longer where none is good, those with most log odds a second."""
 SENSOR_ROOM = 0.02
 """Share of the sensor's span that is kept free at either end."""
 VOLTAGE_SLACK = 0.02
 """Share of the span of the fitted voltages by which a drive may leave it."""
 APPROACH_s = 0.1
 """At the start, not counted: the output jumps to its first voltage, which the waveform is not chosen for."""
-ENOUGH_SEPARATION = 30.0
-"""In the same units: more separation is of no use, a shorter experiment is better."""
-SEPARATION_MARGIN = 2.0
-"""In the same units: what a prediction must reach, since it knows neither the truth nor its own misfit."""
 SENSORS = {
     Place.AMPLIFIER: "a voltage monitor at the amplifier's output",
     Place.MECHANICS: "a second, faster position sensor (an interferometer)",
@@ -50,129 +46,158 @@ SENSORS = {
 }
 """By place in the chain: the sensor that would tell effects before it from effects after it."""
 
+Sets = Sequence[tuple[SizedEffect, ...]]
+"""For each member of a tie the set that has it."""
+
 
 @dataclass(frozen=True)
-class Member:
-    """One member of a tie, and what the present records say about its parameters and those of the base."""
+class Prediction:
+    """What one excitation is expected to bring."""
 
-    fitted: Fitted
-    """The set that has it, with the sum of its moments."""
-    known: Samples
-    """Information matrix (k, k): the base's columns, then the parameters of all effects, in the units of the refit."""
+    excitation: Excitation
+    log_odds: float
+    """The least between two members."""
+    short: float
+    """What is missing at worst, of the odds that a name needs, where these come out lower than expected once in twenty
+    times."""
+
+    @property
+    def good(self) -> bool:
+        """Whether it would break the tie."""
+        return self.short <= 0
 
 
 def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
-    if len(tied.rivals) < 2 or selection.problem.axis.time is None:
+    axis, contest = selection.problem.axis, selection.contest
+    if len(tied.rivals) < 2 or axis.time is None or contest is None:
         return None
-    members = [_member(selection, entries) for entries in tied.rivals[:MOST_MEMBERS]]
-    step_s = selection.problem.train_runs()[0].run.step_s
-    tried = [
-        (option, _separation(selection, option, members, step_s))
-        for option in excitations(selection.problem.axis, step_s)
-    ]
-    if not tried:
+    found = _best(_Predicted(selection, contest, tied.rivals))
+    if found is None:
         return None
-    option, apart = _long_enough(*max(tried, key=lambda one: _worth(*one)))
-    sensor = None if apart >= TIE else sensor_for([entries[-1][0] for entries in tied.rivals])
+    one, sensor = found.excitation, None
+    if found.log_odds < needed_log_odds(contest, tied.rivals).max():
+        sensor = sensor_for([entries[-1][0] for entries in tied.rivals])
     return NextExperiment(
-        option.waveform, option.level_V, option.band_Hz, option.bias_V, label, option.seconds, apart, sensor
-    )
+        one.waveform, one.level_V, one.band_Hz, one.bias_V, label, one.seconds, found.log_odds, sensor, one.source,
+        one.points,
+    )  # fmt: skip
 
 
-def _member(selection: Selection, entries: tuple[SizedEffect, ...]) -> Member:
-    """A member of a tie from the set that has it."""
-    problem = selection.problem
-    fitted = Fitted(entries, squares_left(problem.train_common, problem.discrepancy, entries))
-    fitted = with_total(problem.train_common, fitted)
-    return Member(fitted, _known(selection, fitted))
+def needed_log_odds(contest: Contest, sets: Sets) -> Samples:
+    """Log odds (sets, sets) that a record must bring against each rival, given those there are, for the true member to
+    be named whichever it is."""
+    logs = np.array([contest.log_posterior(names_of(entries)) for entries in sets])
+    return np.asarray(np.abs(logs[:, None] - logs) + np.log((len(sets) - 1) * SURE / (1 - SURE)))
 
 
-def _worth(option: Excitation, apart: float) -> tuple[float, float]:
-    """What excitations are ranked by: separation per second, counted up to ENOUGH_SEPARATION; then separation."""
-    return min(apart, ENOUGH_SEPARATION * TIE) / option.seconds, apart
+def _best(predicted: _Predicted) -> Prediction | None:
+    """The shortest good experiment; where there is none, the one that brings most."""
+    tried = [predicted.of(excitation) for excitation in predicted.promising()]
+    if not any(one.good for one in tried):
+        ranked = sorted(tried, key=lambda one: -one.log_odds / one.excitation.seconds)
+        for one in ranked[:LENGTHENED]:
+            tried += predicted.lengthened(one.excitation)
+    good = [one for one in tried if one.good]
+    if good:
+        return min(good, key=lambda one: (one.excitation.seconds, -one.log_odds))
+    return max(tried, key=lambda one: one.log_odds, default=None)
 
 
-def _long_enough(option: Excitation, apart: float) -> tuple[Excitation, float]:
-    """The excitation repeated until the separation suffices, LONGEST_PROPOSED_s at most, and its separation then."""
-    for seconds in LENGTHS_s:
-        if seconds >= option.seconds and apart / option.seconds * seconds >= SEPARATION_MARGIN * TIE:
-            return replace(option, seconds=seconds), apart / option.seconds * seconds
-    longest = max(LONGEST_PROPOSED_s, option.seconds)
-    return replace(option, seconds=longest), apart / option.seconds * longest
+class _Predicted:
+    """Predictions for the members of one tie."""
+
+    def __init__(self, selection: Selection, contest: Contest, sets: Sets) -> None:
+        self._problem, self._sets = selection.problem, sets
+        self._forecast = Forecast(contest.solver, selection.problem, sets)
+        self._needed = needed_log_odds(contest, sets)
+        self._records = [record.modelled for record in contest.solver.space.records]
+        self._weight = contest.solver.space.usual_weight()
+
+    @property
+    def _step_s(self) -> float:
+        return self._records[0].run.step_s
+
+    def options(self) -> list[Excitation]:
+        """Everything that may be tried: what shows much, and what was played before."""
+        axis = self._problem.axis
+        return list(dict.fromkeys([*excitations(axis, self._step_s), *repeats(self._records, axis)]))
+
+    def promising(self) -> list[Excitation]:
+        """The options whose answers lie furthest apart per second for noise alone. Those that the sensor would not
+        see, or at voltages the model was never fitted at, are left out."""
+        apart = {}
+        for excitation in self.options():
+            made = self._made(excitation)
+            if self._within_sensor(made) and self._within_fitted_voltages(made):
+                white = self._whitener(made)(np.stack([made.answer(entries) for entries in self._sets], axis=1))
+                least = min(float(np.sum((a - b) ** 2)) for a, b in combinations(white.T, 2))
+                apart[excitation] = least / excitation.seconds
+        return sorted(apart, key=lambda excitation: -apart[excitation])[:MOST_PREDICTED]
+
+    def of(self, excitation: Excitation) -> Prediction:
+        """The prediction for one."""
+        made = self._made(excitation)
+        squared = self._forecast.squared_distances(made, self._whitener(made))
+        pairs = ~np.eye(len(squared), dtype=bool)
+        short = self._needed + ONE_SIDED_95 * np.sqrt(squared) - squared / 2
+        return Prediction(excitation, float(squared[pairs].min()) / 2, float(short[pairs].max()))
+
+    def lengthened(self, excitation: Excitation) -> list[Prediction]:
+        """Predictions for an excitation that lasts longer, until one is good."""
+        found: list[Prediction] = []
+        for seconds in LENGTHS_s:
+            if seconds > excitation.seconds and not (found and found[-1].good):
+                found.append(self.of(replace(excitation, seconds=seconds)))
+        return found
+
+    def _whitener(self, made: ModelledRun) -> Callable[[Samples], Samples]:
+        """From columns (n, k) in um to whitened ones, of means where there are many rows."""
+        every = int(np.ceil(len(made.run.t_s) / MOST_PREDICTED_ROWS))
+        metric = metric_of([_means(made, every)], coarser(self._problem.noise, every))
+        metric = metric.weighted([np.full(len(w), self._weight) for w in metric.weights])
+        return lambda columns: metric.project(0, _mean_rows(columns, every))
+
+    def _made(self, excitation: Excitation) -> ModelledRun:
+        """The run that it would give, without a measurement."""
+        n = int(excitation.seconds / self._step_s)
+        t: Samples = np.asarray(np.arange(n) * self._step_s, dtype=np.float64)
+        start = 0 if excitation.idle else min(round(APPROACH_s / self._step_s), n // 2)
+        run = GapRun("x", "train", t, excitation.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
+        return modelled_run(self._problem.axis, run)
+
+    def _within_sensor(self, made: ModelledRun) -> bool:
+        """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always
+        count."""
+        sensor, been = self._problem.axis.sensor, [modelled.run.x_um for modelled in self._records]
+        room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
+        low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
+        high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
+        answers = [made.answer(entries) for entries in self._sets]
+        return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
+
+    def _within_fitted_voltages(self, made: ModelledRun) -> bool:
+        """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below
+        them."""
+        low, high = span_V(self._problem.axis)
+        slack = VOLTAGE_SLACK * (high - low)
+        drives = [made.chain.signal_at(Place.AMPLIFIER, entries).value for entries in self._sets]
+        return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
 
 
-def _known(selection: Selection, fitted: Fitted) -> Samples:
-    """Information matrix of a member's columns, from the moments of its refit and what is known of the base."""
-    total = fitted.total
-    correction, k = selection.problem.discrepancy, len(selection.problem.layout.common())
-    assert total is not None
-    size = len(total) - 1
-    if size != k + fitted.n_tangents:  # the base was given an operator since
-        return np.eye(selection.problem.layout.n_base + fitted.n_tangents)
-    inner = total[:size, :size]
-    inner[np.ix_(correction.index, correction.index)] += correction.precision
-    base = np.arange(k - selection.problem.layout.n_base, k)
-    kept = np.concatenate([base, np.arange(k, size)])
-    return _marginal(inner, kept)
+def _means(made: ModelledRun, every: int) -> ModelledRun:
+    """A run of the means over ``every`` scored rows, for its metric alone."""
+    if every == 1:
+        return made
+    t, u = (_mean_rows(a[made.run.rows, None], every)[:, 0] for a in (made.run.t_s, made.run.u_V))
+    run = replace(made.run, t_s=t, u_V=u, x_um=np.zeros(len(t)), start=0, stop=len(t))
+    return ModelledRun(run, made.axis, made.chain, made.plays_V, _mean_rows(made.nuisances, every))
 
 
-def _marginal(information: Samples, kept: Samples) -> Samples:
-    """Information about the columns ``kept`` after the others were fitted (Schur complement)."""
-    others = np.setdiff1d(np.arange(len(information)), kept)
-    inner = information[np.ix_(others, others)]
-    inner = inner + 1e-9 * (np.trace(inner) / max(len(inner), 1) + 1e-300) * np.eye(len(inner))
-    cross = information[np.ix_(others, kept)]
-    return np.asarray(information[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(inner, cross))
-
-
-def _separation(selection: Selection, option: Excitation, members: Sequence[Member], step_s: float) -> float:
-    """Smallest squared distance between two members, after one was fitted to what the other shows.
-
-    0 where the sensor would not see the motion, or the model was never fitted at such voltages.
-    """
-    every = max(1, int(np.ceil(option.seconds / step_s / MOST_PREDICTED_ROWS)))
-    n = int(option.seconds / (every * step_s))
-    t = np.asarray(np.arange(n) * step_s * every, dtype=np.float64)
-    start = 0 if option.idle else min(round(APPROACH_s / (every * step_s)), n // 2)
-    run = GapRun("x", "train", t, option.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
-    made = modelled_run(selection.problem.axis, run)
-    shown = [made.answer(m.fitted.entries) for m in members]
-    if not _within_sensor(selection, shown) or not _within_fitted_voltages(selection, made, members):
-        return 0.0
-    metric = metric_of([made], coarser(selection.problem.noise, every))
-    base = metric.project(0, base_columns(made, selection.problem.freedom, members[0].fitted.entries))
-    answers = [metric.project(0, answer[:, None])[:, 0] for answer in shown]
-    least = np.inf
-    for j, member in enumerate(members[1:], 1):
-        fitted = member.fitted
-        tangents = metric.project(0, fresh_columns(made, fitted.entries, fitted.free)[:, :-1])
-        columns = np.concatenate([base, tangents], axis=1)
-        normal = columns.T @ columns + member.known
-        normal += 1e-9 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
-        for answer in answers[:j]:
-            apart = answer - answers[j]
-            right = columns.T @ apart
-            left = apart @ apart - right @ np.linalg.solve(normal, right)
-            least = min(least, float(left))
-    return max(least, 0.0)
-
-
-def _within_sensor(selection: Selection, answers: Sequence[Samples]) -> bool:
-    """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always count."""
-    sensor, been = selection.problem.axis.sensor, [t.run.x_um for t in selection.problem.train_runs()]
-    room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
-    low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
-    high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
-    return all(float(a.min()) >= low and float(a.max()) <= high for a in answers)
-
-
-def _within_fitted_voltages(selection: Selection, made: ModelledRun, members: Sequence[Member]) -> bool:
-    """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below them."""
-    low, high = span_V(selection.problem.axis)
-    slack = VOLTAGE_SLACK * (high - low)
-    drives = [made.chain.signal_at(Place.AMPLIFIER, m.fitted.entries).value for m in members]
-    return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
+def _mean_rows(columns: Samples, every: int) -> Samples:
+    """Means (n / every, k) over so many rows of columns (n, k)."""
+    whole = len(columns) // every * every
+    return np.asarray(columns[:whole].reshape(-1, every, columns.shape[1]).mean(axis=1))
 
 
 def coarser(noise: Noise, every: int) -> Noise:

@@ -11,8 +11,9 @@ from typing import Any
 from phaselead.control import record_open_loop
 from phaselead.device import Device
 from phaselead.errors import BadInput
-from phaselead.gap.design.excitation import SHAPES, Excitation
+from phaselead.gap.design.excitation import RECORD, SHAPES, Excitation
 from phaselead.model import Stage
+from phaselead.waveforms import POINTS
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
 LONGEST_ACCEPTED_s = 3600.0
@@ -53,18 +54,28 @@ def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
         low, high = (float(f) for f in proposed["band"])
         found = Excitation(
             str(proposed["waveform"]), float(proposed["level"]), (low, high), float(proposed["bias"]),
-            float(proposed["seconds"]),
+            float(proposed["seconds"]), proposed.get("source"), _points(proposed.get("points")),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"the next experiment lacks one of {', '.join(KEYS)}; make gap.json anew") from None
     numbers = (found.level_V, low, high, found.bias_V, found.seconds)
     sound = all(map(math.isfinite, numbers)) and 0 < low <= high and 0 < found.seconds <= LONGEST_ACCEPTED_s
-    if not sound or not (found.idle or (found.waveform in SHAPES and found.level_V > 0)):
+    known = found.waveform in SHAPES or (found.waveform == RECORD and found.points is not None)
+    if not sound or not (found.idle or (known and found.level_V > 0)):
         raise BadInput(
             f"the next experiment {found.waveform!r}, {found.level_V:g} V for {found.seconds:g} s cannot "
             "be run; make gap.json anew"
         )
     return found
+
+
+def _points(values: Any) -> tuple[float, ...] | None:
+    """One period of a repeated waveform; None where there is none that can be played."""
+    if values is None:
+        return None
+    points = tuple(float(value) for value in values)
+    sound = len(points) == POINTS and all(0 <= p <= 1 for p in points) and max(points) > min(points)
+    return points if sound else None
 
 
 def run_proposal(

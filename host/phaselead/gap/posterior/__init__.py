@@ -2,8 +2,25 @@
 
 from __future__ import annotations
 
-from phaselead.gap.posterior.interval import intervals
-from phaselead.gap.posterior.search import Contest, search_sets
-from phaselead.gap.posterior.verdict import Claim, Judgement, judge
+from phaselead.gap.posterior.absent import Beside, beside
+from phaselead.gap.posterior.forecast import Forecast
+from phaselead.gap.posterior.interval import intervals, intervals_alone
+from phaselead.gap.posterior.priors import KNOWN_BEFORE
+from phaselead.gap.posterior.search import Contest, names_of, search_sets
+from phaselead.gap.posterior.verdict import SURE, Claim, Judgement, judge
 
-__all__ = ["Claim", "Contest", "Judgement", "intervals", "judge", "search_sets"]
+__all__ = [
+    "KNOWN_BEFORE",
+    "SURE",
+    "Beside",
+    "Claim",
+    "Contest",
+    "Forecast",
+    "Judgement",
+    "beside",
+    "intervals",
+    "intervals_alone",
+    "judge",
+    "names_of",
+    "search_sets",
+]

@@ -11,6 +11,7 @@ from phaselead.gap.posterior.misfit import as_fault, base_misfit
 from phaselead.gap.posterior.space import Space, SpaceRecord, compact, likeliest_spread
 from phaselead.gap.problem import Problem
 from phaselead.gap.refit import SizedEffect
+from phaselead.gap.regressors import simulated_regressors
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
@@ -42,6 +43,13 @@ def space_of(problem: Problem, faults: Sequence[Sequence[SizedEffect]] = ()) -> 
     names += more_names
     shared, own = _spread(records, names, problem)
     return compact(records, shared, own, NEGLIGIBLE)
+
+
+def missed_columns(problem: Problem, modelled: ModelledRun, faults: Sequence[Sequence[SizedEffect]]) -> Samples:
+    """Columns (n, p) in um over the scored rows of one run of what the base may miss, those of ``space_of`` in its
+    order before they are joined."""
+    known = simulated_regressors(modelled, problem.layout.coarser().groups, problem.freedom).columns
+    return np.concatenate([known, _columns(problem, modelled, faults)[0]], axis=1)
 
 
 def _spread(records: Sequence[SpaceRecord], names: Sequence[str], problem: Problem) -> tuple[Samples, Samples]:

@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from phaselead.gap.posterior.misfit import as_fault, equation_misfit, parameters_of
+from phaselead.gap.posterior.misfit import as_fault, before_record, equation_misfit, parameters_of, signal_of
 from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.space import Columns, Mask, Space, SpaceRecord, joined
 from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, is_logarithmic, to_internal
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect, Place
+from phaselead.model import Effect
 from phaselead.record import Samples
 
 SHARES = (0.02, 0.06, 0.2, 0.6)
@@ -81,7 +81,7 @@ class Uncertain:
         return np.where(self.of_equation, 1 / share**2, 1.0)
 
 
-def _uncertain(parts: Sequence[tuple[Columns, bool]]) -> Uncertain:
+def uncertain_columns(parts: Sequence[tuple[Columns, bool]]) -> Uncertain:
     """Columns, each with whether its deviation is the share of equation misfit."""
     of_equation = np.concatenate([np.full(part.count, flag) for part, flag in parts])
     return Uncertain(joined(*(part for part, _ in parts)), of_equation)
@@ -112,16 +112,17 @@ class Solver:
         self._fresh: dict[object, Columns] = {}
         nothing = self.space.from_white([np.zeros((len(r.base), 0)) for r in space.records])
         self._nothing = Uncertain(nothing, np.zeros(0))
-        self._alone = {name: self.signals(entries, 0) for name, entries in alone.items()}
+        self.alone = alone
+        self._signals = {name: self._signal(entries, 0) for name, entries in alone.items()}
 
     def residual(self, entries: Sequence[SizedEffect]) -> Columns:
         """The residual of every record."""
-        return self._with_reference(self._changed_columns(lambda r: r.modelled.error(entries)[:, None]))
+        return self._with_reference(self.changed_columns(lambda r: r.modelled.error(entries)[:, None]))
 
     def fresh(self, entries: Sequence[SizedEffect]) -> Columns:
         """What one internal unit of each parameter does, 0 in reference records, and the residual last."""
         free = parameters_of(entries)
-        return self._with_reference(self._changed_columns(lambda r: fresh_columns(r.modelled, entries, free)))
+        return self._with_reference(self.changed_columns(lambda r: fresh_columns(r.modelled, entries, free)))
 
     def _with_reference(self, columns: Columns) -> Columns:
         """With the residuals of the reference records as the last column."""
@@ -134,30 +135,50 @@ class Solver:
                 part[i] = np.concatenate([np.zeros((len(last), columns.count - 1)), last], axis=1)
         return Columns(*map(tuple, wide))
 
-    def signals(self, entries: Sequence[SizedEffect], index: int) -> Columns:
+    def _signal(self, entries: Sequence[SizedEffect], index: int) -> Columns:
         """What one effect adds to the others, one column."""
-        rest = [*entries[:index], *entries[index + 1 :]]
-        return self._changed_columns(lambda r: (r.modelled.answer(entries) - r.modelled.answer(rest))[:, None])
+        return self.changed_columns(lambda r: signal_of(r.modelled, entries, index))
 
     def uncertain(self, entries: Sequence[SizedEffect]) -> Uncertain:
         """What is uncertain with these effects beside their parameters."""
-        beyond = [self._beyond(entries, i, self._misfit(entries, i)) for i in range(len(entries))]
-        parts = [*((one, True) for one in beyond), *self._of_records(entries)]
+        beyond = [self._beyond(entries, i, self._misfit_of(entries, i)) for i in range(len(entries))]
+        parts = [*((one, True) for one in beyond), *self.of_records(entries)]
         if not self._changed.all():
-            parts.append((self.space.columns([as_fault(r.modelled, entries) for r in self.space.records]), False))
-        return _uncertain(parts)
+            parts.append((self.faults(entries), False))
+        return uncertain_columns(parts)
 
-    def _misfit(self, entries: Sequence[SizedEffect], index: int) -> Columns:
-        """What the equation of one of the effects may miss, for a share of 1."""
-        bent = self._changed_columns(lambda r: equation_misfit(r.modelled, entries, index))
+    def faults(self, entries: Sequence[SizedEffect]) -> Columns:
+        """The effects as faults of the base in every record, one deviation each."""
+        return self.space.columns([as_fault(r.modelled, entries) for r in self.space.records])
+
+    def misfit(self, entries: Sequence[SizedEffect]) -> Columns:
+        """What the equations of the effects may miss, for a share of 1."""
+        return joined(*(self._misfit_of(entries, i) for i in range(len(entries))))
+
+    def _misfit_of(self, entries: Sequence[SizedEffect], index: int) -> Columns:
+        """The same of one of the effects."""
+        bent = self.changed_columns(lambda r: equation_misfit(r.modelled, entries, index))
         near = self._neighbours(entries, index)
-        return bent if near is None else joined(bent, near)
+        return joined(bent, *(self._signals[name].scaled(size) for name, size in near))
 
-    def _of_records(self, entries: Sequence[SizedEffect]) -> list[tuple[Columns, bool]]:
+    def misfit_in(self, entries: Sequence[SizedEffect]) -> Callable[[ModelledRun], Samples]:
+        """The same columns (n, q) in um of any other record."""
+        near = [self._neighbours(entries, i) for i in range(len(entries))]
+
+        def of(modelled: ModelledRun) -> Samples:
+            found = []
+            for i, names in enumerate(near):
+                found.append(equation_misfit(modelled, entries, i))
+                found += [size * signal_of(modelled, self.alone[name], 0) for name, size in names]
+            return np.concatenate(found, axis=1)
+
+        return of
+
+    def of_records(self, entries: Sequence[SizedEffect]) -> list[tuple[Columns, bool]]:
         """What goes with the effects in single records, and is no misfit of theirs."""
         return [(one, False) for one in (self._before(entries), self._through(entries)) if one is not None]
 
-    def _changed_columns(self, of: Callable[[SpaceRecord], Samples]) -> Columns:
+    def changed_columns(self, of: Callable[[SpaceRecord], Samples]) -> Columns:
         """Columns of the records in which effects may act."""
         return self.space.columns(
             [of(r) if c else None for r, c in zip(self.space.records, self._changed, strict=True)]
@@ -166,32 +187,31 @@ class Solver:
     def _beyond(self, entries: Sequence[SizedEffect], index: int, columns: Columns) -> Columns:
         """Columns without what other parameters of the effect would do: that is no misfit of its equation."""
         free = [(i, p) for i, p in parameters_of(entries) if i == index]
-        tangents = self._changed_columns(lambda r: fresh_columns(r.modelled, entries, free)[:, :-1])
+        tangents = self.changed_columns(lambda r: fresh_columns(r.modelled, entries, free)[:, :-1])
         normal = self.space.inner(tangents, tangents, self.space.all)
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-6, hermitian=True) / np.outer(scale, scale)
         return columns.minus(tangents, inverse @ self.space.inner(tangents, columns, self.space.all))
 
-    def _neighbours(self, entries: Sequence[SizedEffect], index: int) -> Columns | None:
-        """What effects say that one of the set is confused with, as large as it is: what an equation leaves looks most
-        like them."""
+    def _neighbours(self, entries: Sequence[SizedEffect], index: int) -> list[tuple[str, float]]:
+        """Effects that one of the set is confused with, and how often to take what each says to have it as large: what
+        an equation leaves looks most like them."""
         every, effect = self.space.all, entries[index][0]
-        signal = self.signals(entries, index)
+        signal = self._signal(entries, index)
         power = max(float(self.space.inner(signal, signal, every)[0, 0]), 0.0)
-        parts = []
-        for name, rival in self._alone.items():
+        found = []
+        for name, rival in self._signals.items():
             if confused(effect, self._catalogue[name]):
                 own = float(self.space.inner(rival, rival, every)[0, 0])
-                parts.append(rival.scaled(float(np.sqrt(power / max(own, 1e-12)))))
-        return joined(*parts) if parts else None
+                found.append((name, float(np.sqrt(power / max(own, 1e-12)))))
+        return found
 
     def _before(self, entries: Sequence[SizedEffect]) -> Columns | None:
         """What slow effects had done before each record began: an initial state for each of their lags and records."""
-        slow = [(effect, params) for effect, params in entries if effect.before_record is not None]
-        if not slow:
+        if all(effect.before_record is None for effect, _ in entries):
             return None
         per_record = [
-            _before_record(r.modelled, slow) if c else None
+            before_record(r.modelled, entries) if c else None
             for r, c in zip(self.space.records, self._changed, strict=True)
         ]
         count = next((c.shape[1] for c in per_record if c is not None), 0)
@@ -230,7 +250,7 @@ class Solver:
         entries = tuple((effect, dict(params)) for effect, params in entries)
         if not entries:
             return entries
-        reduced = self._reduction(uncertain or self.uncertain(entries), FITTED_AT)
+        reduced = self._reduction(uncertain or self.uncertain(entries), FITTED_AT, self.space.all)
 
         def cost(tried: Sequence[SizedEffect]) -> float:
             return 0.5 * float(reduced(self.residual(tried))[-1, -1]) - prior_of(tried, self.step_s).log_density
@@ -255,14 +275,24 @@ class Solver:
                 break
         return entries
 
-    def _reduction(self, by: Uncertain, share: float) -> Callable[[Columns], Samples]:
-        """Products of columns with the uncertain ones integrated out."""
-        every, uncertain = self.space.all, by.columns
-        factor = cho_factor(self.space.inner(uncertain, uncertain, every) + np.diag(by.precision(share)))
+    def products_beside(self, entries: Sequence[SizedEffect]) -> Callable[[Columns], Samples]:
+        """Products of columns over the fitted records with a set of effects integrated out: its parameters and all
+        that its equations may miss."""
+        if not entries:
+            return lambda columns: self.space.inner(columns, columns, self.space.fitted)
+        free, spread = parameters_of(entries), 1 / np.sqrt(prior_of(entries, self.step_s).precision)
+        tangents = self.changed_columns(lambda r: fresh_columns(r.modelled, entries, free)[:, :-1] * spread)
+        by = uncertain_columns([(self.misfit(entries), True), *self.of_records(entries), (tangents, False)])
+        return self._reduction(by, FITTED_AT, self.space.fitted)
+
+    def _reduction(self, by: Uncertain, share: float, which: Mask) -> Callable[[Columns], Samples]:
+        """Products of columns over some records with the uncertain ones integrated out."""
+        uncertain = by.columns
+        factor = cho_factor(self.space.inner(uncertain, uncertain, which) + np.diag(by.precision(share)))
 
         def reduced(columns: Columns) -> Samples:
-            cross = self.space.inner(uncertain, columns, every)
-            return np.asarray(self.space.inner(columns, columns, every) - cross.T @ cho_solve(factor, cross))
+            cross = self.space.inner(uncertain, columns, which)
+            return np.asarray(self.space.inner(columns, columns, which) - cross.T @ cho_solve(factor, cross))
 
         return reduced
 
@@ -283,10 +313,16 @@ class Solver:
         """A set that is there at its most likely parameters, and their covariance (parameters, parameters) in internal
         units: both with all that its equations may miss, also what other parameters of the effects would do, and
         without the fault of the base that it might have been."""
-        missed = [(self._misfit(entries, i), True) for i in range(len(entries))]
-        uncertain = _uncertain([*missed, *self._of_records(entries)])
-        entries = self.fit(entries, uncertain=uncertain)
-        return entries, self.contest([entries], uncertain)[0].covariance
+        entries = self.fit(entries, uncertain=self._if_there(entries))
+        return entries, self.spread(entries)
+
+    def spread(self, entries: Sequence[SizedEffect]) -> Samples:
+        """Covariance (parameters, parameters) in internal units of the parameters of a set that is there."""
+        return self.contest([entries], self._if_there(entries))[0].covariance
+
+    def _if_there(self, entries: Sequence[SizedEffect]) -> Uncertain:
+        """What is uncertain with effects that are there, also what other parameters of theirs would do."""
+        return uncertain_columns([(self.misfit(entries), True), *self.of_records(entries)])
 
     def _logs(
         self, entries: Sequence[SizedEffect], uncertain: Uncertain, own: Samples, which: Mask
@@ -322,21 +358,6 @@ class Solver:
                 self._fresh.clear()
             self._fresh[key] = self.fresh(entries) if entries else self.residual(())
         return self._fresh[key]
-
-
-def _before_record(modelled: ModelledRun, slow: Sequence[SizedEffect]) -> Samples:
-    """Columns (n, m) in um of what slow effects had done before one run began. What stood off as a voltage passes the
-    hysteresis."""
-    run, found = modelled.run, []
-    since_s = run.t_s - run.t_s[0]
-    for effect, params in slow:
-        assert effect.before_record is not None
-        columns = effect.before_record(since_s, params, modelled.axis)
-        if effect.place <= Place.AMPLIFIER:
-            found += [modelled.after_voltage(column) for column in columns.T]
-        else:
-            found += list(columns[run.rows].T)
-    return np.stack(found, axis=1)
 
 
 def confused(one: Effect, other: Effect) -> bool:

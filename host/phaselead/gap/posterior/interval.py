@@ -7,7 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.posterior.build import space_of
+from phaselead.gap.posterior.evidence import Solver
 from phaselead.gap.posterior.misfit import parameters_of
+from phaselead.gap.problem import Problem
 from phaselead.gap.refit import SizedEffect, from_internal, to_internal
 from phaselead.record import Samples
 
@@ -21,3 +24,8 @@ def intervals(entries: Sequence[SizedEffect], covariance: Samples) -> list[dict[
         ends = sorted(from_internal(p, to_internal(p, value) + side * half) for side in (-1, 1))
         found[i][p.name] = (value, p.unit, (min(ends[0], value), max(ends[1], value)))
     return found
+
+
+def intervals_alone(problem: Problem, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
+    """``intervals`` of effects that were fitted to the records of a problem outside a contest."""
+    return intervals(entries, Solver(space_of(problem), {}, {}).spread(entries))

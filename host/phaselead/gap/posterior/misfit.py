@@ -79,6 +79,29 @@ def equation_misfit(modelled: ModelledRun, entries: Sequence[SizedEffect], index
     return np.stack([*bends.by_level(signal), *bends.by_path(signal), *bends.by_band(signal)], axis=1)
 
 
+def before_record(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples | None:
+    """Columns (n, k) in um of what slow effects had done before the record began, one deviation of the state of each
+    of their lags; None without a slow effect. What stood off as a voltage passes the hysteresis."""
+    run = modelled.run
+    since_s = run.t_s - run.t_s[0]
+    found: list[Samples] = []
+    for effect, params in entries:
+        if effect.before_record is None:
+            continue
+        columns = effect.before_record(since_s, params, modelled.axis)
+        if effect.place <= Place.AMPLIFIER:
+            found += [modelled.after_voltage(column) for column in columns.T]
+        else:
+            found += list(columns[run.rows].T)
+    return np.stack(found, axis=1) if found else None
+
+
+def signal_of(modelled: ModelledRun, entries: Sequence[SizedEffect], index: int) -> Samples:
+    """Column (n, 1) in um: what one effect adds to the others."""
+    rest = [*entries[:index], *entries[index + 1 :]]
+    return np.asarray((modelled.answer(entries) - modelled.answer(rest))[:, None])
+
+
 def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     """Columns (n, parameters) in um of effects that the base may lack in all records: one deviation of each parameter,
     as large as they are and of shapes near theirs."""

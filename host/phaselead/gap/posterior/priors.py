@@ -8,6 +8,7 @@ from math import comb, log
 
 import numpy as np
 
+from phaselead.gap.findings import TWO_SIDED_95
 from phaselead.gap.refit import SizedEffect, is_logarithmic, to_internal
 from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.model import Parameter
@@ -15,6 +16,8 @@ from phaselead.record import Samples
 
 SIZES = np.array([0.06, 0.25, 1.0, 2.5])
 """Deviations of sizes in typical values, all as likely: the literature's sizes of one effect span two decades."""
+KNOWN_BEFORE = float(TWO_SIDED_95 * SIZES[-1])
+"""Size in typical values that is as good as never exceeded: no record is needed to know that."""
 SHAPE_SPREAD = 1.2
 """Deviation of the logarithm of a shape about its typical value: a factor of 3 either way."""
 FLEXURE_ZETA, ZETA_SPREAD = 0.02, 0.7

@@ -61,6 +61,10 @@ class Contest:
     grown: Mapping[Names, Grown]
     catalogue_size: int
 
+    def log_posterior(self, names: Names) -> float:
+        """Log evidence and log prior of a set."""
+        return self.fits[names].log_evidence + log_prior_of_set(len(names), self.catalogue_size)
+
 
 def names_of(entries: Sequence[SizedEffect]) -> Names:
     """Names of some effects, sorted."""

@@ -106,6 +106,8 @@ class Space:
     """(k, k) root R of the covariance R R' of the amounts of the base's columns that all records have, w."""
     own: Samples
     """(k, k) the same of what each record has of its own beside it, e_r."""
+    made_by: Samples
+    """(p, k) by which the base's columns are made of the p things that it may miss, whitened."""
     _solved: dict[bytes, tuple[Samples, bool]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -125,6 +127,12 @@ class Space:
     def fitted(self) -> Mask:
         """Every record but those held out."""
         return np.array([record.modelled.run.role != "holdout" for record in self.records])
+
+    def usual_weight(self) -> float:
+        """What a row of a driven record in which effects act counts in the middle: less than 1 by what no combination
+        of effects explains there."""
+        driven = [r for r in self.records if r.changed and r.modelled.run.driven]
+        return float(np.median(np.concatenate([r.metric.row_weights(r.index) for r in driven or self.records])))
 
     def whitened(self, index: int, columns: Samples) -> Samples:
         """Columns (n, q) in um of one record: whitened, its own nuisances taken out."""
@@ -149,10 +157,11 @@ class Space:
         shared_b = shared_a if b is a else self._shared_part(b, which)
         return np.asarray(self._within(a, b, which) - shared_a.T @ cho_solve(self._factor(which), shared_b))
 
-    def log_determinant(self, which: Mask) -> float:
-        """Of the covariance, up to what does not depend on the deviations."""
-        factor, _ = self._factor(which)
-        return float(2 * np.log(np.diag(factor)).sum())
+    def information(self, columns: Columns, which: Mask) -> Samples:
+        """Information (k + q, k + q) of some records about what the base misses in all of them, in deviations, prior
+        included, and about the amounts of columns (n, q), prior not included."""
+        shared = self._shared_part(columns, which)
+        return np.block([[self._normal(which), shared], [shared.T, self._within(columns, columns, which)]])
 
     def _within(self, a: Columns, b: Columns, which: Mask) -> Samples:
         """Products (q, p) before the shared misfit is taken out."""
@@ -175,9 +184,13 @@ class Space:
     def _factor(self, which: Mask) -> tuple[Samples, bool]:
         key = which.tobytes()
         if key not in self._solved:
-            normal = sum((self._parts[i].left for i in np.flatnonzero(which)), np.zeros((len(self.shared),) * 2))
-            self._solved[key] = cho_factor(np.eye(len(normal)) + self.shared.T @ normal @ self.shared)
+            self._solved[key] = cho_factor(self._normal(which))
         return self._solved[key]
+
+    def _normal(self, which: Mask) -> Samples:
+        """Information (k, k) about the shared misfit in deviations, its prior included."""
+        normal = sum((self._parts[i].left for i in np.flatnonzero(which)), np.zeros((len(self.shared),) * 2))
+        return np.asarray(np.eye(len(normal)) + self.shared.T @ normal @ self.shared)
 
     def missed(self) -> list[Samples]:
         """Per record (n,), whitened: what the base misses in it by what the reference records say."""
@@ -222,15 +235,16 @@ def compact(records: Sequence[SpaceRecord], shared: Samples, own: Samples, least
     """The space of records whose base columns have the deviations ``shared`` and ``own`` (k,): columns that are
     combinations of others are joined, those of less than ``least`` whitened squares in all records left out."""
     live = np.flatnonzero(np.maximum(shared, own) > 0)
-    records = [replace(r, base=r.base[:, live]) for r in records]
     shared, own = shared[live], own[live]
     scale = np.maximum(shared, own)
-    power, turn = np.linalg.eigh(scale[:, None] * sum(r.base.T @ r.base for r in records) * scale)
+    bases = (record.base[:, live] for record in records)
+    power, turn = np.linalg.eigh(scale[:, None] * sum(base.T @ base for base in bases) * scale)
     turn = turn[:, power > least]
     roots = [(turn.T * (deviation / scale)) for deviation in (shared, own)]
     squares = [cholesky(root @ root.T + 1e-12 * np.eye(len(root)), lower=True) for root in roots]
-    joined_base = scale[:, None] * turn
-    return Space(tuple(replace(r, base=r.base @ joined_base) for r in records), squares[0], squares[1])
+    made_by = np.zeros((records[0].base.shape[1], turn.shape[1]))
+    made_by[live] = scale[:, None] * turn
+    return Space(tuple(replace(r, base=r.base @ made_by) for r in records), squares[0], squares[1], made_by)
 
 
 FIRST_SHARED, FIRST_OWN = 1.0, 0.05

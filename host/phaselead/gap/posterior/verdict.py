@@ -70,7 +70,7 @@ def judge(contest: Contest) -> Judgement:
 
 def _probabilities(contest: Contest) -> dict[Names, float]:
     """Of every set in the contest."""
-    logs = {n: f.log_evidence + log_prior_of_set(len(n), contest.catalogue_size) for n, f in contest.fits.items()}
+    logs = {names: contest.log_posterior(names) for names in contest.fits}
     top = max(logs.values())
     weights = {names: float(np.exp(log - top)) for names, log in logs.items()}
     total = sum(weights.values())
