@@ -145,6 +145,7 @@ def track_to_file(
     stage: Stage | None = None,
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
+    force: bool = False,
     on_progress: Progress | None = None,
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
@@ -160,6 +161,7 @@ def track_to_file(
                 stage=stage,
                 gains=gains,
                 duration_s=duration_s,
+                force=force,
                 on_progress=on_progress,
                 sink=file.sink,
             )

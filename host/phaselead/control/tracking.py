@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from phaselead.control.errors import tracking_error
+from phaselead.control.gains import check_loop
 from phaselead.control.run import Run
 from phaselead.device import (
     LARGEST_STEP,
@@ -83,20 +84,22 @@ def track(
     stage: Stage | None = None,
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
+    force: bool = False,
     on_progress: Callable[[float], None] | None = None,
     sink: Callable[[bytes], None] | None = None,
 ) -> Run:
     """Runs the paths of all axes together from the same tick and parks at the end.
 
-    ``gains`` are needed by modes with pid. ``on_progress`` is given the fraction done; ``sink`` every chunk as it came
-    off the line, for a journal.
+    ``gains`` are needed by modes with pid; ``force`` takes them whatever the model says. ``on_progress`` is given the
+    fraction done; ``sink`` every chunk as it came off the line, for a journal.
 
     Raises:
-        BadInput: a path that the mode, the limits or the model do not allow, or that begins elsewhere than the
-            axis stands; nothing has moved.
+        BadInput: a path that the mode, the limits or the model do not allow, gains that the model's loop cannot stand,
+            or a path that begins elsewhere than the axis stands; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
     check_paths(waveforms, mode, stage)
+    loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
         device.upload_if_other(device_model(stage))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
@@ -115,6 +118,18 @@ def track(
     )
     recording = run_recording(capture, mode, stage)
     return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
+
+
+def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:
+    """What the model says against the gains of a run, by axis; nothing without feedback, or without a model.
+
+    Raises BadInput for a loop that the model cannot stand, unless ``force``.
+    """
+    if stage is None or not mode.endswith("pid"):
+        return []
+    known = ((axis, stage.axes[axis], own) for axis, own in gains.items() if axis in stage.axes)
+    found = (check_loop(axis, model, own, force=force) for axis, model, own in known)
+    return [line for line in found if line is not None]
 
 
 def run_recording(capture: Capture, mode: str, stage: Stage | None) -> Recording:
@@ -139,7 +154,7 @@ def assumed_limits(device: Device) -> str | None:
 
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
     """Sends mode, gains, waveform and path of one axis to the device."""
-    device.set_axis(axis, mode, **(gains.model_dump() if gains is not None else {}))
+    device.set_axis(axis, mode, **(gains.model_dump(exclude={"origin"}) if gains is not None else {}))
     if waveform.points is not None:
         device.upload_wave(axis, waveform.points)
     length = ticks if waveform.path_s is None else round(waveform.path_s * TICK_HZ)

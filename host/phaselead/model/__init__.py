@@ -44,6 +44,7 @@ from phaselead.model.effects import (
     states_and_slopes,
 )
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
+from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.operator import plays, predict_time_view, respond, rest_plays, rest_position_um, turned_view
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
@@ -91,6 +92,7 @@ __all__ = [
     "Section",
     "Sensor",
     "Signal",
+    "SmallSignal",
     "Stage",
     "StageLike",
     "TablePoint",
@@ -123,6 +125,7 @@ __all__ = [
     "second_order_residual",
     "shares",
     "simulate",
+    "small_signal",
     "stage_text",
     "states",
     "states_and_slopes",
