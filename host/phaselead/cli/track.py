@@ -17,7 +17,7 @@ from phaselead.cli.common import (
     warn,
 )
 from phaselead.cli.listing import top_level
-from phaselead.control import MODES, loop_warnings, parse_gains, track_to_file
+from phaselead.control import MODES, loop_warnings, parse_gains, path_warnings, track_to_file
 from phaselead.device import Device
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
@@ -69,7 +69,7 @@ def track(
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
-    warn(loop_warnings(stage, mode, axis_gains, force=force))
+    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
         run = track_to_file(
             device,

@@ -16,7 +16,7 @@ from phaselead.control.gains import (
 )
 from phaselead.control.journal import record_open_loop, recover_run, track_to_file
 from phaselead.control.run import Run
-from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, track
+from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
 
 __all__ = [
     "MODES",
@@ -34,6 +34,7 @@ __all__ = [
     "loop_warnings",
     "own_loop_warnings",
     "parse_gains",
+    "path_warnings",
     "record_open_loop",
     "recover_run",
     "track",

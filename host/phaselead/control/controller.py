@@ -15,7 +15,7 @@ from phaselead import interrupt
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
-from phaselead.control.tracking import assumed_limits, loop_warnings
+from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
 from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, selftest
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
@@ -249,7 +249,7 @@ class Controller:
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in loop_warnings(stage, mode, chosen, force=force):
+        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
             warnings.warn(line, stacklevel=2)
         run = track_to_file(
             self.device,

@@ -24,12 +24,14 @@ from phaselead.device import (
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording
-from phaselead.waveforms import Waveform, refuse_out_of_range
+from phaselead.waveforms import POINTS, Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
 USES_TABLES = ("ff", "ff+pid")
 INVERTS = ("inverse", "inverse+pid")
 NEEDS_MODEL = (*USES_TABLES, *INVERTS)
+LEAST_SAID = {"um": 0.005, "V": 0.0005}
+"""Of a difference between path and points: about a code of the converters."""
 REMANENCE_um = 15.0
 """How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
 
@@ -152,6 +154,16 @@ def assumed_limits(device: Device) -> str | None:
     )
 
 
+def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
+    """Where what the device plays is not the path that was asked for, by axis: by how much at most."""
+    return [
+        f"{axis}: the device plays {POINTS} points a period: the file is left by up to {waveform.unplayed:.3g} "
+        f"{waveform.unit}, which counts as error; take out of the file what is so fast, or play it in parts"
+        for axis, waveform in waveforms.items()
+        if waveform.unplayed > LEAST_SAID[waveform.unit]
+    ]
+
+
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
     """Sends mode, gains, waveform and path of one axis to the device."""
     device.set_axis(axis, mode, **(gains.model_dump(exclude={"origin"}) if gains is not None else {}))
@@ -198,7 +210,8 @@ def run_figures(recording: Recording, capture: Capture, waveforms: Mapping[str, 
 def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str) -> dict[str, Any]:
     """Error over the last four periods (a move: the whole record), and from rest: over every sample.
 
-    In mode open there is no position reference: the error figures are null and the measured range stands beside them.
+    Judged is the path that was asked for, also where the device plays it in points. In mode open there is no
+    reference: the error figures are null and the measured range stands beside them.
     """
     record = recording.axes[axis]
     assert record.x_um is not None
@@ -207,6 +220,8 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
         nothing: dict[str, Any] = dict.fromkeys(names)
         return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
     judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
-    steady = tracking_error(record.r_um[judged], record.x_um[judged])
-    whole = tracking_error(record.r_um, record.x_um)
-    return steady.as_dict() | {"from_rest": whole.as_dict()}
+    meant_um = waveform.value(recording.t_s) if waveform.unplayed else record.r_um
+    steady = tracking_error(meant_um[judged], record.x_um[judged])
+    whole = tracking_error(meant_um, record.x_um)
+    unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
+    return steady.as_dict() | unplayed | {"from_rest": whole.as_dict()}
