@@ -65,9 +65,7 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
     return click.option("--duration", metavar="S", type=float, callback=checked_duration, help=text)
 
 
-force_option = click.option(
-    "--force", is_flag=True, help="Go on where the model's loop has a peak sensitivity above 6, or is unstable."
-)
+force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
     "--map",

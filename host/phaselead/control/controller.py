@@ -242,7 +242,8 @@ class Controller:
         or a move and a second.
         ``output`` (.h5) keeps the run on disk from the first tick on.
 
-        Raises BadInput for a path that mode, limits or model do not allow, DeviceFault (its ``capture`` holds what was
+        The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
+        allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
         recorded) when the device latches a fault.
         """
         waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
