@@ -69,7 +69,7 @@ def track(
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
-    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
+    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
         run = track_to_file(
             device,

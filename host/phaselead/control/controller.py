@@ -250,7 +250,7 @@ class Controller:
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
+        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
             warnings.warn(line, stacklevel=2)
         run = track_to_file(
             self.device,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from phaselead.control.approach import approach_slew_V_per_s, jumps, with_gentle_approach
 from phaselead.control.errors import tracking_error
 from phaselead.control.gains import check_loop
 from phaselead.control.run import Run
@@ -23,7 +24,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
-from phaselead.record import Recording
+from phaselead.record import Recording, Samples
 from phaselead.waveforms import POINTS, Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
@@ -103,7 +104,7 @@ def track(
     check_paths(waveforms, mode, stage)
     loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
-        device.upload_if_other(device_model(stage))
+        device.upload_if_other(device_model(with_gentle_approach(stage, waveforms)))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
     ticks = round(seconds * TICK_HZ)
     if ticks < 1:
@@ -118,6 +119,8 @@ def track(
         progress=None if on_progress is None else lambda done: on_progress(done / ticks),
         sink=sink,
     )
+    if stage is not None:
+        device.upload_if_other(device_model(stage))  # with its own slew limit again
     recording = run_recording(capture, mode, stage)
     return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
 
@@ -154,14 +157,22 @@ def assumed_limits(device: Device) -> str | None:
     )
 
 
-def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
-    """Where what the device plays is not the path that was asked for, by axis: by how much at most."""
-    return [
+def path_warnings(waveforms: Mapping[str, Waveform], stage: Stage | None) -> list[str]:
+    """What is not as one may expect, by axis: a way to an offset at the full slew limit, and by how much the device
+    leaves the path that was asked for."""
+    offsets = [
+        f"{axis}: the output goes to {waveform.offset:g} {waveform.unit} at the slew limit first, which rings the "
+        "stage; lower slew_V_per_s in the stage file where that does harm"
+        for axis, waveform in waveforms.items()
+        if jumps(waveform) and approach_slew_V_per_s(stage, axis, waveform) is None
+    ]
+    left = [
         f"{axis}: the device plays {POINTS} points a period: the file is left by up to {waveform.unplayed:.3g} "
         f"{waveform.unit}, which counts as error; take out of the file what is so fast, or play it in parts"
         for axis, waveform in waveforms.items()
         if waveform.unplayed > LEAST_SAID[waveform.unit]
     ]
+    return offsets + left
 
 
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
@@ -211,7 +222,8 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
     """Error over the last four periods (a move: the whole record), and from rest: over every sample.
 
     Judged is the path that was asked for, also where the device plays it in points. In mode open there is no
-    reference: the error figures are null and the measured range stands beside them.
+    reference: the error figures are null and the measured range stands beside them. The way to a written offset is no
+    part of the path: from rest is then from where the path was reached, after ``approach_s``.
     """
     record = recording.axes[axis]
     assert record.x_um is not None
@@ -222,6 +234,13 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
     judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
     meant_um = waveform.value(recording.t_s) if waveform.unplayed else record.r_um
     steady = tracking_error(meant_um[judged], record.x_um[judged])
-    whole = tracking_error(meant_um, record.x_um)
+    begun = arrival(meant_um, record.x_um) if waveform.goes_to_start else 0
+    whole = tracking_error(meant_um[begun:], record.x_um[begun:])
+    approach = {"approach_s": begun / TICK_HZ} if waveform.goes_to_start else {}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
-    return steady.as_dict() | unplayed | {"from_rest": whole.as_dict()}
+    return steady.as_dict() | unplayed | approach | {"from_rest": whole.as_dict()}
+
+
+def arrival(r_um: Samples, x_um: Samples) -> int:
+    """The first row of (n,) at which a path that began elsewhere than the axis stood has been reached; 0 if never."""
+    return int(np.argmax(np.abs(r_um - x_um) <= LARGEST_STEP["um"]))
