@@ -62,7 +62,7 @@ def track(
     """Drive along WAVE, record, and print the tracking error.
 
     WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um; the
-    output goes to 20 um at the slew limit first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
+    output goes to 20 um first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
     peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path] if model_path else [])
