@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         gap,
         gap_next,
         load,
+        loop,
         ports,
         predict,
         read,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
         verify,
         write_report,
     )
-    from phaselead.control import Controller, Run, connect
+    from phaselead.control import Controller, Loop, Run, connect
     from phaselead.device import DeviceFault
     from phaselead.errors import BadInput, DeviceRefused, LinkError, PhaseleadError
     from phaselead.gap import GapResult
@@ -60,6 +61,7 @@ __all__ = [
     "Gains",
     "GapResult",
     "LinkError",
+    "Loop",
     "PhaseleadError",
     "Recording",
     "Recordings",
@@ -76,6 +78,7 @@ __all__ = [
     "gap",
     "gap_next",
     "load",
+    "loop",
     "ports",
     "predict",
     "read",
@@ -89,7 +92,7 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "control": ("Controller", "Run", "connect"),
+    "control": ("Controller", "Loop", "Run", "connect"),
     "device": ("DeviceFault",),
     "errors": ("BadInput", "DeviceRefused", "LinkError", "PhaseleadError"),
     "gap": ("GapResult",),

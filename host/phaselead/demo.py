@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from phaselead.control import PAPER_GAINS, Run, track
+from phaselead.control import PAPER_GAINS, Run, track, with_gains
 from phaselead.device import Device, device_model, read_capture, write_run
 from phaselead.errors import PhaseleadError
 from phaselead.identify import HELD_OUT, Experiment, Verification, identify_device, run_experiment, verify
@@ -44,7 +44,7 @@ def run_demo(out: str | Path, say: Say, on_progress: Callable[[float], None] | N
     with Device.open(PORT) as device:
         identified = identify_device(device, "xyz", lambda done: step(0.6 * done))
         build_id = device.hello.build_id.hex()
-    stage = replace_name(identified.stage)
+    stage = with_gains(replace_name(identified.stage))
     save_stage(folder / "stage.toml", stage)
     say(f"identified: {len(identified.recordings)} records, three axes; stage file {folder / 'stage.toml'}")
 

@@ -29,6 +29,15 @@ def test_an_offset_that_is_asked_for_is_reached_no_faster_than_the_slew_limit(ru
     assert steps.max() <= 0.2 * 3200 + 1
 
 
+def test_the_way_to_an_offset_is_said_and_is_no_part_of_the_path(run):
+    """It was counted, and 100 um of a path of 10 um printed as 999.91 %."""
+    outcome = run("track", "sine:10um+100um@5Hz", "--mode", "pid", "--json", "-")
+    assert (outcome.status, outcome.err.count("\n")) == (0, 1)
+    assert "the output goes to 100 um at the slew limit first" in outcome.err
+    assert outcome.json["from_rest"]["max_pct"] < 30
+    assert 0 < outcome.json["approach_s"] < 0.5
+
+
 def test_a_file_that_begins_off_zero_is_refused(run, tmp_path):
     path = tmp_path / "wave.csv"
     path.write_text("x_um\n100\n110\n120\n110\n")

@@ -15,7 +15,7 @@ from phaselead.waveforms.catalogue import parse_waves
 STAIRCASE_s = 0.00012
 """What a held, latched output is late of the straight line between ticks that models are fitted on."""
 SENSOR = ("sensor_lowpass", {"tau_s": 8e-5})
-GENTLE = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0)
+GENTLE = Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0)
 
 # AdoptedEffect, path, and by what factor the rms error falls at least: less than half of what was measured.
 CASES = [

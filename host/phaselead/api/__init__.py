@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from phaselead.api.devices import flash, ports, replay, sim, stop
 from phaselead.api.gaps import gap, gap_next, write_report
-from phaselead.api.models import fit, load, predict, verify
+from phaselead.api.models import fit, load, loop, predict, verify
 from phaselead.api.recordings import export, read, recording, recover
 from phaselead.api.trials import campaign, demo
 
@@ -17,6 +17,7 @@ __all__ = [
     "gap",
     "gap_next",
     "load",
+    "loop",
     "ports",
     "predict",
     "read",

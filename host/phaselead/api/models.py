@@ -1,4 +1,4 @@
-"""Models: load, fit, verify, predict."""
+"""Models: load, fit, verify, predict, and their feedback loop."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from phaselead.control import GainsLike, Loop
     from phaselead.identify import Base, FitResult, Verifications, View
     from phaselead.model import Stage, StageLike
     from phaselead.record import MapLike, Recording, RecordLike, RecordsLike
@@ -38,7 +39,8 @@ def fit(
     """Fits a model to recordings: the time view, and the table view where these are sines of several levels.
 
     ``records`` as for ``read``, or recordings and runs. ``base="linear"`` is gain and offset only. ``parent`` gives
-    name, limits, calibration and gains. The result is taken wherever a model is.
+    name, limits, calibration and gains; where these are nobody's choice, a model that shows a mode gets gains designed
+    for it. The result is taken wherever a model is.
 
     Records of which nothing can be used (clipped, gapped, still) are left out: ``report.left_out`` says which and why.
     Raises BadInput, one line, when none remains, none goes round a loop, or rates are mixed.
@@ -49,6 +51,7 @@ def fit(
     >>> fitted.model.axis("x").time.gain_um_per_V > 5
     True
     """
+    from phaselead.control import with_gains
     from phaselead.identify import FitResult
     from phaselead.identify import fit as fit_stage
     from phaselead.model import as_stage
@@ -56,7 +59,7 @@ def fit(
 
     found = gather(records, map, rate)
     stage, report = fit_stage(found, base, name=name, parent=None if parent is None else as_stage(parent))
-    return FitResult(stage, report, found)
+    return FitResult(with_gains(stage), report, found)
 
 
 def verify(
@@ -113,3 +116,23 @@ def predict(
     from phaselead.record import gather_one
 
     return predict_position(as_stage(model), gather_one(record, map, rate))
+
+
+def loop(model: StageLike, axis: str = "x", *, gains: GainsLike | None = None) -> Loop:
+    """The feedback loop of one axis on its model: open loop, sensitivity, margins, bandwidth, before anything moves.
+
+    ``gains`` as for ``track``: "paper", (KP, KI, KD) in V/um, V/(um s), V s/um, or ``Gains``; default the model's own,
+    else those designed for it. Raises BadInput for a model without a time view or gains that make no sense.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     model = pl.fit(dev.record("sine:5V@5Hz", duration=1))
+    >>> print(pl.loop(model, gains="paper"))  # doctest: +ELLIPSIS
+    loop of axis x
+    local gain (um/V) ...
+    """
+    from phaselead.control import gains_of, loop_of
+    from phaselead.model import as_stage
+
+    stage = as_stage(model)
+    return loop_of(axis, stage.axis(axis), gains_of(gains, stage, axis))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +65,7 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
     return click.option("--duration", metavar="S", type=float, callback=checked_duration, help=text)
 
 
+force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
     "--map",
@@ -73,6 +74,12 @@ map_option = click.option(
     help="1-based columns of a file without our header, e.g. u_V=1,x_um=5 or x_um=3*1e6 for metres.",
 )
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
+
+
+def warn(lines: Iterable[str]) -> None:
+    """Each on the standard error."""
+    for line in lines:
+        click.echo(f"warning: {line}", err=True)
 
 
 def record_files(arguments: tuple[str, ...] | list[str]) -> list[str]:

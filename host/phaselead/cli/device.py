@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 import click
 
-from phaselead.cli.common import emit_pairs, json_option, port_option
+from phaselead.cli.common import emit_pairs, force_option, json_option, port_option, warn
 from phaselead.cli.listing import top_level
-from phaselead.control import connect
+from phaselead.control import connect, own_loop_warnings
 from phaselead.device import Device, device_model
 from phaselead.model import load_stage
 
@@ -80,11 +82,13 @@ def info(port: str, json_to: str | None) -> None:
 @click.argument("model_path", metavar="M")
 @port_option
 @click.option("--persist", is_flag=True, help="Also write it to flash, so that it survives a power cycle.")
+@force_option
 @json_option
-def upload(model_path: str, port: str, persist: bool, json_to: str | None) -> None:
+def upload(model_path: str, port: str, persist: bool, force: bool, json_to: str | None) -> None:
     """Upload a stage file's model as one transaction, read it back and compare."""
     stage = load_stage(model_path)
     device_model(stage)  # a coefficient that does not fit is refused before the port is opened
-    with connect(port) as device:
-        uploaded = device.upload(stage, persist=persist)
+    warn(own_loop_warnings(stage, force=force))
+    with connect(port) as device, warnings.catch_warnings(action="ignore"):  # they have been said
+        uploaded = device.upload(stage, persist=persist, force=force)
         emit_pairs({"model": model_path} | uploaded.as_dict(), json_to)

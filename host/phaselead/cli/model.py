@@ -18,8 +18,10 @@ from phaselead.cli.common import (
     rate_option,
     read_recordings,
     record_files,
+    warn,
 )
 from phaselead.cli.listing import top_level
+from phaselead.control import describe_gains, with_gains
 from phaselead.identify import Base, Verifications, View
 from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
@@ -61,7 +63,8 @@ def fit(
     check_output(output, suffixes=STAGE_SUFFIXES, inputs=record_files(records))
     fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
     fitted.save(output)
-    emit(fitted.as_dict() | {"output": output}, json_to, [*fitted.tables(), f"wrote {output}"])
+    said = [*fitted.tables(), *describe_gains(fitted.model), f"wrote {output}"]
+    emit(fitted.as_dict() | {"output": output}, json_to, said)
 
 
 @top_level(order=40)
@@ -132,9 +135,10 @@ def identify(
     stage = load_stage(model_path) if model_path else None
     with Device.open(port) as device, progress("identifying", 1.0) as advance:
         if stage is None and (warning := assumed_limits(device)) is not None:
-            click.echo(f"warning: {warning}", err=True)
+            warn([warning])
         fitted = identify_device(device, axis_names, advance, save_to=save_to, stage=stage).as_fit()
+    fitted = replace(fitted, model=with_gains(fitted.model))
     fitted.save(output)
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
-    emit(figures, json_to, [*fitted.report.lines(), f"wrote {output}", *held_out])
+    emit(figures, json_to, [*fitted.report.lines(), *describe_gains(fitted.model), f"wrote {output}", *held_out])

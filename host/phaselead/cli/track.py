@@ -6,9 +6,18 @@ from collections.abc import Callable
 
 import click
 
-from phaselead.cli.common import axis_option, duration_option, emit, json_option, port_option, progress
+from phaselead.cli.common import (
+    axis_option,
+    duration_option,
+    emit,
+    force_option,
+    json_option,
+    port_option,
+    progress,
+    warn,
+)
 from phaselead.cli.listing import top_level
-from phaselead.control import MODES, parse_gains, track_to_file
+from phaselead.control import MODES, loop_warnings, parse_gains, path_warnings, track_to_file
 from phaselead.device import Device
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
@@ -28,8 +37,11 @@ def names_every_kind(command: Callable[..., None]) -> Callable[..., None]:
 @click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
 @click.option("--mode", type=click.Choice(MODES), default="ff+pid", show_default=True)
 @click.option(
-    "--gains", metavar="paper|KP,KI,KD", help="V/um, V/(um s), V s/um; default: the stage file's, else paper."
+    "--gains",
+    metavar="paper|KP,KI,KD",
+    help="V/um, V/(um s), V s/um; default: the stage file's, else designed for it; without one: paper.",
 )
+@force_option
 @duration_option("ten periods, or a move and a second")
 @click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
 @axis_option
@@ -41,6 +53,7 @@ def track(
     model_path: str | None,
     mode: str,
     gains: str | None,
+    force: bool,
     duration: float | None,
     output: str | None,
     axis: str,
@@ -49,13 +62,14 @@ def track(
     """Drive along WAVE, record, and print the tracking error.
 
     WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um; the
-    output goes to 20 um at the slew limit first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
+    output goes to 20 um first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
     peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path] if model_path else [])
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
+    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
         run = track_to_file(
             device,
@@ -65,6 +79,7 @@ def track(
             stage=stage,
             gains=axis_gains,
             duration_s=duration,
+            force=force,
             on_progress=advance,
         )
     *parts, counted = run.tables()

@@ -4,23 +4,41 @@ from __future__ import annotations
 
 from phaselead.control.controller import Controller, connect
 from phaselead.control.errors import TrackingError, tracking_error
-from phaselead.control.gains import PAPER_GAINS, parse_gains
+from phaselead.control.feedback_loop import Loop, loop_of
+from phaselead.control.gains import (
+    PAPER_GAINS,
+    GainsLike,
+    describe_gains,
+    gains_of,
+    own_loop_warnings,
+    parse_gains,
+    with_gains,
+)
 from phaselead.control.journal import record_open_loop, recover_run, track_to_file
 from phaselead.control.run import Run
-from phaselead.control.tracking import MODES, assumed_limits, track
+from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
 
 __all__ = [
     "MODES",
     "PAPER_GAINS",
     "Controller",
+    "GainsLike",
+    "Loop",
     "Run",
     "TrackingError",
     "assumed_limits",
     "connect",
+    "describe_gains",
+    "gains_of",
+    "loop_of",
+    "loop_warnings",
+    "own_loop_warnings",
     "parse_gains",
+    "path_warnings",
     "record_open_loop",
     "recover_run",
     "track",
     "track_to_file",
     "tracking_error",
+    "with_gains",
 ]

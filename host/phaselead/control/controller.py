@@ -12,13 +12,13 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from phaselead import interrupt
-from phaselead.control.gains import parse_gains
+from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
-from phaselead.control.tracking import assumed_limits
+from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
 from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, selftest
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.model import Gains, Stage, StageLike, as_stage
+from phaselead.model import Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
 from phaselead.result import Facts, Result, Table, pairs_table
 from phaselead.serial_ports import default_port
@@ -31,8 +31,6 @@ Progress = Callable[[float], None]
 """Is given the fraction done, now and then."""
 WaveLike = str | Waveform
 WavesLike = WaveLike | Mapping[str, WaveLike]
-GainsLike = str | Gains | tuple[float, float, float]
-"""``"paper"``, ``"KP,KI,KD"`` or three numbers in V/um, V/(um s), V s/um, or ``Gains``."""
 
 
 def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:
@@ -172,13 +170,16 @@ class Controller:
 
     # ---------------------------------------------------------------- the model
 
-    def upload(self, model: StageLike, *, persist: bool = False) -> Upload:
+    def upload(self, model: StageLike, *, persist: bool = False, force: bool = False) -> Upload:
         """Uploads a model as one transaction, reads it back and compares; ``track`` uses it from then on.
 
         ``model`` is a stage, the result of a fit or a stage file's name. ``persist`` also writes it to flash, so that
-        it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold.
+        it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold, and for gains of
+        the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns.
         """
         stage = as_stage(model)
+        for line in own_loop_warnings(stage, force=force):
+            warnings.warn(line, stacklevel=2)
         blob = device_model(stage)
         crc = self.device.upload(blob)
         self.model = stage
@@ -192,7 +193,7 @@ class Controller:
         save: str | os.PathLike[str] | None = None,
         on_progress: Progress | None = None,
     ) -> FitResult:
-        """Runs the identification experiment, fits both views, and verifies on held-out inputs.
+        """Runs the identification experiment, fits both views, designs gains, and verifies on held-out inputs.
 
         ``axes`` are letters, with or without commas ("xyz", "x,y"). Limits and calibration are those of ``model``,
         which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
@@ -207,7 +208,8 @@ class Controller:
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
         folder = None if save is None else os.fspath(save)
-        return identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
+        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
+        return replace(found, model=with_gains(found.model))
 
     # ---------------------------------------------------------------- running
 
@@ -223,6 +225,7 @@ class Controller:
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
         duration: float | None = None,
+        force: bool = False,
         output: str | os.PathLike[str] | None = None,
         on_progress: Progress | None = None,
     ) -> Run:
@@ -234,23 +237,30 @@ class Controller:
 
         ``mode``: open, pid, ff, ff+pid, inverse, inverse+pid. ``model``: default is the one last uploaded; one that the
         device does not hold is uploaded. ``gains``: "paper", (KP, KI, KD) in V/um, V/(um s), V s/um, or these by axis;
-        default the model's own, else the paper's. ``duration`` in s; default ten periods, or a move and a second.
+        default the model's own, else those designed for it, without a model the paper's. Where the model's loop has a
+        peak sensitivity above 3 it warns, above 6 it refuses unless ``force``. ``duration`` in s; default ten periods,
+        or a move and a second.
         ``output`` (.h5) keeps the run on disk from the first tick on.
 
-        Raises BadInput for a path that mode, limits or model do not allow, DeviceFault (its ``capture`` holds what was
+        The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
+        allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
         recorded) when the device latches a fault.
         """
         waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
+        chosen = {name: gains_of(gains, stage, name) for name in waveforms}
+        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
+            warnings.warn(line, stacklevel=2)
         run = track_to_file(
             self.device,
             waveforms,
             mode,
             output=path,
             stage=stage,
-            gains={name: _gains(gains, stage, name) for name in waveforms},
+            gains=chosen,
             duration_s=duration,
+            force=force,
             on_progress=on_progress,
         )
         return replace(run, recording=_named(run.recording, path or _text(wave, x, y, z)))
@@ -326,13 +336,3 @@ def _waves(wave: WavesLike | None, axis: str, by_axis: Mapping[str, WaveLike | N
 
 def _waveform(one: WaveLike) -> Waveform:
     return parse_wave(one) if isinstance(one, str) else one
-
-
-def _gains(given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | None, axis: str) -> Gains:
-    """The gains of one axis. Raises BadInput."""
-    own = given.get(axis) if isinstance(given, Mapping) else given
-    if isinstance(own, Gains):
-        return own
-    if isinstance(own, tuple | list):
-        own = ",".join(repr(float(number)) for number in own)
-    return parse_gains(own, stage, axis)

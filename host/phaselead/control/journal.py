@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
+from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
 from phaselead.control.tracking import MODES, run_recording, track
 from phaselead.device import (
@@ -145,12 +146,16 @@ def track_to_file(
     stage: Stage | None = None,
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
+    force: bool = False,
     on_progress: Progress | None = None,
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
 
-    A run that ends in a fault is written too.
+    A run that ends in a fault is written too. One that does so on the model is refused before anything moves
+    (``rehearse``), unless ``force``.
     """
+    if not force:
+        rehearse(waveforms, mode, stage, gains or {}, duration_s)
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
             run = track(
@@ -160,6 +165,7 @@ def track_to_file(
                 stage=stage,
                 gains=gains,
                 duration_s=duration_s,
+                force=force,
                 on_progress=on_progress,
                 sink=file.sink,
             )

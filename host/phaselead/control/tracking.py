@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from phaselead.control.approach import approach_slew_V_per_s, jumps, with_gentle_approach
 from phaselead.control.errors import tracking_error
+from phaselead.control.gains import check_loop
 from phaselead.control.run import Run
 from phaselead.device import (
     LARGEST_STEP,
@@ -22,13 +24,15 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
-from phaselead.record import Recording
-from phaselead.waveforms import Waveform, refuse_out_of_range
+from phaselead.record import Recording, Samples
+from phaselead.waveforms import POINTS, Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
 USES_TABLES = ("ff", "ff+pid")
 INVERTS = ("inverse", "inverse+pid")
 NEEDS_MODEL = (*USES_TABLES, *INVERTS)
+LEAST_SAID = {"um": 0.005, "V": 0.0005}
+"""Of a difference between path and points: about a code of the converters."""
 REMANENCE_um = 15.0
 """How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
 
@@ -83,22 +87,24 @@ def track(
     stage: Stage | None = None,
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
+    force: bool = False,
     on_progress: Callable[[float], None] | None = None,
     sink: Callable[[bytes], None] | None = None,
 ) -> Run:
     """Runs the paths of all axes together from the same tick and parks at the end.
 
-    ``gains`` are needed by modes with pid. ``on_progress`` is given the fraction done; ``sink`` every chunk as it came
-    off the line, for a journal.
+    ``gains`` are needed by modes with pid; ``force`` takes them whatever the model says. ``on_progress`` is given the
+    fraction done; ``sink`` every chunk as it came off the line, for a journal.
 
     Raises:
-        BadInput: a path that the mode, the limits or the model do not allow, or that begins elsewhere than the
-            axis stands; nothing has moved.
+        BadInput: a path that the mode, the limits or the model do not allow, gains that the model's loop cannot stand,
+            or a path that begins elsewhere than the axis stands; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
     check_paths(waveforms, mode, stage)
+    loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
-        device.upload_if_other(device_model(stage))
+        device.upload_if_other(device_model(with_gentle_approach(stage, waveforms)))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
     ticks = round(seconds * TICK_HZ)
     if ticks < 1:
@@ -113,8 +119,22 @@ def track(
         progress=None if on_progress is None else lambda done: on_progress(done / ticks),
         sink=sink,
     )
+    if stage is not None:
+        device.upload_if_other(device_model(stage))  # with its own slew limit again
     recording = run_recording(capture, mode, stage)
     return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
+
+
+def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:
+    """What the model says against the gains of a run, by axis; nothing without feedback, or without a model.
+
+    Raises BadInput for a loop that the model cannot stand, unless ``force``.
+    """
+    if stage is None or not mode.endswith("pid"):
+        return []
+    known = ((axis, stage.axes[axis], own) for axis, own in gains.items() if axis in stage.axes)
+    found = (check_loop(axis, model, own, force=force) for axis, model, own in known)
+    return [line for line in found if line is not None]
 
 
 def run_recording(capture: Capture, mode: str, stage: Stage | None) -> Recording:
@@ -137,9 +157,27 @@ def assumed_limits(device: Device) -> str | None:
     )
 
 
+def path_warnings(waveforms: Mapping[str, Waveform], stage: Stage | None) -> list[str]:
+    """What is not as one may expect, by axis: a way to an offset at the full slew limit, and by how much the device
+    leaves the path that was asked for."""
+    offsets = [
+        f"{axis}: the output goes to {waveform.offset:g} {waveform.unit} at the slew limit first, which rings the "
+        "stage; lower slew_V_per_s in the stage file where that does harm"
+        for axis, waveform in waveforms.items()
+        if jumps(waveform) and approach_slew_V_per_s(stage, axis, waveform) is None
+    ]
+    left = [
+        f"{axis}: the device plays {POINTS} points a period: the file is left by up to {waveform.unplayed:.3g} "
+        f"{waveform.unit}, which counts as error; take out of the file what is so fast, or play it in parts"
+        for axis, waveform in waveforms.items()
+        if waveform.unplayed > LEAST_SAID[waveform.unit]
+    ]
+    return offsets + left
+
+
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
     """Sends mode, gains, waveform and path of one axis to the device."""
-    device.set_axis(axis, mode, **(gains.model_dump() if gains is not None else {}))
+    device.set_axis(axis, mode, **(gains.model_dump(exclude={"origin"}) if gains is not None else {}))
     if waveform.points is not None:
         device.upload_wave(axis, waveform.points)
     length = ticks if waveform.path_s is None else round(waveform.path_s * TICK_HZ)
@@ -183,7 +221,9 @@ def run_figures(recording: Recording, capture: Capture, waveforms: Mapping[str, 
 def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str) -> dict[str, Any]:
     """Error over the last four periods (a move: the whole record), and from rest: over every sample.
 
-    In mode open there is no position reference: the error figures are null and the measured range stands beside them.
+    Judged is the path that was asked for, also where the device plays it in points. In mode open there is no
+    reference: the error figures are null and the measured range stands beside them. The way to a written offset is no
+    part of the path: from rest is then from where the path was reached, after ``approach_s``.
     """
     record = recording.axes[axis]
     assert record.x_um is not None
@@ -192,6 +232,15 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
         nothing: dict[str, Any] = dict.fromkeys(names)
         return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
     judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
-    steady = tracking_error(record.r_um[judged], record.x_um[judged])
-    whole = tracking_error(record.r_um, record.x_um)
-    return steady.as_dict() | {"from_rest": whole.as_dict()}
+    meant_um = waveform.value(recording.t_s) if waveform.unplayed else record.r_um
+    steady = tracking_error(meant_um[judged], record.x_um[judged])
+    begun = arrival(meant_um, record.x_um) if waveform.goes_to_start else 0
+    whole = tracking_error(meant_um[begun:], record.x_um[begun:])
+    approach = {"approach_s": begun / TICK_HZ} if waveform.goes_to_start else {}
+    unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
+    return steady.as_dict() | unplayed | approach | {"from_rest": whole.as_dict()}
+
+
+def arrival(r_um: Samples, x_um: Samples) -> int:
+    """The first row of (n,) at which a path that began elsewhere than the axis stood has been reached; 0 if never."""
+    return int(np.argmax(np.abs(r_um - x_um) <= LARGEST_STEP["um"]))

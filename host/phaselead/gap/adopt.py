@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
+from phaselead.control import with_gains
 from phaselead.gap.findings import NAMED, PROVISIONAL, Adopted, NamedEffect
 from phaselead.model import AdoptedEffect, AdoptedStatus, AxisModel, Stage, catalogue, provenance_of
 from phaselead.record import Recording
@@ -40,10 +41,13 @@ def kept_names(
 
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:
-    """The stage with ``axes`` replaced, and with the parent's hash and the records learned from as its provenance."""
-    return Stage(
+    """The stage with ``axes`` replaced, and with the parent's hash and the records learned from as its provenance.
+    Gains that were designed for the model before are designed anew."""
+    found = Stage(
         name=stage.name,
         provenance=provenance_of(stage, data),
         cross_coupling=stage.cross_coupling,
         axes={**stage.axes, **axes},
     )
+    designed = any(model.gains is not None and model.gains.origin is not None for model in found.axes.values())
+    return with_gains(found) if designed else found

@@ -44,6 +44,7 @@ from phaselead.model.effects import (
     states_and_slopes,
 )
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
+from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.operator import (
     plays,
     predict_time_view,
@@ -99,6 +100,7 @@ __all__ = [
     "Section",
     "Sensor",
     "Signal",
+    "SmallSignal",
     "Stage",
     "StageLike",
     "TablePoint",
@@ -132,6 +134,7 @@ __all__ = [
     "second_order_residual",
     "shares",
     "simulate",
+    "small_signal",
     "stage_text",
     "states",
     "states_and_slopes",

@@ -137,6 +137,7 @@ class Gains(Part):
     ki_V_per_um_s: Number = Field(description="integral, V/(um s)")
     kd_V_s_per_um: Number = Field(description="derivative, V s/um")
     derivative_filter_Hz: Positive | None = Field(None, description="derivative filter, Hz; left out: none")
+    origin: str | None = Field(None, description="where they come from; left out: somebody's choice")
 
 
 AdoptedStatus = Literal["named", "provisional"]

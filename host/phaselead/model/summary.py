@@ -33,7 +33,7 @@ def parameter_rows(axes: Mapping[Any, AxisModel]) -> list[Row]:
         if model.table is not None:
             found += _rows(name, "table view", model.table.model_dump(include={"a_um_per_V", "b_deg", "c_um"}))
         if model.gains is not None:
-            found += _rows(name, "gains", model.gains.model_dump(exclude_none=True))
+            found += _rows(name, "gains", model.gains.model_dump(exclude_none=True, exclude={"origin"}))
         for adopted in model.effects:
             found += _rows(name, adopted.name, adopted.params, _intervals(adopted))
     return found

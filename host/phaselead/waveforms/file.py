@@ -5,22 +5,36 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
-from phaselead.waveforms.waveform import POINTS, Sampled
+from phaselead.waveforms.waveform import POINTS, Sampled, Shares
 from phaselead.waveforms.written import Unit, Written, short
 
 _COLUMN_UNITS: dict[str, Unit] = {"x_um": "um", "r_um": "um", "u_V": "V"}
 
 
+class OwnPath(NamedTuple):
+    """One period as the file has it, joined by straight lines: turns from 0 to 1 and shares of the swing, (n + 1,)."""
+
+    turns: Shares
+    shares: Shares
+
+    def __call__(self, turns: Shares) -> Shares:
+        return np.asarray(np.interp(turns % 1.0, self.turns, self.shares))
+
+
 @dataclass(frozen=True, eq=False)
 class File(Sampled):
-    """The values of a file, resampled to 1024 points; the lowest is the offset."""
+    """The values of a file; the lowest is the offset. The device plays 1024 points of it, joined by straight lines: a
+    run is judged by the file's own path, ``own``."""
+
+    own: OwnPath
 
     kind = "file"
     written = (("file:path.csv@10Hz", "the file is one period, ten times a second"),)
@@ -30,11 +44,39 @@ class File(Sampled):
     @classmethod
     def parse(cls, written: Written) -> Self:
         path, f_Hz = written.at_frequency()
-        lowest, swing, unit, period = read_period(path)
-        return cls(swing, lowest, unit, f_Hz, period)
+        lowest, swing, unit, own = read_period(path)
+        return cls(swing, lowest, unit, f_Hz, played_points(own), own)
+
+    def share(self, turns: Shares) -> Shares:
+        return self.own(turns)
+
+    @cached_property
+    def unplayed(self) -> float:
+        return self.swing * largest_difference(self.own, self.period)
 
 
-def read_period(path: str) -> tuple[float, float, Unit, NDArray[np.float64]]:
+def played_points(own: OwnPath) -> Shares:
+    """1024 points of the path (1024,): those on it or, of a file with more rows, the path averaged about each;
+    whichever, joined by straight lines, stays nearer to it."""
+    on_path = np.clip(own(np.arange(POINTS) / POINTS), 0.0, 1.0)
+    if len(own.turns) <= POINTS + 1:
+        return on_path
+    each = max(8, math.ceil(2 * len(own.turns) / POINTS))
+    fine = own(np.arange(POINTS * each) / (POINTS * each))
+    weights = 1 - np.abs(np.arange(1 - each, each)) / each
+    around = (np.arange(POINTS)[:, None] * each + np.arange(1 - each, each)) % len(fine)
+    averaged = np.clip(fine[around] @ (weights / weights.sum()), 0.0, 1.0)
+    return min((on_path, averaged), key=lambda points: largest_difference(own, points))
+
+
+def largest_difference(own: OwnPath, points: Shares) -> float:
+    """Between the path and the points (1024,) joined by straight lines, at every bend of either, share of the swing."""
+    places = np.concatenate([own.turns, np.arange(POINTS) / POINTS])
+    played = np.interp(places * POINTS, np.arange(POINTS + 1), np.append(points, points[0]))
+    return float(np.abs(own(places) - played).max())
+
+
+def read_period(path: str) -> tuple[float, float, Unit, OwnPath]:
     """One period from a file: a column of values, or times and values; a header may name them."""
     source = f"waveform file {path}"
     labels, rows = _numbers(path, source)
@@ -61,12 +103,11 @@ def read_period(path: str) -> tuple[float, float, Unit, NDArray[np.float64]]:
         swing = float(np.ptp(values))
     if not (np.isfinite(period) and np.isfinite(swing)):
         raise BadInput(f"{source}: its numbers are too large; check their unit")
-    grid = times[0] + period * np.arange(POINTS) / POINTS
-    resampled = np.interp(grid, np.append(times, times[0] + period), np.append(values, values[0]))
-    lowest, swing = float(resampled.min()), float(np.ptp(resampled))
     if swing == 0:
         raise BadInput(f"{source}: its values are all {values[0]:g}; use goto to hold a position")
-    return lowest, swing, unit, np.clip((resampled - lowest) / swing, 0, 1)
+    lowest = float(values.min())
+    shares = (np.append(values, values[0]) - lowest) / swing
+    return lowest, swing, unit, OwnPath(np.append((times - times[0]) / period, 1.0), shares)
 
 
 def _numbers(path: str, source: str) -> tuple[list[str], NDArray[np.float64]]:

@@ -73,6 +73,11 @@ class Waveform(ABC):
         return None
 
     @property
+    def unplayed(self) -> float:
+        """The largest difference, in ``unit``, between the path and what the device plays of it."""
+        return 0.0
+
+    @property
     def path_s(self) -> float | None:
         """How long the path takes; None: as long as it is driven."""
         return None

@@ -42,6 +42,7 @@ EFFECT = Effect(
     normalise=from_corner,
     reads=corner_reads,
     lag_s=time_constant_s,
+    lag_in_loop_s=time_constant_s,
     virtual=virtual_lowpass,
     repeatable=True,
     undo_on_drive=undo_on_drive,

@@ -249,6 +249,8 @@ class Effect:
     lag_s: Callable[[Params], float] | None = None
     """Time constant in s, of an effect that is a first-order lag and nothing else: right behind the dead time both are
     taken in one."""
+    lag_in_loop_s: Callable[[Params], float] | None = None
+    """Time constant in s of the first-order lag that feedback sees, wherever it sits."""
     plays: Callable[[Signal, Params], tuple[Samples, Samples, Samples]] | None = None
     """Thresholds in V, weights in um/V and first positions in V, each (m,), of the plays that it adds to the
     hysteresis."""

@@ -14,6 +14,10 @@ def apply(signal: Signal, params: Params) -> Samples:
     return lag(signal.value, number(params, "tau_s"), signal.step_s)
 
 
+def time_constant_s(params: Params) -> float:
+    return number(params, "tau_s")
+
+
 def undo_on_position(params: Params) -> Undone:
     return undo_lowpass(number(params, "tau_s"))
 
@@ -38,6 +42,7 @@ EFFECT = Effect(
     accepts=("corner_Hz",),
     normalise=from_corner,
     reads=corner_reads,
+    lag_in_loop_s=time_constant_s,
     virtual=virtual_lowpass,
     repeatable=True,
     undo_on_position=undo_on_position,

@@ -1,0 +1,111 @@
+"""A path on the model before it is driven: the same firmware, in this process, before a stage that obeys the model."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from phaselead.control.feedback_loop import HOLD_S
+from phaselead.control.tracking import check_paths, default_duration_s, track
+from phaselead.device import Device, DeviceFault
+from phaselead.errors import BadInput, DeviceRefused
+from phaselead.model import AxisModel, Gains, Stage
+from phaselead.waveforms import Waveform
+
+LONGEST_S = 2.0
+"""Of a rehearsal. What is too fast, or runs away, shows within a few periods of a mode; faults take 0.1 s."""
+HALVINGS = 7
+"""Of the way from 1/64 of a swing or frequency to the whole, in equal ratios: the one that works is found to 3 %."""
+LEAST_SHARE = 1 / 64
+
+
+def rehearse(
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    stage: Stage | None,
+    gains: Mapping[str, Gains],
+    duration_s: float | None = None,
+) -> None:
+    """Runs the paths on the model for up to 2 s. Nothing is done in mode open, without a model of every axis, and for
+    models that the simulator cannot play.
+
+    Raises BadInput when the device would end in a fault: the reason, and the nearest swing and frequency that work.
+    """
+    if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
+        return
+    check_paths(waveforms, mode, stage)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        as_played(stage).save(path)
+        url = f"sim://{path}"
+        fault = _fault(url, waveforms, mode, stage, gains, duration_s)
+        if fault is None:
+            return
+        said = str(fault).partition(" at tick")[0]
+        axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
+
+        def works(changed: Waveform) -> bool:
+            return _fault(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
+
+        found = _nearest(waveforms[axis], works)
+    raise BadInput(f"{axis}: on the model this ends in {said}; {found}; or --force")
+
+
+def as_played(stage: Stage) -> Stage:
+    """The stage as the simulator takes it: it holds and latches by itself what a model has in its delay."""
+    return stage.model_copy(update={"axes": {name: _as_played(model) for name, model in stage.axes.items()}})
+
+
+def _as_played(model: AxisModel) -> AxisModel:
+    if model.time is None:
+        return model
+    delay_s = max(model.time.delay_s - HOLD_S, 0.0)
+    return model.model_copy(update={"time": model.time.model_copy(update={"delay_s": delay_s})})
+
+
+def _silent(stage: Stage, axis: str) -> bool:
+    return axis not in stage.axes or stage.axes[axis].time is None
+
+
+def _fault(
+    url: str,
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    stage: Stage,
+    gains: Mapping[str, Gains],
+    duration_s: float | None,
+) -> DeviceFault | None:
+    """The fault that the run ends in; None where it ends in none, or cannot be played."""
+    seconds = min(duration_s or default_duration_s(waveforms), LONGEST_S)
+    try:
+        with Device.open(url) as device:
+            track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
+    except DeviceFault as fault:
+        return fault
+    except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
+        return None
+    return None
+
+
+def _nearest(wave: Waveform, works: Callable[[Waveform], bool]) -> str:
+    """The largest swing and the highest frequency that work, in words."""
+    swing = _largest_share(lambda share: works(replace(wave, swing=wave.swing * share)))
+    speed = _largest_share(lambda share: works(replace(wave, f_Hz=wave.f_Hz * share)))
+    ways = [f"a swing of up to {wave.swing * swing:.3g} {wave.unit}"] if swing else []
+    if speed:
+        slower = wave.f_Hz * speed
+        ways.append(f"up to {slower:.3g} Hz" if wave.periodic else f"a move of {1 / slower:.3g} s or longer")
+    return f"{' or '.join(ways)} works there" if ways else "no smaller and no slower path works; choose other gains"
+
+
+def _largest_share(works: Callable[[float], bool]) -> float:
+    """Between 1/64 and 1, where 1 does not work; 0 when none does."""
+    if not works(LEAST_SHARE):
+        return 0.0
+    low, high = LEAST_SHARE, 1.0
+    for _ in range(HALVINGS):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if works(middle) else (low, middle)
+    return low

@@ -1,0 +1,25 @@
+"""Gains in the next model: designed ones follow it, somebody's choice stays."""
+
+from phaselead.control.gains import design_gains, with_gains
+from phaselead.gap.adopt import next_stage
+from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, TimeView
+from phaselead.model.stage_file import Stage
+
+
+def axis(f_Hz, gains=None):
+    view = TimeView(gain_um_per_V=15.0, delay_s=0.0003, u_range_V=(0.0, 10.0), rate_Hz=5000.0)
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": f_Hz, "zeta": 0.02})
+    return AxisModel(time=view, effects=(mode,), gains=gains)
+
+
+def test_designed_gains_follow_a_mode_that_moved():
+    before = with_gains(Stage(name="s", axes={"x": axis(200.0)}))
+    moved = before.axes["x"].model_copy(update={"effects": axis(450.0).effects})
+    assert next_stage(before, {"x": moved}, []).axes["x"].gains == design_gains("x", axis(450.0))
+
+
+def test_chosen_gains_and_none_stay():
+    own = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0)
+    for gains in (own, None):
+        before = Stage(name="s", axes={"x": axis(200.0, gains)})
+        assert next_stage(before, {"x": axis(450.0, gains)}, []).axes["x"].gains == gains
