@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from phaselead.gap.posterior.evidence import SHARES, Solver, _mean_of_logs, _uncertain
+from phaselead.gap.posterior.evidence import SHARES, Solver, _mean_of_logs, uncertain_columns
 from phaselead.gap.posterior.interval import intervals
 from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.space import Space, SpaceRecord
@@ -55,7 +55,7 @@ class Toy:
         self.space = Space(tuple(records), shared, own)
         self.solver = Solver(self.space, {GAIN.name: GAIN}, {})
         misfit = self.space.columns([None, *self.bends[1:]])
-        self.solver._misfit = lambda entries, index: misfit
+        self.solver._misfit_of = lambda entries, index: misfit
         self.misfit = self.solver._beyond(sized(1.0), 0, misfit)
 
     def dense(self, which):
@@ -96,7 +96,7 @@ def brute_force(toy, which, share):
 @pytest.mark.parametrize(("seed", "amount"), [(0, 1.0), (1, 0.4), (2, 2.0)])
 def test_the_evidence_of_a_linear_effect_is_the_integral_over_its_size(seed, amount):
     toy = Toy(seed, amount, 0.07)
-    uncertain = _uncertain([(toy.misfit, True)])
+    uncertain = uncertain_columns([(toy.misfit, True)])
     best = toy.solver.fit(sized(0.8 * amount), uncertain=uncertain)
     for start in (best, sized(best[0][1]["gain"] / UNIT + 0.01)):  # a little beside the maximum it is the same
         with_it, nothing = toy.solver.contest([start, ()], uncertain)
@@ -110,7 +110,7 @@ def test_the_evidence_of_a_linear_effect_is_the_integral_over_its_size(seed, amo
 
 def test_evidences_at_two_shares_differ_as_their_densities_do():
     toy = Toy(3, 1.0, 0.2)
-    (nothing,) = toy.solver.contest([()], _uncertain([(toy.misfit, True)]))
+    (nothing,) = toy.solver.contest([()], uncertain_columns([(toy.misfit, True)]))
     y, _, bends, covariance = toy.dense(toy.space.all)
     logs = [
         multivariate_normal(np.zeros(len(y)), covariance + share**2 * bends @ bends.T).logpdf(y) for share in SHARES
@@ -127,7 +127,7 @@ def test_the_mean_of_evidences_does_not_overflow():
 
 def test_a_fit_ends_at_the_most_likely_size_from_anywhere():
     toy = Toy(4, 1.0)
-    same = _uncertain([(toy.misfit, True)])
+    same = uncertain_columns([(toy.misfit, True)])
     ends = [toy.solver.fit(sized(start), uncertain=same)[0][1]["gain"] / UNIT for start in (-3.0, 0.1, 5.0)]
     assert np.ptp(ends) < 1e-3
     assert toy.solver.fit(()) == ()
@@ -145,7 +145,7 @@ def test_reference_records_have_no_effect():
 def test_what_an_equation_misses_is_nothing_that_its_parameters_do():
     toy = Toy(6, 1.0)
     tangent = toy.space.columns([None, *(c[:, None] for c in toy.columns[1:])])
-    misfits = toy.solver._misfit(sized(1.0), 0), toy.misfit
+    misfits = toy.solver._misfit_of(sized(1.0), 0), toy.misfit
     before, after = (toy.space.inner(tangent, c, toy.space.all) for c in misfits)
     assert np.abs(after).max() < 1e-6 * np.abs(before).max()
 

@@ -243,14 +243,18 @@ class Solver:
         return self.space.from_white(found)
 
     def fit(
-        self, entries: Sequence[SizedEffect], steps: int = STEPS, uncertain: Uncertain | None = None
+        self,
+        entries: Sequence[SizedEffect],
+        steps: int = STEPS,
+        uncertain: Uncertain | None = None,
+        share: float = FITTED_AT,
     ) -> tuple[SizedEffect, ...]:
-        """The most likely parameters near those of ``entries``; what is uncertain with them stays that of the start,
-        or is ``uncertain``."""
+        """The most likely parameters near those of ``entries`` at a share of equation misfit; what is uncertain with
+        them stays that of the start, or is ``uncertain``."""
         entries = tuple((effect, dict(params)) for effect, params in entries)
         if not entries:
             return entries
-        reduced = self._reduction(uncertain or self.uncertain(entries), FITTED_AT, self.space.all)
+        reduced = self._reduction(uncertain or self.uncertain(entries), share, self.space.all)
 
         def cost(tried: Sequence[SizedEffect]) -> float:
             return 0.5 * float(reduced(self.residual(tried))[-1, -1]) - prior_of(tried, self.step_s).log_density
@@ -313,7 +317,9 @@ class Solver:
         """A set that is there at its most likely parameters, and their covariance (parameters, parameters) in internal
         units: both with all that its equations may miss, also what other parameters of the effects would do, and
         without the fault of the base that it might have been."""
-        entries = self.fit(entries, uncertain=self._if_there(entries))
+        uncertain = self._if_there(entries)
+        logs = self.contest([entries], uncertain)[0].logs
+        entries = self.fit(entries, uncertain=uncertain, share=max(logs, key=lambda share: logs[share]))
         return entries, self.spread(entries)
 
     def spread(self, entries: Sequence[SizedEffect]) -> Samples:
