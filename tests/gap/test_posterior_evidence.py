@@ -52,7 +52,7 @@ class Toy:
             x += (role != "reference") * (amount * column + bend @ v)
             metric = Made(project=lambda index, columns: columns.copy())
             records.append(SpaceRecord(LinearRun(column, x, role), metric, 0, base))
-        self.space = Space(tuple(records), shared, own)
+        self.space = Space(tuple(records), shared, own, np.eye(len(shared)))
         self.solver = Solver(self.space, {GAIN.name: GAIN}, {})
         misfit = self.space.columns([None, *self.bends[1:]])
         self.solver._misfit_of = lambda entries, index: misfit

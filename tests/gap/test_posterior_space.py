@@ -21,7 +21,8 @@ def bare_record(base, role="train"):
 
 def made_space(rng, k=6, own=True):
     records = tuple(bare_record(rng.normal(size=(n, k)), role) for n, role in zip(ROWS, ROLES, strict=True))
-    return Space(records, rng.normal(size=(k, k)), 0.3 * rng.normal(size=(k, k)) if own else np.zeros((k, k)))
+    own_root = 0.3 * rng.normal(size=(k, k)) if own else np.zeros((k, k))
+    return Space(records, rng.normal(size=(k, k)), own_root, np.eye(k))
 
 
 def dense_covariance(space, which):
@@ -97,7 +98,7 @@ def test_what_the_base_misses_is_learned_from_the_reference_records_alone():
         error = base @ amounts if role == "reference" else rng.normal(size=200) * 100
         records.append(bare_record(base, role))
         records[-1].modelled.error = lambda error=error: error
-    missed = Space(tuple(records), 3 * np.eye(k), np.zeros((k, k))).missed()
+    missed = Space(tuple(records), 3 * np.eye(k), np.zeros((k, k)), np.eye(k)).missed()
     for base, one in zip(bases, missed, strict=True):
         np.testing.assert_allclose(one, base @ amounts, atol=0.05 * np.abs(base @ amounts).max())
 
@@ -111,7 +112,7 @@ def test_compact_leaves_out_what_no_product_shows():
         base[:, 3] = 2 * base[:, 4]  # one is a combination of others
     shared, own = rng.uniform(0.5, 1, k), rng.uniform(0, 0.5, k)
     shared[7] = own[7] = 0.0
-    whole = Space(tuple(bare_record(base) for base in bases), np.diag(shared), np.diag(own))
+    whole = Space(tuple(bare_record(base) for base in bases), np.diag(shared), np.diag(own), np.eye(len(shared)))
     small = compact(whole.records, shared, own, least)
     assert small.records[0].base.shape[1] < k - 2
     units = np.split(np.eye(sum(ROWS)), np.cumsum(ROWS)[:-1])
