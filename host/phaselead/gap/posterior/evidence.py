@@ -22,10 +22,10 @@ from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
 from phaselead.record import Samples
 
-SHARES = (0.02, 0.06, 0.2, 0.6)
+SHARES = (0.02, 0.07, 0.2)
 """Deviation of what an equation of the catalogue misses, as a share of its effect: all as likely. Published models of
 hysteresis, creep and modes leave 2 to 20 % of what they describe."""
-FITTED_AT = 0.06
+FITTED_AT = 0.07
 """The share at which the parameters are looked for."""
 STEPS, LEAST_GAIN = 6, 0.1
 """Of a fit at most, and the gain in log units that ends it."""
