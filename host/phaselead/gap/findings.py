@@ -104,11 +104,14 @@ PROVISIONAL: Final = "provisional"
 
 @dataclass(frozen=True)
 class Candidate:
-    """How one effect did in one step of the search; ``score`` is in points."""
+    """How one set of effects did in the last contest."""
 
     step: int
+    """Effects in the set."""
     name: str
+    """Its effects, joined by " + "."""
     score: float
+    """Log evidence over nothing; of axes that share modes the per cent of the rest that the effect would explain."""
     held_out_z: float
     rms_um: float
     """RMS residual of the training records after its refit; nan where it was not refitted."""

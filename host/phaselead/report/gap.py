@@ -156,7 +156,7 @@ def tie_part(tie: tuple[str, ...]) -> dict[str, str]:
 
 
 def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:
-    """Every candidate that was refitted, step by step; one that leads a tie is not called named."""
+    """Every candidate, the best first; one that leads a tie is not called named."""
     leading = {tie[0] for tie in ties}
     return [
         {

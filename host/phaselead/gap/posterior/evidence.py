@@ -8,7 +8,7 @@ of the effects are found by steps of Levenberg and Marquardt and integrated by L
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +31,8 @@ STEPS, LEAST_GAIN = 6, 0.1
 """Of a fit at most, and the gain in log units that ends it."""
 DAMPINGS, FIRST_DAMPING, CALMER, BOLDER = 4, 1e-3, 10.0, 5.0
 """How many dampings are tried in a step, the first, and by what they grow and fall."""
+MOST_KEPT = 40
+"""Sets whose tangents are kept: those of one contest, some tens of megabytes."""
 MOST_BEYOND = 3.0
 """Most log units that are credited for a maximum a Newton step away."""
 
@@ -63,8 +65,8 @@ class SetFit:
         return _mean_of_logs(self.fitted_logs.values())
 
 
-def _mean_of_logs(logs: object) -> float:
-    values = np.array(list(logs))  # type: ignore[call-overload]
+def _mean_of_logs(logs: Collection[float]) -> float:
+    values = np.array(list(logs))
     return float(values.max() + np.log(np.mean(np.exp(values - values.max()))))
 
 
@@ -360,7 +362,7 @@ class Solver:
     def _remembered_fresh(self, entries: Sequence[SizedEffect]) -> Columns:
         key = tuple((effect.name, *sorted(params.items())) for effect, params in entries)
         if key not in self._fresh:
-            if len(self._fresh) > 40:
+            if len(self._fresh) > MOST_KEPT:
                 self._fresh.clear()
             self._fresh[key] = self.fresh(entries) if entries else self.residual(())
         return self._fresh[key]
