@@ -50,8 +50,8 @@ CEILINGS = {
     "instructions a tick, one axis, ff+pid, tables, streamed": None,
     "instructions a tick, three axes, every place of the model in use": None,
     "stack, bytes": 2048,
-    "RAM, bytes": 100 * 1024,
-    "flash, bytes": 64 * 1024,
+    "RAM, bytes": 128 * 1024,
+    "flash, bytes": 128 * 1024,
 }
 WARN = 1.10
 TOO_MUCH, MUCH_MORE = "ABOVE ITS CEILING", "more than 10 % above the last"
