@@ -14,7 +14,7 @@ PIO_STAMP := $(PIO_CORE)/.prepared
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
-.PHONY: demo test bench campaign lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test bench campaign link-trial lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -36,6 +36,11 @@ SCALE ?= 0.3
 campaign: $(STAMP)
 	@$(BIN)/phaselead gap campaign --truth tests/gap/truth --set $(SET) --scale $(SCALE) -o out/campaign-$(SET) \
 		--table docs/gap-campaign.md
+
+# The trial behind docs/link.md: EACH commands of every kind over a line that goes wrong.
+EACH ?= 10000
+link-trial: $(STAMP)
+	@$(BIN)/python tests/sim/link_trial.py --each $(EACH)
 
 lint: $(STAMP)
 	@$(BIN)/ruff check host tests protocol firmware benchmarks setup.py

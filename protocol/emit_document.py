@@ -32,6 +32,10 @@ A reply has its command's number plus 0x80 and repeats its `id` and `session`. A
 the very same frame again; the device recognises session and id, does not execute the command twice, and repeats its
 reply. A reply begins with `status` and `tick`; when the status is not `ok` it may end there.
 
+Ids count up from 1, and 1 follows 65535. The device remembers which of the last 64 it has executed and keeps the last
+8 replies; it drops a copy whose reply is no longer kept, and whatever lies further back. Two things are done again for
+each copy that comes: STOP, and reads whose reply has more than 128 bytes. [The link](link.md) says how that was tried.
+
 Stream messages (samples, events) are sent without being asked for and never repeated. Samples carry `id` 0; the `id`
 of events counts them, so that a lost one leaves a hole in the numbers.
 

@@ -31,14 +31,15 @@ static bool is_held(const struct device *device)
 
 /* A new session inherits the model, the outputs and a latched fault, and nothing else: whatever still moves is ramped
  * to its safe value, and what the host before it had set is gone. */
-static void begin_session(struct device *device, uint64_t session)
+static void begin_session(struct device *device, const struct wire_header *header)
 {
     struct wire_event stale;
     uint16_t id;
+    line_begin_session(&device->line, header->id);
     recorder_discard(&device->recorder);
     while (events_take(&device->events, &stale, &id))
         ;
-    device->session = session;
+    device->session = header->session;
     device->latched_valid = false;
     device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
     if (device->control.state == WIRE_STATE_ARMED || device->control.state == WIRE_STATE_RUNNING)
@@ -58,7 +59,7 @@ enum wire_status command_hello(struct device *device, const struct request *requ
     else if (session != device->session && is_held(device))
         status = WIRE_STATUS_BUSY;
     else if (session != device->session)
-        begin_session(device, session);
+        begin_session(device, request->header);
     if (status == WIRE_STATUS_OK)
         device->control.heard_tick = control->tick;
     struct wire_hello_reply reply = {.schema_fingerprint = WIRE_FINGERPRINT,

@@ -43,6 +43,9 @@ struct device_port {
     /* Takes the codes of a tick as soon as they are known, before the tick is recorded; NULL: device_tick() gives them.
      */
     void (*drive)(void *context, const uint16_t dac_codes[AXES]);
+    /* Is told of every command that is carried out, and not of what is refused before or answered from the replies
+     * that are kept; may be NULL. */
+    void (*obeyed)(void *context, const struct wire_header *header);
     void *context;
     uint32_t baud;
     enum wire_reset_cause reset_cause;

@@ -5,15 +5,40 @@
 #include "app/commands.h"
 #include "app/device_tick.h"
 
-static struct reply_kept *find_kept(struct line *line, const struct wire_header *header, uint32_t request_crc)
+static struct reply_kept *find_kept(struct line *line, const struct wire_header *header)
 {
-    for (unsigned i = 0; i < REPLIES_KEPT; i++) {
-        struct reply_kept *kept = &line->kept[i];
-        if (kept->size != 0 && kept->id == header->id && kept->session == header->session &&
-            kept->request_crc == request_crc)
+    for (unsigned i = 1; i <= REPLIES_KEPT; i++) { /* from the last one back */
+        struct reply_kept *kept = &line->kept[(line->kept_next - i) % REPLIES_KEPT];
+        if (kept->size != 0 && kept->id == header->id && kept->session == header->session)
             return kept;
     }
     return NULL;
+}
+
+/* How far a request's number lies behind the newest one; at most zero for a new one. Numbers wrap around. */
+static int32_t behind(const struct line *line, uint16_t id)
+{
+    uint16_t distance = (uint16_t)(line->newest_id - id);
+    return distance < 0x8000 ? distance : (int32_t)distance - 0x10000;
+}
+
+/* A copy of a frame that lay on the line for so long that its reply is no longer kept. */
+static bool is_stale(const struct line *line, uint16_t id)
+{
+    int32_t back = behind(line, id);
+    return back >= IDS_KNOWN || (back >= 0 && (line->done_ids >> back & 1u) != 0);
+}
+
+static void note_done(struct line *line, uint16_t id)
+{
+    int32_t back = behind(line, id);
+    if (back < 0) {
+        line->done_ids = -back < IDS_KNOWN ? line->done_ids << -back : 0;
+        line->newest_id = id;
+        back = 0;
+    }
+    if (back < IDS_KNOWN)
+        line->done_ids |= (uint64_t)1 << back;
 }
 
 static void keep(struct line *line, const struct wire_header *header, uint32_t request_crc)
@@ -26,6 +51,7 @@ static void keep(struct line *line, const struct wire_header *header, uint32_t r
     kept->id = header->id;
     kept->size = (uint16_t)line->reply_size;
     memcpy(kept->body, line->reply_body + WIRE_HEADER_SIZE, line->reply_size);
+    note_done(line, header->id);
 }
 
 /* What stands in the way of a command, ok when nothing does. */
@@ -48,6 +74,8 @@ static enum wire_status admit(const struct device *device, const struct command 
 static enum wire_status perform(struct device *device, const struct command *command, const struct request *request,
                                 struct answer *answer)
 {
+    if (device->port.obeyed)
+        device->port.obeyed(device->port.context, request->header);
     if (command->locks_itself)
         return command->handler(device, request, answer);
     device_lock(device);
@@ -101,11 +129,15 @@ static void take_frame(struct device *device, const uint8_t *body, size_t size)
     line->reply_header = header;
     line->reply_header.type |= WIRE_REPLY_BIT;
     bool in_session = device->session != 0 && header.session == device->session;
-    const struct reply_kept *kept = in_session ? find_kept(line, &header, request_crc) : NULL;
-    if (kept) {
+    const struct reply_kept *kept = in_session ? find_kept(line, &header) : NULL;
+    if (kept && kept->request_crc == request_crc) {
         note_heard(device);
         memcpy(line->reply_body + WIRE_HEADER_SIZE, kept->body, kept->size);
         line->reply_size = kept->size;
+        return;
+    }
+    if (in_session && !kept && header.type != WIRE_STOP && is_stale(line, header.id)) {
+        line->rx_errors++;
         return;
     }
     obey(device, &request, in_session);

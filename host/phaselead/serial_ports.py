@@ -26,7 +26,7 @@ WRITE_TIMEOUT_S = 2.0
 
 
 class Port(Protocol):
-    """What the link uses of a pyserial port. One whose clock is not ours has ``virtual_time = True``."""
+    """What the link uses of a pyserial port. One whose time is not ours has ``clock_s``: seconds of its own."""
 
     timeout: float | None
 

@@ -1,11 +1,13 @@
 """Who may speak, and that saying it twice does nothing twice."""
 
+import numpy as np
 import pytest
 from device_bench import SESSION, UM, Bench, V, model, step_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.device import wire
+from phaselead.errors import PhaseleadError
 
 OTHER = 0x0BAD_CAFE_0000_0001
 COMMANDS = [
@@ -193,3 +195,40 @@ def test_frames_may_come_in_any_pieces(pieces):
         line = line[size:]
     bench.run(20)
     assert [reply[wire.HEADER.size] for reply in bench.replies] == [wire.Status.OK] * 8
+
+
+def test_a_copy_that_comes_late_is_not_carried_out_again(bench):
+    """Only the last replies are kept; a copy of an older request was obeyed once more."""
+    bench.firmware.take_obeyed()
+    late = bench.frame(wire.SetTimeoutRequest(9))
+    bench.raw(late)
+    for ticks in range(100):
+        bench.ok(wire.SetTimeoutRequest(1000 + ticks))
+        assert len(bench.raw(late)) <= 1
+    obeyed = [one.id for one in bench.firmware.take_obeyed()]
+    assert len(obeyed) == len(set(obeyed)) == 101
+
+
+def test_a_request_that_others_overtook_is_carried_out(bench):
+    overtaken = [bench.frame(wire.SetTimeoutRequest(1000 + ticks)) for ticks in range(60)]
+    bench.ok(wire.StatusRequest())
+    bench.firmware.take_obeyed()
+    for frame in reversed(overtaken):
+        assert len(bench.raw(frame)) == 1
+    assert len(bench.firmware.take_obeyed()) == 60
+
+
+def test_numbers_may_wrap_around(bench):
+    bench.firmware.take_obeyed()
+    for id in (*range(0x7FF0, 0xFFF0, 0x400), *range(0xFFF0, 0x10000), *range(1, 20)):
+        assert bench.status_of(wire.SetTimeoutRequest(1000 + id), id=id) == wire.Status.OK
+    assert len(bench.firmware.take_obeyed()) == 32 + 16 + 19
+
+
+def test_the_account_of_what_was_carried_out_says_when_it_is_not_whole(bench):
+    bench.firmware.take_obeyed()
+    for _ in range(4097):
+        bench.firmware.write(bench.frame(wire.StopRequest()))
+        bench.firmware.run_codes(np.full((1, 3), 20_000, np.uint16))
+    with pytest.raises(PhaseleadError, match="4097 commands were carried out, only the last 4096 are known"):
+        bench.firmware.take_obeyed()

@@ -156,8 +156,11 @@ class FakeDevice:
 class FakePort:
     device: FakeDevice
     timeout: float | None = 0.05
-    virtual_time: bool = True
     closed: bool = False
+
+    @property
+    def clock_s(self) -> float:
+        return self.device.tick / 5000
 
     @property
     def in_waiting(self) -> int:
@@ -186,7 +189,8 @@ class NoisePort(FakePort):
     text: bytes = b"login: \r\n"
 
     def read(self, size: int = 1) -> bytes:
-        return (self.text * size)[:size] if self.text else b""
+        self.device.tick += 10 if self.text else round((self.timeout or 0.0) * 5000)
+        return (self.text * size)[:size]
 
     def write(self, data: bytes) -> int:
         return len(data)

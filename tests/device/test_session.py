@@ -81,9 +81,9 @@ def test_a_dead_line_is_reported_after_the_attempts() -> None:
     device = FakeDevice()
     session = open_session(device)
     device.on_frame = lambda frame: []
-    with pytest.raises(LinkError, match=r"fake stopped answering \(status, 4 attempts\); check cable"):
+    with pytest.raises(LinkError, match=r"fake stopped answering \(status, 28 attempts\); check cable"):
         session.request(wire.StatusRequest())
-    assert 2.9 < device.tick / 5000 < 3.3  # 0.2 + 0.4 + 0.8 + 1.6 s of the device's time
+    assert 2.9 < device.tick / 5000 < 3.3  # 12 x 0.05 + 8 x 0.1 + 8 x 0.2 s of the device's time
 
 
 def test_refusal_names_command_status_and_remedy() -> None:

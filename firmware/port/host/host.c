@@ -26,10 +26,28 @@ struct host_device {
     size_t out_first, out_size;     /* ring of bytes that have left the device */
     uint8_t *in;                    /* bytes the device has not taken yet */
     size_t in_first, in_size, in_capacity;
+    struct host_obeyed obeyed[HOST_OBEYED]; /* a ring */
+    uint64_t obeyed_count;                  /* since they were taken last */
     uint8_t out[HOST_LINE_SIZE];
 };
 
 static const char TARGET[] = "host";
+
+static void note_obeyed(void *context, const struct wire_header *header)
+{
+    struct host_device *host = context;
+    host->obeyed[host->obeyed_count++ % HOST_OBEYED] = (struct host_obeyed){header->session, header->id, header->type};
+}
+
+uint64_t host_take_obeyed(struct host_device *host, struct host_obeyed *commands, size_t capacity)
+{
+    uint64_t count = host->obeyed_count;
+    uint64_t kept = count < HOST_OBEYED ? count : HOST_OBEYED;
+    for (uint64_t i = 0; i < kept && i < capacity; i++)
+        commands[i] = host->obeyed[(count - kept + i) % HOST_OBEYED];
+    host->obeyed_count = 0;
+    return count;
+}
 
 struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size)
 {
@@ -40,6 +58,8 @@ struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_
         return NULL;
     host_flash_init(&host->flash, flash);
     host->port = (struct device_port){.flash = host_flash_port(&host->flash),
+                                      .obeyed = note_obeyed,
+                                      .context = host,
                                       .baud = baud,
                                       .reset_cause = WIRE_RESET_CAUSE_POWER_ON,
                                       .target = TARGET};

@@ -62,6 +62,17 @@ HOST_API const uint8_t *host_flash(const struct host_device *device, size_t *siz
  * that detects them would raise them. */
 HOST_API void host_inject(struct host_device *device, uint32_t fault, uint32_t axis);
 
+struct host_obeyed {
+    uint64_t session;
+    uint32_t id, type;
+};
+
+/* The commands that were carried out, not those that were refused before or answered from memory, the oldest of the
+ * last HOST_OBEYED first: copies up to `capacity`, forgets them all and returns how many there were since the last
+ * call. */
+#define HOST_OBEYED 4096
+HOST_API uint64_t host_take_obeyed(struct host_device *device, struct host_obeyed *commands, size_t capacity);
+
 /* Power goes when `bytes` more bytes of flash have been erased or programmed; the byte under way is left half done. */
 HOST_API void host_cut_power_after(struct host_device *device, uint64_t bytes);
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from phaselead.device import wire
 from phaselead.device.capture import DeviceFault
-from phaselead.device.device import Device, DeviceStatus
+from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
@@ -12,6 +12,7 @@ from phaselead.device.loop_test import SelfTest, check_letters, selftest
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.run_file import read_capture, recording_of, write_run
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
+from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, axes_of, decode_samples
 from phaselead.device.wire import Channel, Mode
 from phaselead.serial_ports import BAUD

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from phaselead import interrupt
@@ -19,9 +19,10 @@ REPLY_S = 0.4
 ATTEMPTS = 4
 SILENCE_S = 3.0
 READ_REAL_S, READ_VIRTUAL_S = 0.05, 0.1
+LONGEST_READ_S = 1.0
+"""Counted of one read that brings nothing: a host that slept has not listened meanwhile."""
 PARK_S = 30.0
 """The longest ramp the device's formats allow for is far shorter: 12 V at 0.5 V/s."""
-READ_CHUNK = 1024
 FIRST_TICK = slice(HEAD.fields["first_tick"][1], HEAD.fields["first_tick"][1] + 8)  # type: ignore[index]
 
 Progress = Callable[[int], None]
@@ -67,29 +68,39 @@ class Plan:
 
 
 def read_region(session: Session, region: wire.Region, size: int | None = None) -> bytes:
-    """Reads a snapshot region in pieces."""
+    """Reads a snapshot region in pieces. Raises LinkError when it is not of this size."""
     out = b""
-    while size is None or len(out) < size:
-        reply = session.request(wire.SnapshotReadRequest(region, len(out), READ_CHUNK))
-        if not reply.data or (size is not None and reply.size != size):
+
+    def read(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
+        nonlocal out
+        reply = session.request(wire.SnapshotReadRequest(region, at, length), waits_s)
+        if not reply.data or reply.size != (size or reply.size):
             raise LinkError(f"the device gave {len(out)} of {reply.size} bytes of its state; start the capture again")
-        size, out = reply.size, out + reply.data
+        out += reply.data
+        return len(out), reply.size
+
+    session.transfer(read)
     return out
 
 
 def read_model(session: Session) -> bytes | None:
     """The active model, or None when the device has none."""
-    out, size = b"", 1
-    while len(out) < size:
-        try:
-            reply = session.request(wire.ModelReadRequest(len(out), READ_CHUNK))
-        except Refused as refusal:
-            if refusal.status == wire.Status.NO_MODEL:
-                return None
-            raise
+    out = b""
+
+    def read(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
+        nonlocal out
+        reply = session.request(wire.ModelReadRequest(at, length), waits_s)
         if not reply.data:
             raise LinkError(f"the device gave {len(out)} of {reply.size} bytes of its model; try again")
-        size, out = reply.size, out + reply.data
+        out += reply.data
+        return len(out), reply.size
+
+    try:
+        session.transfer(read)
+    except Refused as refusal:
+        if refusal.status == wire.Status.NO_MODEL:
+            return None
+        raise
     return out
 
 
@@ -120,7 +131,8 @@ class _Run:
 
     def pump(self, size: int) -> None:
         session, before = self.session, self.next_tick
-        got = session.pump(size)
+        began_s = session.now_s()
+        session.pump(size)
         if self.seen < len(session.samples):
             self.seen = len(session.samples)
             last = session.samples[-1]
@@ -130,7 +142,7 @@ class _Run:
             self.clock_s += (self.next_tick - before) / TICK_HZ
             self.silent_s = 0.0
         else:
-            waited_s = got * session.byte_s if got else session.port.timeout or 0.0
+            waited_s = min(session.now_s() - began_s, LONGEST_READ_S)
             self.clock_s += waited_s
             self.silent_s += waited_s
 

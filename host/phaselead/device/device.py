@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import asdict, dataclass, fields
-from enum import IntEnum
+from collections.abc import Sequence
+from dataclasses import fields
 from types import TracebackType
 from typing import Any, Self
 from zlib import crc32
@@ -26,59 +26,10 @@ from phaselead.device.capture import (
 )
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, Refused, Session
-from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
+from phaselead.device.status import DeviceStatus, fault_detail, name_of
+from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
-from phaselead.result import Result, Table, pairs_table
 from phaselead.serial_ports import BAUD, open_port
-
-MODEL_CHUNK = 512
-WAVE_CHUNK = 1024
-NO_AXIS = 255
-
-
-@dataclass(frozen=True)
-class DeviceStatus(Result):
-    """STATUS in words; prints as a table. Axis letters stand for masks; tuples are x, y, z."""
-
-    tick: int
-    state: str
-    fault: str
-    fault_axis: str
-    fault_tick: int
-    running_axes: str
-    at_rest: str
-    modes: tuple[str, ...]
-    adc_codes: tuple[int, ...]
-    dac_codes: tuple[int, ...]
-    saturations: tuple[int, ...]
-    overruns: int
-    stream_dropped: int
-    rx_errors: int
-    model_crc: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """For printing and for JSON."""
-        return asdict(self)
-
-    @property
-    def columns(self) -> dict[str, list[Any]]:
-        """One row."""
-        return {name: [value] for name, value in self.as_dict().items()}
-
-    def tables(self) -> list[Table | str]:
-        return [pairs_table(self.as_dict())]
-
-
-def _name(kind: type[IntEnum], value: int) -> str:
-    return kind(value).name.lower() if value in list(kind) else f"unknown ({value})"
-
-
-def _fault_detail(fault: int, detail: int) -> int | str:
-    """As a number, but for core_lost: what ended the program, and where."""
-    if fault != wire.Fault.CORE_LOST:
-        return detail
-    loss, address = _name(wire.CoreLoss, detail >> 28), detail & 0x0FFFFFFF
-    return f"{loss} at 0x{address:08x}" if address else loss
 
 
 def axis_index(axis: str) -> int:
@@ -108,7 +59,7 @@ class Device:
         """Opens the port exclusively and a session on it."""
         port = open_port(url, baud=baud)
         try:
-            return cls(Session(port, url, baud=baud), park_on_exit=park_on_exit)
+            return cls(Session(port, url), park_on_exit=park_on_exit)
         except BaseException:
             port.close()
             raise
@@ -118,7 +69,7 @@ class Device:
         """Ramps every axis to its safe value, whoever drives the device: STOP needs no session."""
         port = open_port(url, baud=baud)
         try:
-            return Session(port, url, baud=baud).request(wire.StopRequest())
+            return Session(port, url).request(wire.StopRequest())
         finally:
             port.close()
 
@@ -145,24 +96,7 @@ class Device:
 
     def status(self) -> DeviceStatus:
         """What the device is doing; also feeds its host timeout."""
-        r = self.session.request(wire.StatusRequest())
-        return DeviceStatus(
-            tick=r.tick,
-            state=_name(wire.State, r.state),
-            fault=_name(wire.Fault, r.fault),
-            fault_axis=axes_of(1 << r.fault_axis) if r.fault_axis != NO_AXIS else "",
-            fault_tick=r.fault_tick,
-            running_axes=axes_of(r.running_axes),
-            at_rest=axes_of(r.at_rest),
-            modes=tuple(_name(wire.Mode, mode) for mode in r.modes),
-            adc_codes=r.adc_codes,
-            dac_codes=r.dac_codes,
-            saturations=r.saturations,
-            overruns=r.overruns,
-            stream_dropped=r.stream_dropped,
-            rx_errors=r.rx_errors,
-            model_crc=f"{r.model_crc:08x}",
-        )
+        return DeviceStatus.of(self.session.request(wire.StatusRequest()))
 
     def info(self) -> dict[str, Any]:
         """What the device is: build, wire, model, timing of its tick, last fault."""
@@ -175,7 +109,7 @@ class Device:
             "tick_rate_Hz": hello.tick_rate_Hz,
             "baud": hello.baud,
             "axes": hello.axis_count,
-            "reset_cause": _name(wire.ResetCause, hello.reset_cause),
+            "reset_cause": name_of(wire.ResetCause, hello.reset_cause),
             "model_loaded": bool(hello.model_flags & 1),
             "model_is_fallback": bool(hello.model_flags & 2),
             "model_persisted": bool(hello.model_flags & 4),
@@ -187,8 +121,8 @@ class Device:
             "latched_late": r.latched_late,
             "lost_ticks": r.lost_ticks,
             "brown_out_level": r.brown_out_level,
-            "last_fault": _name(wire.Fault, r.last_fault),
-            "last_fault_detail": _fault_detail(r.last_fault, r.last_fault_detail),
+            "last_fault": name_of(wire.Fault, r.last_fault),
+            "last_fault_detail": fault_detail(r.last_fault, r.last_fault_detail),
             "flash_record": r.flash_sequence,
         }
 
@@ -286,8 +220,12 @@ class Device:
     def upload_wave(self, axis: str, points: NDArray[np.float64]) -> None:
         """One period of a waveform, 1024 points of 0 .. 1 of the swing; while parked. It is read back."""
         index, data = axis_index(axis), wave_points(points)
-        for at in range(0, len(data), WAVE_CHUNK):
-            self.session.request(wire.WaveChunkRequest(index, at // 4, data[at : at + WAVE_CHUNK]))
+
+        def send(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
+            self.session.request(wire.WaveChunkRequest(index, at // 4, data[at : at + length]), waits_s)
+            return at + length, len(data)
+
+        self.session.transfer(send)
         self.session.request(wire.WaveCommitRequest(index, crc32(data)))
         if read_region(self.session, wire.Region(wire.Region.WAVE_X + index)) != data:
             raise LinkError(f"the waveform read back from axis {axis} differs from the one sent; try again")
@@ -303,8 +241,12 @@ class Device:
         """
         request = self.session.request
         request(wire.ModelBeginRequest(len(model), crc32(model)))
-        for at in range(0, len(model), MODEL_CHUNK):
-            request(wire.ModelChunkRequest(at, model[at : at + MODEL_CHUNK]))
+
+        def send(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
+            request(wire.ModelChunkRequest(at, model[at : at + length]), waits_s)
+            return at + length, len(model)
+
+        self.session.transfer(send)
         try:
             request(wire.ModelCommitRequest())
         except Refused as refusal:

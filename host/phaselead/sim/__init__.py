@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.sim.device import load_library
 from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
+from phaselead.sim.faulty import FaultyLine, LineFaults
 from phaselead.sim.plant import built_in, plant_parameters
 from phaselead.sim.pty import serve
 from phaselead.sim.replaying import Replay, replay
@@ -12,6 +13,8 @@ from phaselead.sim.stack_use import worst_stack
 __all__ = [
     "Counts",
     "EmulatedDevice",
+    "FaultyLine",
+    "LineFaults",
     "Replay",
     "built_in",
     "find_firmware",

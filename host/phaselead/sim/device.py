@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,7 @@ _SIGNATURES = {
     "host_state_size": (_SIZE, ()),
     "host_flash": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE), ctypes.POINTER(_U64))),
     "host_inject": (None, (_POINTER, _U32, _U32)),
+    "host_take_obeyed": (_U64, (_POINTER, _POINTER, _SIZE)),
     "host_cut_power_after": (None, (_POINTER, _U64)),
     "host_state_name": (_BYTES, (_U32,)),
     "host_event_name": (_BYTES, (_U32,)),
@@ -78,6 +79,23 @@ def load_library(path: str | None = None) -> ctypes.CDLL:
     if sizes != (ctypes.sizeof(PlantParameters), ctypes.sizeof(LinkedParameters)):
         raise PhaseleadError("the firmware library is of another version than the package; build it again")
     return library
+
+
+OBEYED_KEPT = 4096
+"""HOST_OBEYED of host.h."""
+
+
+class _Obeyed(ctypes.Structure):
+    _fields_ = (("session", _U64), ("id", _U32), ("type", _U32))
+
+
+class Obeyed(NamedTuple):
+    """A command that the device carried out: neither refused before nor answered from the replies it keeps."""
+
+    session: int
+    id: int
+    number: int
+    """Of the command in the wire."""
 
 
 class Firmware:
@@ -145,6 +163,15 @@ class Firmware:
     def inject(self, fault: int, axis: int = 0) -> None:
         """Makes a fault happen (enum fault of the wire)."""
         self.library.host_inject(self._handle, fault, axis)
+
+    def take_obeyed(self) -> list[Obeyed]:
+        """The commands carried out since the last call, in their order. Raises PhaseleadError when they were too many
+        to be kept: look more often."""
+        kept = (_Obeyed * OBEYED_KEPT)()
+        count = self.library.host_take_obeyed(self._handle, kept, OBEYED_KEPT)
+        if count > OBEYED_KEPT:
+            raise PhaseleadError(f"{count} commands were carried out, only the last {OBEYED_KEPT} are known")
+        return [Obeyed(one.session, one.id, one.type) for one in kept[:count]]
 
     def cut_power_after(self, flash_bytes: int) -> None:
         """Flash stops changing after so many more bytes."""

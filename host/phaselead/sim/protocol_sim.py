@@ -129,12 +129,13 @@ class FlashKeeper:
 class Serial(SerialBase):  # type: ignore[misc]
     """A serial port whose other end is a simulated device."""
 
-    virtual_time = True
     is_open: bool
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._device: SimulatedDevice | None = None
         self._keeper: FlashKeeper | None = None
+        self._ran = 0
+        """Ticks since it was opened."""
         self._seen = 0
         """Bytes there were at the last look at ``in_waiting``."""
         super().__init__(*args, **kwargs)
@@ -168,6 +169,16 @@ class Serial(SerialBase):  # type: ignore[misc]
             raise PortNotOpenError
         return self._device
 
+    @property
+    def clock_s(self) -> float:
+        """Virtual time since it was opened."""
+        return self._ran / TICK_HZ
+
+    def _run(self, ticks: int, want_bytes: int = 0) -> int:
+        done = self.device.run(ticks, want_bytes)
+        self._ran += done
+        return done
+
     def _timeout_ticks(self) -> int | None:
         return None if self._timeout is None else round(self._timeout * TICK_HZ)
 
@@ -180,7 +191,7 @@ class Serial(SerialBase):  # type: ignore[misc]
         while missing > 0:
             ticks = TURN_TICKS if left is None else left
             want = min(missing, 1 << 19)
-            done = device.run(ticks, want)
+            done = self._run(ticks, want)
             chunk = device.read(missing)
             chunks.append(chunk)
             missing -= len(chunk)
@@ -200,13 +211,13 @@ class Serial(SerialBase):  # type: ignore[misc]
         """Bytes there are. When there are no more than at the last look a tick passes, so that polling ends."""
         device = self.device
         if device.readable <= self._seen:
-            device.run(1)
+            self._run(1)
         self._seen = device.readable
         return self._seen
 
     def advance(self, seconds: float) -> None:
         """Lets virtual time pass without reading."""
-        self.device.run(round(seconds * TICK_HZ))
+        self._run(round(seconds * TICK_HZ))
 
     def trace_true_positions(self, ticks: int = TRACE_TICKS) -> None:
         """Keeps where the stage truly is, for the last ``ticks`` ticks; 0 stops."""
