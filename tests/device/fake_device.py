@@ -39,6 +39,7 @@ class FakeDevice:
     state: wire.State = wire.State.PARKED
     parked_at: int | None = None
     stream: wire.StreamStartRequest | None = None
+    stream_tick: int = 0
     sequence: int = 0
     taken: int = 0
     executed: list[str] = field(default_factory=list)
@@ -71,7 +72,7 @@ class FakeDevice:
                 self.state, self.stream = wire.State.FAULT, None
                 self._flush()
                 self.send(wire.Event.NUMBER, 0, wire.Event(self.tick, wire.EventKind.FAULT, 3).pack())
-            if self.stream is not None and self.tick % self.stream.decimation == 0:
+            if self.stream is not None and (self.tick - self.stream_tick) % self.stream.decimation == 0:
                 self.batch.append(self.tick)
                 self.taken += 1
                 if len(self.batch) == BATCH_TICKS:
@@ -133,6 +134,7 @@ class FakeDevice:
                 self.state, self.parked_at = wire.State.STOPPING, self.tick + RAMP_TICKS
             case wire.StreamStartRequest():
                 self.stream, self.sequence, self.taken, self.batch = command, 0, 0, []
+                self.stream_tick = self.tick
                 return wire.StreamStartReply(*head, 20000, 190000, len(STATE))
             case wire.StreamStopRequest():
                 self._flush()

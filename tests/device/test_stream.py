@@ -91,3 +91,37 @@ def test_what_is_no_stream_is_refused_in_words(bodies: list[bytes]) -> None:
 
 def test_axis_letters() -> None:
     assert [axes_of(1 << i) for i in range(3)] == list(AXES)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    decimation=st.integers(1, 9),
+    fates=st.lists(st.sampled_from(["comes", "comes", "twice", "lost", "dropped"]), min_size=1, max_size=12),
+    order=st.randoms(use_true_random=False),
+)
+def test_every_row_is_there_or_in_a_gap(decimation, fates, order) -> None:
+    """Whatever is lost on the line, dropped by the device, comes twice or out of order, and at the ends too."""
+    bodies: list[bytes] = []
+    sequence = dropped = 0
+    here: list[int] = []
+    for i, fate in enumerate(fates):
+        rows = [1000 + decimation * row for row in range(5 * i, 5 * i + 5)]
+        if fate == "dropped":
+            dropped += 5
+            continue
+        batch = body(sequence, rows[0], bytes(10), 2, 1, decimation, dropped)
+        sequence += 1
+        here += rows if fate != "lost" else []
+        bodies += {"comes": [batch], "twice": [batch, batch], "lost": []}[fate]
+    order.shuffle(bodies)
+    stream = decode_samples(bodies, 1000, 5 * sequence, dropped, decimation)
+    assert stream.ticks.tolist() == here
+    gone = {tick for gap in stream.gaps for tick in range(gap.first_tick, gap.first_tick + gap.ticks, decimation)}
+    assert gone.isdisjoint(here)
+    assert len(gone) + len(here) == 5 * len(fates)
+    assert gone | set(here) == set(range(1000, 1000 + 5 * len(fates) * decimation, decimation))
+
+
+def test_batches_of_the_stream_before_are_not_of_this_one() -> None:
+    bodies = [body(7, 90, bytes(20), 2, 1), body(0, 100, bytes(20), 2, 1)]
+    assert decode_samples(bodies, 100, 10).ticks.tolist() == list(range(100, 110))

@@ -82,6 +82,19 @@ def warn(lines: Iterable[str]) -> None:
         click.echo(f"warning: {line}", err=True)
 
 
+def warn_of_gaps(recording: Recording) -> None:
+    """On the standard error, when ticks that were asked for are not in it."""
+    missing = int(recording.meta.get("missing_ticks", 0))
+    if missing:
+        asked = missing + len(recording.t_s)
+        warn(
+            [
+                f"{missing} of {asked} ticks are missing: lost on the line or dropped by the device; fit, verify and "
+                "replay refuse such a recording, its gaps say where"
+            ]
+        )
+
+
 def record_files(arguments: tuple[str, ...] | list[str]) -> list[str]:
     """The files that recording arguments name, their windows taken off."""
     from phaselead.record import split_argument

@@ -18,6 +18,7 @@ from phaselead.cli.common import (
     rate_option,
     read_recordings,
     record_files,
+    warn_of_gaps,
 )
 from phaselead.cli.listing import top_level
 from phaselead.record import RUN_SUFFIXES, check_output
@@ -46,6 +47,7 @@ def record(port: str, drive: str | None, duration: float | None, output: str, ax
     waveforms = parse_waves(drive, axis) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
         recording = record_open_loop(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
+    warn_of_gaps(recording)
     emit_pairs(recording.facts() | {"output": output}, json_to)
 
 

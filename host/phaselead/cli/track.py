@@ -15,6 +15,7 @@ from phaselead.cli.common import (
     port_option,
     progress,
     warn,
+    warn_of_gaps,
 )
 from phaselead.cli.listing import top_level
 from phaselead.control import MODES, loop_warnings, parse_gains, path_warnings, track_to_file
@@ -82,5 +83,6 @@ def track(
             force=force,
             on_progress=advance,
         )
+    warn_of_gaps(run.recording)
     *parts, counted = run.tables()
     emit(run.figures, json_to, [*parts, f"{counted}; wrote {output}" if output else counted])

@@ -161,6 +161,21 @@ class Controller:
         """Begins the ramp to the safe value at once and does not wait for it. Returns the device's tick."""
         return self.device.stop()
 
+    def reconnect(self, within_s: float = 10.0) -> bool:
+        """Goes on after the cable was pulled or the device restarted, without another ``connect``.
+
+        True: the device knows the session still; after a second of silence it has parked and latched host_timeout,
+        which ``park`` clears. False: it has restarted and what it was given is gone (``track`` uploads its model
+        again); one restarted by its watchdog has latched core_lost, which ``park`` clears too. The run that was broken
+        off stays so. Raises LinkError when no device answers within ``within_s`` seconds.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     print(dev.reconnect())
+        True
+        """
+        return self.device.reconnect(within_s)
+
     def selftest(self, axes: str = "xyz") -> SelfTest:
         """Tests a board whose DAC outputs are wired to its ADC inputs, the amplifier NOT connected: drives 0 to 9.5 V.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from typing import Any
 
 from phaselead.control.rehearsal import rehearse
@@ -260,4 +261,5 @@ def _recovered(header: dict[str, Any], stream: Any) -> Recording:
         events=[],
         status=wire.StatusReply.unpack(bytes(wire.StatusReply.SIZE)),
     )
-    return run_recording(capture, header["mode"], stage)
+    recording = run_recording(capture, header["mode"], stage)
+    return replace(recording, meta=recording.meta | {"ended": "broken off"})

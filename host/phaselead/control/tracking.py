@@ -211,7 +211,7 @@ def from_standing(axis: str, waveform: Waveform, standing: Standing) -> Waveform
 
 def run_figures(recording: Recording, capture: Capture, waveforms: Mapping[str, Waveform], mode: str) -> dict[str, Any]:
     """Figures of a run: flat for one axis, under "axes" for several."""
-    common = {"mode": mode, "ticks": len(recording.t_s), "dropped": capture.stream.dropped_ticks}
+    common = {"mode": mode, "ticks": len(recording.t_s), "dropped": capture.missing}
     per_axis = {axis: axis_figures(recording, axis, waveforms[axis], mode) for axis in waveforms}
     if len(per_axis) == 1:
         return common | next(iter(per_axis.values()))

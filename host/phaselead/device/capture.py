@@ -15,8 +15,9 @@ from phaselead.errors import DeviceRefused, LinkError
 
 FEED_S = 0.2
 """STATUS this often, or one read later: a quarter of the host timeout the command line drives with."""
-REPLY_S = 0.4
-ATTEMPTS = 4
+REPLY_S = 0.1
+ATTEMPTS = 30
+"""At the status; together as long as a command's."""
 SILENCE_S = 3.0
 READ_REAL_S, READ_VIRTUAL_S = 0.05, 0.1
 LONGEST_READ_S = 1.0
@@ -120,6 +121,8 @@ class _Run:
     attempts: int = 0
     silent_s: float = 0.0
     events_seen: int = 0
+    damaged_before: int = 0
+    """Frames that had come damaged when the capture began."""
     tick_size: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -176,9 +179,18 @@ class _Run:
             self.pump(min(chunk, left))
             self.feed()
             if self.silent_s > SILENCE_S:
-                raise LinkError(f"the stream from {self.session.name} stopped; check cable and power, then try again")
+                raise LinkError(self.why_silent())
             if progress is not None:
                 progress(min(max(self.next_tick - from_tick, 0), end_tick - from_tick))
+
+    def why_silent(self) -> str:
+        reader = self.session.reader
+        if reader.errors > self.damaged_before:
+            return (
+                f"no samples come whole from {self.session.name}: {reader.errors - self.damaged_before} frames arrived "
+                "damaged; use a shorter or better cable, or fewer channels"
+            )
+        return f"the stream from {self.session.name} stopped; check cable and power, then try again"
 
     def drain(self, sent: int, first_tick: int) -> None:
         """Until everything sent before the stream was stopped has come, or nothing comes any more."""
@@ -241,7 +253,7 @@ def capture(
 def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Progress | None) -> Capture:
     first = _stream_start(session, plan)
     session.log = []
-    run = _Run(session, plan, next_tick=first.tick)
+    run = _Run(session, plan, next_tick=first.tick, damaged_before=session.reader.errors)
     state = read_region(session, wire.Region.STATE, first.state_size)
     regions = {axis: wire.Region[f"WAVE_{axis.upper()}"] for axis in plan.wave_axes}
     waves = {axis: read_region(session, region) for axis, region in regions.items()}
@@ -259,7 +271,7 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     stopped = session.request(wire.StreamStopRequest())
     run.silent_s = 0.0
     run.drain(stopped.sent_ticks, first.tick)
-    stream = decode_samples(session.samples, first.tick, stopped.sent_ticks)
+    stream = decode_samples(session.samples, first.tick, stopped.sent_ticks, stopped.dropped_ticks, plan.decimation)
     taken = Capture(
         hello=hello,
         session=session.nonce,

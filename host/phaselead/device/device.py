@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from types import TracebackType
 from typing import Any, Self
@@ -25,11 +26,14 @@ from phaselead.device.capture import (
     wait_parked,
 )
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
-from phaselead.device.session import FLASH_WAITS_S, Refused, Session
+from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.serial_ports import BAUD, open_port
+
+RETRY_S = 0.2
+"""How often a port that has gone away is looked for."""
 
 
 def axis_index(axis: str) -> int:
@@ -45,10 +49,11 @@ class Device:
     All methods raise DeviceRefused when the device says no and LinkError when it does not answer.
     """
 
-    def __init__(self, session: Session, *, park_on_exit: bool = True) -> None:
+    def __init__(self, session: Session, *, park_on_exit: bool = True, baud: int = BAUD) -> None:
         """Opens the session on a port that is open; ``Device.open`` is what most callers want."""
         self.session = session
         self.park_on_exit = park_on_exit
+        self._baud = baud
         self.hello = session.hello()
         self._modes: dict[str, wire.Mode] = {}
         self._waves: set[str] = set()
@@ -59,10 +64,47 @@ class Device:
         """Opens the port exclusively and a session on it."""
         port = open_port(url, baud=baud)
         try:
-            return cls(Session(port, url), park_on_exit=park_on_exit)
+            return cls(Session(port, url), park_on_exit=park_on_exit, baud=baud)
         except BaseException:
             port.close()
             raise
+
+    def reconnect(self, within_s: float = 10.0, *, pause: Callable[[float], None] = time.sleep) -> bool:
+        """Goes on after the port went away or the device restarted: opens the port again, as soon as it is there.
+
+        True: the device still knows this session, and modes and paths are as they were; but when it has heard nothing
+        for longer than its timeout it has parked and latched host_timeout. False: it has restarted, or another host had
+        it, and a new session has begun: no modes, no paths, no waveforms, of models the one in flash, and after a
+        restart by the watchdog a latched core_lost.
+        A recording never goes on: it ended where the link did.
+
+        Raises:
+            LinkError: no device answers within ``within_s`` seconds.
+            DeviceRefused: another host drives it now.
+        """
+        tries = max(1, round(within_s / RETRY_S))
+        for left in reversed(range(tries)):
+            try:
+                return self._find_again()
+            except LinkError:
+                if left == 0:
+                    raise
+            pause(RETRY_S)
+            with contextlib.suppress(OSError):
+                self.session.port.close()
+            with contextlib.suppress(LinkError):
+                self.session.reopen(open_port(self.session.name, baud=self._baud))
+        return False
+
+    def _find_again(self) -> bool:
+        try:
+            self.session.request(wire.StatusRequest(), PIECE_WAITS_S)
+            return True
+        except SessionLostError:
+            self.hello = self.session.renew()
+            self._modes.clear()
+            self._waves.clear()
+            return False
 
     @staticmethod
     def stop_now(url: str, *, baud: int = BAUD) -> wire.StopReply:

@@ -14,6 +14,7 @@ import numpy as np
 
 from phaselead.device import wire
 from phaselead.device.quantities import TICK_HZ, converters
+from phaselead.device.status import name_of
 from phaselead.device.stream import AxisStream, Capture, Gap, Stream
 from phaselead.errors import BadInput
 from phaselead.record import AxisRecord, Recording, read_hdf5, write_hdf5
@@ -40,14 +41,17 @@ def recording_of(
         x_um = None if stream.adc is None else calibration[name].x_um(stream.adc[rows])
         asked = stream.reference is not None and name in closed_loop
         axes[name] = AxisRecord(u_V, x_um, stream.reference[rows] / 2.0**16 if asked else None)  # type: ignore[index]
-    facts = {
+    facts: dict[str, Any] = {
         "build_id": capture.hello.build_id.hex(),
         "target": capture.hello.target.rstrip(b"\0").decode("ascii", "replace"),
         "gaps": [[gap.first_tick, gap.ticks] for gap in capture.gaps],
         "dropped_ticks": capture.stream.dropped_ticks,
+        "missing_ticks": capture.missing,
         "start_tick": capture.start_tick,
         "rails_um": {name: calibration[name].x_um(RAIL_CODES).tolist() for name in axes},
     }
+    if capture.status.state == wire.State.FAULT:
+        facts["ended"] = f"fault {name_of(wire.Fault, capture.status.fault)}"
     return Recording(t_s=(capture.ticks[rows] - first) / TICK_HZ, axes=axes, meta=facts | (meta or {}))
 
 

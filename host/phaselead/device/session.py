@@ -81,11 +81,12 @@ class NoReplyError(LinkError):
 
 @dataclass
 class Pending:
-    """A command on its way. ``body`` is the reply's once it has come."""
+    """A command on its way. ``body`` is the reply's once it has come; it took effect not before ``after_tick``."""
 
     command: wire.Command[Any]
     id: int
     frame: bytes
+    after_tick: int = 0
     body: bytes | None = None
 
 
@@ -112,6 +113,8 @@ class Session:
         self._waiting: dict[int, Pending] = {}
         self._id = 0
         self._piece = LARGEST_PIECE
+        self._tick = 0
+        """The last one that a reply has named."""
 
     @property
     def virtual(self) -> bool:
@@ -206,13 +209,14 @@ class Session:
         """Another session in place of this one, which the device has forgotten. Raises as ``hello``."""
         self.nonce = secrets.randbits(64) or 1
         self._nonce_bytes = self.nonce.to_bytes(8, "little")
+        self._tick = 0
         return self.hello()
 
     def submit(self, command: wire.Command[Any]) -> Pending:
         """Sends a command without waiting; ``pump`` fills in the reply, ``finish`` reads it."""
         self._id = self._id % 0xFFFF + 1
         body = wire.HEADER.pack(command.NUMBER, self._id, self.nonce) + command.pack()
-        pending = Pending(command, self._id, encode_frame(body))
+        pending = Pending(command, self._id, encode_frame(body), self._tick)
         self._waiting[self._id] = pending
         self._write(pending.frame)
         return pending
@@ -287,7 +291,10 @@ class Session:
         payload, name = _payload(pending), pending.command.NAME
         if len(payload) < wire.REPLY_HEAD.size:
             raise wire.WireError(f"{name} reply: at least {wire.REPLY_HEAD.size} bytes expected, got {len(payload)}")
-        status = payload[0]
+        status, tick = wire.REPLY_HEAD.unpack_from(payload)
+        if tick < pending.after_tick:  # a late copy of our hello has made it take up the session again
+            raise SessionLostError(f"{name} on {self.name}: the device has restarted; run the command again")
+        self._tick = max(self._tick, tick)
         if status == wire.Status.OK:
             return pending.command.REPLY.unpack(payload)
         if status == wire.Status.NO_SESSION:

@@ -27,6 +27,7 @@ HEAD = np.dtype(
     ]
 )
 """Header and fixed part of a samples message."""
+RESTARTED = "the samples run backwards; the device has restarted: start the capture again"
 assert HEAD.itemsize == wire.HEADER.size + wire.Samples.SIZE
 
 
@@ -63,7 +64,7 @@ class Stream:
     decimation: int = 1
     gaps: list[Gap] = field(default_factory=list)
     lost_batches: int = 0
-    """Batches the device sent that never came, by their sequence numbers."""
+    """Batches the device sent that never came, by their sequence numbers; without those after the last that did."""
     dropped_ticks: int = 0
     """Ticks the device says it could not send."""
 
@@ -104,6 +105,14 @@ class Capture:
     def gaps(self) -> list[Gap]:
         return self.stream.gaps
 
+    @property
+    def missing(self) -> int:
+        """Rows between the start of the paths (or of the stream) and ``end_tick`` that are in a gap: dropped by the
+        device or lost on the line."""
+        begin = self.start_tick if self.start_tick >= 0 else self.first_tick
+        spans = ((max(gap.first_tick, begin), min(gap.first_tick + gap.ticks, self.end_tick)) for gap in self.gaps)
+        return sum(max(0, end - start) for start, end in spans) // self.stream.decimation
+
 
 def axes_of(mask: int) -> str:
     """The letters of an axis mask, in order."""
@@ -122,29 +131,41 @@ def tick_dtype(channels: int, axis_mask: int) -> np.dtype[np.void]:
     return np.dtype([(axis, one) for axis in axes_of(axis_mask)])
 
 
-def decode_samples(bodies: Sequence[bytes], first_tick: int | None = None, sent: int | None = None) -> Stream:
-    """Joins sample batches (bodies of frames, in the order they came) into arrays.
+def decode_samples(
+    bodies: Sequence[bytes],
+    first_tick: int | None = None,
+    sent: int | None = None,
+    dropped: int = 0,
+    decimation: int = 1,
+) -> Stream:
+    """Joins sample batches (bodies of frames, in any order, some perhaps twice) into arrays.
 
-    ``first_tick`` is the tick of the STREAM_START reply, so that a first batch that never came is a gap too;
-    ``sent`` the ticks that STREAM_STOP says were sent, so that a last one is.
+    ``first_tick`` is the tick of the STREAM_START reply, so that a first batch that never came is a gap too; batches
+    of before are of another stream and left out. ``sent`` and ``dropped`` are the rows that STREAM_STOP says were sent
+    and were not, so that every row since is either here or in a gap. ``decimation`` counts when there is no batch.
 
     Raises:
-        LinkError: the batches are not of one stream, run backwards, or hold part of a tick.
+        LinkError: the batches are not of one stream, contradict each other, or hold part of a tick.
     """
-    if not bodies:
-        gaps = [Gap(first_tick, sent)] if first_tick is not None and sent else []
-        return Stream(np.empty(0, np.int64), {}, gaps=gaps)
-    head_size = HEAD.itemsize
-    if min(map(len, bodies)) < head_size:
+    if bodies and min(map(len, bodies)) < HEAD.itemsize:
         raise LinkError("a samples batch is shorter than its head; the device's firmware is at fault")
-    heads = np.frombuffer(b"".join([body[:head_size] for body in bodies]), HEAD)
+    heads = np.frombuffer(b"".join([body[: HEAD.itemsize] for body in bodies]), HEAD)
+    order = np.argsort(heads["first_tick"], kind="stable")
+    if first_tick is not None:
+        order = order[heads["first_tick"][order] >= first_tick]
+    order = _once(bodies, heads, order)
+    heads = heads[order]
+    if len(heads) == 0:
+        return Stream(
+            np.empty(0, np.int64), {}, gaps=_gaps(np.empty(0, np.int64), decimation, first_tick, sent, dropped)
+        )
     channels, mask, decimation = (int(heads[name][0]) for name in ("channels", "axis_mask", "decimation"))
     same = (heads["channels"] == channels) & (heads["axis_mask"] == mask) & (heads["decimation"] == decimation)
     layout = tick_dtype(channels, mask)
-    sizes = np.array([len(body) for body in bodies]) - head_size
+    sizes = np.array([len(bodies[i]) for i in order]) - HEAD.itemsize
     if not same.all() or decimation == 0 or layout.itemsize == 0 or (sizes % layout.itemsize).any():
         raise LinkError("the samples batches do not belong to one stream; start the capture again")
-    data = np.frombuffer(b"".join([body[head_size:] for body in bodies]), layout)
+    data = np.frombuffer(b"".join([bodies[i][HEAD.itemsize :] for i in order]), layout)
     ticks = _ticks(heads["first_tick"].astype(np.int64), sizes // layout.itemsize, decimation)
     axes = {
         axis: AxisStream(**{name: data[axis][name].copy() for name in data[axis].dtype.names or ()})
@@ -152,27 +173,38 @@ def decode_samples(bodies: Sequence[bytes], first_tick: int | None = None, sent:
     }
     steps = np.diff(heads["sequence"])  # wraps around with its uint32
     lost = int(np.sum(steps.astype(np.int64) - 1)) + int(heads["sequence"][0] if first_tick is not None else 0)
-    dropped = int(heads["dropped"][-1])
-    gaps = _gaps(ticks, decimation, first_tick)
-    missing = 0 if sent is None else sent + dropped - len(ticks) - sum(gap.ticks // decimation for gap in gaps)
-    if missing > 0:
-        gaps.append(Gap(int(ticks[-1]) + decimation, missing * decimation))
-    return Stream(ticks, axes, channels, mask, decimation, gaps, lost, dropped)
+    gaps = _gaps(ticks, decimation, first_tick, sent, dropped)
+    return Stream(ticks, axes, channels, mask, decimation, gaps, lost, max(dropped, int(heads["dropped"][-1])))
+
+
+def _once(bodies: Sequence[bytes], heads: NDArray[np.void], order: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The batches in this order, copies left out. Raises LinkError where two are of one tick and yet not the same."""
+    first, sequence = heads["first_tick"][order], heads["sequence"][order]
+    again = np.zeros(len(order), bool)
+    again[1:] = first[1:] == first[:-1]
+    for i in np.flatnonzero(again):
+        if bodies[order[i]] != bodies[order[i - 1]]:
+            raise LinkError(RESTARTED)
+    if (np.diff(sequence[~again]).astype(np.int32) <= 0).any():
+        raise LinkError(RESTARTED)
+    return order[~again]
 
 
 def _ticks(first: NDArray[np.int64], counts: NDArray[np.int64], decimation: int) -> NDArray[np.int64]:
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     ticks: NDArray[np.int64] = np.repeat(first, counts) + within * decimation
     if len(ticks) > 1 and (np.diff(ticks) <= 0).any():
-        raise LinkError("the samples run backwards; the device has restarted: start the capture again")
+        raise LinkError(RESTARTED)
     return ticks
 
 
-def _gaps(ticks: NDArray[np.int64], decimation: int, first_tick: int | None) -> list[Gap]:
-    gaps = []
-    if first_tick is not None and len(ticks) and ticks[0] - first_tick >= decimation:
-        gaps.append(Gap(first_tick, int(ticks[0]) - first_tick))
+def _gaps(
+    ticks: NDArray[np.int64], decimation: int, first_tick: int | None, sent: int | None, dropped: int
+) -> list[Gap]:
+    """Every row between the first that was to come and the last that is not in ``ticks``."""
+    if first_tick is not None:
+        ticks = np.append(first_tick - decimation, ticks)
+        if sent is not None:
+            ticks = np.append(ticks, max(int(ticks[-1]) + decimation, first_tick + (sent + dropped) * decimation))
     steps = np.diff(ticks)
-    for i in np.flatnonzero(steps > decimation):
-        gaps.append(Gap(int(ticks[i]) + decimation, int(steps[i]) - decimation))
-    return gaps
+    return [Gap(int(ticks[i]) + decimation, int(steps[i]) - decimation) for i in np.flatnonzero(steps > decimation)]

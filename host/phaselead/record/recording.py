@@ -82,7 +82,7 @@ class Recording(SampledResult):
                 if values is not None:
                     facts[f"{name}_{label}_min_{unit}"] = float(np.min(values))
                     facts[f"{name}_{label}_max_{unit}"] = float(np.max(values))
-        for key in ("target", "build_id", "mode", "dropped_ticks", "gaps"):
+        for key in ("target", "build_id", "mode", "dropped_ticks", "missing_ticks", "gaps", "ended"):
             if key in self.meta:
                 facts[key] = self.meta[key]
         return facts
