@@ -305,7 +305,7 @@ def test_an_error_after_motion_keeps_the_journal_and_says_how_to_recover_it(run,
     output, journal = tmp_path / "run.h5", tmp_path / "run.h5.journal"
     drive = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "0.2", "-o", output)
     with monkeypatch.context() as patch:
-        patch.setattr("phaselead.control.journal.write_run", failing)
+        patch.setattr("phaselead.control.journal.convert", failing)
         assert_one_line(run(*drive), 2, "No space", f"phaselead log recover {journal} -o {output}")
     assert os.listdir(tmp_path) == [journal.name]
     assert_one_line(run(*drive), 2, "not finished", "log recover")

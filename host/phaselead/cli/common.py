@@ -82,11 +82,11 @@ def warn(lines: Iterable[str]) -> None:
         click.echo(f"warning: {line}", err=True)
 
 
-def warn_of_gaps(recording: Recording) -> None:
-    """On the standard error, when ticks that were asked for are not in it."""
-    missing = int(recording.meta.get("missing_ticks", 0))
+def warn_of_gaps(facts: Mapping[str, Any]) -> None:
+    """On the standard error, when ticks that were asked for are not in the recording with these facts."""
+    missing = int(facts.get("missing_ticks", 0))
     if missing:
-        asked = missing + len(recording.t_s)
+        asked = missing + facts["samples"]
         warn(
             [
                 f"{missing} of {asked} ticks are missing: lost on the line or dropped by the device; fit, verify and "

@@ -39,16 +39,16 @@ def log() -> None:
 @json_option
 def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
     """Record what the device does, open loop; needs no model."""
-    from phaselead.control import record_open_loop
+    from phaselead.control import record_to_file
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
     check_output(output, suffixes=RUN_SUFFIXES)
     waveforms = parse_waves(drive, axis) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
-        recording = record_open_loop(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
-    warn_of_gaps(recording)
-    emit_pairs(recording.facts() | {"output": output}, json_to)
+        facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
+    warn_of_gaps(facts)
+    emit_pairs(facts, json_to)
 
 
 @log.command()

@@ -83,6 +83,6 @@ def track(
             force=force,
             on_progress=advance,
         )
-    warn_of_gaps(run.recording)
+    warn_of_gaps(run.recording.facts())
     *parts, counted = run.tables()
     emit(run.figures, json_to, [*parts, f"{counted}; wrote {output}" if output else counted])

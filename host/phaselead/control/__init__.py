@@ -14,7 +14,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
-from phaselead.control.journal import record_open_loop, recover_run, track_to_file
+from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
 
@@ -36,6 +36,7 @@ __all__ = [
     "parse_gains",
     "path_warnings",
     "record_open_loop",
+    "record_to_file",
     "recover_run",
     "track",
     "track_to_file",

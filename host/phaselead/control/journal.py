@@ -5,33 +5,32 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from typing import Any
 
+from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
-from phaselead.control.tracking import MODES, run_recording, track
+from phaselead.control.tracking import run_recording, set_up, track
 from phaselead.device import (
     TICK_HZ,
     Capture,
     Device,
     DeviceFault,
     FrameReader,
-    decode_samples,
     device_model,
     recording_of,
     wire,
     write_run,
 )
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.model import Gains, Stage, parse_stage, stage_text
+from phaselead.model import Gains, Stage, stage_text
 from phaselead.record import (
     RUN_SUFFIXES,
+    JournalReader,
     JournalWriter,
     Recording,
     check_output,
-    read_journal,
-    write_hdf5,
+    read_hdf5,
 )
 from phaselead.waveforms import Waveform
 
@@ -60,12 +59,25 @@ class RunFile:
     @property
     def sink(self) -> Callable[[bytes], None] | None:
         """What takes the received chunks, or None when nothing is to be kept."""
-        return None if self.output is None else self._append
+        return None if self.output is None else self.received
 
-    def _append(self, chunk: bytes) -> None:
+    def received(self, chunk: bytes) -> None:
+        """Keeps a chunk as it came off the line."""
         if self._writer is None:  # only now: a command that is refused before it streams leaves nothing
             self._writer = JournalWriter(self.path, self._header)
-        self._writer.append("rx", chunk)
+        self._writer.append(RECEIVED, chunk)
+
+    def answered(self, tick: int, frame: bytes) -> None:
+        """Keeps a command and the tick before which it took effect."""
+        if self._writer is not None:
+            self._writer.append(ANSWERED, tick.to_bytes(8, "little") + frame)
+
+    def convert(self, capture: Capture) -> dict[str, Any]:
+        """Writes the finished run from its journal, drops that, and gives the facts of the recording."""
+        assert self.output is not None
+        facts = convert(self.path, self.output, capture)
+        self._remove()
+        return facts
 
     def write(self, capture: Capture, recording: Recording) -> None:
         """Writes the finished run and drops the journal, which it makes superfluous."""
@@ -92,12 +104,15 @@ class RunFile:
 
 def holds_run(journal_path: str, *, driven: bool) -> bool:
     """Whether a journal holds more than the talk before a run: paths that started or, if none drove, samples."""
-    _, entries, _ = read_journal(journal_path)
-    bodies = FrameReader().feed(b"".join(entry.payload for entry in entries if entry.kind == "rx"))
-    if not driven:
-        return any(body[0] == wire.Samples.NUMBER for body in bodies)
-    started = wire.StartRequest.NUMBER | wire.REPLY_BIT
-    return any(body[0] == started and body[wire.HEADER.size] == wire.Status.OK for body in bodies)
+    reader, started = FrameReader(), wire.StartRequest.NUMBER | wire.REPLY_BIT
+    with JournalReader(journal_path) as journal:
+        for kind, payload in journal:
+            for body in reader.feed(payload) if kind == RECEIVED else ():
+                if not driven and body[0] == wire.Samples.NUMBER:
+                    return True
+                if driven and body[0] == started and body[wire.HEADER.size] == wire.Status.OK:
+                    return True
+    return False
 
 
 @contextmanager
@@ -177,19 +192,48 @@ def track_to_file(
     return run
 
 
-def listen_to_file(
-    device: Device, axes: str, duration_s: float, *, output: str | None, on_progress: Progress | None = None
-) -> Recording:
-    """Records what the device does without driving it; written as by ``track_to_file``."""
-    ticks = round(duration_s * TICK_HZ)
-    if ticks < 1:
-        raise BadInput(f"a duration of {duration_s:g} s is shorter than one tick of 0.2 ms; use a longer one")
-    with run_file(output, device, "open", None, driven=False) as file:
+def record_to_file(
+    device: Device,
+    waveforms: Mapping[str, Waveform] | None,
+    axis: str = "x",
+    *,
+    output: str,
+    stage: Stage | None = None,
+    duration_s: float | None = None,
+    on_progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Records to ``output`` what the device does while the waveforms, in volts, are played; without any it only listens
+    on ``axis``. Gives the facts of the recording, which may be larger than the memory. Raises as ``track``.
+
+    ``stage`` has limits and calibration; it is uploaded before anything is played. ``duration_s`` is by default ten
+    periods, or 1 s when only listening.
+    """
+    if waveforms is not None:
+        rehearse(waveforms, "open", stage, {}, duration_s)
+    with run_file(output, device, "open", stage, driven=waveforms is not None) as file:
+        if waveforms is None:
+            axes, ticks = axis, listening_ticks(duration_s)
+        else:
+            axes = "".join(sorted(waveforms))
+            _, ticks = set_up(device, waveforms, "open", stage=stage, duration_s=duration_s)
         progress = None if on_progress is None else lambda done: on_progress(done / ticks)
-        capture = device.capture(ticks, axes=axes, start=False, park=False, progress=progress, sink=file.sink)
-        recording = recording_of(capture)
-        file.write(capture, recording)
-    return recording
+        drives = waveforms is not None
+        try:
+            capture = device.capture(ticks, axes=axes, start=drives, park=drives, progress=progress, spool=file)
+        except DeviceFault as fault:
+            file.convert(fault.capture)
+            raise
+        if stage is not None:
+            device.upload_if_other(device_model(stage))  # with its own slew limit again
+        return file.convert(capture)
+
+
+def listening_ticks(duration_s: float | None) -> int:
+    """How long to listen. Raises BadInput for less than a tick."""
+    seconds = LISTEN_S if duration_s is None else duration_s
+    if round(seconds * TICK_HZ) < 1:
+        raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
+    return round(seconds * TICK_HZ)
 
 
 def record_open_loop(
@@ -202,64 +246,30 @@ def record_open_loop(
     duration_s: float | None = None,
     on_progress: Progress | None = None,
 ) -> Recording:
-    """Records what the device does while the waveforms, in volts, are played; without any it only listens on ``axis``.
-
-    ``stage`` has limits and calibration; it is uploaded before anything is played. ``duration_s`` is by default ten
-    periods, or 1 s when only listening. Raises as ``track``.
-    """
-    if waveforms is None:
-        seconds = LISTEN_S if duration_s is None else duration_s
-        return listen_to_file(device, axis, seconds, output=output, on_progress=on_progress)
-    run = track_to_file(
-        device, waveforms, "open", output=output, stage=stage, duration_s=duration_s, on_progress=on_progress
-    )
-    return run.recording
+    """``record_to_file``, and the recording in memory; ``output`` None keeps it there alone."""
+    if output is not None:
+        record_to_file(
+            device, waveforms, axis, output=output, stage=stage, duration_s=duration_s, on_progress=on_progress
+        )
+        return read_hdf5(output, whole=False).recording
+    if waveforms is not None:
+        return track_to_file(
+            device, waveforms, "open", output=None, stage=stage, duration_s=duration_s, on_progress=on_progress
+        ).recording
+    ticks = listening_ticks(duration_s)
+    progress = None if on_progress is None else lambda done: on_progress(done / ticks)
+    return recording_of(device.capture(ticks, axes=axis, start=False, park=False, progress=progress))
 
 
 def recover_run(journal_path: str, output: str) -> dict[str, Any]:
     """Finishes a journal whose program died: writes what it holds to ``output`` and says what was lost.
 
-    The recording cannot be replayed (the commands sent are not in what was received), only read. The journal is
-    removed once the recording is written.
+    The recording cannot be replayed, only read. The journal is removed once the recording is written.
 
     Raises:
         BadInput: no journal, of another version, or without a single batch of samples.
     """
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal_path])
-    header, entries, torn_bytes = read_journal(journal_path)
-    if header.get("schema_fingerprint") != wire.FINGERPRINT or header.get("mode") not in MODES:
-        raise BadInput(f"{journal_path}: was written by another version of phaselead; recover it with that one")
-    reader = FrameReader()
-    received = b"".join(entry.payload for entry in entries if entry.kind == "rx")
-    samples = [body for body in reader.feed(received) if body[0] == wire.Samples.NUMBER]
-    if not samples:
-        raise BadInput(f"{journal_path}: holds no samples, there is nothing to recover; delete it")
-    recording = _recovered(header, decode_samples(samples))
-    write_hdf5(output, recording)
+    facts = convert(journal_path, output)
     os.remove(journal_path)
-    return recording.facts() | {
-        "output": output,
-        "torn_bytes": torn_bytes,
-        "damaged_frames": reader.errors,
-    }
-
-
-def _recovered(header: dict[str, Any], stream: Any) -> Recording:
-    stage = parse_stage(header["stage"], "journal") if header["stage"] else None
-    first, last = int(stream.ticks[0]), int(stream.ticks[-1])
-    capture = Capture(
-        hello=wire.HelloReply.unpack(bytes.fromhex(header["hello"])),
-        session=header["session"],
-        stream=stream,
-        first_tick=first,
-        start_tick=-1,
-        end_tick=last + 1,
-        state=b"",
-        model=device_model(stage) if stage is not None else None,
-        waves={},
-        command_log=[],
-        events=[],
-        status=wire.StatusReply.unpack(bytes(wire.StatusReply.SIZE)),
-    )
-    recording = run_recording(capture, header["mode"], stage)
-    return replace(recording, meta=recording.meta | {"ended": "broken off"})
+    return facts

@@ -101,6 +101,31 @@ def track(
             or a path that begins elsewhere than the axis stands; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
+    waveforms, ticks = set_up(device, waveforms, mode, stage=stage, gains=gains, duration_s=duration_s, force=force)
+    capture = device.capture(
+        ticks,
+        axes="".join(sorted(waveforms)),
+        progress=None if on_progress is None else lambda done: on_progress(done / ticks),
+        sink=sink,
+    )
+    if stage is not None:
+        device.upload_if_other(device_model(stage))  # with its own slew limit again
+    recording = run_recording(capture, mode, stage)
+    return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
+
+
+def set_up(
+    device: Device,
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    *,
+    stage: Stage | None = None,
+    gains: Mapping[str, Gains] | None = None,
+    duration_s: float | None = None,
+    force: bool = False,
+) -> tuple[dict[str, Waveform], int]:
+    """Gives the device its paths; the paths as they begin where the axes stand, and the ticks to run. Raises BadInput
+    as ``track``."""
     check_paths(waveforms, mode, stage)
     loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
@@ -113,16 +138,7 @@ def track(
     waveforms = {axis: from_standing(axis, waveform, standing[axis]) for axis, waveform in waveforms.items()}
     for axis, waveform in waveforms.items():
         send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks)
-    capture = device.capture(
-        ticks,
-        axes="".join(sorted(waveforms)),
-        progress=None if on_progress is None else lambda done: on_progress(done / ticks),
-        sink=sink,
-    )
-    if stage is not None:
-        device.upload_if_other(device_model(stage))  # with its own slew limit again
-    recording = run_recording(capture, mode, stage)
-    return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
+    return dict(waveforms), ticks
 
 
 def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from phaselead.device import wire
-from phaselead.device.capture import DeviceFault
+from phaselead.device.capture import DeviceFault, Spool
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.loop_test import SelfTest, check_letters, selftest
 from phaselead.device.quantities import TICK_HZ
-from phaselead.device.run_file import read_capture, recording_of, write_run
+from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.device.status import DeviceStatus
-from phaselead.device.stream import AXES, Capture, axes_of, decode_samples
+from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
 from phaselead.device.wire import Channel, Mode
 from phaselead.serial_ports import BAUD
 
@@ -28,10 +28,14 @@ __all__ = [
     "DeviceFault",
     "DeviceStatus",
     "FrameReader",
+    "Gap",
     "Mode",
     "SelfTest",
+    "Spool",
     "Standing",
+    "Stream",
     "axes_of",
+    "channels_of",
     "check_letters",
     "decode_samples",
     "device_model",
@@ -41,6 +45,7 @@ __all__ = [
     "inverse_refusal",
     "read_capture",
     "recording_of",
+    "replay_facts",
     "selftest",
     "standings",
     "wire",

@@ -5,12 +5,15 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
 
 from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.session import Pending, Refused, Session
-from phaselead.device.stream import ALL_CHANNELS, HEAD, Capture, axes_of, decode_samples, mask_of, tick_dtype
+from phaselead.device.stream import ALL_CHANNELS, HEAD, Capture, Stream, axes_of, decode_samples, mask_of, tick_dtype
 from phaselead.errors import DeviceRefused, LinkError
 
 FEED_S = 0.2
@@ -28,6 +31,16 @@ FIRST_TICK = slice(HEAD.fields["first_tick"][1], HEAD.fields["first_tick"][1] + 
 
 Progress = Callable[[int], None]
 Sink = Callable[[bytes], None]
+
+
+class Spool(Protocol):
+    """Takes a capture that may be larger than the memory, as it comes."""
+
+    def received(self, chunk: bytes) -> None:
+        """A chunk as it came off the line."""
+
+    def answered(self, tick: int, frame: bytes) -> None:
+        """A command that took effect before this tick."""
 
 
 class DeviceFault(DeviceRefused):
@@ -60,6 +73,8 @@ class Plan:
     model_crc: int = 0
     wave_axes: str = ""
     """Axes whose waveform has to be read back for a replay."""
+    spool: Spool | None = None
+    """Takes samples and commands, which the capture then does not hold."""
     start_axes: str = ""
     """Axes whose paths are started; empty: all that are streamed."""
 
@@ -113,8 +128,10 @@ class _Run:
     plan: Plan
     clock_s: float = 0.0
     next_tick: int = 0
-    seen: int = 0
-    """Batches looked at."""
+    bodies: list[bytes] = field(default_factory=list)
+    """Batches, unless a spool takes them."""
+    sample_bytes: int = 0
+    """Of all batches that have come."""
     status: wire.StatusReply | None = None
     pending: Pending | None = None
     asked_s: float = 0.0
@@ -136,11 +153,11 @@ class _Run:
         session, before = self.session, self.next_tick
         began_s = session.now_s()
         session.pump(size)
-        if self.seen < len(session.samples):
-            self.seen = len(session.samples)
+        if session.samples:
             last = session.samples[-1]
             ticks = (len(last) - HEAD.itemsize) // self.tick_size * self.plan.decimation
             self.next_tick = int.from_bytes(last[FIRST_TICK], "little") + ticks
+            self.collect()
         if self.next_tick > before:
             self.clock_s += (self.next_tick - before) / TICK_HZ
             self.silent_s = 0.0
@@ -148,6 +165,13 @@ class _Run:
             waited_s = min(session.now_s() - began_s, LONGEST_READ_S)
             self.clock_s += waited_s
             self.silent_s += waited_s
+
+    def collect(self) -> None:
+        """Takes over what the session has gathered."""
+        came, self.session.samples = self.session.samples, []
+        self.sample_bytes += sum(map(len, came)) - HEAD.itemsize * len(came)
+        if self.plan.spool is None:
+            self.bodies += came
 
     def feed(self) -> None:
         """Asks for the status when it is due or something has happened, without waiting for the answer."""
@@ -195,8 +219,8 @@ class _Run:
     def drain(self, sent: int, first_tick: int) -> None:
         """Until everything sent before the stream was stopped has come, or nothing comes any more."""
         while self.silent_s < 2 * (self.session.port.timeout or 0.0):
-            samples = self.session.samples
-            if sum(len(body) - HEAD.itemsize for body in samples) >= sent * self.tick_size:
+            self.collect()
+            if self.sample_bytes >= sent * self.tick_size:
                 return
             self.pump(max(64, self.session.in_waiting()))
 
@@ -217,6 +241,16 @@ def wait_parked(session: Session, pump_size: int = 0) -> wire.StatusReply:
     return status
 
 
+@dataclass(frozen=True)
+class _Answered:
+    """A session's log that keeps nothing."""
+
+    spool: Spool
+
+    def append(self, entry: tuple[int, bytes], /) -> None:
+        self.spool.answered(*entry)
+
+
 def capture(
     session: Session,
     hello: wire.HelloReply,
@@ -234,7 +268,8 @@ def capture(
         DeviceRefused, LinkError: as for every command.
     """
     timeout_s = session.port.timeout
-    session.samples, session.events, session.log, session.sink = [], [], [], sink
+    session.samples, session.events, session.log = [], [], []
+    session.sink = sink if plan.spool is None else plan.spool.received
     try:
         if session.virtual:
             session.port.timeout = READ_VIRTUAL_S
@@ -252,7 +287,7 @@ def capture(
 
 def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Progress | None) -> Capture:
     first = _stream_start(session, plan)
-    session.log = []
+    session.log = [] if plan.spool is None else _Answered(plan.spool)
     run = _Run(session, plan, next_tick=first.tick, damaged_before=session.reader.errors)
     state = read_region(session, wire.Region.STATE, first.state_size)
     regions = {axis: wire.Region[f"WAVE_{axis.upper()}"] for axis in plan.wave_axes}
@@ -271,7 +306,14 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     stopped = session.request(wire.StreamStopRequest())
     run.silent_s = 0.0
     run.drain(stopped.sent_ticks, first.tick)
-    stream = decode_samples(session.samples, first.tick, stopped.sent_ticks, stopped.dropped_ticks, plan.decimation)
+    run.collect()
+    rows = stopped.sent_ticks, stopped.dropped_ticks
+    if plan.spool is None:
+        stream = decode_samples(run.bodies, first.tick, *rows, plan.decimation)
+    else:
+        stream = Stream(
+            np.empty(0, np.int64), {}, plan.channels, plan.axis_mask, plan.decimation, dropped_ticks=rows[1]
+        )
     taken = Capture(
         hello=hello,
         session=session.nonce,
@@ -282,9 +324,10 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
         state=state,
         model=model,
         waves=waves,
-        command_log=session.log,
+        command_log=session.log if isinstance(session.log, list) else [],
         events=session.events,
         status=status,
+        rows_end=first.tick + sum(rows) * plan.decimation,
     )
     if status.state == wire.State.FAULT:
         raise DeviceFault(fault_text(status), taken)

@@ -18,6 +18,7 @@ from phaselead.device.capture import (
     Plan,
     Progress,
     Sink,
+    Spool,
     capture,
     fault_text,
     park_quietly,
@@ -340,13 +341,15 @@ class Device:
         model_crc: int = 0,
         progress: Progress | None = None,
         sink: Sink | None = None,
+        spool: Spool | None = None,
     ) -> Capture:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
         The stream begins first; then, if ``start``, the device is armed and the paths of ``start_axes`` (empty: of all
         ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. ``progress`` gets the
-        ticks done now and then, ``sink`` every received chunk as it is (for a journal). On Ctrl-C and on errors the
-        device is parked before the exception goes on.
+        ticks done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and
+        commands in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and
+        on errors the device is parked before the exception goes on.
 
         Raises:
             DeviceFault: a fault latched; its ``capture`` holds what was recorded.
@@ -356,7 +359,7 @@ class Device:
         for axis in axes + start_axes:
             axis_index(axis)
         waves = "".join(sorted(self._waves))
-        plan = Plan(ticks, axes, channels, decimation, start, park, model_crc, waves, start_axes)
+        plan = Plan(ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes)
         return capture(self.session, self.hello, plan, progress, sink)
 
 

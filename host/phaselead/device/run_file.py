@@ -11,6 +11,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.device import wire
 from phaselead.device.quantities import TICK_HZ, converters
@@ -57,10 +58,25 @@ def recording_of(
 
 def write_run(path: str | os.PathLike[str], capture: Capture, recording: Recording) -> None:
     """Writes recording and capture as one HDF5 file, whole or not at all."""
+    replay = replay_facts(capture) | {"command_ticks": np.array([tick for tick, _ in capture.command_log], np.int64)}
+    if capture.command_log:
+        replay["command_frames"] = [frame for _, frame in capture.command_log]
     device: dict[str, Any] = {"tick": capture.ticks}
-    for name, stream in capture.axes.items():
-        device[name] = {channel: data for channel in CHANNELS if (data := getattr(stream, channel)) is not None}
-    replay: dict[str, Any] = {
+    for place, data in channels_of(capture.stream).items():
+        axis, channel = place.split("/")
+        device.setdefault(axis, {})[channel] = data
+    write_hdf5(path, recording, device=device, replay=replay)
+
+
+def channels_of(stream: Stream) -> dict[str, NDArray[Any]]:
+    """Raw numbers by axis and channel, "x/adc"; shape (n,) each."""
+    found = ((f"{axis}/{name}", getattr(one, name)) for axis, one in stream.axes.items() for name in CHANNELS)
+    return {place: data for place, data in found if data is not None}
+
+
+def replay_facts(capture: Capture) -> dict[str, Any]:
+    """What a replay needs besides the ticks and the commands."""
+    facts: dict[str, Any] = {
         "schema_fingerprint": wire.FINGERPRINT,
         "hello": capture.hello.pack(),
         "session": f"{capture.session:016x}",
@@ -69,7 +85,6 @@ def write_run(path: str | os.PathLike[str], capture: Capture, recording: Recordi
         "end_tick": capture.end_tick,
         "state": capture.state,
         "waves": dict(capture.waves),
-        "command_ticks": np.array([tick for tick, _ in capture.command_log], np.int64),
         "channels": capture.stream.channels,
         "axis_mask": capture.stream.axis_mask,
         "decimation": capture.stream.decimation,
@@ -79,11 +94,7 @@ def write_run(path: str | os.PathLike[str], capture: Capture, recording: Recordi
         "status": capture.status.pack(),
         "events": [event.pack() for event in capture.events],
     }
-    if capture.command_log:
-        replay["command_frames"] = [frame for _, frame in capture.command_log]
-    if capture.model is not None:
-        replay["model"] = capture.model
-    write_hdf5(path, recording, device=device, replay=replay)
+    return facts | ({} if capture.model is None else {"model": capture.model})
 
 
 def read_capture(path: str | os.PathLike[str]) -> Capture:

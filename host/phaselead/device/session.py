@@ -6,7 +6,7 @@ import secrets
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import serial
 
@@ -75,6 +75,12 @@ class SessionLostError(LinkError):
     """The device no longer knows our session."""
 
 
+class Log(Protocol):
+    """What ``Session.log`` may be: a list, or what else takes entries."""
+
+    def append(self, entry: tuple[int, bytes], /) -> None: ...
+
+
 class NoReplyError(LinkError):
     """No attempt at a command was answered: whether it was carried out is not known."""
 
@@ -94,7 +100,7 @@ class Session:
     """Commands, replies and streams of one port. Not thread-safe.
 
     ``samples`` collects the bodies of sample batches, ``events`` the events, for whoever wants them.
-    ``log``, when set to a list, collects (tick of the reply, frame sent) of every command answered.
+    ``log``, when set (to a list), collects (tick of the reply, frame sent) of every command answered.
     ``sink``, when set, is given every chunk as it came off the line.
     """
 
@@ -104,7 +110,7 @@ class Session:
         self.reader = FrameReader()
         self.samples: list[bytes] = []
         self.events: list[wire.Event] = []
-        self.log: list[tuple[int, bytes]] | None = None
+        self.log: Log | None = None
         self.sink: Callable[[bytes], None] | None = None
         self.retries = 0
         self.strays = 0
@@ -292,7 +298,7 @@ class Session:
         if len(payload) < wire.REPLY_HEAD.size:
             raise wire.WireError(f"{name} reply: at least {wire.REPLY_HEAD.size} bytes expected, got {len(payload)}")
         status, tick = wire.REPLY_HEAD.unpack_from(payload)
-        if tick < pending.after_tick:  # a late copy of our hello has made it take up the session again
+        if tick < pending.after_tick and name != wire.StopRequest.NAME:  # a late copy of our hello has made it take up the session again
             raise SessionLostError(f"{name} on {self.name}: the device has restarted; run the command again")
         self._tick = max(self._tick, tick)
         if status == wire.Status.OK:

@@ -92,6 +92,8 @@ class Capture:
     events: list[wire.Event]
     status: wire.StatusReply
     """Of the end, before the stream was stopped."""
+    rows_end: int = 0
+    """First tick beyond the last row that the device took or dropped."""
 
     @property
     def ticks(self) -> NDArray[np.int64]:

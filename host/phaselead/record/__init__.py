@@ -9,9 +9,10 @@ from phaselead.record.columns import AXES, parse_column_map, parse_rate
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
-from phaselead.record.journal import JournalWriter, read_journal
+from phaselead.record.hdf5_in_parts import Hdf5Parts, hdf5_in_parts
+from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.read import read_recording, split_argument
-from phaselead.record.recording import Recording, Recordings
+from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
 
 __all__ = [
@@ -19,6 +20,9 @@ __all__ = [
     "RUN_SUFFIXES",
     "SUFFIXES",
     "AxisRecord",
+    "Entry",
+    "Hdf5Parts",
+    "JournalReader",
     "JournalWriter",
     "MapLike",
     "RecordLike",
@@ -30,9 +34,11 @@ __all__ = [
     "atomic_path",
     "check_output",
     "export",
+    "facts_of",
     "from_columns",
     "gather",
     "gather_one",
+    "hdf5_in_parts",
     "is_special",
     "parse_column_map",
     "parse_rate",

@@ -65,18 +65,19 @@ def write_hdf5(
         atomic_path(os.fspath(path), overwrite=overwrite) as temporary,
         h5py.File(temporary, "w") as file,
     ):
-        _write_attribute(file, "format", FORMAT)
-        _write_attribute(file, "version", VERSION)
-        _write_attribute(file, "rate_Hz", recording.rate_Hz)
-        _write_attribute(file, "axis", "".join(sorted(recording.axes)))
-        for name, value in recording.meta.items():
-            if name not in RESERVED:
-                _write_attribute(file, name, value)
+        write_head(file, recording.rate_Hz, "".join(sorted(recording.axes)), recording.meta)
         for name, samples in columns_of(recording.t_s, recording.axes).items():
             _write_array(file, name, np.asarray(samples, dtype=np.float64)).attrs["units"] = UNITS[name]
         for name, tree in (("device", device), ("replay", replay)):
             if tree is not None:
-                _write_tree(file.create_group(name), tree)
+                write_tree(file.create_group(name), tree)
+
+
+def write_head(file: Any, rate_Hz: float, axes: str, meta: Mapping[str, Any]) -> None:
+    """The attributes of a recording's file."""
+    head = {"format": FORMAT, "version": VERSION, "rate_Hz": rate_Hz, "axis": axes}
+    for name, value in (head | {name: value for name, value in meta.items() if name not in RESERVED}).items():
+        _write_attribute(file, name, value)
 
 
 def _write_array(group: Any, name: str, values: np.ndarray) -> Any:
@@ -105,10 +106,11 @@ def _as_list(value: object) -> object:
     raise TypeError(f"{type(value).__name__} cannot be stored in a recording")
 
 
-def _write_tree(group: Any, tree: Mapping[str, Any]) -> None:
+def write_tree(group: Any, tree: Mapping[str, Any]) -> None:
+    """A tree of dicts into a group, as ``write_hdf5`` says."""
     for name, value in tree.items():
         if isinstance(value, Mapping):
-            _write_tree(group.create_group(name), value)
+            write_tree(group.create_group(name), value)
         elif isinstance(value, np.ndarray):
             _write_array(group, name, value)
         elif isinstance(value, (bytes, bytearray)):

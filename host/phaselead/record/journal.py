@@ -13,6 +13,7 @@ import json
 import os
 import struct
 import zlib
+from collections.abc import Iterator
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -21,6 +22,8 @@ from phaselead.errors import BadInput
 MAGIC = b"phaselead-journal "
 VERSION = 1
 LARGEST_ENTRY = 2**28
+LONGEST_HEADER = 2**26
+"""Bytes. It holds a stage file."""
 _HEAD = struct.Struct("<II")
 
 
@@ -85,22 +88,75 @@ def is_journal(content: bytes) -> bool:
     return content.startswith(MAGIC)
 
 
-def read_journal(path: str | os.PathLike[str]) -> tuple[dict[str, Any], list[Entry], int]:
-    """Header, whole entries, and the number of bytes lost at the torn end (0: the journal is whole).
+class JournalReader:
+    """The header of a journal and, when iterated over, its whole entries one by one: never more than one in memory.
 
     Raises BadInput when the file is no journal, or was cut off before its header was complete.
     """
-    try:
-        with open(path, "rb") as file:
-            content = file.read()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); give a journal") from None
-    header, position = _header(content, path)
-    entries: list[Entry] = []
-    while (found := _entry(content, position)) is not None:
-        entry, position = found
-        entries.append(entry)
-    return header, entries, len(content) - position
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        try:
+            self._file = open(path, "rb")  # noqa: SIM115 - open for as long as entries are read
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be read ({error.strerror}); give a journal") from None
+        try:
+            self.size = os.fstat(self._file.fileno()).st_size
+            self.header, self.position = _header(self._file.readline(LONGEST_HEADER), path)
+        except OSError as error:
+            self.close()
+            raise BadInput(f"{path}: cannot be read ({error.strerror}); give a journal") from None
+        except BaseException:
+            self.close()
+            raise
+        self.begin = self.position
+        """Byte at which the entries begin."""
+
+    @property
+    def torn_bytes(self) -> int:
+        """Behind the last whole entry read so far; once all are read, what was lost at the torn end."""
+        return self.size - self.position
+
+    def __iter__(self) -> Iterator[Entry]:
+        self.position = self.begin
+        self._file.seek(self.begin)
+        while (entry := self._next()) is not None:
+            yield entry
+
+    def _next(self) -> Entry | None:
+        """The entry that comes next; None when it is torn or damaged."""
+        head = self._file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            return None
+        length, crc = _HEAD.unpack(head)
+        if not 2 <= length <= self.size - self.position - _HEAD.size:
+            return None
+        body = self._file.read(length)
+        kind_end = 1 + body[0] if body else 0
+        if len(body) != length or zlib.crc32(body, zlib.crc32(head[:4])) != crc or not 1 < kind_end <= length:
+            return None
+        self.position += _HEAD.size + length
+        return Entry(body[1:kind_end].decode("utf-8", "replace"), body[kind_end:])
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def read_journal(path: str | os.PathLike[str]) -> tuple[dict[str, Any], list[Entry], int]:
+    """Header, whole entries, and the number of bytes lost at the torn end (0: the journal is whole).
+
+    Raises BadInput as ``JournalReader``.
+    """
+    with JournalReader(path) as journal:
+        entries = list(journal)
+        return journal.header, entries, journal.torn_bytes
 
 
 def _header(content: bytes, path: str | os.PathLike[str]) -> tuple[dict[str, Any], int]:
@@ -122,18 +178,3 @@ def _header(content: bytes, path: str | os.PathLike[str]) -> tuple[dict[str, Any
     if not isinstance(header, dict):
         raise BadInput(f"{path}: the header of the journal is damaged; it cannot be recovered")
     return header, end + 1
-
-
-def _entry(content: bytes, position: int) -> tuple[Entry, int] | None:
-    """The entry at ``position`` and where the next begins; None when it is torn or damaged."""
-    start = position + _HEAD.size
-    if start > len(content):
-        return None
-    length, crc = _HEAD.unpack_from(content, position)
-    body = content[start : start + length]
-    if length < 2 or len(body) != length or zlib.crc32(body, zlib.crc32(content[position : position + 4])) != crc:
-        return None
-    kind_end = 1 + body[0]
-    if not 1 < kind_end <= length:
-        return None
-    return Entry(body[1:kind_end].decode("utf-8", "replace"), body[kind_end:]), start + length

@@ -69,23 +69,19 @@ class Recording(SampledResult):
 
     def facts(self) -> dict[str, Any]:
         """Length, rate, axes and ranges, and what its file says of where it came from: what ``log info`` prints."""
-        facts: dict[str, Any] = {
-            **({"source": self.source} if self.source else {}),
-            "samples": len(self.t_s),
-            "rate_Hz": round(_rate_Hz(self), 6) if len(self.t_s) > 1 else None,
-            "from_s": float(self.t_s[0]),
-            "to_s": float(self.t_s[-1]),
-            "axes": "".join(self.axes),
-        }
+        rate_Hz = _rate_Hz(self) if len(self.t_s) > 1 else None
+        ends = float(self.t_s[0]), float(self.t_s[-1])
+        facts = facts_of(len(self.t_s), rate_Hz, *ends, "".join(self.axes), self.ranges(), self.meta)
+        return ({"source": self.source} if self.source else {}) | facts
+
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value by axis, column and unit, as in "x_u_{}_V"."""
+        found = {}
         for name, axis in self.axes.items():
             for label, unit, values in (("u", "V", axis.u_V), ("x", "um", axis.x_um), ("r", "um", axis.r_um)):
                 if values is not None:
-                    facts[f"{name}_{label}_min_{unit}"] = float(np.min(values))
-                    facts[f"{name}_{label}_max_{unit}"] = float(np.max(values))
-        for key in ("target", "build_id", "mode", "dropped_ticks", "missing_ticks", "gaps", "ended"):
-            if key in self.meta:
-                facts[key] = self.meta[key]
-        return facts
+                    found[f"{name}_{label}_{{}}_{unit}"] = float(np.min(values)), float(np.max(values))
+        return found
 
     def tables(self) -> list[Table | str]:
         return [pairs_table(self.facts())]
@@ -144,6 +140,29 @@ class Recordings(Result, list[Recording]):
 
     def __repr__(self) -> str:
         return f"<{len(self)} recordings: {', '.join(self.columns['recording'])}>"
+
+
+def facts_of(
+    samples: int,
+    rate_Hz: float | None,
+    from_s: float,
+    to_s: float,
+    axes: str,
+    ranges: Mapping[str, tuple[float, float]],
+    meta: Mapping[str, Any],
+) -> dict[str, Any]:
+    """``Recording.facts`` of a recording that need not be in memory; ``ranges`` as ``Recording.ranges``."""
+    facts: dict[str, Any] = {
+        "samples": samples,
+        "rate_Hz": None if rate_Hz is None else round(rate_Hz, 6),
+        "from_s": from_s,
+        "to_s": to_s,
+        "axes": axes,
+    }
+    for name, (low, high) in ranges.items():
+        facts |= {name.format("min"): low, name.format("max"): high}
+    told = ("target", "build_id", "mode", "dropped_ticks", "missing_ticks", "gaps", "ended")
+    return facts | {key: meta[key] for key in told if key in meta}
 
 
 def _rate_Hz(recording: Recording) -> float:
