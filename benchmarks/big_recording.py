@@ -16,8 +16,8 @@ from phaselead.control import record_to_file
 from phaselead.device import TICK_HZ, Device
 from phaselead.waveforms import parse_wave
 
-LINE_BYTES_PER_S = 71_200
-"""Of one axis with every channel, frames and all."""
+LINE_BYTES_PER_S = 62_600
+"""Of one axis with every channel, as its journal keeps them: frames and all."""
 
 
 def largest_MB() -> float:

@@ -16,8 +16,8 @@ from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
-from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, selftest
-from phaselead.errors import BadInput, PhaseleadError
+from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, park_quietly, selftest
+from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
 from phaselead.result import Facts, Result, Table, pairs_table
@@ -148,9 +148,13 @@ class Controller:
             crc = int(model_crc, 16) if isinstance(model_crc, str) else model_crc
         except ValueError:
             raise BadInput(f"{model_crc!r} is no CRC; info()['model_crc'] gives the model's") from None
-        self.device.set_timeout(0)
-        self.device.arm(crc)
-        return self.device.status()
+        try:
+            self.device.set_timeout(0)
+            self.device.arm(crc)
+            return self.device.status()
+        except (KeyboardInterrupt, LinkError):
+            park_quietly(self.device.session)
+            raise
 
     def park(self) -> DeviceStatus:
         """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""

@@ -103,14 +103,15 @@ class RunFile:
 
 
 def holds_run(journal_path: str, *, driven: bool) -> bool:
-    """Whether a journal holds more than the talk before a run: paths that started or, if none drove, samples."""
-    reader, started = FrameReader(), wire.StartRequest.NUMBER | wire.REPLY_BIT
+    """Whether a journal holds more than the talk before a run: samples and, if it drove, paths that started."""
+    reader, start = FrameReader(), wire.StartRequest.NUMBER | wire.REPLY_BIT
+    sampled, started = False, not driven
     with JournalReader(journal_path) as journal:
         for kind, payload in journal:
             for body in reader.feed(payload) if kind == RECEIVED else ():
-                if not driven and body[0] == wire.Samples.NUMBER:
-                    return True
-                if driven and body[0] == started and body[wire.HEADER.size] == wire.Status.OK:
+                sampled = sampled or body[0] == wire.Samples.NUMBER
+                started = started or (body[0] == start and body[wire.HEADER.size] == wire.Status.OK)
+                if sampled and started:
                     return True
     return False
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.device import wire
-from phaselead.device.capture import DeviceFault, Spool
+from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.flash import flash_board
@@ -43,6 +43,7 @@ __all__ = [
     "flash_board",
     "from_device_model",
     "inverse_refusal",
+    "park_quietly",
     "read_capture",
     "recording_of",
     "replay_facts",
