@@ -62,15 +62,24 @@ class RunFile:
         return None if self.output is None else self.received
 
     def received(self, chunk: bytes) -> None:
-        """Keeps a chunk as it came off the line."""
-        if self._writer is None:  # only now: a command that is refused before it streams leaves nothing
-            self._writer = JournalWriter(self.path, self._header)
-        self._writer.append(RECEIVED, chunk)
+        """Keeps a chunk as it came off the line. Raises BadInput when the disk does not take it."""
+        with self._told():
+            if self._writer is None:  # only now: a command that is refused before it streams leaves nothing
+                self._writer = JournalWriter(self.path, self._header)
+            self._writer.append(RECEIVED, chunk)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise BadInput(f"{self.path}: cannot be written ({error.strerror or error}); make room") from None
 
     def answered(self, tick: int, frame: bytes) -> None:
         """Keeps a command and the tick before which it took effect."""
         if self._writer is not None:
-            self._writer.append(ANSWERED, tick.to_bytes(8, "little") + frame)
+            with self._told():
+                self._writer.append(ANSWERED, tick.to_bytes(8, "little") + frame)
 
     def convert(self, capture: Capture) -> dict[str, Any]:
         """Writes the finished run from its journal, drops that, and gives the facts of the recording."""
@@ -95,7 +104,8 @@ class RunFile:
         """After an error: how to get at what was received, or nothing when there is nothing to get at."""
         if self._writer is None:
             return ""
-        self._writer.close()
+        with suppress(OSError):  # of a disk that is full
+            self._writer.close()
         if not holds_run(self.path, driven=self._driven):
             self._remove()
             return ""

@@ -276,7 +276,9 @@ def capture(
         return _capture(session, hello, plan, progress)
     except DeviceFault:
         raise
-    except BaseException:
+    except BaseException as error:
+        if not isinstance(error, (LinkError, DeviceRefused, KeyboardInterrupt)):
+            session.sink = None  # it may be what has failed, and would fail again
         park_quietly(session)
         raise
     finally:

@@ -298,9 +298,8 @@ class Session:
         if len(payload) < wire.REPLY_HEAD.size:
             raise wire.WireError(f"{name} reply: at least {wire.REPLY_HEAD.size} bytes expected, got {len(payload)}")
         status, tick = wire.REPLY_HEAD.unpack_from(payload)
-        if (
-            tick < pending.after_tick and name != wire.StopRequest.NAME
-        ):  # a late copy of our hello has made it take up the session again
+        if tick < pending.after_tick and name != wire.StopRequest.NAME:
+            # A late copy of our hello has made a fresh device take up the session again.
             raise SessionLostError(f"{name} on {self.name}: the device has restarted; run the command again")
         self._tick = max(self._tick, tick)
         if status == wire.Status.OK:

@@ -8,8 +8,8 @@ from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, parse_column_map, parse_rate
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
+from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
-from phaselead.record.hdf5_in_parts import Hdf5Parts, hdf5_in_parts
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.read import read_recording, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of

@@ -28,6 +28,7 @@ from phaselead.record.atomic import atomic_path
 from phaselead.record.axis_record import Samples
 from phaselead.record.checks import require_finite, require_uniform
 from phaselead.record.columns import UNITS, axes_of, columns_of
+from phaselead.record.deferred import new_hdf5
 from phaselead.record.recording import Recording
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -59,12 +60,7 @@ def write_hdf5(
     ``device`` and ``replay`` are trees of dicts; leaves may be numeric arrays, bytes, lists of bytes, text,
     numbers, and anything JSON can say. ``read_hdf5`` gives them back equal.
     """
-    import h5py
-
-    with (
-        atomic_path(os.fspath(path), overwrite=overwrite) as temporary,
-        h5py.File(temporary, "w") as file,
-    ):
+    with atomic_path(os.fspath(path), overwrite=overwrite) as temporary, new_hdf5(temporary) as (file, _):
         write_head(file, recording.rate_Hz, "".join(sorted(recording.axes)), recording.meta)
         for name, samples in columns_of(recording.t_s, recording.axes).items():
             _write_array(file, name, np.asarray(samples, dtype=np.float64)).attrs["units"] = UNITS[name]

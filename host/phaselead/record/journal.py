@@ -48,7 +48,12 @@ class JournalWriter:
             ) from None
         except OSError as error:
             raise BadInput(f"{path}: cannot be written ({error.strerror}); give a writable place") from None
-        self._write(line)
+        try:
+            self._write(line)
+        except BaseException:
+            self._file.close()
+            os.remove(path)
+            raise
 
     def append(self, kind: str, payload: bytes) -> None:
         """Add one entry. After it returns the entry survives the death of this process."""
@@ -71,8 +76,10 @@ class JournalWriter:
     def close(self) -> None:
         """Sync and close; closing twice is harmless."""
         if not self._file.closed:
-            self.sync()
-            self._file.close()
+            try:
+                self.sync()
+            finally:
+                self._file.close()
 
     def __enter__(self) -> Self:
         return self

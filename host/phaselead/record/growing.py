@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from phaselead.record.atomic import atomic_path
 from phaselead.record.columns import UNITS, columns_of
+from phaselead.record.deferred import DeferredErrors, new_hdf5
 from phaselead.record.hdf5 import write_head, write_tree
 from phaselead.record.recording import Recording
 
@@ -22,8 +23,8 @@ ROWS = 1 << 16
 class Hdf5Parts:
     """The file under construction; ``hdf5_in_parts`` opens one."""
 
-    def __init__(self, file: Any) -> None:
-        self._file = file
+    def __init__(self, file: Any, through: DeferredErrors) -> None:
+        self._file, self._through = file, through
         self._waiting: dict[str, list[NDArray[Any]]] = {}
         self._rows: dict[str, int] = {}
         """That wait, by data set."""
@@ -54,6 +55,7 @@ class Hdf5Parts:
         data.resize(len(data) + rows, axis=0)
         data[len(data) - rows :] = np.concatenate(self._waiting[name])
         self._waiting[name], self._rows[name] = [], 0
+        self._through.raise_error()
 
     def append_rows(self, part: Recording) -> None:
         """Adds the columns of a recording, time and all."""
@@ -72,7 +74,5 @@ class Hdf5Parts:
 @contextmanager
 def hdf5_in_parts(path: str | os.PathLike[str], *, overwrite: bool = True) -> Iterator[Hdf5Parts]:
     """A file that appears under its name once the block ends without an error, whole; raises as ``write_hdf5``."""
-    import h5py
-
-    with atomic_path(os.fspath(path), overwrite=overwrite) as temporary, h5py.File(temporary, "w") as file:
-        yield Hdf5Parts(file)
+    with atomic_path(os.fspath(path), overwrite=overwrite) as temporary, new_hdf5(temporary) as (file, through):
+        yield Hdf5Parts(file, through)
