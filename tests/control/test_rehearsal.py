@@ -55,7 +55,7 @@ def test_nothing_is_said_where_nothing_is_known():
 
 
 def test_refused_means_not_moved_and_force_goes_on():
-    path = {"x": parse_wave("sine:60um@300Hz")}
+    path = {"x": parse_wave("triangle:200um@100Hz")}
     with Device.open("sim://xyz250") as device:
         with pytest.raises(BadInput):
             track_to_file(device, path, "inverse+pid", output=None, stage=STAGE, gains=GAINS)
