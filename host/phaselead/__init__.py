@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         verify,
         write_report,
     )
-    from phaselead.control import Controller, Loop, Run, connect
+    from phaselead.control import Controller, Learned, Loop, Run, connect
     from phaselead.device import DeviceFault
     from phaselead.errors import BadInput, DeviceRefused, LinkError, PhaseleadError
     from phaselead.gap import GapResult
@@ -60,6 +60,7 @@ __all__ = [
     "FitResult",
     "Gains",
     "GapResult",
+    "Learned",
     "LinkError",
     "Loop",
     "PhaseleadError",
@@ -92,7 +93,7 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "control": ("Controller", "Loop", "Run", "connect"),
+    "control": ("Controller", "Learned", "Loop", "Run", "connect"),
     "device": ("DeviceFault",),
     "errors": ("BadInput", "DeviceRefused", "LinkError", "PhaseleadError"),
     "gap": ("GapResult",),

@@ -25,6 +25,7 @@ COUNTERPARTS = {
     "predict": "predict",
     "upload": "Controller.upload",
     "track": "Controller.track",
+    "learn": "Controller.learn",
     "arm": "Controller.arm",
     "park": "Controller.park",
     "stop": "stop",

@@ -18,7 +18,17 @@ from phaselead.cli.common import (
     warn_of_gaps,
 )
 from phaselead.cli.listing import top_level
-from phaselead.control import MODES, loop_warnings, parse_gains, path_warnings, track_to_file
+from phaselead.control import (
+    FOLLOWS,
+    MODES,
+    Follows,
+    learn,
+    load_learned,
+    loop_warnings,
+    parse_gains,
+    path_warnings,
+    track_to_file,
+)
 from phaselead.device import Device
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
@@ -31,17 +41,37 @@ def names_every_kind(command: Callable[..., None]) -> Callable[..., None]:
     return command
 
 
+follows_option = click.option(
+    "--track",
+    "follows",
+    type=click.Choice(FOLLOWS),
+    default="true",
+    show_default=True,
+    help="What follows a periodic path: the stage itself, where the model has its sensor's lag, or what that shows.",
+)
+
+
+gains_option = click.option(
+    "--gains",
+    metavar="paper|KP,KI,KD",
+    help="V/um, V/(um s), V s/um; default: the stage file's, else designed for it; without one: paper.",
+)
+
+
 @top_level(order=70)
 @click.command()
 @click.argument("wave", metavar="WAVE")
 @port_option
 @click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
-@click.option("--mode", type=click.Choice(MODES), default="ff+pid", show_default=True)
 @click.option(
-    "--gains",
-    metavar="paper|KP,KI,KD",
-    help="V/um, V/(um s), V s/um; default: the stage file's, else designed for it; without one: paper.",
+    "--mode",
+    type=click.Choice(MODES),
+    help="Default: ff+pid; with --learn inverse+pid, with --learned the table's.",
 )
+@gains_option
+@follows_option
+@click.option("--learn", "trials", type=click.IntRange(min=1), metavar="N", help="Learn it first, in up to N trials.")
+@click.option("--learned", "table", metavar="LEARNED.h5", help="Play what phaselead learn wrote of this path.")
 @force_option
 @duration_option("ten periods, or a move and a second")
 @click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
@@ -52,8 +82,11 @@ def track(
     wave: str,
     port: str,
     model_path: str | None,
-    mode: str,
+    mode: str | None,
     gains: str | None,
+    follows: Follows,
+    trials: int | None,
+    table: str | None,
     force: bool,
     duration: float | None,
     output: str | None,
@@ -66,23 +99,46 @@ def track(
     output goes to 20 um first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
     peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path] if model_path else [])
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[path for path in (model_path, table) if path])
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
+    known = load_learned(table) if table else None
+    if known is not None:
+        mode, axis_gains = mode or known.mode, axis_gains if gains else known.gains()
+        waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
+    mode = mode or ("inverse+pid" if trials else "ff+pid")
     warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
-    with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
-        run = track_to_file(
-            device,
-            waveforms,
-            mode,
-            output=output,
-            stage=stage,
-            gains=axis_gains,
-            duration_s=duration,
-            force=force,
-            on_progress=advance,
-        )
+    with Device.open(port) as device:
+        if trials is not None:
+            with progress(f"learning {wave}", 1.0) as advance:
+                known = learn(
+                    device,
+                    waveforms,
+                    mode,
+                    stage=stage,
+                    gains=axis_gains,
+                    trials=trials,
+                    follows=follows,
+                    force=force,
+                    on_progress=advance,
+                )
+            waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
+        with progress(f"tracking {wave}", 1.0) as advance:
+            run = track_to_file(
+                device,
+                waveforms,
+                mode,
+                output=output,
+                stage=stage,
+                gains=axis_gains,
+                duration_s=duration,
+                force=force,
+                follows=follows,
+                on_progress=advance,
+            )
     warn_of_gaps(run.recording.facts())
     *parts, counted = run.tables()
-    emit(run.figures, json_to, [*parts, f"{counted}; wrote {output}" if output else counted])
+    trial_tables = known.tables() if known is not None and trials else []
+    learned = {"learned": known.as_dict()} if known is not None else {}
+    emit(run.figures | learned, json_to, [*trial_tables, *parts, f"{counted}; wrote {output}" if output else counted])

@@ -15,14 +15,19 @@ from phaselead.control.gains import (
     with_gains,
 )
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
+from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.run import Run
 from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
+from phaselead.control.true_position import FOLLOWS, Follows
 
 __all__ = [
+    "FOLLOWS",
     "MODES",
     "PAPER_GAINS",
     "Controller",
+    "Follows",
     "GainsLike",
+    "Learned",
     "Loop",
     "Run",
     "TrackingError",
@@ -30,6 +35,8 @@ __all__ = [
     "connect",
     "describe_gains",
     "gains_of",
+    "learn",
+    "load_learned",
     "loop_of",
     "loop_warnings",
     "own_loop_warnings",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from phaselead.device import LARGEST_STEP
 from phaselead.errors import BadInput
 from phaselead.model import Stage, small_signal
-from phaselead.waveforms import Sine, Waveform
+from phaselead.waveforms import Waveform
 
 ROOM = 2.0
 """Times the steepest voltage of the path itself: feedback is not to meet the limit while it follows."""
@@ -36,7 +36,7 @@ def with_gentle_approach(stage: Stage, waveforms: Mapping[str, Waveform]) -> Sta
 
 def approach_slew_V_per_s(stage: Stage | None, axis: str, waveform: Waveform) -> float | None:
     """The rate of the approach, V/s; None where the stage's slew limit stays."""
-    if stage is None or axis not in stage.axes or not jumps(waveform) or not isinstance(waveform, Sine):
+    if stage is None or axis not in stage.axes or not jumps(waveform) or waveform.has_corners:
         return None
     limits = stage.axes[axis].limits
     try:

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any, Self
 from phaselead import interrupt
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.journal import record_open_loop, track_to_file
+from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
+from phaselead.control.true_position import Follows
 from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, park_quietly, selftest
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
@@ -236,7 +238,7 @@ class Controller:
         self,
         wave: WavesLike | None = None,
         *,
-        mode: str = "ff+pid",
+        mode: str | None = None,
         axis: str = "x",
         x: WaveLike | None = None,
         y: WaveLike | None = None,
@@ -244,6 +246,8 @@ class Controller:
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
         duration: float | None = None,
+        follows: Follows = "true",
+        learned: Learned | str | os.PathLike[str] | None = None,
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
         on_progress: Progress | None = None,
@@ -254,11 +258,14 @@ class Controller:
         open; amplitudes are peak-to-peak. It is for ``axis``; several axes run together as ``track(x="...", y="...")``
         or ``track({"x": "...", "y": "..."})``.
 
-        ``mode``: open, pid, ff, ff+pid, inverse, inverse+pid. ``model``: default is the one last uploaded; one that the
-        device does not hold is uploaded. ``gains``: "paper", (KP, KI, KD) in V/um, V/(um s), V s/um, or these by axis;
+        ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
+        uploaded; one that the device does not hold is uploaded. ``gains``: "paper", (KP, KI, KD) in V/um, V/(um s),
+        V s/um, or these by axis;
         default the model's own, else those designed for it, without a model the paper's. Where the model's loop has a
         peak sensitivity above 3 it warns, above 6 it refuses unless ``force``. ``duration`` in s; default ten periods,
-        or a move and a second.
+        or a move and a second. ``follows``: "true", where the model says by how much the sensor is late, makes the
+        stage itself follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or
+        its file: played with its mode and gains, and refused for another model or path.
         ``output`` (.h5) keeps the run on disk from the first tick on.
 
         The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
@@ -266,9 +273,14 @@ class Controller:
         recorded) when the device latches a fault.
         """
         waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
+        known = load_learned(learned) if isinstance(learned, str | os.PathLike) else learned
+        mode = mode or ("ff+pid" if known is None else known.mode)
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
+        if known is not None:
+            chosen = chosen if gains is not None else known.gains()
+            waveforms = known.waveforms(waveforms, stage, mode, chosen)
         for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
             warnings.warn(line, stacklevel=2)
         run = track_to_file(
@@ -280,9 +292,50 @@ class Controller:
             gains=chosen,
             duration_s=duration,
             force=force,
+            follows=follows,
             on_progress=on_progress,
         )
         return replace(run, recording=_named(run.recording, path or _text(wave, x, y, z)))
+
+    def learn(
+        self,
+        wave: WavesLike | None = None,
+        *,
+        mode: str = "inverse+pid",
+        axis: str = "x",
+        x: WaveLike | None = None,
+        y: WaveLike | None = None,
+        z: WaveLike | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        trials: int = 10,
+        follows: Follows = "true",
+        force: bool = False,
+        on_progress: Progress | None = None,
+    ) -> Learned:
+        """Drives along a periodic path up to ``trials`` times, each time corrected by the error that repeats; keeps the
+        best. Give the result to ``track(learned=...)``, or ``save`` it.
+
+        Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
+        as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
+        Raises BadInput as ``track`` does, and for a move.
+        """
+        waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
+        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
+        chosen = {name: gains_of(gains, stage, name) for name in waveforms}
+        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
+            warnings.warn(line, stacklevel=2)
+        return learn(
+            self.device,
+            waveforms,
+            mode,
+            stage=stage,
+            gains=chosen,
+            trials=trials,
+            follows=follows,
+            force=force,
+            on_progress=on_progress,
+        )
 
     def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
         """The model last uploaded, but for axes that it lacks in modes that do without one."""

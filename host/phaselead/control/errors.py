@@ -11,7 +11,7 @@ from phaselead.record import Samples
 
 @dataclass(frozen=True)
 class TrackingError:
-    """Errors over a stretch of a run; percentages are of the reference's peak-to-peak."""
+    """Errors over a stretch of a run; percentages are of the peak-to-peak that was asked for."""
 
     max_um: float
     rms_um: float
@@ -23,10 +23,11 @@ class TrackingError:
         return asdict(self)
 
 
-def tracking_error(r_um: Samples, x_um: Samples) -> TrackingError:
-    """Error figures of reference and position, both of shape (n,), n >= 1."""
+def tracking_error(r_um: Samples, x_um: Samples, asked_um: Samples | None = None) -> TrackingError:
+    """Error figures of reference and position, both of shape (n,), n >= 1; percentages are of the path ``asked_um``
+    where that is not the reference."""
     error_um = r_um - x_um
-    range_um = float(np.ptp(r_um))
+    range_um = float(np.ptp(r_um if asked_um is None else asked_um))
     max_um = float(np.max(np.abs(error_um)))
     return TrackingError(
         max_um=max_um,

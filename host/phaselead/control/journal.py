@@ -11,6 +11,7 @@ from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
 from phaselead.control.tracking import run_recording, set_up, track
+from phaselead.control.true_position import Follows, followed
 from phaselead.device import (
     TICK_HZ,
     Capture,
@@ -174,13 +175,15 @@ def track_to_file(
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
     force: bool = False,
+    follows: Follows = "measured",
     on_progress: Progress | None = None,
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
 
     A run that ends in a fault is written too. One that does so on the model is refused before anything moves
-    (``rehearse``), unless ``force``.
+    (``rehearse``), unless ``force``. ``follows``: which position is to follow a path in micrometres.
     """
+    waveforms = followed(waveforms, stage, follows)
     if not force:
         rehearse(waveforms, mode, stage, gains or {}, duration_s)
     with run_file(output, device, mode, stage, driven=True) as file:

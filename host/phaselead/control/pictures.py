@@ -1,6 +1,8 @@
-"""The figures of a tracking run and of a loop."""
+"""The figures of a tracking run, of a loop and of what was learned."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -44,4 +46,24 @@ def loop_figure(
             axes.axhline(1.0, color=GREY, linewidth=0.8)
             axes.set(title=name, xlabel="frequency (Hz)")
         axes.legend()
+        return figure
+
+
+def learning_figure(
+    errors_pct: Mapping[str, Mapping[str, Samples]], kept: int, added_um: Mapping[str, Samples]
+) -> Figure:
+    """By axis: named errors (k,) against trial, of which ``kept`` is marked, and what is added to one period (n,)."""
+    with figure_style():
+        figure = new_figure(9.4, 3.6)
+        errors, added = figure.subplots(1, 2)
+        for axis, named in errors_pct.items():
+            for (name, values), style in zip(named.items(), ("o-", "s--", "^:"), strict=False):
+                errors.semilogy(values, style, color=AXIS_COLOURS[axis], label=f"{axis}, {name}")
+        for axis, values in added_um.items():
+            turns = np.arange(len(values)) / len(values)
+            added.plot(turns, 1000 * values, color=AXIS_COLOURS[axis], linewidth=1.0)
+        errors.axvline(kept, color=GREY, linewidth=0.8)
+        errors.set(xlabel="trial", ylabel="error (% of the swing)")
+        errors.legend()
+        added.set(xlabel="period", ylabel="played − asked (nm)")
         return figure

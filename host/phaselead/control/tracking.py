@@ -11,6 +11,7 @@ from phaselead.control.approach import approach_slew_V_per_s, jumps, with_gentle
 from phaselead.control.errors import tracking_error
 from phaselead.control.gains import check_loop
 from phaselead.control.run import Run
+from phaselead.control.true_position import TruePositions
 from phaselead.device import (
     LARGEST_STEP,
     TICK_HZ,
@@ -25,7 +26,7 @@ from phaselead.device import (
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
-from phaselead.waveforms import POINTS, Waveform, refuse_out_of_range
+from phaselead.waveforms import POINTS, Replaced, Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
 USES_TABLES = ("ff", "ff+pid")
@@ -102,6 +103,7 @@ def track(
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
     waveforms, ticks = set_up(device, waveforms, mode, stage=stage, gains=gains, duration_s=duration_s, force=force)
+    true = TruePositions(device, ticks)
     capture = device.capture(
         ticks,
         axes="".join(sorted(waveforms)),
@@ -111,7 +113,8 @@ def track(
     if stage is not None:
         device.upload_if_other(device_model(stage))  # with its own slew limit again
     recording = run_recording(capture, mode, stage)
-    return Run(recording, capture, run_figures(recording, capture, waveforms, mode))
+    true_um = true.of(recording, capture)
+    return Run(recording, capture, run_figures(recording, capture, waveforms, mode, true_um), true_um)
 
 
 def set_up(
@@ -225,21 +228,34 @@ def from_standing(axis: str, waveform: Waveform, standing: Standing) -> Waveform
     )
 
 
-def run_figures(recording: Recording, capture: Capture, waveforms: Mapping[str, Waveform], mode: str) -> dict[str, Any]:
+def run_figures(
+    recording: Recording,
+    capture: Capture,
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    true_um: Mapping[str, Samples] | None = None,
+) -> dict[str, Any]:
     """Figures of a run: flat for one axis, under "axes" for several."""
     common = {"mode": mode, "ticks": len(recording.t_s), "dropped": capture.missing}
-    per_axis = {axis: axis_figures(recording, axis, waveforms[axis], mode) for axis in waveforms}
+    per_axis = {
+        axis: axis_figures(recording, axis, waveform, mode, (true_um or {}).get(axis))
+        for axis, waveform in waveforms.items()
+    }
     if len(per_axis) == 1:
         return common | next(iter(per_axis.values()))
     return common | {"axes": per_axis}
 
 
-def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str) -> dict[str, Any]:
+def axis_figures(
+    recording: Recording, axis: str, waveform: Waveform, mode: str, true_um: Samples | None = None
+) -> dict[str, Any]:
     """Error over the last four periods (a move: the whole record), and from rest: over every sample.
 
-    Judged is the path that was asked for, also where the device plays it in points. In mode open there is no
-    reference: the error figures are null and the measured range stands beside them. The way to a written offset is no
-    part of the path: from rest is then from where the path was reached, after ``approach_s``.
+    Judged is the path that was asked for, also where the device plays it in points; where the true position follows
+    it, as a sensor with the lag of the model's (``sensor_lag_s``) would show it. ``true``: the path against where a
+    virtual stage truly is. In mode open there is no reference: the error figures are null and the measured range
+    stands beside them. The way to a written offset is no part of the path: from rest is then from where the path was
+    reached, after ``approach_s``.
     """
     record = recording.axes[axis]
     assert record.x_um is not None
@@ -248,13 +264,25 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
         nothing: dict[str, Any] = dict.fromkeys(names)
         return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
     judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
-    meant_um = waveform.value(recording.t_s) if waveform.unplayed else record.r_um
-    steady = tracking_error(meant_um[judged], record.x_um[judged])
+    meant_um = waveform.value(recording.t_s) if waveform.judged_apart else record.r_um
+    asked_um = waveform.as_asked.value(recording.t_s) if waveform.judged_apart else meant_um
+    steady = tracking_error(meant_um[judged], record.x_um[judged], asked_um[judged])
     begun = arrival(meant_um, record.x_um) if waveform.goes_to_start else 0
-    whole = tracking_error(meant_um[begun:], record.x_um[begun:])
+    whole = tracking_error(meant_um[begun:], record.x_um[begun:], asked_um[begun:])
     approach = {"approach_s": begun / TICK_HZ} if waveform.goes_to_start else {}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
-    return steady.as_dict() | unplayed | approach | {"from_rest": whole.as_dict()}
+    lag = {"sensor_lag_s": waveform.lag_s} if isinstance(waveform, Replaced) and waveform.lag_s > 0 else {}
+    true = {} if true_um is None else {"true": _true_figures(recording.t_s, true_um, waveform, record.r_um, begun)}
+    return steady.as_dict() | unplayed | lag | approach | {"from_rest": whole.as_dict()} | true
+
+
+def _true_figures(t_s: Samples, true_um: Samples, waveform: Waveform, r_um: Samples, begun: int) -> dict[str, Any]:
+    """The path as the user wrote it against the true position (n,)."""
+    asked = waveform.as_asked
+    asked_um = asked.value(t_s) if asked.periodic else r_um
+    judged = waveform.judged_rows(len(true_um), TICK_HZ)
+    from_rest = tracking_error(asked_um[begun:], true_um[begun:]).as_dict()
+    return tracking_error(asked_um[judged], true_um[judged]).as_dict() | {"from_rest": from_rest}
 
 
 def arrival(r_um: Samples, x_um: Samples) -> int:

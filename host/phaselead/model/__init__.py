@@ -56,6 +56,7 @@ from phaselead.model.operator import (
 )
 from phaselead.model.prediction import predict
 from phaselead.model.sections import TICK_S, Section
+from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_argument import StageLike, as_stage
 from phaselead.model.stage_file import (
     Stage,
@@ -132,6 +133,7 @@ __all__ = [
     "rest_position_um",
     "save_stage",
     "second_order_residual",
+    "sensor_lag_s",
     "shares",
     "simulate",
     "small_signal",

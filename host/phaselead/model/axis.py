@@ -49,7 +49,7 @@ class Sensor(Part):
     x_max_um: Number = Field(270.0, description="position one past the highest code, um")
     bits: Bits = Field(16, description="resolution of the converter, bits")
     noise_um_rms: NotNegative = Field(0.01, description="noise, um rms")
-    bandwidth_Hz: Positive = Field(10000.0, description="bandwidth, Hz")
+    bandwidth_Hz: Positive | None = Field(None, description="bandwidth (-3 dB, first order), Hz; left out: not known")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -6,6 +6,7 @@ from phaselead.report import figures
 from phaselead.report.campaign import write_campaign_report
 from phaselead.report.demo import DemoResults, HeldOut, tracked, write_demo_report
 from phaselead.report.gap import gap_page
+from phaselead.report.learning import write_learning_report
 from phaselead.report.page import save_png
 
 __all__ = [
@@ -17,4 +18,5 @@ __all__ = [
     "tracked",
     "write_campaign_report",
     "write_demo_report",
+    "write_learning_report",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves
 from phaselead.waveforms.goto import SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
+from phaselead.waveforms.replaced import Replaced
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
 from phaselead.waveforms.waveform import JUDGED_PERIODS, POINTS, Periodic, Sampled, Waveform
@@ -15,6 +16,7 @@ __all__ = [
     "SETTLE_S",
     "Goto",
     "Periodic",
+    "Replaced",
     "Sampled",
     "Sine",
     "Triangle",

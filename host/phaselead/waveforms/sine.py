@@ -30,5 +30,9 @@ class Sine(Periodic):
         return self.shape(turns)
 
     @property
+    def has_corners(self) -> bool:
+        return False
+
+    @property
     def steepest_share(self) -> float:
         return math.pi

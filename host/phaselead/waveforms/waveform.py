@@ -78,6 +78,21 @@ class Waveform(ABC):
         return 0.0
 
     @property
+    def as_asked(self) -> Waveform:
+        """The path that a user asked for: this one, unless it is played in place of another."""
+        return self
+
+    @property
+    def judged_apart(self) -> bool:
+        """Whether a run is judged by ``value`` and not by what the device played."""
+        return self.unplayed > 0
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether it needs more than the rate of its steepest part: not where it is smooth."""
+        return True
+
+    @property
     def path_s(self) -> float | None:
         """How long the path takes; None: as long as it is driven."""
         return None

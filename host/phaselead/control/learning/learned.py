@@ -1,0 +1,232 @@
+"""What was learned of a path: the points to play in its place, for which model and mode, and how the trials went."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phaselead.control.true_position import FOLLOWS, Follows
+from phaselead.errors import BadInput
+from phaselead.model import Gains, Stage
+from phaselead.record import Samples, atomic_path
+from phaselead.result import Result, Table
+from phaselead.waveforms import POINTS, Replaced, Waveform
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT, VERSION = "phaselead-learned", 1
+SAME_um = 1e-4
+"""Paths that differ by less are one: a fortieth of a converter's code."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One drive along the path. ``kept``: the error was smaller than in every trial before it."""
+
+    number: int
+    kept: bool
+    learned_lines: int
+    probed_lines: int
+    max_um: dict[str, float]
+    rms_um: dict[str, float]
+    true_max_um: dict[str, float] | None = None
+    """Of the true position, where a virtual stage tells it."""
+
+
+@dataclass(frozen=True)
+class LearnedPath:
+    """Of one axis: one period as asked and as played, um, shape (1024,)."""
+
+    f_Hz: float
+    wanted_um: Samples
+    played_um: Samples
+    lag_s: float
+    trial_s: float
+    gains: Gains | None
+
+
+@dataclass(frozen=True, repr=False)
+class Learned(Result):
+    """The outcome of ``phaselead learn``: of all trials the best.
+
+    It is for one model (``stage_sha256``), mode and path, and ``waveforms`` refuses every other.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     uploaded = dev.upload(pl.fit(dev.record("sine:5V@5Hz", duration=1)))
+    ...     learned = dev.learn("sine:40um@5Hz", trials=2)
+    ...     run = dev.track("sine:40um@5Hz", learned=learned)
+    >>> learned.best.rms_um["x"] < learned.trials[0].rms_um["x"], run.mode
+    (True, 'inverse+pid')
+    """
+
+    stage_sha256: str
+    mode: str
+    follows: Follows
+    paths: dict[str, LearnedPath]
+    trials: tuple[Trial, ...]
+    reason: str
+    """Why it ended."""
+
+    @property
+    def best(self) -> Trial:
+        """The trial whose points these are."""
+        return [trial for trial in self.trials if trial.kept][-1]
+
+    def gains(self) -> dict[str, Gains]:
+        """Those it was learned with, by axis; empty without feedback."""
+        return {axis: path.gains for axis, path in self.paths.items() if path.gains is not None}
+
+    def waveforms(
+        self, wanted: Mapping[str, Waveform], stage: Stage | None, mode: str, gains: Mapping[str, Gains]
+    ) -> dict[str, Waveform]:
+        """The paths with what was learned in place of them.
+
+        Raises BadInput where it was learned for another model, mode, gains, axis or path.
+        """
+        if stage is None:
+            raise BadInput("a learned table needs the model it was learned with: --model STAGE.toml")
+        if stage.sha256 != self.stage_sha256:
+            raise BadInput(
+                f"the learned table is for another model ({self.stage_sha256[:12]}, this one is {stage.sha256[:12]}); "
+                "learn again with this one (phaselead learn), or give the model it was learned with"
+            )
+        if mode != self.mode:
+            raise BadInput(f"the learned table is for mode {self.mode}, not {mode}; give --mode {self.mode}")
+        for axis, own in self.gains().items():
+            if axis in gains and gains[axis].model_dump(exclude={"origin"}) != own.model_dump(exclude={"origin"}):
+                written = f"{own.kp_V_per_um:g},{own.ki_V_per_um_s:g},{own.kd_V_s_per_um:g}"
+                raise BadInput(
+                    f"{axis}: the learned table is for the gains {written}; leave out --gains, or learn again"
+                )
+        if set(wanted) != set(self.paths):
+            has, asked = ("".join(sorted(axes)) for axes in (self.paths, wanted))
+            raise BadInput(f"the learned table is for {has}, the path for {asked}; learn the path that is to be driven")
+        return {axis: self._replaced(axis, waveform) for axis, waveform in wanted.items()}
+
+    def _replaced(self, axis: str, wanted: Waveform) -> Replaced:
+        known = self.paths[axis]
+        same = wanted.periodic and wanted.unit == "um" and math.isclose(wanted.f_Hz, known.f_Hz, rel_tol=1e-9)
+        if not same or np.abs(one_period(wanted) - known.wanted_um).max() > SAME_um:
+            swing = float(np.ptp(known.wanted_um))
+            raise BadInput(
+                f"{axis}: the learned table is for another path ({swing:.4g} um at {known.f_Hz:.6g} Hz); "
+                "learn this one (phaselead learn), or drive that one"
+            )
+        return Replaced.of(wanted, known.played_um, lag_s=known.lag_s, trial_s=known.trial_s)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures that ``phaselead learn`` prints."""
+        best = asdict(self.best)
+        return {
+            "mode": self.mode,
+            "follows": self.follows,
+            "reason": self.reason,
+            "best": best,
+            "trials": [asdict(trial) for trial in self.trials],
+            "swing_um": {axis: float(np.ptp(path.wanted_um)) for axis, path in self.paths.items()},
+        }
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One row a trial and axis."""
+        rows = [(trial, axis) for trial in self.trials for axis in self.paths]
+        return {
+            "trial": [trial.number for trial, _ in rows],
+            "axis": [axis for _, axis in rows],
+            "kept": [trial.kept for trial, _ in rows],
+            "max_um": [trial.max_um[axis] for trial, axis in rows],
+            "rms_um": [trial.rms_um[axis] for trial, axis in rows],
+        }
+
+    def tables(self) -> list[Table | str]:
+        headings = ("trial", "axis", "max (µm)", "max (%)", "rms (µm)", "lines", "")
+        rows = []
+        for trial in self.trials:
+            for axis, path in self.paths.items():
+                largest, rms = trial.max_um[axis], trial.rms_um[axis]
+                lines = f"{trial.learned_lines}" + (f" + {trial.probed_lines} probed" if trial.probed_lines else "")
+                share = 100 * largest / float(np.ptp(path.wanted_um))
+                said = "" if trial.kept else "not kept"
+                rows.append((str(trial.number), axis, f"{largest:.4g}", f"{share:.3f}", f"{rms:.4g}", lines, said))
+        position = "true position follows" if self.follows == "true" else "measured position follows"
+        return [Table(headings, tuple(rows), f"mode {self.mode}, {position}"), self.reason]
+
+    def plot(self) -> Figure:
+        """Error against trial, and what is added to the path."""
+        from phaselead.control.pictures import learning_figure  # matplotlib is slow to load and is needed here only
+
+        errors: dict[str, dict[str, Samples]] = {}
+        for axis, path in self.paths.items():
+            percent = 100 / float(np.ptp(path.wanted_um))
+            of_axis = [("max", [t.max_um[axis] for t in self.trials]), ("rms", [t.rms_um[axis] for t in self.trials])]
+            true = [t.true_max_um[axis] for t in self.trials if t.true_max_um is not None]
+            shown = [*of_axis, ("max of the true position", true)] if true else of_axis
+            errors[axis] = {name: percent * np.array(values) for name, values in shown}
+        added = {axis: path.played_um - path.wanted_um for axis, path in self.paths.items()}
+        return learning_figure(errors, self.best.number, added)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+        """Writes the table as HDF5, whole or not at all."""
+        import h5py  # slow to load, needed here only
+
+        with atomic_path(os.fspath(path), overwrite=overwrite) as temporary, h5py.File(temporary, "w") as file:
+            file.attrs.update(format=FORMAT, version=VERSION, stage_sha256=self.stage_sha256, mode=self.mode)
+            file.attrs.update(follows=self.follows, reason=self.reason)
+            file.attrs["trials"] = json.dumps([asdict(trial) for trial in self.trials])
+            for axis, known in self.paths.items():
+                group = file.create_group(axis)
+                group["wanted_um"], group["played_um"] = known.wanted_um, known.played_um
+                group.attrs.update(f_Hz=known.f_Hz, lag_s=known.lag_s, trial_s=known.trial_s)
+                group.attrs["gains"] = "" if known.gains is None else known.gains.model_dump_json()
+
+    def __repr__(self) -> str:
+        return f"<Learned {self.mode}: {len(self.trials)} trials, axes {''.join(self.paths)}>"
+
+
+def one_period(wanted: Waveform) -> Samples:
+    """A periodic path at the points that the device plays, (1024,)."""
+    return wanted.value(np.arange(POINTS) / POINTS / wanted.f_Hz)
+
+
+def load_learned(path: str | os.PathLike[str]) -> Learned:
+    """A table that ``Learned.save`` wrote. Raises BadInput for any other file."""
+    import h5py  # slow to load, needed here only
+
+    name = os.fspath(path)
+    try:
+        with h5py.File(name) as file:
+            return _read(file)
+    except OSError as error:
+        reason = "is no HDF5 file" if os.path.isfile(name) else f"cannot be read ({error.strerror or 'no such file'})"
+        raise BadInput(f"{name}: {reason}; give a table that phaselead learn wrote") from None
+    except (KeyError, ValueError, TypeError):
+        raise BadInput(f"{name}: is no table of this version; give one that phaselead learn wrote") from None
+
+
+def _read(file: Any) -> Learned:
+    if file.attrs["format"] != FORMAT or file.attrs["version"] != VERSION or file.attrs["follows"] not in FOLLOWS:
+        raise ValueError
+    paths = {}
+    for axis, group in file.items():
+        wanted_um, played_um = group["wanted_um"][()], group["played_um"][()]
+        numbers = [float(group.attrs[name]) for name in ("f_Hz", "lag_s", "trial_s")]
+        fits = wanted_um.shape == played_um.shape == (POINTS,) and axis in ("x", "y", "z")
+        if not fits or not np.isfinite([*wanted_um, *played_um, *numbers]).all():
+            raise ValueError
+        gains = str(group.attrs["gains"])
+        f_Hz, lag_s, trial_s = numbers
+        own = Gains.model_validate_json(gains) if gains else None
+        paths[axis] = LearnedPath(f_Hz, wanted_um, played_um, lag_s, trial_s, own)
+    trials = tuple(Trial(**each) for each in json.loads(file.attrs["trials"]))
+    said = {name: str(file.attrs[name]) for name in ("stage_sha256", "mode", "reason")}
+    if not paths or not any(trial.kept for trial in trials):
+        raise ValueError
+    return Learned(follows=file.attrs["follows"], paths=paths, trials=trials, **said)

@@ -1,0 +1,75 @@
+"""The error of a periodic path by the lines of its period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.record import Samples
+from phaselead.waveforms import POINTS
+
+Amplitudes = NDArray[np.complex128]
+Numbers = NDArray[np.int64]
+MOST_LINES = POINTS // 4
+"""A line of a period that is played from points needs four of them: joined by straight lines they keep 99 % of it."""
+NEIGHBOURS = 5
+"""Lines on either side that share a figure of the noise, which is broad: with four periods one line alone has but three
+differences to tell it from."""
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Complex amplitudes (m,) of the error over whole periods, a_k cos(2 pi k f t) - b_k sin(...) as a_k + i b_k, and
+    the variances (m,) of these means: what changes from period to period."""
+
+    number: Numbers
+    amplitude: Amplitudes
+    variance: Samples
+
+    @property
+    def coherence(self) -> Samples:
+        """Share of each line's power that repeats from period to period, 0 to 1, shape (m,)."""
+        power = np.abs(self.amplitude) ** 2
+        return np.asarray(np.maximum(power - self.variance, 0) / np.maximum(power, np.finfo(float).tiny))
+
+
+def error_lines(t_s: Samples, error_um: Samples, f_Hz: float, count: int, rate_Hz: float) -> Lines:
+    """Lines 0 to ``count`` of the error (n,) over the whole periods in the record, counted from its end.
+
+    Raises ValueError for less than two periods.
+    """
+    number = np.arange(count + 1)
+    per_period = rate_Hz / f_Hz
+    periods = int(len(t_s) / per_period + 1e-9)
+    if periods < 2:
+        raise ValueError("lines need two periods or more")
+    ends = len(t_s) - np.rint(np.arange(periods, -1, -1) * per_period).astype(int)
+    each = np.array([_lines(t_s[a:b], error_um[a:b], f_Hz, number) for a, b in pairwise(ends)])
+    scatter = np.sum(np.abs(each - each.mean(axis=0)) ** 2, axis=0) / (periods - 1) / periods
+    return Lines(number, each.mean(axis=0), _smoothed(scatter))
+
+
+def _lines(t_s: Samples, error_um: Samples, f_Hz: float, number: Numbers) -> Amplitudes:
+    turns = np.exp(-2j * np.pi * f_Hz * np.outer(number, t_s))
+    scale = np.where(number == 0, 1, 2) / len(t_s)
+    return np.asarray(scale * (turns @ error_um), dtype=np.complex128)
+
+
+def _smoothed(variance: Samples) -> Samples:
+    """The mean over neighbours; the level, which drifts, stands for itself."""
+    padded = np.pad(variance[1:], NEIGHBOURS, mode="reflect") if len(variance) > 2 * NEIGHBOURS else None
+    if padded is None:
+        return np.append(variance[:1], np.full(len(variance) - 1, variance[1:].mean() if len(variance) > 1 else 0.0))
+    width = 2 * NEIGHBOURS + 1
+    return np.append(variance[:1], np.convolve(padded, np.full(width, 1 / width), mode="valid"))
+
+
+def values_of(number: Numbers, amplitude: Amplitudes, points: int = POINTS) -> Samples:
+    """One period of the sum of lines (m,), shape (points,)."""
+    spectrum = np.zeros(points // 2 + 1, dtype=np.complex128)
+    spectrum[number] = amplitude * np.where(number == 0, points, points / 2)
+    values: Samples = np.fft.irfft(spectrum, points)
+    return values

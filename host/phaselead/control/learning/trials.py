@@ -1,0 +1,244 @@
+"""Iterative learning of periodic paths on a device: drive, look at what repeats, correct the reference, again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from phaselead.control.learning.law import Step, next_step
+from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
+from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, values_of
+from phaselead.control.learning.response import Response, model_response
+from phaselead.control.rehearsal import rehearse
+from phaselead.control.run import Run
+from phaselead.control.tracking import INVERTS, check_paths, loop_warnings, track
+from phaselead.control.true_position import Follows, followed
+from phaselead.device import TICK_HZ, Device, DeviceFault
+from phaselead.errors import BadInput
+from phaselead.model import Gains, Stage
+from phaselead.waveforms import Replaced, Waveform
+
+SETTLE_S = 0.5
+"""Before a trial is looked at: a mode of 100 Hz and a damping of 0.02 has decayed to a thousandth."""
+LEAST_S, LEAST_PERIODS = 0.4, 4
+"""Looked at, at least: the noise of one line is then 50 times below that of a sample."""
+LARGEST_CORRECTION = 0.25
+"""Of the swing. An inverse that is further off is of another stage."""
+SHRINKS = 0.98
+"""An error that falls by less than 2 % a trial has settled."""
+MOST_FAILURES = 3
+"""Trials in a row that were no better than the best, each with half of the step before it, before it is given up."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One trial's outcome: lines of the error by axis, what was added to the path, and one figure for all axes."""
+
+    correction: dict[str, Amplitudes]
+    error: dict[str, Lines]
+    worth: float
+    """Mean square of the error as a share of the swing, over all axes."""
+
+
+def learn(
+    device: Device,
+    waveforms: Mapping[str, Waveform],
+    mode: str = "inverse+pid",
+    *,
+    stage: Stage | None,
+    gains: Mapping[str, Gains],
+    trials: int = 10,
+    follows: Follows = "true",
+    force: bool = False,
+    on_progress: Progress | None = None,
+) -> Learned:
+    """Drives the paths as they are, then up to ``trials`` times corrected by what was seen, and keeps the best.
+
+    Each line of the period is corrected by what the error has of it that repeats, through the response of the model,
+    itself corrected by what the trials show (``law``, ``response``). In mode ``inverse`` the reference becomes the
+    voltage, so that it is the voltage that is learned. The error is against the path that was asked for. Every trial
+    runs on the model first; ends early when what is left does not repeat, or no longer shrinks.
+
+    Raises:
+        BadInput: a path, mode or model that it is not for, or the first trial ends in a fault on the model.
+        DeviceFault: the first trial ended in one. A later one ends the learning; the best trial before it is kept.
+    """
+    if stage is None:
+        raise BadInput("learning needs a model: --model STAGE.toml (`phaselead identify` makes one)")
+    _refuse(waveforms, mode, trials)
+    check_paths(waveforms, mode, stage)
+    loop_warnings(stage, mode, gains, force=force)
+    used = dict(gains) if mode.endswith("pid") else {}
+    course = _Course(device, dict(waveforms), mode, stage, used, follows, force)
+    return course.run(trials, on_progress or (lambda share: None))
+
+
+def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
+    if mode not in INVERTS:
+        raise BadInput(f"mode {mode} is not learned in; use inverse+pid, or inverse for the voltage alone")
+    if trials < 1:
+        raise BadInput(f"{trials} trials: give one or more")
+    for axis, waveform in waveforms.items():
+        if not waveform.periodic:
+            raise BadInput(f"{axis}: a move is driven once and cannot be learned; write it as a period (file:...@1Hz)")
+
+
+class _Course:
+    """The trials of one learning."""
+
+    def __init__(
+        self,
+        device: Device,
+        wanted: dict[str, Waveform],
+        mode: str,
+        stage: Stage,
+        gains: dict[str, Gains],
+        follows: Follows,
+        force: bool,
+    ) -> None:
+        self._device, self._wanted, self._mode, self._stage = device, wanted, mode, stage
+        self._gains, self._follows, self._force = gains, follows, force
+        self._seconds = trial_seconds(wanted)
+        asked = followed(wanted, stage, follows)
+        self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
+        self._lag_s = {axis: one.lag_s if isinstance(one, Replaced) else 0.0 for axis, one in asked.items()}
+        self._count = {axis: line_count(one) for axis, one in wanted.items()}
+        self._response: dict[str, Response] = {
+            axis: model_response(stage.axis(axis), gains.get(axis), one.f_Hz * np.arange(self._count[axis] + 1.0))
+            for axis, one in wanted.items()
+        }
+        self._trials: list[Trial] = []
+
+    def run(self, trials: int, on_progress: Progress) -> Learned:
+        best = self._look({axis: np.zeros(count + 1, complex) for axis, count in self._count.items()}, {}, None)
+        share, failures, reason = 1.0, 0, f"ended after {trials} trials, as asked"
+        for number in range(1, trials + 1):
+            on_progress(number / (trials + 1))
+            steps = {axis: next_step(best.error[axis], self._response[axis], share) for axis in self._wanted}
+            if not any(step.change.any() for step in steps.values()):
+                reason = f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected"
+                break
+            correction = {axis: best.correction[axis] + step.change for axis, step in steps.items()}
+            try:
+                self._refuse_too_large(correction)
+                found = self._look(correction, steps, best)
+            except (BadInput, DeviceFault) as error:
+                reason = (
+                    f"stopped before trial {number}: {error}" if isinstance(error, BadInput) else f"stopped: {error}"
+                )
+                break
+            self._compare(best, found)
+            if found.worth < best.worth:
+                settled = found.worth > SHRINKS**2 * best.worth
+                best, share, failures = found, min(2 * share, 1.0), failures + 1 if settled else 0
+            else:
+                share, failures = share / 2, failures + 1
+            if failures == MOST_FAILURES:
+                reason = f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %"
+                break
+        return self._learned(best, reason)
+
+    def _waves(self, correction: Mapping[str, Amplitudes]) -> dict[str, Replaced]:
+        return {
+            axis: Replaced.of(
+                wanted,
+                self._base[axis] + values_of(np.arange(self._count[axis] + 1), correction[axis]),
+                lag_s=self._lag_s[axis],
+                trial_s=self._seconds,
+            )
+            for axis, wanted in self._wanted.items()
+        }
+
+    def _refuse_too_large(self, correction: Mapping[str, Amplitudes]) -> None:
+        for axis, wanted in self._wanted.items():
+            added = values_of(np.arange(self._count[axis] + 1), correction[axis])
+            if np.abs(added).max() > LARGEST_CORRECTION * wanted.swing:
+                raise BadInput(
+                    f"{axis}: it would add {np.abs(added).max():.3g} um to a path of {wanted.swing:.4g} um; the model "
+                    "is not of this stage: identify it again"
+                )
+
+    def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step], best: _Look | None) -> _Look:
+        """Drives one trial and adds it to the list."""
+        waves = self._waves(correction)
+        if not self._force:
+            rehearse(waves, self._mode, self._stage, self._gains, self._seconds)
+        run = track(
+            self._device,
+            waves,
+            self._mode,
+            stage=self._stage,
+            gains=self._gains,
+            duration_s=self._seconds,
+            force=True,
+        )
+        look = self._judged(run, waves, correction)
+        figures = dict(run.of_axes())
+        true = {axis: one["true"]["max_um"] for axis, one in figures.items() if "true" in one}
+        self._trials.append(
+            Trial(
+                number=len(self._trials),
+                kept=best is None or look.worth < best.worth,
+                learned_lines=sum(int(step.learned.sum()) for step in steps.values()),
+                probed_lines=sum(int(step.probed.sum()) for step in steps.values()),
+                max_um={axis: one["max_um"] for axis, one in figures.items()},
+                rms_um={axis: one["rms_um"] for axis, one in figures.items()},
+                true_max_um=true or None,
+            )
+        )
+        return look
+
+    def _judged(self, run: Run, waves: Mapping[str, Replaced], correction: dict[str, Amplitudes]) -> _Look:
+        """From where it has settled on."""
+        rows = slice(round(SETTLE_S * TICK_HZ), None)
+        error, worth = {}, 0.0
+        for axis, wave in waves.items():
+            measured_um = run.recording.axes[axis].x_um
+            assert measured_um is not None
+            off_um = (wave.value(run.t_s) - measured_um)[rows]
+            error[axis] = error_lines(run.t_s[rows], off_um, wave.f_Hz, self._count[axis], TICK_HZ)
+            worth += float(np.mean(off_um**2)) / self._wanted[axis].swing ** 2
+        return _Look(correction, error, worth)
+
+    def _compare(self, before: _Look, after: _Look) -> None:
+        """What the responses are in the light of two trials."""
+        for axis in self._wanted:
+            change = after.correction[axis] - before.correction[axis]
+            answer = before.error[axis].amplitude - after.error[axis].amplitude
+            variance = before.error[axis].variance + after.error[axis].variance
+            self._response[axis] = self._response[axis].measured(change, answer, variance)
+
+    def _learned(self, best: _Look, reason: str) -> Learned:
+        waves = self._waves(best.correction)
+        paths = {
+            axis: LearnedPath(
+                wanted.f_Hz,
+                one_period(wanted),
+                waves[axis].played,
+                self._lag_s[axis],
+                self._seconds,
+                self._gains.get(axis),
+            )
+            for axis, wanted in self._wanted.items()
+        }
+        return Learned(self._stage.sha256, self._mode, self._follows, paths, tuple(self._trials), reason)
+
+
+def trial_seconds(waveforms: Mapping[str, Waveform]) -> float:
+    """Of one trial: as it is driven when nobody says, and long enough to settle and to hear what repeats."""
+    each = [
+        max(one.default_duration_s, SETTLE_S + max(LEAST_S, LEAST_PERIODS / one.f_Hz)) for one in waveforms.values()
+    ]
+    return max(
+        math.ceil(seconds * one.f_Hz - 1e-9) / one.f_Hz for seconds, one in zip(each, waveforms.values(), strict=True)
+    )
+
+
+def line_count(waveform: Waveform) -> int:
+    """Lines of a period below half the tick rate, as many as points can play."""
+    return max(1, min(MOST_LINES, math.ceil(TICK_HZ / 2 / waveform.f_Hz) - 1))

@@ -1,0 +1,87 @@
+"""A path that the device plays in place of the one that was asked for, so that the stage follows that one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from phaselead.waveforms.waveform import POINTS, Sampled, Shares, Waveform
+
+FINE = 65536
+"""Points of one period in which a lag is worked out: 64 for each that the device plays."""
+
+
+@dataclass(frozen=True, eq=False)
+class Replaced(Sampled):
+    """``period`` is played, ``wanted`` was asked for, and judged is the measured position against ``value``: what a
+    sensor late by ``lag_s`` (first order) shows of a stage that is where it was asked to be."""
+
+    wanted: Waveform
+    lag_s: float = 0.0
+    trial_s: float | None = None
+    """How long it is driven when nobody says; None: as long as the path that was asked for."""
+
+    @classmethod
+    def of(cls, wanted: Waveform, values: Shares, *, lag_s: float = 0.0, trial_s: float | None = None) -> Self:
+        """``values`` (1024,), in the unit of ``wanted``, are what the device plays of one period."""
+        lowest, swing = float(values.min()), float(np.ptp(values))
+        period = np.clip((values - lowest) / swing, 0.0, 1.0)
+        return cls(swing, lowest, wanted.unit, wanted.f_Hz, period, wanted, lag_s, trial_s)
+
+    @classmethod
+    def as_sensed(cls, wanted: Waveform, lag_s: float) -> Self:
+        """The device is asked for what the sensor is to show, so that the stage itself is where it was asked to be."""
+        values = sensed_values(wanted, lag_s)[:: FINE // POINTS]
+        return cls.of(wanted, values, lag_s=lag_s)
+
+    def share(self, turns: Shares) -> Shares:
+        if self.lag_s == 0:
+            return np.asarray((self.wanted.value(turns / self.f_Hz) - self.offset) / self.swing)
+        sensed = np.interp(turns % 1.0 * FINE, np.arange(FINE + 1), self._sensed)
+        return np.asarray((sensed - self.offset) / self.swing)
+
+    @cached_property
+    def _sensed(self) -> Shares:
+        """One period and the first value again, (FINE + 1,)."""
+        values = sensed_values(self.wanted, self.lag_s)
+        return np.append(values, values[0])
+
+    @property
+    def played(self) -> Shares:
+        """One period as the device plays it, in ``unit``, (1024,)."""
+        return self.offset + self.swing * self.period
+
+    @property
+    def as_asked(self) -> Waveform:
+        return self.wanted
+
+    @property
+    def judged_apart(self) -> bool:
+        return True
+
+    @property
+    def has_corners(self) -> bool:
+        return self.wanted.has_corners
+
+    @property
+    def goes_to_start(self) -> bool:
+        return self.wanted.goes_to_start
+
+    @property
+    def unplayed(self) -> float:
+        return self.wanted.unplayed
+
+    @property
+    def default_duration_s(self) -> float:
+        return self.wanted.default_duration_s if self.trial_s is None else self.trial_s
+
+
+def sensed_values(wanted: Waveform, lag_s: float) -> Shares:
+    """One period of a periodic path behind a first-order lag, in its unit, (FINE,)."""
+    values = wanted.value(np.arange(FINE) / FINE / wanted.f_Hz)
+    spectrum = np.fft.rfft(values)
+    spectrum /= 1 + 2j * np.pi * np.arange(len(spectrum)) * wanted.f_Hz * lag_s
+    return np.fft.irfft(spectrum, FINE)

@@ -1,0 +1,250 @@
+"""Learning: the error of what is learned shrinks, what does not repeat is left alone, a table is for one path only."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phaselead.control.gains import design_gains
+from phaselead.control.learning import trials as course
+from phaselead.control.learning.law import MARGIN, next_step
+from phaselead.control.learning.learned import Learned, LearnedPath, Trial, load_learned, one_period
+from phaselead.control.learning.lines import Lines, error_lines, values_of
+from phaselead.control.learning.response import Response
+from phaselead.control.learning.trials import learn
+from phaselead.control.tracking import track
+from phaselead.device.capture import DeviceFault
+from phaselead.device.device import Device
+from phaselead.errors import BadInput
+from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Sensor, TimeView
+from phaselead.model.stage_file import Stage
+from phaselead.waveforms.catalogue import parse_wave
+from phaselead.waveforms.waveform import POINTS
+
+VIEW = TimeView(
+    gain_um_per_V=15.0, play_r_V=(0.2, 1.0), play_w_um_per_V=(3.0, 3.0), delay_s=0.0003, u_range_V=(-2.0, 10.0),
+    rate_Hz=5000.0,
+)  # fmt: skip
+AXIS = AxisModel(
+    time=VIEW,
+    sensor=Sensor(bandwidth_Hz=2000.0),
+    effects=(AdoptedEffect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.02}),),
+)
+STAGE = Stage(name="model", axes={"x": AXIS})
+GAINS = {"x": design_gains("x", AXIS)}
+SINE = parse_wave("sine:30um@20Hz")
+
+complexes = st.builds(lambda size, turn: size * np.exp(2j * np.pi * turn), st.floats(0.01, 3), st.floats(0, 1))
+
+
+def one_line(error, gain, deviation, noise=0.0):
+    lines = Lines(np.array([1]), np.array([error]), np.array([noise**2]))
+    return lines, Response(np.array([gain]), np.array([deviation]))
+
+
+@given(error=complexes, gain=complexes, doubt=st.floats(0, 1.5), off=st.floats(0, 1), turn=st.floats(0, 1))
+def test_a_learned_error_shrinks_wherever_the_response_may_be(error, gain, doubt, off, turn):
+    """Anywhere within twice its deviation."""
+    step = next_step(*one_line(error, gain, doubt * abs(gain) / 2))
+    true_gain = gain * (1 + off * doubt * np.exp(2j * np.pi * turn))
+    left = abs(error - true_gain * step.change[0])
+    if step.learned[0]:
+        assert left <= (1 - MARGIN / 2) * abs(error)
+    elif step.probed[0]:
+        assert abs(step.change[0]) <= 0.11 * abs(error / gain)
+    else:
+        assert step.change[0] == 0
+
+
+@given(error=complexes, noise=st.floats(1.0, 100.0))
+def test_noise_is_not_learned(error, noise):
+    step = next_step(*one_line(error, 1.0 + 0j, 0.1, noise=abs(error) * noise))
+    assert not step.change.any()
+
+
+@given(true_gain=complexes, gain=complexes, deviation=st.floats(0.1, 2))
+def test_a_trial_without_noise_tells_the_response(true_gain, gain, deviation):
+    known = Response(np.array([gain]), np.array([deviation]))
+    found = known.measured(np.array([0.5j]), np.array([0.5j * true_gain]), np.zeros(1))
+    assert found.gain[0] == pytest.approx(true_gain, abs=1e-9)
+    assert found.deviation[0] == pytest.approx(0, abs=1e-9)
+    unmoved = known.measured(np.zeros(1, complex), np.array([error := 1.0 + 0j]) * error, np.ones(1))
+    assert unmoved.gain[0] == gain
+    assert unmoved.deviation[0] == deviation
+
+
+@given(f_Hz=st.floats(1.0, 200.0), seed=st.integers(0, 99))
+def test_lines_are_those_of_the_path(f_Hz, seed):
+    """Amplitudes put into a period come out of a record of it, whatever its period in ticks."""
+    rng = np.random.default_rng(seed)
+    count = min(8, int(2400 / f_Hz))
+    put = rng.normal(size=count + 1) + 1j * rng.normal(size=count + 1)
+    put[0] = put[0].real
+    t_s = np.arange(round(6 * 5000 / f_Hz)) / 5000
+    signal = np.real(np.exp(2j * np.pi * f_Hz * np.outer(t_s, np.arange(count + 1))) @ put)
+    found = error_lines(t_s, signal, f_Hz, count, 5000)
+    assert found.amplitude == pytest.approx(put, abs=np.abs(put).sum() * f_Hz / 5000 + 1e-6)
+    points = values_of(np.arange(count + 1), put)
+    assert points[:: POINTS // 4] == pytest.approx(
+        np.real(np.exp(2j * np.pi * np.outer(np.arange(4) / 4, np.arange(count + 1))) @ put), abs=1e-9
+    )
+
+
+@pytest.fixture(scope="module")
+def learned():
+    """On a stage of 10 % less gain, whose mode is 5 % lower, than the model has them."""
+    view = VIEW.model_copy(update={"gain_um_per_V": 13.5, "play_w_um_per_V": (2.7, 2.7), "delay_s": 0.0001})
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": 190.0, "zeta": 0.02})
+    lag = AdoptedEffect(name="sensor_lowpass", params={"corner_Hz": 2000.0})
+    stage = Stage(name="stage", axes={"x": AxisModel(time=view, effects=(mode, lag))})
+    return stage
+
+
+@pytest.fixture(scope="module")
+def outcome(learned, tmp_path_factory):
+    path = tmp_path_factory.mktemp("stage") / "stage.toml"
+    learned.save(path)
+    with Device.open(f"sim://{path}") as device:
+        found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
+        run = track(
+            device, found.waveforms({"x": SINE}, STAGE, found.mode, GAINS), found.mode, stage=STAGE, gains=GAINS
+        )
+    return found, run
+
+
+def test_what_is_learned_is_several_times_better(outcome):
+    """Of the true position, against the path as it was written."""
+    found, run = outcome
+    first, best = found.trials[0], found.best
+    assert best.rms_um["x"] < first.rms_um["x"] / 3
+    assert best.true_max_um["x"] < first.true_max_um["x"] / 3
+    off_um = SINE.value(run.t_s) - run.true_um["x"]
+    assert run.figures["true"]["max_um"] == np.abs(off_um[-1000:]).max()
+    assert run.figures["true"]["max_um"] < 0.003 * SINE.swing
+
+
+def test_what_is_kept_only_gets_better(outcome):
+    found, _ = outcome
+    kept = [trial.rms_um["x"] for trial in found.trials if trial.kept]
+    assert kept[0] == found.trials[0].rms_um["x"]
+    assert all(after < 1.1 * before for before, after in pairwise(kept))
+    assert found.reason
+
+
+def test_a_table_is_read_as_it_was_written(outcome, tmp_path):
+    found, _ = outcome
+    found.save(tmp_path / "learned.h5")
+    again = load_learned(tmp_path / "learned.h5")
+    assert json.dumps(again.as_dict()) == json.dumps(found.as_dict())
+    one, two = (table.waveforms({"x": SINE}, STAGE, found.mode, GAINS)["x"] for table in (found, again))
+    assert (one.points == two.points).all()
+    assert again.gains() == found.gains()
+    assert found.plot().axes
+    assert len(found.columns["trial"]) == len(found.trials)
+
+
+TABLE = Learned(
+    STAGE.sha256, "inverse+pid", "true",
+    {"x": LearnedPath(SINE.f_Hz, one_period(SINE), one_period(SINE) + 0.01, 0.0, 1.0, GAINS["x"])},
+    (Trial(0, True, 0, 0, {"x": 1.0}, {"x": 0.5}),), "as asked",
+)  # fmt: skip
+OTHER_GAINS = {"x": Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0)}
+
+
+@pytest.mark.parametrize(
+    ("wave", "stage", "mode", "gains", "said"),
+    [
+        ("sine:30.001um@20Hz", STAGE, "inverse+pid", GAINS, "another path .30 um at 20 Hz"),
+        ("sine:30um@20.001Hz", STAGE, "inverse+pid", GAINS, "another path"),
+        ("triangle:30um@20Hz", STAGE, "inverse+pid", GAINS, "another path"),
+        ("goto:30um", STAGE, "inverse+pid", GAINS, "another path"),
+        ("sine:30um@20Hz", STAGE.model_copy(update={"name": "other"}), "inverse+pid", GAINS, "another model"),
+        ("sine:30um@20Hz", None, "inverse+pid", GAINS, "needs the model"),
+        ("sine:30um@20Hz", STAGE, "inverse", {}, "for mode inverse.pid"),
+        ("sine:30um@20Hz", STAGE, "inverse+pid", OTHER_GAINS, "for the gains"),
+    ],
+)
+def test_a_table_is_refused_for_what_it_is_not(wave, stage, mode, gains, said):
+    with pytest.raises(BadInput, match=said) as caught:
+        TABLE.waveforms({"x": parse_wave(wave)}, stage, mode, gains)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_table_is_refused_for_other_axes():
+    with pytest.raises(BadInput, match="is for x, the path for xy"):
+        TABLE.waveforms({"x": SINE, "y": SINE}, STAGE, "inverse+pid", GAINS)
+
+
+@pytest.mark.parametrize("content", [b"", b"not HDF5", None])
+def test_another_file_is_refused(content, tmp_path):
+    path = tmp_path / "learned.h5"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BadInput, match="give a table that phaselead learn wrote"):
+        load_learned(path)
+
+
+def test_a_damaged_table_is_refused(tmp_path):
+    import h5py
+
+    TABLE.save(tmp_path / "learned.h5")
+    with h5py.File(tmp_path / "learned.h5", "r+") as file:
+        file["x"].attrs["f_Hz"] = np.nan
+    with pytest.raises(BadInput, match="no table of this version"):
+        load_learned(tmp_path / "learned.h5")
+
+
+@pytest.mark.parametrize(
+    ("wave", "mode", "stage", "trials", "said"),
+    [
+        ("sine:30um@20Hz", "pid", STAGE, 3, "mode pid is not learned in"),
+        ("goto:30um", "inverse+pid", STAGE, 3, "driven once"),
+        ("sine:30um@20Hz", "inverse+pid", None, 3, "--model"),
+        ("sine:30um@20Hz", "inverse+pid", STAGE, 0, "one or more"),
+        ("sine:5V@5Hz", "inverse+pid", STAGE, 3, "micrometres"),
+        ("sine:60um@300Hz", "inverse+pid", STAGE, 3, "on the model this ends in"),
+    ],
+)
+def test_what_cannot_be_learned_is_refused_before_anything_moves(wave, mode, stage, trials, said):
+    with Device.open("sim://xyz250") as device:
+        with pytest.raises(BadInput, match=said):
+            learn(device, {"x": parse_wave(wave)}, mode, stage=stage, gains=GAINS, trials=trials)
+        assert device.status().state == "parked"
+
+
+def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tmp_path):
+    runs = []
+
+    def driven(*arguments, **options):
+        if len(runs) == 2:
+            raise DeviceFault("fault adc_rail on axis x", None)
+        runs.append(track(*arguments, **options))
+        return runs[-1]
+
+    learned.save(tmp_path / "stage.toml")
+    monkeypatch.setattr(course, "track", driven)
+    with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+        found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
+    assert "adc_rail" in found.reason
+    assert len(found.trials) == 2
+    assert found.best == found.trials[1]
+
+
+def test_a_correction_as_large_as_the_path_is_not_driven(learned, tmp_path):
+    """The model takes the stage for one of half the gain."""
+    half = AXIS.model_copy(update={"time": VIEW.model_copy(update={"gain_um_per_V": 5.0})})
+    stage = Stage(name="half", axes={"x": half})
+    learned.save(tmp_path / "stage.toml")
+    with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+        found = learn(device, {"x": SINE}, "inverse", stage=stage, gains={}, trials=3)
+    assert "the model is not of this stage" in found.reason
+    assert found.best == found.trials[0]
+
+
+def test_trials_are_long_enough_to_settle_and_to_hear():
+    waves = {"x": parse_wave("sine:1um@100Hz"), "y": parse_wave("sine:1um@0.5Hz")}
+    assert course.trial_seconds({"x": waves["x"]}) == pytest.approx(0.9)
+    assert course.trial_seconds(waves) == pytest.approx(20.0)
