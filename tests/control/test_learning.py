@@ -233,13 +233,11 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
     assert found.best == found.trials[1]
 
 
-def test_a_correction_as_large_as_the_path_is_not_driven(learned, tmp_path):
-    """The model takes the stage for one of half the gain."""
-    half = AXIS.model_copy(update={"time": VIEW.model_copy(update={"gain_um_per_V": 5.0})})
-    stage = Stage(name="half", axes={"x": half})
+def test_a_correction_larger_than_allowed_is_not_driven(monkeypatch, learned, tmp_path):
     learned.save(tmp_path / "stage.toml")
+    monkeypatch.setattr(course, "LARGEST_CORRECTION", 1e-4)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
-        found = learn(device, {"x": SINE}, "inverse", stage=stage, gains={}, trials=3)
+        found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=3)
     assert "the model is not of this stage" in found.reason
     assert found.best == found.trials[0]
 

@@ -26,6 +26,7 @@ from phaselead.device import (
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
+from phaselead.sim import data_sheet
 from phaselead.waveforms import POINTS, Replaced, Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
@@ -166,7 +167,7 @@ def run_recording(capture: Capture, mode: str, stage: Stage | None) -> Recording
 def assumed_limits(device: Device) -> str | None:
     """What to warn of when a device holds no model: the figures it then assumes. None for the built-in stage, whose
     own they are."""
-    if device.session.name.startswith("sim://xyz250") or device.read_model() is not None:
+    if data_sheet(device.session.name) is not None or device.read_model() is not None:
         return None
     sensor, actuator, limits = AxisModel().sensor, AxisModel().actuator, AxisModel().limits
     return (

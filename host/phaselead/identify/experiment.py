@@ -33,6 +33,7 @@ from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
 from phaselead.model import AxisModel, Stage
 from phaselead.record import AXES, Recording, refuse_gapped
+from phaselead.sim import data_sheet
 from phaselead.waveforms import Sine, refuse_out_of_range
 
 LEVELS_V = (0.5, 1.0, 2.0, 3.5, 4.5, 6.0, 8.0, 10.0)
@@ -141,7 +142,7 @@ def identify_device(
     cross-coupling. The held-out records of the table view are judged whole; those of the time view from
     their second period on, because in a session no record but the first starts from rest. ``save_to`` keeps
     every record there. Limits and calibration are those of ``stage``, which is uploaded first, else of the model
-    that the device holds, else its defaults; they go on into what is identified.
+    that the device holds, else a built-in stage's own, else the defaults; they go on into what is identified.
 
     Raises:
         BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
@@ -152,6 +153,8 @@ def identify_device(
         refuse_beyond_limits(chosen, stage)
         device.upload_if_other(device_model(stage))
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
+    if parent is None and (sheet := data_sheet(device.session.name)) is not None:
+        parent = sheet.model_copy(update={"name": "identified"})
     refuse_beyond_limits(chosen, parent)
     refuse_away_from_zero(device)
     records = _recorded(device, chosen, len(set(axes)) == 1, folder, on_progress)

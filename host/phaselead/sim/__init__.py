@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.sim.device import load_library
 from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
 from phaselead.sim.faulty import FaultyLine, LineFaults
-from phaselead.sim.plant import built_in, plant_parameters
+from phaselead.sim.plant import built_in, data_sheet, plant_parameters
 from phaselead.sim.pty import serve
 from phaselead.sim.replaying import Replay, replay
 from phaselead.sim.stack_use import worst_stack
@@ -17,6 +17,7 @@ __all__ = [
     "LineFaults",
     "Replay",
     "built_in",
+    "data_sheet",
     "find_firmware",
     "load_library",
     "plant_parameters",

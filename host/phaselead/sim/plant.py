@@ -128,9 +128,22 @@ class ExactParts(VirtualAxis):
 def built_in(name: str) -> Stage:
     """A stage of the package, by name. Raises BadInput when there is none of that name."""
     text = resources.files("phaselead.sim").joinpath(f"{name}.toml")
-    if not name.isidentifier() or not text.is_file():
+    if not name.replace("-", "_").isidentifier() or not text.is_file():
         raise BadInput(f"there is no built-in stage {name!r}; use sim://xyz250 or sim://FILE.toml")
     return parse_stage(text.read_text("utf-8"), name)
+
+
+def data_sheet(url: str) -> Stage | None:
+    """Limits, sensor and converter of the built-in stage that a port's URL names, and nothing else of it; None for
+    another port. What its user would read on paper."""
+    name, given = url.removeprefix("sim://").partition("?")[0], url.startswith("sim://")
+    if not given or "/" in name or name.endswith(".toml"):
+        return None
+    known = {
+        axis: AxisModel(limits=m.limits, sensor=m.sensor, actuator=m.actuator)
+        for axis, m in built_in(name).axes.items()
+    }
+    return Stage(name=name, axes=known)
 
 
 def load_any(place: str) -> Stage:

@@ -17,9 +17,9 @@ from phaselead.control.learning.response import Response
 
 MARGIN = 0.3
 """A line is learned where its error is sure to shrink by this share a trial: |1 - G_true / G| is below 1 - MARGIN."""
-LEAST_GAIN = 0.5
-"""Where the stage follows a smaller share of the reference the inverse has given up, and a correction would be more
-than twice its error."""
+LEAST_GAIN = 0.2
+"""Where the stage follows a smaller share of the reference the inverse has given up: a correction would be more than
+five times its error."""
 HEARD = 3.0
 """Deviations above its noise from which on an error is worth a trial."""
 PROBE_NOISE, PROBE_SHARE = 10.0, 0.1

@@ -25,8 +25,8 @@ SETTLE_S = 0.5
 """Before a trial is looked at: a mode of 100 Hz and a damping of 0.02 has decayed to a thousandth."""
 LEAST_S, LEAST_PERIODS = 0.4, 4
 """Looked at, at least: the noise of one line is then 50 times below that of a sample."""
-LARGEST_CORRECTION = 0.25
-"""Of the swing. An inverse that is further off is of another stage."""
+LARGEST_CORRECTION = 2.0
+"""Of the swing. A path at the mode of a model that has it 10 % off takes 1.7; what is further off is another stage."""
 SHRINKS = 0.98
 """An error that falls by less than 2 % a trial has settled."""
 MOST_FAILURES = 3
