@@ -350,3 +350,37 @@ def test_axes_that_are_not_in_the_file_stand_still():
     assert found[-1, 0] == pytest.approx(50)
     assert not found[:, 1:].any()
     assert abs(position_um(adc)[:, 1:]).max() < 0.1
+
+
+def pushed(stage, um, codes):
+    """True position of x, pushed from tick 100 on."""
+    plant = Plant(plant_parameters(stage))
+    plant.trace(len(codes))
+    plant.push(0, um, 100)
+    plant.run(codes)
+    return plant.take_trace()[1][:, 0]
+
+
+@settings(max_examples=20)
+@pytest.mark.parametrize("linked", [False, True])
+@given(um=st.floats(0.1, 5), level_V=st.floats(0, 5))
+def test_a_force_displaces_by_its_size_and_rings_the_mode(linked, um, level_V):
+    """Both kernels: nothing before it, its size in the end whatever the voltage, nearly twice as much in between."""
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.02})
+    bow = AdoptedEffect(name="dac_nonlinearity", params={"bow_LSB": 1.0})
+    stage, codes = stage_of(VIEW, (mode, bow) if linked else (mode,)), dac(np.full(3000, level_V))
+    moved = pushed(stage, um, codes) - pushed(stage, 0.0, codes)
+    assert not moved[:101].any()
+    assert moved[-200:].mean() == pytest.approx(um, rel=0.01)
+    assert 1.85 * um < moved.max() < 2 * um
+
+
+def test_a_force_that_has_passed_or_is_one_too_many_is_refused(stage):
+    plant = Plant(plant_parameters(stage))
+    plant.run(np.zeros((10, 3), dtype=np.uint16))
+    with pytest.raises(BadInput, match="has passed already"):
+        plant.push(0, 1.0, 5)
+    for _ in range(64):
+        plant.push(1, 0.1, 20)
+    with pytest.raises(BadInput, match="more than 64"):
+        plant.push(1, 0.1, 20)

@@ -99,6 +99,9 @@ def test_a_save_is_in_the_file_before_its_reply_is_read(tmp_path):
         ("sim://xyz250?colour=red", "'colour' is no option"),
         ("sim://xyz250?state=", "'state' is no option"),
         ("sim://xyz250?state=/", "state file cannot be read"),
+        ("sim://xyz250?force=x:1um", "write it as force=x:1um@2s"),
+        ("sim://xyz250?force=w:1um@2s", "write it as force=x:1um@2s"),
+        ("sim://xyz250?force=x:1.1.1um@2s", "write it as force=x:1um@2s"),
         ("xyz250", "no simulated port"),
     ],
 )

@@ -58,6 +58,7 @@ _SIGNATURES = {
     "plant_parameters_size": (_SIZE, ()),
     "plant_linked_parameters_size": (_SIZE, ()),
     "plant_run": (None, (_POINTER, _POINTER, _POINTER, _U64)),
+    "plant_push": (ctypes.c_int, (_POINTER, _U32, ctypes.c_double, _U64)),
     "plant_trace": (ctypes.c_int, (_POINTER, _SIZE)),
     "plant_take_trace": (_SIZE, (_POINTER, _POINTER, _SIZE, ctypes.POINTER(_U64))),
 }
@@ -209,6 +210,14 @@ class Plant:
         adc = np.empty_like(dac)
         self.library.plant_run(self.handle, dac.ctypes.data, adc.ctypes.data, len(dac))
         return adc
+
+    def push(self, axis: int, um: float, tick: int) -> None:
+        """A further force on the stage itself from ``tick`` on, as um of static displacement. Raises BadInput for one
+        that has passed, or beyond the 64 that the kernel holds."""
+        if self.library.plant_push(self.handle, axis, um, tick) != 0:
+            raise BadInput(
+                f"a force at tick {tick} has passed already, or is one of more than 64; give later ones, fewer"
+            )
 
     def trace(self, capacity: int) -> None:
         """Keeps true positions from now on, the last ``capacity`` ticks of them; 0 stops."""

@@ -1,15 +1,18 @@
 """sim:// for pyserial: the firmware with a simulated stage, in virtual time.
 
 ``sim://xyz250`` or ``sim://FILE.toml`` (``sim:///absolute/FILE.toml``), with ``?seed=N`` for the sensor
-noise, ``&state=FILE`` to keep the flash from one opening to the next, ``&baud=N`` for the line. Each opening is
-a fresh device at rest. Time passes only in reads: until the bytes asked for are there, or the timeout is over.
+noise, ``&state=FILE`` to keep the flash from one opening to the next, ``&baud=N`` for the line, ``&force=x:1um@2s``
+for a force that pushes the stage, as static displacement, from 2 s after the opening on (any number; they add up).
+Each opening is a fresh device at rest. Time passes only in reads: until the bytes asked for are there, or the timeout
+is over.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 from urllib.parse import parse_qsl, unquote
 
 import numpy as np
@@ -29,6 +32,14 @@ TURN_TICKS = 50_000
 TRACE_TICKS = 4_000_000
 
 
+class Force(NamedTuple):
+    """A force on the stage itself from ``at_s`` after the opening on, as um of static displacement."""
+
+    axis: str
+    um: float
+    at_s: float
+
+
 @dataclass(frozen=True)
 class SimUrl:
     """What a sim:// URL says."""
@@ -37,6 +48,7 @@ class SimUrl:
     seed: int = 0
     state: Path | None = None
     baud: int = BAUD
+    forces: tuple[Force, ...] = ()
 
 
 def number_option(url: str, name: str, text: str, low: int, high: int) -> int:
@@ -47,6 +59,16 @@ def number_option(url: str, name: str, text: str, low: int, high: int) -> int:
     if not low <= value <= high:
         raise BadInput(f"{url}: {name} must be a whole number from {low} to {high}, not {text!r}")
     return value
+
+
+def force_option(url: str, text: str) -> Force:
+    match = re.fullmatch(r"([xyz]):([+-]?[\d.]+(?:e[+-]?\d+)?)um@([\d.]+)s", text.strip())
+    try:
+        if match is not None:
+            return Force(match[1], float(match[2]), float(match[3]))
+    except ValueError:
+        pass
+    raise BadInput(f"{url}: force {text!r} makes no sense; write it as force=x:1um@2s, um of static displacement")
 
 
 def parse_url(url: str) -> SimUrl:
@@ -62,8 +84,10 @@ def parse_url(url: str) -> SimUrl:
             options[name] = number_option(url, name, text, 9600, 100_000_000)
         elif name == "state" and text:
             options[name] = Path(text)
+        elif name == "force":
+            options["forces"] = (*options.get("forces", ()), force_option(url, text))
         else:
-            raise BadInput(f"{url}: {name!r} is no option; there are seed=N, state=FILE and baud=N")
+            raise BadInput(f"{url}: {name!r} is no option; there are seed=N, state=FILE, baud=N and force=x:1um@2s")
     if not stage:
         raise BadInput(f"{url}: names no stage; use sim://xyz250 or sim://FILE.toml")
     return SimUrl(unquote(stage), **options)
@@ -83,9 +107,12 @@ def open_device(parsed: SimUrl) -> VirtualDevice:
     parameters = plant_parameters(load_any(parsed.stage), parsed.seed)
     flash = None if parsed.state is None else read_flash(parsed.state)
     try:
-        return VirtualDevice(parameters, baud=parsed.baud, flash=flash)
+        device = VirtualDevice(parameters, baud=parsed.baud, flash=flash)
     except BadInput as error:
         raise BadInput(f"{parsed.state}: {error}") from None
+    for force in parsed.forces:
+        device.plant.push("xyz".index(force.axis), force.um, round(force.at_s * TICK_HZ))
+    return device
 
 
 class TracedStage(Protocol):

@@ -18,6 +18,7 @@ struct axis {
     size_t ring;     /* its length */
     size_t whole;    /* substeps of the delay */
     double part;     /* of one more */
+    double force_um; /* of what pushes it */
     double moved_um; /* its own displacement */
     double total_um, sensed_um;
 };
@@ -149,8 +150,11 @@ static void move(struct axis *axis, uint64_t now)
         return;
     axis->still = false;
     double x = u_V;
-    for (uint32_t i = 0; i < axis->with->links; i++)
+    for (uint32_t i = 0; i < axis->with->links; i++) {
         x = link_step(&axis->link[i], x);
+        if (axis->force_um != 0 && axis->with->link[i].kind == LINK_OPERATOR)
+            x += axis->force_um;
+    }
     axis->moved_um = x;
 }
 
@@ -168,6 +172,12 @@ static void sense(struct linked *linked, int row)
     axis->sensed_um = axis->total_um;
     for (uint32_t i = 0; i < axis->with->sensor_links; i++)
         axis->sensed_um = link_step(&axis->sensor_link[i], axis->sensed_um);
+}
+
+void linked_push(struct linked *linked, unsigned axis, double um)
+{
+    linked->axes[axis].force_um = um;
+    linked->axes[axis].still = false;
 }
 
 void linked_drive(struct linked *linked, const uint16_t dac_codes[LINKED_AXES])

@@ -40,6 +40,8 @@ void linked_close(struct linked *linked);
 
 /* What the sensors say now, and where the stage truly is. Draws noise: once per tick. */
 void linked_sample(struct linked *linked, double sensed_um[LINKED_AXES], double true_um[LINKED_AXES]);
+/* What pushes an axis from now on, as static displacement: it enters behind the hysteresis. */
+void linked_push(struct linked *linked, unsigned axis, double um);
 void linked_drive(struct linked *linked, const uint16_t dac_codes[LINKED_AXES]);
 
 #endif

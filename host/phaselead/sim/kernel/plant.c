@@ -26,7 +26,14 @@ struct axis {
     double rest_um;       /* where the sensor stands at rest; the rest is displacement from there */
     double displacement_um;
     double on_the_way_um[PLANT_DELAY_TICKS];
-    double arrived; /* what drives the dynamics now, um */
+    double arrived;  /* what drives the dynamics now, um */
+    double force_um; /* of what pushes the stage now */
+};
+
+struct force {
+    uint64_t tick;
+    unsigned axis;
+    double um;
 };
 
 struct plant {
@@ -35,6 +42,8 @@ struct plant {
     struct linked *linked; /* not NULL: it is the stage */
     struct ziggurat ziggurat;
     uint64_t tick, sampled;
+    struct force forces[PLANT_FORCES]; /* still to come */
+    unsigned force_count;
     double *trace_um;
     size_t trace_capacity, trace_count;
 };
@@ -215,8 +224,31 @@ static double delayed(struct axis *axis, uint64_t tick)
     return arriving;
 }
 
+int plant_push(struct plant *plant, unsigned axis, double um, uint64_t tick)
+{
+    if (axis >= PLANT_AXES || plant->force_count == PLANT_FORCES || tick < plant->sampled || !isfinite(um))
+        return -1;
+    plant->forces[plant->force_count++] = (struct force){.tick = tick, .axis = axis, .um = um};
+    return 0;
+}
+
+static void push(struct plant *plant, uint64_t now)
+{
+    for (unsigned i = 0; i < plant->force_count; i++) {
+        const struct force force = plant->forces[i];
+        if (force.tick > now)
+            continue;
+        plant->axes[force.axis].force_um += force.um;
+        if (plant->linked)
+            linked_push(plant->linked, force.axis, plant->axes[force.axis].force_um);
+        plant->forces[i--] = plant->forces[--plant->force_count];
+    }
+}
+
 void plant_drive(struct plant *plant, const uint16_t dac_codes[PLANT_AXES])
 {
+    if (plant->force_count)
+        push(plant, plant->sampled - 1);
     if (plant->linked) {
         linked_drive(plant->linked, dac_codes);
         return;
@@ -229,6 +261,8 @@ void plant_drive(struct plant *plant, const uint16_t dac_codes[PLANT_AXES])
             axis->displacement_um = hysteresis_um(&axis->hysteresis, u_V) - axis->hysteresis.rest_um;
         }
         double arriving = delayed(axis, plant->tick);
+        if (axis->force_um != 0)
+            arriving += axis->force_um;
         if (axis->dynamics.at_rest && arriving == 0)
             continue;
         axis->dynamics.at_rest = false;

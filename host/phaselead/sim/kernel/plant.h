@@ -21,6 +21,7 @@
 #define PLANT_CREEPS 8
 #define PLANT_MODES 4
 #define PLANT_DELAY_TICKS 63
+#define PLANT_FORCES 64
 
 struct plant_axis_parameters {
     double dac_zero_code, dac_V_per_code;
@@ -61,6 +62,11 @@ PLANT_API void plant_drive(struct plant *plant, const uint16_t dac_codes[PLANT_A
 
 /* `ticks` ticks against given DAC codes, dac_codes[ticks][3] in, adc_codes[ticks][3] out. */
 PLANT_API void plant_run(struct plant *plant, const uint16_t *dac_codes, uint16_t *adc_codes, uint64_t ticks);
+
+/* From the drive of tick `tick` on a further force pushes the stage itself, as `um` of static displacement: behind the
+ * hysteresis, before the mechanics. Returns 0, or -1 where there is no such axis, no room for another (PLANT_FORCES),
+ * or the tick has passed. */
+PLANT_API int plant_push(struct plant *plant, unsigned axis, double um, uint64_t tick);
 
 /* Where the stage truly is at each sample, before the sensor: kept from now on for at most `capacity` ticks (0: stop).
  * Returns 0 on success. */
