@@ -155,6 +155,8 @@ def identify_device(
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
     if parent is None and (sheet := data_sheet(device.session.name)) is not None:
         parent = sheet.model_copy(update={"name": "identified"})
+        if not is_assumed(parent):
+            device.upload(device_model(parent))
     refuse_beyond_limits(chosen, parent)
     refuse_away_from_zero(device)
     records = _recorded(device, chosen, len(set(axes)) == 1, folder, on_progress)
@@ -189,6 +191,12 @@ def _recorded(
         if on_progress is not None:
             on_progress(done_s / total_s)
     return records
+
+
+def is_assumed(sheet: Stage) -> bool:
+    """Whether limits and calibration are those that a device without a model assumes."""
+    assumed = sheet.model_copy(update={"axes": {axis: AxisModel() for axis in AXES}})
+    return from_device_model(device_model(sheet)).axes == from_device_model(device_model(assumed)).axes
 
 
 def held_by(device: Device) -> tuple[Stage | None, str | None]:

@@ -31,6 +31,8 @@ SHRINKS = 0.98
 """An error that falls by less than 2 % a trial has settled."""
 MOST_FAILURES = 3
 """Trials in a row that were no better than the best, each with half of the step before it, before it is given up."""
+AT_LIMIT = 0.995
+"""Of the slew limit: a code of the converter is 0.2 % of the usual one, a tick long."""
 
 Progress = Callable[[float], None]
 
@@ -113,6 +115,7 @@ class _Course:
             for axis, one in wanted.items()
         }
         self._trials: list[Trial] = []
+        self._limited: set[str] = set()
 
     def run(self, trials: int, on_progress: Progress) -> Learned:
         best = self._look({axis: np.zeros(count + 1, complex) for axis, count in self._count.items()}, {}, None)
@@ -141,7 +144,15 @@ class _Course:
             if failures == MOST_FAILURES:
                 reason = f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %"
                 break
-        return self._learned(best, reason)
+        return self._learned(best, reason + self._about_limits())
+
+    def _about_limits(self) -> str:
+        """What no learning mends: an axis whose output was at its slew limit in any trial."""
+        each = (
+            f"{a} was at its slew limit of {self._stage.axis(a).limits.slew_V_per_s:g} V/s"
+            for a in sorted(self._limited)
+        )
+        return "".join(f"; the output of {one}: a smaller or slower path would not be" for one in each)
 
     def _waves(self, correction: Mapping[str, Amplitudes]) -> dict[str, Replaced]:
         return {
@@ -198,8 +209,12 @@ class _Course:
         rows = slice(round(SETTLE_S * TICK_HZ), None)
         error, worth = {}, 0.0
         for axis, wave in waves.items():
-            measured_um = run.recording.axes[axis].x_um
+            measured_um, u_V = run.recording.axes[axis].x_um, run.recording.axes[axis].u_V
             assert measured_um is not None
+            assert u_V is not None
+            fastest_V_per_s = float(np.abs(np.diff(u_V[rows])).max()) * TICK_HZ
+            if fastest_V_per_s > AT_LIMIT * self._stage.axis(axis).limits.slew_V_per_s:
+                self._limited.add(axis)
             off_um = (wave.value(run.t_s) - measured_um)[rows]
             error[axis] = error_lines(run.t_s[rows], off_um, wave.f_Hz, self._count[axis], TICK_HZ)
             worth += float(np.mean(off_um**2)) / self._wanted[axis].swing ** 2
