@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 from phaselead.control.tracking import track
 from phaselead.control.true_position import followed
 from phaselead.device.device import Device
+from phaselead.device.run_file import read_capture
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Sensor
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
+from phaselead.record.hdf5 import read_hdf5
 from phaselead.waveforms.catalogue import parse_wave
 
 LAG_s = 1 / (2 * np.pi * 2000.0)
@@ -73,3 +75,13 @@ def test_figures_are_of_the_path_as_it_was_written():
     assert run.figures["sensor_lag_s"] == pytest.approx(LAG_s)
     behind = followed({"x": wave}, KNOWN, "true")["x"].value(run.t_s)
     assert run.figures["max_um"] == np.abs(behind - run.x_um)[rows].max()
+
+
+def test_the_true_position_is_kept_beside_the_measured_one(tmp_path):
+    with Device.open("sim://xyz250") as device:
+        run = track(device, {"x": parse_wave("sine:60um@20Hz")}, "pid", gains=GAINS)
+    run.save(tmp_path / "run.h5")
+    kept = read_hdf5(tmp_path / "run.h5").device["true_um"]["x"]
+    assert (kept == run.true_um["x"]).all()
+    assert 0 < np.abs(kept - run.x_um).max() < 1
+    assert read_capture(tmp_path / "run.h5").ticks.shape == run.capture.ticks.shape

@@ -30,6 +30,7 @@ from phaselead.control import (
     track_to_file,
 )
 from phaselead.device import Device
+from phaselead.errors import BadInput
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES, check_output
 from phaselead.waveforms import examples, parse_waves
@@ -103,6 +104,8 @@ def track(
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
+    if table and trials:
+        raise BadInput("--learned plays what was learned, --learn learns it: give one of them")
     known = load_learned(table) if table else None
     if known is not None:
         mode, axis_gains = mode or known.mode, axis_gains if gains else known.gains()

@@ -30,6 +30,7 @@ from phaselead.record import (
     JournalReader,
     JournalWriter,
     Recording,
+    Samples,
     check_output,
     read_hdf5,
 )
@@ -89,10 +90,10 @@ class RunFile:
         self._remove()
         return facts
 
-    def write(self, capture: Capture, recording: Recording) -> None:
+    def write(self, capture: Capture, recording: Recording, true_um: Mapping[str, Samples] | None = None) -> None:
         """Writes the finished run and drops the journal, which it makes superfluous."""
         if self.output is not None:
-            write_run(self.output, capture, recording)
+            write_run(self.output, capture, recording, true_um)
             self._remove()
 
     def _remove(self) -> None:
@@ -202,7 +203,7 @@ def track_to_file(
         except DeviceFault as fault:
             file.write(fault.capture, run_recording(fault.capture, mode, stage))
             raise
-        file.write(run.capture, run.recording)
+        file.write(run.capture, run.recording, run.true_um)
     return run
 
 

@@ -95,7 +95,7 @@ class Run(SampledResult):
         Raises BadInput for another suffix, and where the file exists and ``overwrite`` is False.
         """
         if Path(path).suffix.lower() in RUN_SUFFIXES and (overwrite or not Path(path).exists()):
-            write_run(path, self.capture, self.recording)
+            write_run(path, self.capture, self.recording, self.true_um)
         else:
             export(self.recording, path, overwrite=overwrite)
 

@@ -7,6 +7,7 @@ parking included, are under ``/device``, and what a replay needs besides is unde
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -18,7 +19,7 @@ from phaselead.device.quantities import TICK_HZ, converters
 from phaselead.device.status import name_of
 from phaselead.device.stream import AxisStream, Capture, Gap, Stream
 from phaselead.errors import BadInput
-from phaselead.record import AxisRecord, Recording, read_hdf5, write_hdf5
+from phaselead.record import AxisRecord, Recording, Samples, read_hdf5, write_hdf5
 
 RAIL_CODES = np.array([0, 65535], np.uint16)
 CHANNELS = tuple(field.name for field in fields(AxisStream))
@@ -56,12 +57,18 @@ def recording_of(
     return Recording(t_s=(capture.ticks[rows] - first) / TICK_HZ, axes=axes, meta=facts | (meta or {}))
 
 
-def write_run(path: str | os.PathLike[str], capture: Capture, recording: Recording) -> None:
-    """Writes recording and capture as one HDF5 file, whole or not at all."""
+def write_run(
+    path: str | os.PathLike[str],
+    capture: Capture,
+    recording: Recording,
+    true_um: Mapping[str, Samples] | None = None,
+) -> None:
+    """Writes recording and capture as one HDF5 file, whole or not at all; ``true_um``: where a virtual stage truly was
+    at the rows of the recording, (n,) by axis, which is kept under ``/device/true_um``."""
     replay = replay_facts(capture) | {"command_ticks": np.array([tick for tick, _ in capture.command_log], np.int64)}
     if capture.command_log:
         replay["command_frames"] = [frame for _, frame in capture.command_log]
-    device: dict[str, Any] = {"tick": capture.ticks}
+    device: dict[str, Any] = {"tick": capture.ticks} | ({} if true_um is None else {"true_um": dict(true_um)})
     for place, data in channels_of(capture.stream).items():
         axis, channel = place.split("/")
         device.setdefault(axis, {})[channel] = data
