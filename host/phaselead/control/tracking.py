@@ -266,7 +266,8 @@ def axis_figures(
         return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
     judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
     meant_um = waveform.value(recording.t_s) if waveform.judged_apart else record.r_um
-    asked_um = waveform.as_asked.value(recording.t_s) if waveform.judged_apart else meant_um
+    asked = waveform.as_asked
+    asked_um = meant_um if asked is waveform else asked.value(recording.t_s)
     steady = tracking_error(meant_um[judged], record.x_um[judged], asked_um[judged])
     begun = arrival(meant_um, record.x_um) if waveform.goes_to_start else 0
     whole = tracking_error(meant_um[begun:], record.x_um[begun:], asked_um[begun:])

@@ -60,7 +60,8 @@ class Replaced(Sampled):
 
     @property
     def judged_apart(self) -> bool:
-        return True
+        """What is late as the sensor is may be judged by what is played, what was learned may not."""
+        return self.trial_s is not None or self.wanted.judged_apart
 
     @property
     def has_corners(self) -> bool:
