@@ -18,21 +18,20 @@ from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows
+from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, park_quietly, selftest
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
 from phaselead.result import Facts, Result, Table, pairs_table
 from phaselead.serial_ports import default_port
-from phaselead.waveforms import Waveform, parse_wave, parse_waves
+from phaselead.waveforms import Waveform
 
 if TYPE_CHECKING:
     from phaselead.identify import FitResult
 
 Progress = Callable[[float], None]
 """Is given the fraction done, now and then."""
-WaveLike = str | Waveform
-WavesLike = WaveLike | Mapping[str, WaveLike]
 
 
 def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:
@@ -272,7 +271,7 @@ class Controller:
         allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
         recorded) when the device latches a fault.
         """
-        waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
+        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         known = load_learned(learned) if isinstance(learned, str | os.PathLike) else learned
         mode = mode or ("ff+pid" if known is None else known.mode)
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
@@ -295,7 +294,7 @@ class Controller:
             follows=follows,
             on_progress=on_progress,
         )
-        return replace(run, recording=_named(run.recording, path or _text(wave, x, y, z)))
+        return replace(run, recording=_named(run.recording, path or wave_text(wave, x, y, z)))
 
     def learn(
         self,
@@ -320,7 +319,7 @@ class Controller:
         as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
         Raises BadInput as ``track`` does, and for a move.
         """
-        waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
+        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
         for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
@@ -358,7 +357,7 @@ class Controller:
         codes that a replay needs. Raises as ``track`` does.
         """
         path = _output(output)
-        waveforms = None if drive is None else _waves(drive, axis, {})
+        waveforms = None if drive is None else given_waves(drive, axis, {})
         recording = record_open_loop(
             self.device,
             waveforms,
@@ -368,43 +367,14 @@ class Controller:
             duration_s=duration,
             on_progress=on_progress,
         )
-        return _named(recording, path or _text(drive) or f"{axis} at rest")
+        return _named(recording, path or wave_text(drive) or f"{axis} at rest")
 
 
 def _named(recording: Recording, name: str) -> Recording:
     return replace(recording, source=name)
 
 
-def _text(*waves: WavesLike | None) -> str:
-    """What a run without a file is called."""
-    given = [wave for wave in waves if wave is not None]
-    parts = given[0].values() if len(given) == 1 and isinstance(given[0], Mapping) else given
-    return ",".join(wave if isinstance(wave, str) else getattr(wave, "kind", "run") for wave in parts)
-
-
 def _output(output: str | os.PathLike[str] | None) -> str | None:
     path = None if output is None else os.fspath(output)
     check_output(path, suffixes=RUN_SUFFIXES)
     return path
-
-
-def _waves(wave: WavesLike | None, axis: str, by_axis: Mapping[str, WaveLike | None]) -> dict[str, Waveform]:
-    """The waveform of each axis. Raises BadInput when there is none, or one is given twice."""
-    found: dict[str, Waveform] = {}
-    if isinstance(wave, str):
-        found = parse_waves(wave, axis)
-    elif wave is not None:
-        given: Mapping[str, WaveLike] = wave if isinstance(wave, Mapping) else {axis: wave}
-        found = {name: _waveform(one) for name, one in given.items()}
-    for name, one in by_axis.items():
-        if one is not None:
-            if name in found:
-                raise BadInput(f"axis {name} is given two waveforms; give it one")
-            found[name] = _waveform(one)
-    if not found or not set(found) <= set("xyz"):
-        raise BadInput('which path? e.g. track("sine:60um@5Hz") or track(x="sine:60um@5Hz", y="sine:30um@5Hz")')
-    return found
-
-
-def _waveform(one: WaveLike) -> Waveform:
-    return parse_wave(one) if isinstance(one, str) else one
