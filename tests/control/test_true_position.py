@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from phaselead.control.tracking import track
 from phaselead.control.true_position import followed
 from phaselead.device.device import Device
+from phaselead.device.quantities import path_request
 from phaselead.device.run_file import read_capture
+from phaselead.device.wire import PathKind
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Sensor
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
@@ -40,6 +42,7 @@ def test_the_device_is_asked_for_what_the_sensor_is_to_show(f_Hz, offset):
     assert asked.value(t_s) == pytest.approx(lagging, abs=1e-5)
     assert asked.offset + asked.swing * asked.points == pytest.approx(asked.value(np.arange(1024) / 1024 / f_Hz))
     assert asked.as_asked is wave
+    assert path_request(0, PathKind.WAVE, asked.swing, asked.offset, f_Hz, 100, volts=False)  # 7 pm were refused
     assert asked.goes_to_start == wave.goes_to_start
 
 

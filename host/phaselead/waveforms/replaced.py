@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -12,6 +13,8 @@ from phaselead.waveforms.waveform import POINTS, Sampled, Shares, Waveform
 
 FINE = 65536
 """Points of one period in which a lag is worked out: 64 for each that the device plays."""
+STEP = 2.0**-16
+"""Of the device's micrometres: what it is given for a level is a multiple, since less than one is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,8 @@ class Replaced(Sampled):
     @classmethod
     def of(cls, wanted: Waveform, values: Shares, *, lag_s: float = 0.0, trial_s: float | None = None) -> Self:
         """``values`` (1024,), in the unit of ``wanted``, are what the device plays of one period."""
-        lowest, swing = float(values.min()), float(np.ptp(values))
+        lowest = math.floor(values.min() / STEP) * STEP
+        swing = math.ceil((values.max() - lowest) / STEP) * STEP
         period = np.clip((values - lowest) / swing, 0.0, 1.0)
         return cls(swing, lowest, wanted.unit, wanted.f_Hz, period, wanted, lag_s, trial_s)
 
