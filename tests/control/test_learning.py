@@ -149,7 +149,7 @@ def test_a_table_is_read_as_it_was_written(outcome, tmp_path):
 TABLE = Learned(
     STAGE.sha256, "inverse+pid", "true",
     {"x": LearnedPath(SINE.f_Hz, one_period(SINE), one_period(SINE) + 0.01, 0.0, 1.0, GAINS["x"])},
-    (Trial(0, True, 0, 0, {"x": 1.0}, {"x": 0.5}),), "as asked",
+    (Trial(0, True, {"x": 0}, {"x": 0}, {"x": 1.0}, {"x": 0.5}),), "as asked",
 )  # fmt: skip
 OTHER_GAINS = {"x": Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0)}
 

@@ -32,8 +32,8 @@ class Trial:
 
     number: int
     kept: bool
-    learned_lines: int
-    probed_lines: int
+    learned_lines: dict[str, int]
+    probed_lines: dict[str, int]
     max_um: dict[str, float]
     rms_um: dict[str, float]
     true_max_um: dict[str, float] | None = None
@@ -152,7 +152,8 @@ class Learned(Result):
         for trial in self.trials:
             for axis, path in self.paths.items():
                 largest, rms = trial.max_um[axis], trial.rms_um[axis]
-                lines = f"{trial.learned_lines}" + (f" + {trial.probed_lines} probed" if trial.probed_lines else "")
+                probed = trial.probed_lines[axis]
+                lines = f"{trial.learned_lines[axis]}" + (f" + {probed} probed" if probed else "")
                 share = 100 * largest / float(np.ptp(path.wanted_um))
                 said = "" if trial.kept else "not kept"
                 rows.append((str(trial.number), axis, f"{largest:.4g}", f"{share:.3f}", f"{rms:.4g}", lines, said))

@@ -195,8 +195,8 @@ class _Course:
             Trial(
                 number=len(self._trials),
                 kept=best is None or look.worth < best.worth,
-                learned_lines=sum(int(step.learned.sum()) for step in steps.values()),
-                probed_lines=sum(int(step.probed.sum()) for step in steps.values()),
+                learned_lines={axis: int(steps[axis].learned.sum()) if steps else 0 for axis in waves},
+                probed_lines={axis: int(steps[axis].probed.sum()) if steps else 0 for axis in waves},
                 max_um={axis: one["max_um"] for axis, one in figures.items()},
                 rms_um={axis: one["rms_um"] for axis, one in figures.items()},
                 true_max_um=true or None,
