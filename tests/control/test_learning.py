@@ -45,7 +45,13 @@ def one_line(error, gain, deviation, noise=0.0):
     return lines, Response(np.array([gain]), np.array([deviation]))
 
 
-@given(error=complexes, gain=complexes, doubt=st.floats(0, 1.5), off=st.floats(0, 1), turn=st.floats(0, 1))
+@given(
+    error=complexes,
+    gain=complexes,
+    doubt=st.floats(0, 1.5),
+    off=st.sampled_from([0.0, 0.5, 1.0]),
+    turn=st.sampled_from([0.0, 0.2, 0.4, 0.5, 0.7]),
+)
 def test_a_learned_error_shrinks_wherever_the_response_may_be(error, gain, doubt, off, turn):
     """Anywhere within twice its deviation."""
     step = next_step(*one_line(error, gain, doubt * abs(gain) / 2))
@@ -63,6 +69,13 @@ def test_a_learned_error_shrinks_wherever_the_response_may_be(error, gain, doubt
 def test_noise_is_not_learned(error, noise):
     step = next_step(*one_line(error, 1.0 + 0j, 0.1, noise=abs(error) * noise))
     assert not step.change.any()
+
+
+@given(error=complexes, noise=st.floats(0.01, 0.3))
+def test_of_a_noisy_line_less_is_learned(error, noise):
+    """Wiener's share of it."""
+    step = next_step(*one_line(error, 1.0 + 0j, 0.0, noise=abs(error) * noise))
+    assert abs(step.change[0]) == pytest.approx((1 - noise**2) * abs(error))
 
 
 @given(true_gain=complexes, gain=complexes, deviation=st.floats(0.1, 2))
@@ -231,6 +244,32 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
     assert "adc_rail" in found.reason
     assert len(found.trials) == 2
     assert found.best == found.trials[1]
+
+
+def test_a_response_that_the_model_has_wrong_is_found_out(learned, tmp_path):
+    """At the model's mode, which the stage has 5 % lower, a path comes out turned round."""
+    learned.save(tmp_path / "stage.toml")
+    with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+        found = learn(device, {"x": parse_wave("sine:5um@200Hz")}, stage=STAGE, gains=GAINS, trials=6)
+    assert found.trials[1].probed_lines["x"] > 0
+    assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 10
+
+
+def test_a_trial_that_is_worse_leaves_no_trace(monkeypatch, learned, tmp_path):
+    learned.save(tmp_path / "stage.toml")
+    tables = []
+    for trials in (1, 2):
+        runs = []
+
+        def driven(device, waves, mode, runs=runs, **options):
+            runs.append(track(device, waves, "pid" if len(runs) == 2 else mode, **options))
+            return runs[-1]
+
+        monkeypatch.setattr(course, "track", driven)
+        with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+            tables.append(learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=trials))
+    assert [trial.kept for trial in tables[1].trials] == [True, True, False]
+    assert (tables[0].paths["x"].played_um == tables[1].paths["x"].played_um).all()
 
 
 def test_a_correction_larger_than_allowed_is_not_driven(monkeypatch, learned, tmp_path):
