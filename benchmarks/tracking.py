@@ -1,8 +1,9 @@
 """How well paths are followed on the built-in stage, as docs/tracking.md has it: one shot and learned.
 
 Prints one row of Markdown a path: largest error of the true position against the path as it was written, % of its
-swing, over the last four periods. The model is identified first, with the stage's data sheet; "changed" is the same
-model on a stage with 10 % less gain, 30 % more hysteresis and a mode 10 % lower than it was identified with.
+swing, over the last four periods; the worst of three seeds of the sensor's noise. The model is identified first, with
+the stage's data sheet; "changed" is the same model on a stage with 10 % less gain, 30 % more hysteresis and a mode 10 %
+lower than it was identified with.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ PATHS = (
 DURATION_S = 1.0
 """At least, of a run that is judged: ten periods of a fast path are over before its start has rung out."""
 TRIALS = 10
+SEEDS = (1, 2, 3)
+"""Of the sensor's noise; none is that of the identification."""
 
 
 def rounded_triangle(path: Path, swing_um: float = 30.0, share: float = 0.05, rows: int = 1000) -> None:
@@ -55,16 +58,22 @@ def changed(model: AxisModel) -> AxisModel:
 
 
 def row(wave: str, port: str, model: Stage) -> list[str]:
-    """One shot: largest and rms of the true position, and from rest; learned: largest, and after how many trials."""
+    """One shot: largest and rms of the true position, and largest from rest; learned: largest, and after how many
+    trials. Each is the worst of all seeds."""
     f_Hz = float(wave.rpartition("@")[2].removesuffix("Hz"))
     seconds = max(DURATION_S, 10 / f_Hz)
-    with pl.connect(port) as device:
-        shot = device.track(wave, mode="inverse+pid", model=model, duration=seconds).figures["true"]
-    with pl.connect(port) as device:
-        table = device.learn(wave, model=model, trials=TRIALS)
-        after = device.track(wave, model=model, learned=table, duration=seconds).figures["true"]
-    numbers = (shot["max_pct"], 100 * shot["rms_um"] / shot["range_um"], shot["from_rest"]["max_pct"], after["max_pct"])
-    return [*(f"{number:.3g}" for number in numbers), f"{table.best.number} of {table.trials[-1].number}"]
+    found = []
+    for seed in SEEDS:
+        with pl.connect(f"{port}?seed={seed}") as device:
+            shot = device.track(wave, mode="inverse+pid", model=model, duration=seconds).figures["true"]
+        with pl.connect(f"{port}?seed={seed}") as device:
+            table = device.learn(wave, model=model, trials=TRIALS)
+            after = device.track(wave, model=model, learned=table, duration=seconds).figures["true"]
+        rms_pct = 100 * shot["rms_um"] / shot["range_um"]
+        found.append(
+            (shot["max_pct"], rms_pct, shot["from_rest"]["max_pct"], after["max_pct"], float(table.best.number))
+        )
+    return [f"{number:.3g}" for number in np.max(found, axis=0)]
 
 
 def main() -> None:
@@ -76,7 +85,7 @@ def main() -> None:
         stage.model_copy(update={"axes": axes}).save(other)
         with pl.connect("sim://xyz250") as device:
             model = device.identify("x").model
-        print("| stage | path | one shot | its rms | from rest | learned | best trial |")
+        print("| stage | path | one shot | its rms | from rest | learned | trials |")
         print("|---|---|---|---|---|---|---|")
         for name, port in (("xyz250", "sim://xyz250"), ("changed", f"sim://{other}")):
             for wave in sys.argv[1:] or PATHS:
