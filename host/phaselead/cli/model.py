@@ -116,10 +116,17 @@ def predict(
 @click.option("-o", "--output", metavar="STAGE.toml", required=True)
 @click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
+@click.option("--creep", is_flag=True, help="Also hold 5 V for 12 s an axis and fit its creep; takes a minute more.")
 @click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
 @json_option
 def identify(
-    port: str, output: str, model_path: str | None, axes: str, save_to: str | None, json_to: str | None
+    port: str,
+    output: str,
+    model_path: str | None,
+    axes: str,
+    creep: bool,
+    save_to: str | None,
+    json_to: str | None,
 ) -> None:
     """Run the identification experiment on a device, fit both views, verify on held-out inputs.
 
@@ -136,7 +143,8 @@ def identify(
     with Device.open(port) as device, progress("identifying", 1.0) as advance:
         if stage is None and (warning := assumed_limits(device)) is not None:
             warn([warning])
-        fitted = identify_device(device, axis_names, advance, save_to=save_to, stage=stage).as_fit()
+        found = identify_device(device, axis_names, advance, save_to=save_to, stage=stage, creep=creep)
+    fitted = found.as_fit()
     fitted = replace(fitted, model=with_gains(fitted.model))
     fitted.save(output)
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]

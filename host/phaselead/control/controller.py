@@ -210,13 +210,15 @@ class Controller:
         axes: str = "x",
         *,
         model: StageLike | None = None,
+        creep: bool = False,
         save: str | os.PathLike[str] | None = None,
         on_progress: Progress | None = None,
     ) -> FitResult:
         """Runs the identification experiment, fits both views, designs gains, and verifies on held-out inputs.
 
         ``axes`` are letters, with or without commas ("xyz", "x,y"). Limits and calibration are those of ``model``,
-        which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
+        which is uploaded first, else of the model the device holds. ``creep``: also hold 5 V for 12 s
+        an axis, and fit its creep. ``save`` is a folder that keeps every recording.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
         from phaselead.identify import identify_device  # slow to load, needed here only
@@ -228,7 +230,8 @@ class Controller:
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
         folder = None if save is None else os.fspath(save)
-        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
+        identified = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage, creep=creep)
+        found = identified.as_fit()
         return replace(found, model=with_gains(found.model))
 
     # ---------------------------------------------------------------- running

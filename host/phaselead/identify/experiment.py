@@ -27,11 +27,12 @@ from phaselead.device import (
     write_run,
 )
 from phaselead.errors import BadInput
+from phaselead.identify.creep import described_creep, with_creep
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
-from phaselead.model import AxisModel, Stage
+from phaselead.model import AxisModel, Stage, provenance_of
 from phaselead.record import AXES, Recording, refuse_gapped
 from phaselead.sim import data_sheet
 from phaselead.waveforms import Sine, refuse_out_of_range
@@ -135,6 +136,7 @@ def identify_device(
     plan: Sequence[Experiment] | None = None,
     save_to: str | None = None,
     stage: Stage | None = None,
+    creep: bool = False,
 ) -> Identified:
     """Run the plan (default: the paper's grid on ``axes``), fit both views, and verify on what was held out.
 
@@ -143,6 +145,7 @@ def identify_device(
     their second period on, because in a session no record but the first starts from rest. ``save_to`` keeps
     every record there. Limits and calibration are those of ``stage``, which is uploaded first, else of the model
     that the device holds, else a built-in stage's own, else the defaults; they go on into what is identified.
+    ``creep``: each axis also holds 5 V for 12 s at the end, after 40 s of rest, and its creep is fitted.
 
     Raises:
         BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
@@ -165,6 +168,14 @@ def identify_device(
     found, report = fit(used, name="identified", parent=parent)
     origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
     found = found.model_copy(update={"provenance": origin})
+    for axis in axes if creep else ():
+        mine = [(r, e) for r, e in zip(records, chosen, strict=True) if e.axis == axis]
+        fits, rest_s = [not e.held_out for _, e in mine], mine[0][1].rest_s
+        found, held = with_creep(device, found, axis, [r for r, _ in mine], fits, rest_s)
+        source = provenance_of(None, [replace(held, sha256=_digest(held))]).data
+        origin = found.provenance.model_copy(update={"data": (*found.provenance.data, *source)})
+        found = found.model_copy(update={"provenance": origin})
+        report.messages.append(f"axis {axis}: {described_creep(found.axis(axis))}; adopted as effect creep")
     verifications: dict[View, list[Verification]] = {
         "time": verify(found, [after_first_period(r, e) for r, e in _held_out(chosen, kept)], "time"),
         "table": verify(found, kept, "table"),

@@ -13,6 +13,7 @@ from phaselead.model.effects.derived import Derived, Interval, Scene, derived_es
 from phaselead.model.effects.filters import (
     Mode,
     behind_modes,
+    lags,
     mode_coefficients,
     relaxed_late,
     resonant,
@@ -47,6 +48,7 @@ __all__ = [
     "effect",
     "effect_of_modes",
     "effect_of_shares",
+    "lags",
     "mode_coefficients",
     "modes_of",
     "push_level",
