@@ -148,7 +148,7 @@ class Device:
             "port": self.session.name,
             "target": hello.target.rstrip(b"\0").decode("ascii", "replace"),
             "build_id": hello.build_id.hex(),
-            "wire": f"{hello.schema_fingerprint:08x}",
+            "wire": f"{hello.wire_version}.{hello.wire_revision} ({hello.schema_fingerprint:08x})",
             "tick_rate_Hz": hello.tick_rate_Hz,
             "baud": hello.baud,
             "axes": hello.axis_count,
