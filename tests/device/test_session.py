@@ -272,3 +272,25 @@ def test_endless_noise_does_not_fill_the_memory() -> None:
     assert reader.errors > 10
     assert len(reader._rest) <= reader.max_frame
     assert reader.feed(b"\0" + encode_frame(b"whole")) == [b"whole"]
+
+
+def test_a_host_that_slept_looks_at_what_came_meanwhile() -> None:
+    """A jump of the clock over every deadline, with the reply already there."""
+
+    class SleepyPort(FakePort):
+        slept_s = 0.0
+
+        @property
+        def clock_s(self) -> float:
+            return super().clock_s + self.slept_s
+
+        def read(self, size: int = 1) -> bytes:
+            if self.device.out and self.slept_s == 0:
+                self.slept_s = 3600.0
+                return b""
+            return super().read(size)
+
+    session = Session(SleepyPort(FakeDevice()), "fake")
+    session.hello()
+    assert session.retries == 0
+    assert session.now_s() >= 3600
