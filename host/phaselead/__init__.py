@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from phaselead.api import (
         campaign,
         demo,
+        explain,
         export,
         fit,
         flash,
@@ -72,6 +73,7 @@ __all__ = [
     "campaign",
     "connect",
     "demo",
+    "explain",
     "export",
     "fit",
     "flash",

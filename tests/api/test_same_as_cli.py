@@ -42,6 +42,7 @@ COUNTERPARTS = {
     "sim": "sim",
     "flash": "flash",
     "selftest": "Controller.selftest",
+    "explain": "explain",
 }
 
 
@@ -162,7 +163,7 @@ def test_device(folder: Path) -> None:
     printed = cli("upload", folder / "stage.toml", "--persist")
     assert plain(uploaded.as_dict()) == {key: value for key, value in printed.items() if key != "model"}
     with pl.connect() as dev:
-        assert plain(dev.selftest("x").as_dict()) == cli("selftest", "--axis", "x")
+        assert plain(dev.selftest("x").as_dict()) == cli("selftest", "--axis", "x", "--yes")
     assert plain({"ports": [{"url": p.url, "description": p.description} for p in pl.ports()]}) == cli("ports")
     with pl.connect() as dev:
         assert dev.arm().state == cli("arm")["state"] == "armed"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.api.devices import flash, ports, replay, sim, stop
+from phaselead.api.devices import explain, flash, ports, replay, sim, stop
 from phaselead.api.gaps import gap, gap_next, write_report
 from phaselead.api.models import fit, load, loop, predict, verify
 from phaselead.api.recordings import export, read, recording, recover
@@ -11,6 +11,7 @@ from phaselead.api.trials import campaign, demo
 __all__ = [
     "campaign",
     "demo",
+    "explain",
     "export",
     "fit",
     "flash",

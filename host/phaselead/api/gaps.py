@@ -68,13 +68,14 @@ def gap_next(
     output: str | os.PathLike[str],
     axis: str = "x",
     model: StageLike | None = None,
+    overwrite: bool = False,
     on_progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """Runs the experiment that a tie asks for, open loop, and keeps the record in ``output`` (.h5).
 
     ``proposal`` is the result of ``gap`` or a gap.json. ``axis`` counts where the proposal names none. ``model`` has
-    limits and calibration; it is uploaded first. Raises BadInput when no experiment is proposed, and what the device
-    says.
+    limits and calibration; it is uploaded first. Raises BadInput when no experiment is proposed, and for an output that
+    exists unless ``overwrite``, and what the device says.
 
     >>> import phaselead as pl
     >>> pl.gap_next("gap.json", output="more.h5")
@@ -87,7 +88,7 @@ def gap_next(
     from phaselead.serial_ports import default_port
 
     inputs = [one for one in (proposal, model) if isinstance(one, str | os.PathLike)]
-    check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs)
+    check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite)
     if isinstance(proposal, str | os.PathLike):
         proposed = read_proposal(os.fspath(proposal))
     else:

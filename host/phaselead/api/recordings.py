@@ -84,12 +84,12 @@ def export(
     export_recording(gather_one(record, map, rate), path, overwrite=overwrite)
 
 
-def recover(journal: str | os.PathLike[str], output: str | os.PathLike[str]) -> Recording:
+def recover(journal: str | os.PathLike[str], output: str | os.PathLike[str], *, overwrite: bool = False) -> Recording:
     """Finishes a run whose program was killed: turns its journal into a recording, written to ``output`` (.h5).
 
     Its ``meta`` says what was lost: ``torn_bytes`` at the journal's end, ``damaged_frames`` within. The journal is
     removed once the recording is written. Raises BadInput for a file that is no journal, of another version, or
-    without samples.
+    without samples, and for an output that exists unless ``overwrite``.
 
     >>> import phaselead as pl
     >>> pl.recover("run.h5.journal", "run.h5")
@@ -97,8 +97,9 @@ def recover(journal: str | os.PathLike[str], output: str | os.PathLike[str]) -> 
     phaselead.errors.BadInput: run.h5.journal: cannot be read (No such file or directory); give a journal
     """
     from phaselead.control import recover_run
-    from phaselead.record import gather_one
+    from phaselead.record import RUN_SUFFIXES, check_output, gather_one
 
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal], overwrite=overwrite)
     facts = recover_run(os.fspath(journal), os.fspath(output))
     found = gather_one(output)
     return replace(found, meta=found.meta | {name: facts[name] for name in ("torn_bytes", "damaged_frames")})

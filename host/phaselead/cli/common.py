@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 from rich.console import Console
@@ -66,6 +66,13 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
 
 
 force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
+overwrite_option = click.option(
+    "--overwrite", "--force", "overwrite", is_flag=True, help="Write over the output if it exists."
+)
+own_overwrite_option = click.option(
+    "--overwrite", is_flag=True, help="Write over the output if it exists (as --force does, which takes more risks)."
+)
+"""For commands whose --force also takes a risk with the stage."""
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
     "--map",
@@ -120,6 +127,37 @@ def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
 
         write_text(json_to, json_text(figures))
     show(figures, json_to, parts)
+
+
+def asked_of_a_person() -> bool:
+    """Whether somebody can answer."""
+    return sys.stdin.isatty()
+
+
+def confirmed(question: str, yes: bool) -> None:
+    """Asks before something moves that may do harm. Raises BadInput when the answer is no, and where nobody can be
+    asked, unless ``yes``."""
+    if yes:
+        return
+    if not asked_of_a_person():
+        raise BadInput(f"{question} Nobody can be asked here: give --yes if it may")
+    if not click.confirm(question, err=True):
+        raise BadInput("nothing was moved, as you answered")
+
+
+yes_option = click.option("-y", "--yes", is_flag=True, help="Do not ask first.")
+
+
+class Printed(Protocol):
+    """A result that is figures to a program and tables to a person."""
+
+    def as_dict(self) -> dict[str, Any]: ...
+    def tables(self) -> Sequence[Table | str]: ...
+
+
+def emit_result(result: Printed, json_to: str | None) -> None:
+    """A result as it prints itself, or as JSON."""
+    emit(result.as_dict(), json_to, result.tables())
 
 
 def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:

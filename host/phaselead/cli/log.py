@@ -13,6 +13,7 @@ from phaselead.cli.common import (
     emit_pairs,
     json_option,
     map_option,
+    overwrite_option,
     port_option,
     progress,
     rate_option,
@@ -36,14 +37,17 @@ def log() -> None:
 @duration_option("ten periods, or 1 s when only listening")
 @click.option("-o", "--output", metavar="RUN.h5", required=True)
 @axis_option
+@overwrite_option
 @json_option
-def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
+def record(
+    port: str, drive: str | None, duration: float | None, output: str, axis: str, overwrite: bool, json_to: str | None
+) -> None:
     """Record what the device does, open loop; needs no model."""
     from phaselead.control import record_to_file
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
-    check_output(output, suffixes=RUN_SUFFIXES)
+    check_output(output, suffixes=RUN_SUFFIXES, overwrite=overwrite)
     waveforms = parse_waves(drive, axis) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
         facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
@@ -65,14 +69,14 @@ def info(recording_path: str, column_map: str | None, rate: str | None, json_to:
 @log.command()
 @click.argument("recording_path", metavar="REC")
 @click.argument("output", metavar="OUT")
-@click.option("--force", is_flag=True, help="Write over OUT if it exists.")
+@overwrite_option
 @map_option
 @rate_option
 @json_option
 def export(
     recording_path: str,
     output: str,
-    force: bool,
+    overwrite: bool,
     column_map: str | None,
     rate: str | None,
     json_to: str | None,
@@ -81,20 +85,22 @@ def export(
     from phaselead.record import SUFFIXES
     from phaselead.record import export as export_recording
 
-    check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=force)
+    check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=overwrite)
     (recording,) = read_recordings([recording_path], column_map, rate)
-    export_recording(recording, output, overwrite=force)
+    export_recording(recording, output, overwrite=overwrite)
     emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
 
 
 @log.command()
 @click.argument("journal", metavar="JOURNAL")
 @click.option("-o", "--output", metavar="RUN.h5", required=True)
+@overwrite_option
 @json_option
-def recover(journal: str, output: str, json_to: str | None) -> None:
+def recover(journal: str, output: str, overwrite: bool, json_to: str | None) -> None:
     """Finish a capture whose program was killed: turn its journal into a recording."""
     from phaselead.control import recover_run
 
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal], overwrite=overwrite)
     emit_pairs(recover_run(journal, output), json_to)
 
 

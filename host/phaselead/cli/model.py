@@ -25,7 +25,7 @@ from phaselead.control import describe_gains, with_gains
 from phaselead.identify import Base, Verifications, View
 from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
-from phaselead.record import check_output, write_csv
+from phaselead.record import check_output, parse_axes, write_csv
 from phaselead.result import Table
 
 STAGE_SUFFIXES = (".toml",)
@@ -128,10 +128,10 @@ def identify(
     """
     from phaselead.control import assumed_limits
     from phaselead.device import Device
-    from phaselead.identify import identify_device, parse_axes
+    from phaselead.identify import identify_device
 
     check_output(output, suffixes=STAGE_SUFFIXES)
-    axis_names = parse_axes(axes)
+    axis_names = parse_axes(axes, "--axis")
     stage = load_stage(model_path) if model_path else None
     with Device.open(port) as device, progress("identifying", 1.0) as advance:
         if stage is None and (warning := assumed_limits(device)) is not None:

@@ -14,6 +14,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
+from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
@@ -30,6 +31,8 @@ __all__ = [
     "connect",
     "describe_gains",
     "gains_of",
+    "held_stage",
+    "held_warning",
     "loop_of",
     "loop_warnings",
     "own_loop_warnings",

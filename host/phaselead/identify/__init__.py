@@ -7,7 +7,6 @@ from phaselead.identify.experiment import (
     Experiment,
     Identified,
     identify_device,
-    parse_axes,
     run_experiment,
 )
 from phaselead.identify.fit_result import FitResult
@@ -60,7 +59,6 @@ __all__ = [
     "fit_plays",
     "frequency_response",
     "identify_device",
-    "parse_axes",
     "play_thresholds",
     "run_experiment",
     "score_test",

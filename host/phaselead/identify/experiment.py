@@ -118,14 +118,6 @@ class Identified:
         return FitResult(self.stage, self.report, self.recordings, held_out)
 
 
-def parse_axes(text: str) -> tuple[str, ...]:
-    """ "x" or "x,y,z" as letters. Raises BadInput."""
-    axes = tuple(part.strip() for part in text.split(","))
-    if not set(axes) <= set(AXES) or len(set(axes)) != len(axes):
-        raise BadInput(f"--axis {text!r}: name each of x, y, z at most once, e.g. x or x,y,z")
-    return axes
-
-
 def identify_device(
     device: Device,
     axes: Sequence[str] = ("x",),

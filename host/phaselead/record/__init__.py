@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.checks import refuse_clipped, refuse_gapped
-from phaselead.record.columns import AXES, parse_column_map, parse_rate
+from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
@@ -40,6 +40,7 @@ __all__ = [
     "gather_one",
     "hdf5_in_parts",
     "is_special",
+    "parse_axes",
     "parse_column_map",
     "parse_rate",
     "read_hdf5",

@@ -28,6 +28,15 @@ SCALES = {
 WORDS = {"s": "seconds", "V": "volts", "um": "micrometres"}
 MAP_EXAMPLE = "--map u_V=1,x_um=2 --rate 200Hz"
 
+
+def parse_axes(text: str, name: str = "axes") -> tuple[str, ...]:
+    """ "x", "x,y,z" or "xyz" as letters, each once; ``name`` is what messages call it. Raises BadInput."""
+    axes = tuple(re.sub(r"[,\s]+", "", text))
+    if not axes or not set(axes) <= set(AXES) or len(set(axes)) != len(axes):
+        raise BadInput(f"{name} {shown(text)}: name each of x, y, z at most once, e.g. x or x,y,z")
+    return axes
+
+
 _LABEL = re.compile(r"(t|time|[uxyzr]|[ur][xyz])(?:[\s_(\[/]+([^\s_()\[\]]*)[)\]]?)?", re.IGNORECASE)
 
 
