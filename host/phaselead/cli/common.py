@@ -6,6 +6,7 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -73,6 +74,7 @@ own_overwrite_option = click.option(
     "--overwrite", is_flag=True, help="Write over the output if it exists (as --force does, which takes more risks)."
 )
 """For commands whose --force also takes a risk with the stage."""
+verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
     "--map",
@@ -81,6 +83,25 @@ map_option = click.option(
     help="1-based columns of a file without our header, e.g. u_V=1,x_um=5 or x_um=3*1e6 for metres.",
 )
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
+
+
+def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
+    """``1,2V,500mV`` as numbers in the first of ``units``; None stays None. Raises BadInput."""
+    return None if text is None else [_number(option, part.strip(), units) for part in text.split(",")]
+
+
+def number(option: str, text: str | None, units: Mapping[str, float]) -> float | None:
+    """One of them. Raises BadInput."""
+    return None if text is None else _number(option, text.strip(), units)
+
+
+def _number(option: str, text: str, units: Mapping[str, float]) -> float:
+    match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", text)
+    try:
+        return float(match[1]) * units[match[2]] if match else math.nan
+    except (ValueError, KeyError):
+        known = ", ".join(filter(None, units))
+        raise BadInput(f"{option}: {text!r} is no number with a unit of {known}") from None
 
 
 def warn(lines: Iterable[str]) -> None:

@@ -6,7 +6,7 @@ import atexit
 import contextlib
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -219,23 +219,38 @@ class Controller:
         axes: str = "x",
         *,
         model: StageLike | None = None,
+        levels: Sequence[float] | None = None,
+        frequencies: Sequence[float] | None = None,
+        u_max: float | None = None,
+        duration: float | None = None,
         save: str | os.PathLike[str] | None = None,
+        resume: bool = False,
+        overwrite: bool = False,
         on_progress: Progress | None = None,
     ) -> FitResult:
         """Runs the identification experiment, fits both views, designs gains, and verifies on held-out inputs.
 
         ``axes`` are letters, with or without commas ("xyz", "x,y"). Limits and calibration are those of ``model``,
-        which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
+        which is uploaded first, else of the model the device holds.
+
+        The sines: ``levels`` in V, peak-to-peak, and ``frequencies`` in Hz, by default the paper's 8 of each;
+        ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
+        evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
+        ``resume`` goes on with those that it has, ``overwrite`` measures them again.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import identify_device  # slow to load, needed here only
+        from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
 
         letters = parse_axes(axes)
         stage = None if model is None else as_stage(model)
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
-        folder = None if save is None else os.fspath(save)
-        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
+        plan = plan_of(letters, levels_V=levels, f_Hz=frequencies, u_max_V=u_max, duration_s=duration)
+        with contextlib.ExitStack() as stack:
+            kept = None
+            if save is not None:
+                kept = stack.enter_context(keeping(save, plan, resume=resume, overwrite=overwrite))
+            found = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage).as_fit()
         return replace(found, model=with_gains(found.model))
 
     # ---------------------------------------------------------------- running

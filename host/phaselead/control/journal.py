@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
@@ -18,6 +18,7 @@ from phaselead.device import (
     Device,
     DeviceFault,
     FrameReader,
+    after_interrupt,
     device_model,
     recording_of,
     wire,
@@ -144,14 +145,6 @@ def run_file(output: str | None, device: Device, mode: str, stage: Stage | None,
     except BaseException:
         run.recovery_hint()
         raise
-
-
-def after_interrupt(device: Device) -> str:
-    """What has become of the output: the capture parks it on Ctrl-C, which a broken line can prevent."""
-    with suppress(PhaseleadError, OSError):
-        if device.status().state == "parked":
-            return "the output is parked"
-    return "whether the output is parked is not known: look with phaselead status"
 
 
 def journal_header(device: Device, mode: str, stage: Stage | None) -> dict[str, Any]:

@@ -12,7 +12,14 @@ from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
-from phaselead.device.standing import LARGEST_STEP, Standing, StatusInUnits, standings, status_in_units
+from phaselead.device.standing import (
+    LARGEST_STEP,
+    Standing,
+    StatusInUnits,
+    after_interrupt,
+    standings,
+    status_in_units,
+)
 from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
 from phaselead.device.wire import Channel, Mode
@@ -37,6 +44,7 @@ __all__ = [
     "Standing",
     "StatusInUnits",
     "Stream",
+    "after_interrupt",
     "axes_of",
     "channels_of",
     "decode_samples",

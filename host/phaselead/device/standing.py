@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from phaselead.device.device import Device
 from phaselead.device.status import DeviceStatus
+from phaselead.errors import PhaseleadError
 from phaselead.result import Table
 
 LARGEST_STEP = {"um": 2.0, "V": 0.1}
@@ -68,6 +70,14 @@ def status_in_units(device: Device) -> StatusInUnits:
 
     axes = {axis: standing(index, axis) for index, axis in enumerate("xyz")}
     return StatusInUnits(**{one.name: getattr(status, one.name) for one in fields(DeviceStatus)}, axes=axes)
+
+
+def after_interrupt(device: Device) -> str:
+    """What has become of the output: a capture parks it on Ctrl-C, which a broken line can prevent."""
+    with suppress(PhaseleadError, OSError):
+        if device.status().state == "parked":
+            return "the output is parked"
+    return "whether the output is parked is not known: look with phaselead status"
 
 
 def standings(device: Device) -> Mapping[str, Standing]:

@@ -62,7 +62,15 @@ class FitReport:
             found.append("cross-coupling (row: responding axis)")
             rows = zip(*self.coupling, strict=True)
             found += ["  ".join(f"{v:8.4f} +- {s:.4f}" for v, s in zip(*row, strict=True)) for row in rows]
-        return [*found, *self.messages, *(f"left out: {line}" for line in self.left_out)]
+        return [*found, *self.messages, *self._left_out()]
+
+    def remarks(self) -> list[str]:
+        """What is worth knowing of the fit beside its numbers."""
+        own = [f"axis {axis}: {message}" for axis, result in self.time.items() for message in result.messages]
+        return [*own, *self.messages, *self._left_out()]
+
+    def _left_out(self) -> list[str]:
+        return [f"left out: {line}" for line in self.left_out]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: numbers that are unknown are None."""

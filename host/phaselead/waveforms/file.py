@@ -88,8 +88,8 @@ def largest_difference(own: OwnPath, points: Shares) -> float:
 def read_period(path: str) -> tuple[float, float, Unit, OwnPath, tuple[float, float] | None]:
     """One period from a file: a column of values, or times and values; a header may name them.
 
-    Lowest value, swing, unit, the path and, of a file with a column t_s, how long it takes without and with the way from its
-    last row back to its first, s.
+    Lowest value, swing, unit, the path and, of a file with a column t_s, how long it takes without and with the way
+    from its last row back to its first, s.
     """
     source = f"waveform file {path}"
     labels, rows = _numbers(path, source)
