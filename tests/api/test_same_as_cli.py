@@ -34,6 +34,7 @@ COUNTERPARTS = {
     "log record": "Controller.record",
     "log info": "Recording.facts",
     "log export": "export",
+    "log import": "import_recordings",
     "log recover": "recover",
     "replay": "replay",
     "gap": "gap",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from phaselead.record import MapLike, Recording, Recordings, RecordLike, RecordsLike
+    from phaselead.record import Imported, MapLike, Recording, Recordings, RecordLike, RecordsLike
 
 
 def read(records: RecordsLike, *, map: MapLike | None = None, rate: str | float | None = None) -> Recordings:
@@ -55,6 +56,35 @@ def recording(*, source: str = "arrays", **columns: ArrayLike) -> Recording:
     from phaselead.record import from_columns
 
     return from_columns(columns, source)
+
+
+def import_recordings(
+    files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    map: str | None = None,
+    rate: str | float | None = None,
+    flip: bool = False,
+) -> Imported:
+    """Recordings from files of other programs: text of any delimiter and decimal sign, .npy, .npz, .mat, HDF5.
+
+    Columns are guessed from labels, units and numbers; the result prints a preview with every assumption, and has the
+    ``recordings``. ``map`` names them instead, by label or number: "u_V=drive,x_um=sensor*1e6". Several files stand
+    side by side (voltages in one, positions in another). ``rate`` stands in for times ("200Hz", or a number in Hz),
+    ``flip`` turns the sign of positions. Raises BadInput where no recording can be made.
+
+    >>> import numpy as np
+    >>> import phaselead as pl
+    >>> u_V = 2.5 - 2.5 * np.cos(np.arange(400) / 20)
+    >>> np.save("rig.npy", np.column_stack([u_V, 2e-5 * u_V + 1e-6 * np.sin(np.arange(400) ** 2)]))
+    >>> found = pl.import_recordings("rig.npy", rate="200Hz")
+    >>> print(found.mapped[1].name, found.mapped[1].scale, found.mapped[1].why)
+    x_um 1000000.0 it moves, and is rougher than the voltage; so small that it must be in metres
+    """
+    from phaselead.record import import_files, parse_rate
+
+    paths = [files] if isinstance(files, str | os.PathLike) else files
+    rate_Hz = parse_rate(rate) if isinstance(rate, str) else rate
+    return import_files([os.fspath(path) for path in paths], map, rate_Hz, flip=flip)
 
 
 def export(

@@ -91,6 +91,48 @@ def export(
     emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
 
 
+@log.command("import")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("-o", "--output", metavar="OUT", help="Where to: .h5, .csv, .mat, .parquet; without it a preview.")
+@click.option(
+    "--map",
+    "column_map",
+    metavar="COLUMNS",
+    help="Columns by label or 1-based number, e.g. u_V=drive,x_um=5*1e6; default: a guess that says what it assumed.",
+)
+@rate_option
+@click.option("--flip", is_flag=True, help="Turn the sign of positions: the sensor counts backwards.")
+@overwrite_option
+@json_option
+def import_(
+    files: tuple[str, ...],
+    output: str | None,
+    column_map: str | None,
+    rate: str | None,
+    flip: bool,
+    overwrite: bool,
+    json_to: str | None,
+) -> None:
+    """Make a recording of files that other programs wrote: text, .npy, .npz, .mat, HDF5.
+
+    Prints which column became what and why, and the first rows. Several files stand side by side: voltages in one,
+    positions in another. Arrays of more dimensions give several recordings, OUT-1, OUT-2 ...
+    """
+    from phaselead.api import import_recordings
+    from phaselead.record import SUFFIXES, import_names
+    from phaselead.record import export as export_recording
+
+    check_output(output, suffixes=SUFFIXES, inputs=files)
+    found = import_recordings(files, map=column_map, rate=rate, flip=flip)
+    names = [] if output is None else import_names(output, len(found.recordings))
+    for name in names:
+        check_output(name, inputs=files, overwrite=overwrite)
+    for name, recording in zip(names, found.recordings, strict=bool(names)):
+        export_recording(recording, name, overwrite=overwrite)
+    said = [f"wrote {', '.join(names)}"] if names else ["nothing was written: give -o OUT.h5"]
+    emit(found.as_dict() | {"output": names}, json_to, [*found.tables(), *said])
+
+
 @log.command()
 @click.argument("journal", metavar="JOURNAL")
 @click.option("-o", "--output", metavar="RUN.h5", required=True)

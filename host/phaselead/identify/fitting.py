@@ -15,10 +15,10 @@ from phaselead.identify.runs import (
     SAME_RATE,
     AxisRun,
     SineDrive,
-    counts_backwards,
     driven_axes,
     driven_runs,
     refuse_without_loop,
+    sensor_counts_backwards,
     turned,
     usable,
 )
@@ -118,7 +118,7 @@ def fit(
     runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
     time, table, modes = {}, {}, {}
     for axis, axis_runs in runs.items():
-        backwards = counts_backwards(axis_runs)
+        backwards = sensor_counts_backwards(axis_runs)
         forward = [turned(run) for run in axis_runs] if backwards else axis_runs
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
             if base == "operator":

@@ -22,10 +22,11 @@ def describe_axis(axis: str, model: AxisModel, records: Iterable[Recording]) -> 
     parts = [f"{_gain_um_per_V(model):.3g} um/V"]
     width_pct = hysteresis_pct(model)
     parts.append(f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis")
-    parts.append(_modes(model))
+    parts += _modes(model)
     parts.append(f"lag {1e3 * view.delay_s:.2g} ms")
     noise_um = [noise for record in records if (noise := noise_um_rms(record, axis)) is not None]
-    beside = f", the sensor's noise is about {_short(min(noise_um))}" if noise_um else ""
+    least_um = min(noise_um, default=np.inf)
+    beside = f", the sensor's noise is about {_short(least_um)}" if least_um < view.residual_um_rms else ""
     return f"axis {axis}: {', '.join(parts)}; the model leaves {_short(view.residual_um_rms)} rms{beside}"
 
 
@@ -63,14 +64,14 @@ def hysteresis_pct(model: AxisModel) -> float:
     return 100 * float(np.abs(down - up).max()) / height if height > 0 else 0.0
 
 
-def _modes(model: AxisModel) -> str:
+def _modes(model: AxisModel) -> list[str]:
     try:
         modes = small_signal(model).modes
     except BadInput:
-        return "a sensor that counts backwards"
+        return ["a sensor that counts backwards"] if _gain_um_per_V(model) < 0 else []
     if not modes:
-        return "no mode seen"
-    return " and ".join(f"a mode at {f_Hz:.4g} Hz (damping {zeta:.2g})" for _, f_Hz, zeta in modes)
+        return ["no mode seen"]
+    return [" and ".join(f"a mode at {f_Hz:.4g} Hz (damping {zeta:.2g})" for _, f_Hz, zeta in modes)]
 
 
 def noise_um_rms(record: Recording, axis: str) -> float | None:
