@@ -8,9 +8,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from phaselead.record import Imported, MapLike, Recording, Recordings, RecordLike, RecordsLike
+    from phaselead.report import Shown
 
 
 def read(records: RecordsLike, *, map: MapLike | None = None, rate: str | float | None = None) -> Recordings:
@@ -85,6 +87,23 @@ def import_recordings(
     paths = [files] if isinstance(files, str | os.PathLike) else files
     rate_Hz = parse_rate(rate) if isinstance(rate, str) else rate
     return import_files([os.fspath(path) for path in paths], map, rate_Hz, flip=flip)
+
+
+def plot(records: RecordsLike, *, of: Shown = "position") -> Figure:
+    """Runs and recordings in one figure: their "position", "error" or "spectrum" (of the error, else of the position).
+
+    Long records are drawn by the extremes of each stretch, so that a spike of one sample shows. Raises BadInput where
+    none has what is asked for.
+
+    >>> import phaselead as pl
+    >>> with pl.connect() as dev:
+    ...     runs = [dev.track("sine:20um@5Hz", mode="pid", gains=gains, duration=0.4) for gains in ("paper", (0, 2, 0))]
+    >>> pl.plot(runs, of="error").savefig("error.png")
+    """
+    from phaselead.record import gather
+    from phaselead.report import runs_figure
+
+    return runs_figure(gather(records), of)
 
 
 def export(

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as TerminalTable
 
+from phaselead.cli.output_level import quiet
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
@@ -190,6 +191,7 @@ def show(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
     """Prints ``parts``, or JSON alone when ``--json -``; files are the caller's."""
     if json_to == "-":
         click.echo(json_text(figures), nl=False)
+    if json_to == "-" or quiet.get():
         return
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
     for part in parts:
@@ -216,7 +218,7 @@ def progress(description: str, total: float) -> Iterator[Callable[[float], None]
         TextColumn("{task.percentage:3.0f}%"),
         TimeRemainingColumn(),
         console=console,
-        disable=not console.is_terminal,
+        disable=not console.is_terminal or quiet.get(),
         transient=True,
     )
     with bar:

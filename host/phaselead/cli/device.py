@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 
 import click
@@ -75,6 +76,22 @@ def info(port: str, json_to: str | None) -> None:
     """Print what the device is: build, schema, model, timing of its tick, last fault."""
     with connect(port, park_on_exit=False) as device:
         emit_pairs(device.info(), json_to)
+
+
+@top_level(order=115)
+@click.command()
+@port_option
+@json_option
+def doctor(port: str, json_to: str | None) -> None:
+    """Go through link, timing, faults, model, limits and sensors, and say in words what is wrong.
+
+    Nothing moves. Exit status 1 when something wants a look.
+    """
+    with connect(port, park_on_exit=False) as device:
+        found = device.doctor()
+    emit_result(found, json_to)
+    if not found.healthy:
+        sys.exit(1)
 
 
 @top_level(order=60)

@@ -44,7 +44,7 @@ def spread(args: list[str]) -> list[str]:
     return found
 
 
-@top_level(order=160)
+@top_level(order=160, group="gap")
 @click.group(cls=GapGroup, invoke_without_command=True, subcommand_metavar="[next ...]")
 @click.option("--model", "model_path", metavar="M", help="Stage file.")
 @click.option("--train", multiple=True, metavar="REC...", help="Records to learn from.")

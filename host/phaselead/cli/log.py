@@ -25,7 +25,7 @@ from phaselead.cli.listing import top_level
 from phaselead.record import RUN_SUFFIXES, check_output
 
 
-@top_level(order=140)
+@top_level(order=140, group="records")
 @click.group()
 def log() -> None:
     """Take recordings, look into them, convert them."""
@@ -146,7 +146,7 @@ def recover(journal: str, output: str, overwrite: bool, json_to: str | None) -> 
     emit_pairs(recover_run(journal, output), json_to)
 
 
-@top_level(order=150)
+@top_level(order=150, group="records")
 @click.command()
 @click.argument("run", metavar="RUN")
 @json_option

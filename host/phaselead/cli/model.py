@@ -53,7 +53,7 @@ def said_of(fitted: FitResult, verbose: bool) -> list[str]:
     return [*fitted.summary(), *details, *describe_gains(fitted.model)]
 
 
-@top_level(order=30)
+@top_level(order=30, group="model")
 @click.command()
 @records_argument
 @click.option("--base", type=click.Choice(["operator", "linear"]), default="operator", show_default=True)
@@ -81,7 +81,7 @@ def fit(
     emit(fitted.as_dict() | {"output": output}, json_to, [*said_of(fitted, verbose), f"wrote {output}"])
 
 
-@top_level(order=40)
+@top_level(order=40, group="model")
 @click.command()
 @records_argument
 @model_option
@@ -103,7 +103,7 @@ def verify(
     emit(found.as_dict(), json_to, [verification_table(found, f"{view} view of {Path(model_path).name}")])
 
 
-@top_level(order=50)
+@top_level(order=50, group="model")
 @click.command()
 @click.argument("record", metavar="REC")
 @model_option
@@ -124,7 +124,7 @@ def predict(
     emit(figures, json_to, [f"wrote {output}, {len(predicted.t_s)} samples"])
 
 
-@top_level(order=20)
+@top_level(order=20, group="model")
 @click.command()
 @port_option
 @click.option("-o", "--output", metavar="STAGE.toml", required=True)

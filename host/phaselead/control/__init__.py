@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.control.controller import Controller, connect
+from phaselead.control.doctor import Diagnosis
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.feedback_loop import Loop, loop_of
 from phaselead.control.gains import (
@@ -23,6 +24,7 @@ __all__ = [
     "MODES",
     "PAPER_GAINS",
     "Controller",
+    "Diagnosis",
     "GainsLike",
     "Loop",
     "Run",

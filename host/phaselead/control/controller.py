@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from phaselead import interrupt
+from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, track_to_file
@@ -150,6 +151,10 @@ class Controller:
     def info(self) -> Facts:
         """What the device is: build, wire, model, timing of its tick, last fault."""
         return Facts(self.device.info())
+
+    def doctor(self) -> Diagnosis:
+        """What is wrong, in words: link, timing, faults, model, limits, sensors. Nothing moves; takes half a second."""
+        return diagnose(self.device)
 
     def arm(self, model_crc: int | str = 0) -> StatusInUnits:
         """Output live at the safe value, until another command. A fallback model must be named by its CRC, as ``info``

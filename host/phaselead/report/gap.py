@@ -175,14 +175,17 @@ def _largest(traces: Sequence[Trace]) -> list[Trace]:
 
 def trace_figure(trace: Trace) -> Figure:
     """Measurement and model above, the residuals before and after below."""
-    t, x, before, after = thin(trace.t_s, trace.measured_um, trace.before_um, trace.after_um)
+    measured_um, after_um = trace.measured_um, trace.after_um
+    t, x, after, left_before, left_after = thin(
+        trace.t_s, measured_um, after_um, measured_um - trace.before_um, measured_um - after_um
+    )
     with figure_style():
         figure = new_figure(9.4, 4.8)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1, 1.2])
         upper.plot(t, x, color=GREY, linewidth=2.4, alpha=0.6, label="measured")
         upper.plot(t, after, color=BLUE, linewidth=1.0, label="model after")
-        lower.plot(t, x - before, color=RED, linewidth=0.9, label="before")
-        lower.plot(t, x - after, color=BLUE, linewidth=0.9, label="after")
+        lower.plot(t, left_before, color=RED, linewidth=0.9, label="before")
+        lower.plot(t, left_after, color=BLUE, linewidth=0.9, label="after")
         upper.set(ylabel="position (µm)")
         lower.set(xlabel="time (s)", ylabel="measured - model (µm)")
         for axes in (upper, lower):

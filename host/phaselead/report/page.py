@@ -36,4 +36,10 @@ def save_png(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
 
 
-__all__ = ["Figure", "render", "save_png", "write_page"]
+def save_figure(figure: Figure, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """The figure as its suffix says (.png, .svg, .pdf), whole or not at all."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        figure.savefig(temporary, format=Path(path).suffix[1:].lower(), dpi=DPI)
+
+
+__all__ = ["Figure", "render", "save_figure", "save_png", "write_page"]
