@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 from phaselead.errors import BadInput
 
 if TYPE_CHECKING:
+    from phaselead.control import Run
     from phaselead.gap import GapResult
+    from phaselead.identify import FitResult, Verifications
     from phaselead.model import StageLike
     from phaselead.record import MapLike, Recording, RecordsLike
 
@@ -98,8 +100,11 @@ def gap_next(
     return gather_one(output)
 
 
-def write_report(result: GapResult, path: str | os.PathLike[str], *, model_name: str = "") -> None:
-    """Writes the page of a gap result: where, what, why not the runner-up, before and after. One file, no network.
+def write_report(
+    result: GapResult | FitResult | Verifications | Run, path: str | os.PathLike[str], *, model_name: str = ""
+) -> None:
+    """Writes the page of a result: of a gap where, what, why not the runner-up, before and after; of a fit, a
+    verification or a run its figures and tables. One file, no network.
 
     ``model_name`` is what the page calls the model; default its name. Raises BadInput for a result that ``gap`` did
     not make, OSError where the file cannot be written.
@@ -115,9 +120,13 @@ def write_report(result: GapResult, path: str | os.PathLike[str], *, model_name:
     >>> gap = pl.gap(model, train=made(2, seed=1), holdout=made(3, seed=2))
     >>> pl.write_report(gap, "gap.html")
     """
+    from phaselead.gap import GapResult
     from phaselead.record import write_text
-    from phaselead.report import gap_page
+    from phaselead.report import gap_page, result_page
 
+    if not isinstance(result, GapResult):
+        write_text(os.fspath(path), result_page(result))
+        return
     if result.base is None:
         raise BadInput("this result does not say which model was compared; make it with phaselead.gap")
     name = model_name or PurePath(result.base.name).name

@@ -75,6 +75,7 @@ own_overwrite_option = click.option(
     "--overwrite", is_flag=True, help="Write over the output if it exists (as --force does, which takes more risks)."
 )
 """For commands whose --force also takes a risk with the stage."""
+report_option = click.option("--report", metavar="F.html", help="Also write a page with figures.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
@@ -180,6 +181,23 @@ class Printed(Protocol):
 def emit_result(result: Printed, json_to: str | None) -> None:
     """A result as it prints itself, or as JSON."""
     emit(result.as_dict(), json_to, result.tables())
+
+
+def check_report(path: str | None, inputs: Sequence[str] = ()) -> None:
+    """Raises BadInput, before any work, for a page that could not be written."""
+    from phaselead.record import check_output
+
+    check_output(path, suffixes=(".html", ".htm"), inputs=inputs)
+
+
+def write_page(result: Any, path: str | None) -> list[str]:
+    """The page of a result where one is asked for, and the line that says so."""
+    if path is None:
+        return []
+    from phaselead.api import write_report
+
+    write_report(result, path)
+    return [f"wrote {path}"]
 
 
 def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:

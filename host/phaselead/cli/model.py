@@ -10,6 +10,7 @@ import click
 from phaselead.api import fit as fit_stage
 from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
+    check_report,
     emit,
     json_option,
     map_option,
@@ -21,8 +22,10 @@ from phaselead.cli.common import (
     rate_option,
     read_recordings,
     record_files,
+    report_option,
     verbose_option,
     warn,
+    write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.control import describe_gains, with_gains
@@ -61,6 +64,7 @@ def said_of(fitted: FitResult, verbose: bool) -> list[str]:
 @map_option
 @rate_option
 @verbose_option
+@report_option
 @json_option
 def fit(
     records: tuple[str, ...],
@@ -69,6 +73,7 @@ def fit(
     column_map: str | None,
     rate: str | None,
     verbose: bool,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Fit a stage file to recordings (CSV or HDF5, any sampling rate).
@@ -76,9 +81,14 @@ def fit(
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
     check_output(output, suffixes=STAGE_SUFFIXES, inputs=record_files(records))
+    check_report(report, record_files(records))
     fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
     fitted.save(output)
-    emit(fitted.as_dict() | {"output": output}, json_to, [*said_of(fitted, verbose), f"wrote {output}"])
+    emit(
+        fitted.as_dict() | {"output": output},
+        json_to,
+        [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report)],
+    )
 
 
 @top_level(order=40, group="model")
@@ -88,6 +98,7 @@ def fit(
 @click.option("--view", type=click.Choice(["time", "table"]), default="time", show_default=True)
 @map_option
 @rate_option
+@report_option
 @json_option
 def verify(
     records: tuple[str, ...],
@@ -95,12 +106,15 @@ def verify(
     view: View,
     column_map: str | None,
     rate: str | None,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Judge a stage file on recordings that it was not fitted on."""
+    check_report(report, [model_path, *record_files(records)])
     stage = load_stage(model_path)
     found = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
-    emit(found.as_dict(), json_to, [verification_table(found, f"{view} view of {Path(model_path).name}")])
+    table = verification_table(found, f"{view} view of {Path(model_path).name}")
+    emit(found.as_dict(), json_to, [table, *write_page(found, report)])
 
 
 @top_level(order=50, group="model")
@@ -138,6 +152,7 @@ def predict(
 @click.option("--resume", is_flag=True, help="Go on with the recordings that are there.")
 @overwrite_option
 @verbose_option
+@report_option
 @json_option
 def identify(
     port: str,
@@ -152,6 +167,7 @@ def identify(
     resume: bool,
     overwrite: bool,
     verbose: bool,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Run the identification experiment on a device, fit both views, verify on held-out inputs.
@@ -167,6 +183,7 @@ def identify(
     from phaselead.identify import identify_device, keeping, plan_of
 
     check_output(output, suffixes=STAGE_SUFFIXES, inputs=[model_path] if model_path else [], overwrite=overwrite)
+    check_report(report)
     axis_names = parse_axes(axes, "--axis")
     plan = plan_of(
         axis_names,
@@ -186,4 +203,4 @@ def identify(
         fitted.save(output)
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
-    emit(figures, json_to, [*said_of(fitted, verbose), f"wrote {output}", *held_out])
+    emit(figures, json_to, [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report), *held_out])

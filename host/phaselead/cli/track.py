@@ -8,6 +8,7 @@ import click
 
 from phaselead.cli.common import (
     axis_option,
+    check_report,
     duration_option,
     emit,
     force_option,
@@ -15,8 +16,10 @@ from phaselead.cli.common import (
     own_overwrite_option,
     port_option,
     progress,
+    report_option,
     warn,
     warn_of_gaps,
+    write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.control import MODES, held_stage, held_warning, loop_warnings, parse_gains, path_warnings, track_to_file
@@ -53,6 +56,7 @@ def names_every_kind(command: Callable[..., None]) -> Callable[..., None]:
 @duration_option("ten periods, or a move and a second")
 @click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
 @axis_option
+@report_option
 @json_option
 @names_every_kind
 def track(
@@ -66,6 +70,7 @@ def track(
     duration: float | None,
     output: str | None,
     axis: str,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Drive along WAVE, record, and print the tracking error.
@@ -76,6 +81,7 @@ def track(
     """
     inputs = [model_path] if model_path else []
     check_output(output, suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite or force)
+    check_report(report, inputs)
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
@@ -96,4 +102,5 @@ def track(
         )
     warn_of_gaps(run.recording.facts())
     *parts, counted = run.tables()
-    emit(run.figures, json_to, [*parts, f"{counted}; wrote {output}" if output else counted])
+    said = f"{counted}; wrote {output}" if output else counted
+    emit(run.figures, json_to, [*parts, said, *write_page(run, report)])

@@ -14,10 +14,28 @@ from phaselead.drawing import DPI, to_svg
 from phaselead.record import atomic_path, write_text
 from phaselead.version import VERSION
 
+COLOURS_OF_THE_PAGE = {
+    "fill: #ffffff": "fill: none",
+    "stroke: #ffffff": "stroke: none",
+    "fill: #000000": "fill: currentColor",
+    "stroke: #000000": "stroke: currentColor",
+    "stroke: #e4e4e4": "stroke: var(--grid)",
+}
+"""What a figure draws its ground, its axes and its grid with, and what a page has for these."""
 _environment = Environment(
     loader=PackageLoader("phaselead.report", "templates"), autoescape=True, undefined=StrictUndefined
 )
-_environment.filters["svg"] = lambda figure: Markup(to_svg(figure))
+
+
+def _drawn(figure: Figure) -> Markup:
+    """The figure in the colours of the page, light or dark; a click or the space bar enlarges it, without a script."""
+    text = to_svg(figure)
+    for colour, own in COLOURS_OF_THE_PAGE.items():
+        text = text.replace(colour, own)
+    return Markup(f'<label class="zoom"><input type="checkbox" aria-label="enlarge the figure">{text}</label>')
+
+
+_environment.filters["svg"] = _drawn
 
 
 def render(template: str, **values: Any) -> str:

@@ -12,12 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from phaselead.drawing import GREY, figure_style, new_figure, thin
+from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
 from phaselead.errors import BadInput
 from phaselead.record import AxisRecord, Recording, Samples
 
 Shown = Literal["position", "error", "spectrum"]
 SHOWN: tuple[Shown, ...] = get_args(Shown)
+COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE)
+"""Of the first recordings; of more a scale of colours."""
 SEGMENT_S = 1.0
 """Of a periodogram: lines 1 Hz apart, and as many averages as the record has seconds."""
 TITLES = {
@@ -41,8 +43,8 @@ def runs_figure(recordings: Sequence[Recording], shown: Shown = "position") -> F
         figure = new_figure(9.4, 1.0 + 2.8 * len(axes))
         for panel, axis in zip(figure.subplots(len(axes), 1, squeeze=False)[:, 0], axes, strict=True):
             for i, recording in enumerate(recordings):
-                colour = colormaps["viridis"](0.85 * i / max(len(recordings) - 1, 1))
-                _draw(panel, recording, axis, shown, colour)
+                many = colormaps["viridis"](0.85 * i / max(len(recordings) - 1, 1))
+                _draw(panel, recording, axis, shown, COLOURS[i] if len(recordings) <= len(COLOURS) else many)
             panel.set(xlabel=_across(shown), ylabel=f"{axis}: {_up(shown)}")
             panel.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4)
         figure.suptitle(TITLES[shown], x=0.02, ha="left")
