@@ -240,3 +240,31 @@ def commands(group, path=()):
 @pytest.mark.parametrize(("path", "command"), list(commands(main)))
 def test_every_command_speaks_json(path, command):
     assert "--json" in {option for parameter in command.params for option in parameter.opts}
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["t_ms,u_mV,x_nm", "time,u,x", "Time (s),u_V,x [nm]", "t_s,u_V,x_mm", "t,ux,uy,x,y", "time (ms),r_um,u_V,x_um"],
+)
+def test_the_map_that_is_suggested_works(run, tmp_path, header):
+    """One suggestion was followed by the next."""
+    path = tmp_path / "rig.csv"
+    t_s = np.arange(100) / 100
+    columns = [1e3 * t_s if "ms" in header else t_s, *(np.sin(9 * t_s + i) for i in range(header.count(",")))]
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="")
+    outcome = run("log", "info", path)
+    assert outcome.status == 2
+    (suggested,) = re.findall(r"--map (\S+)", outcome.err)
+    assert run("log", "info", path, "--map", suggested).status == 0
+
+
+@pytest.mark.parametrize("header", ["Time (s),Drive (V),Sensor (um)", "Zeit,Spannung,Weg"])
+def test_columns_that_nothing_is_known_of_are_sent_to_the_import(run, tmp_path, header):
+    path = tmp_path / "rig.csv"
+    t_s = np.arange(100) / 100
+    np.savetxt(path, np.column_stack([t_s, t_s, 20 * t_s]), delimiter=",", header=header, comments="")
+    outcome = run("fit", path, "-o", tmp_path / "s.toml")
+    assert outcome.status == 2
+    (words,) = re.findall(r"`phaselead (log import [^`]+)`", outcome.err)
+    words = words.replace("OUT.h5", str(tmp_path / "out.h5")).split()
+    assert run(*words).status == 0

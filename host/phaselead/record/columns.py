@@ -62,6 +62,11 @@ def header_columns(labels: Sequence[str], source: str) -> dict[str, tuple[int, f
     if wrong:
         i, label, name, _ = wrong[0]
         unit = UNITS[name]
+        if {*found, *(item[2] for item in wrong)} <= {"t_s"}:
+            raise BadInput(
+                f"{source}: has {', '.join(labels)}, of which none is known as voltage or position; let `phaselead log "
+                f"import {source} -o OUT.h5` find them, or map them, e.g. {MAP_EXAMPLE}"
+            )
         raise BadInput(
             f"{source}: column {i} is {shown(label)}, expected {name} ({WORDS[unit]}): "
             f"rename it if it is in {unit}, else map it, e.g. --map {_map_text(found, wrong)}"
