@@ -22,9 +22,9 @@ LOWPASS = NamedEffect("amplifier_lowpass", None, {"tau_s": (5.03e-4, "s", (4.9e-
 @pytest.fixture(name="nothing", scope="module")
 def _nothing() -> GapResult:
     return GapResult(
-        stage=Stage(name="s", axes={"x": AxisModel()}), verdicts=("none",), effects=(), ties=(), excluded=(), untestable=(),
-        where=(),         gap=GapSize(0.3, 0.01, 0.015), next_experiment=None, holdout_sha256=(), candidates=(), traces=(),
-        untestable_why={}, seconds=1.0, adopted=(), unexplained=None,
+        stage=Stage(name="s", axes={"x": AxisModel()}), verdicts=("none",), effects=(), ties=(), excluded=(),
+        untestable=(), where=(), gap=GapSize(0.3, 0.01, 0.015), next_experiment=None, holdout_sha256=(),
+        candidates=(), traces=(), untestable_why={}, seconds=1.0, adopted=(), unexplained=None,
     )  # fmt: skip
 
 
