@@ -31,7 +31,7 @@ COMMANDS = {
     "track with a model": ["track", "sine:2V@10Hz", "--mode", "open", "--model", "STAGE", "--duration", "0.3"],
     "log record": ["log", "record", "--drive", "sine:3V@10Hz", "--duration", "0.4", "-o", "RUN"],
     "log record, listening": ["log", "record", "--duration", "0.3", "-o", "RUN"],
-    "selftest": ["selftest", "--axis", "x"],
+    "selftest": ["selftest", "--axis", "x", "--yes"],
     "status": ["status"],
     "identify": ["identify", "-o", "OUT"],
 }
