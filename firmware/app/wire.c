@@ -67,50 +67,50 @@ static const struct {
     struct wire_message_size size;
     uint8_t type;
 } MESSAGES[] = {
-    {"hello", {0, false}, 0x01},
-    {"hello", {75, false}, 0x81},
-    {"stop", {0, false}, 0x02},
-    {"stop", {9, false}, 0x82},
-    {"status", {0, false}, 0x03},
-    {"status", {65, false}, 0x83},
-    {"arm", {4, false}, 0x04},
-    {"arm", {9, false}, 0x84},
-    {"start", {1, false}, 0x05},
-    {"start", {17, false}, 0x85},
-    {"park", {0, false}, 0x06},
-    {"park", {9, false}, 0x86},
-    {"clear_fault", {0, false}, 0x07},
-    {"clear_fault", {9, false}, 0x87},
-    {"set_axis", {18, false}, 0x08},
-    {"set_axis", {9, false}, 0x88},
-    {"set_path", {26, false}, 0x09},
-    {"set_path", {17, false}, 0x89},
-    {"wave_chunk", {3, true}, 0x0A},
-    {"wave_chunk", {9, false}, 0x8A},
-    {"wave_commit", {5, false}, 0x0B},
-    {"wave_commit", {9, false}, 0x8B},
-    {"model_begin", {8, false}, 0x0C},
-    {"model_begin", {9, false}, 0x8C},
-    {"model_chunk", {4, true}, 0x0D},
-    {"model_chunk", {9, false}, 0x8D},
-    {"model_commit", {0, false}, 0x0E},
-    {"model_commit", {11, false}, 0x8E},
-    {"model_read", {6, false}, 0x0F},
-    {"model_read", {17, true}, 0x8F},
-    {"model_persist", {0, false}, 0x10},
-    {"model_persist", {13, false}, 0x90},
-    {"stream_start", {4, false}, 0x11},
-    {"stream_start", {21, false}, 0x91},
-    {"stream_stop", {0, false}, 0x12},
-    {"stream_stop", {25, false}, 0x92},
-    {"snapshot_read", {7, false}, 0x13},
-    {"snapshot_read", {13, true}, 0x93},
-    {"set_timeout", {4, false}, 0x14},
-    {"set_timeout", {9, false}, 0x94},
-    {"info", {0, false}, 0x15},
-    {"info", {103, false}, 0x95},
-    {"samples", {20, true}, 0x70},
-    {"event", {13, false}, 0x71},
+    {"hello", {0, 0, false}, 0x01},
+    {"hello", {79, 79, false}, 0x81},
+    {"stop", {0, 0, false}, 0x02},
+    {"stop", {9, 9, false}, 0x82},
+    {"status", {0, 0, false}, 0x03},
+    {"status", {65, 65, false}, 0x83},
+    {"arm", {4, 4, false}, 0x04},
+    {"arm", {9, 9, false}, 0x84},
+    {"start", {1, 1, false}, 0x05},
+    {"start", {17, 17, false}, 0x85},
+    {"park", {0, 0, false}, 0x06},
+    {"park", {9, 9, false}, 0x86},
+    {"clear_fault", {0, 0, false}, 0x07},
+    {"clear_fault", {9, 9, false}, 0x87},
+    {"set_axis", {18, 18, false}, 0x08},
+    {"set_axis", {9, 9, false}, 0x88},
+    {"set_path", {26, 26, false}, 0x09},
+    {"set_path", {17, 17, false}, 0x89},
+    {"wave_chunk", {3, 3, true}, 0x0A},
+    {"wave_chunk", {9, 9, false}, 0x8A},
+    {"wave_commit", {5, 5, false}, 0x0B},
+    {"wave_commit", {9, 9, false}, 0x8B},
+    {"model_begin", {8, 8, false}, 0x0C},
+    {"model_begin", {9, 9, false}, 0x8C},
+    {"model_chunk", {4, 4, true}, 0x0D},
+    {"model_chunk", {9, 9, false}, 0x8D},
+    {"model_commit", {0, 0, false}, 0x0E},
+    {"model_commit", {11, 11, false}, 0x8E},
+    {"model_read", {6, 6, false}, 0x0F},
+    {"model_read", {17, 17, true}, 0x8F},
+    {"model_persist", {0, 0, false}, 0x10},
+    {"model_persist", {13, 13, false}, 0x90},
+    {"stream_start", {4, 4, false}, 0x11},
+    {"stream_start", {21, 21, false}, 0x91},
+    {"stream_stop", {0, 0, false}, 0x12},
+    {"stream_stop", {25, 25, false}, 0x92},
+    {"snapshot_read", {7, 7, false}, 0x13},
+    {"snapshot_read", {13, 13, true}, 0x93},
+    {"set_timeout", {4, 4, false}, 0x14},
+    {"set_timeout", {9, 9, false}, 0x94},
+    {"info", {0, 0, false}, 0x15},
+    {"info", {103, 103, false}, 0x95},
+    {"samples", {20, 20, true}, 0x70},
+    {"event", {13, 13, false}, 0x71},
 };
 
 const struct wire_message_size *wire_message_size(uint8_t type)
@@ -360,6 +360,8 @@ int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out,
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u32(out, from->schema_fingerprint);
+    out = put_u16(out, from->wire_version);
+    out = put_u16(out, from->wire_revision);
     out = put_bytes(out, from->build_id, 20);
     out = put_bytes(out, from->target, 24);
     out = put_u32(out, from->tick_rate_Hz);
@@ -380,6 +382,8 @@ bool wire_unpack_hello_reply(struct wire_hello_reply *to, const uint8_t *in, siz
     to->status = get_u8(&in);
     to->tick = get_u64(&in);
     to->schema_fingerprint = get_u32(&in);
+    to->wire_version = get_u16(&in);
+    to->wire_revision = get_u16(&in);
     get_bytes(&in, to->build_id, 20);
     get_bytes(&in, to->target, 24);
     to->tick_rate_Hz = get_u32(&in);

@@ -8,20 +8,26 @@ import click
 
 from phaselead.cli.common import (
     axis_option,
+    check_report,
     duration_option,
     emit,
     force_option,
     json_option,
+    own_overwrite_option,
     port_option,
     progress,
+    report_option,
     warn,
     warn_of_gaps,
+    write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.control import (
     FOLLOWS,
     MODES,
     Follows,
+    held_stage,
+    held_warning,
     learn,
     load_learned,
     loop_warnings,
@@ -63,7 +69,12 @@ gains_option = click.option(
 @click.command()
 @click.argument("wave", metavar="WAVE")
 @port_option
-@click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
+@click.option(
+    "--model",
+    "model_path",
+    metavar="M",
+    help="Stage file; uploaded when the device holds another. Default: what the device holds.",
+)
 @click.option(
     "--mode",
     type=click.Choice(MODES),
@@ -74,9 +85,11 @@ gains_option = click.option(
 @click.option("--learn", "trials", type=click.IntRange(min=1), metavar="N", help="Learn it first, in up to N trials.")
 @click.option("--learned", "table", metavar="LEARNED.h5", help="Play what phaselead learn wrote of this path.")
 @force_option
+@own_overwrite_option
 @duration_option("ten periods, or a move and a second")
 @click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
 @axis_option
+@report_option
 @json_option
 @names_every_kind
 def track(
@@ -89,9 +102,11 @@ def track(
     trials: int | None,
     table: str | None,
     force: bool,
+    overwrite: bool,
     duration: float | None,
     output: str | None,
     axis: str,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Drive along WAVE, record, and print the tracking error.
@@ -100,19 +115,23 @@ def track(
     output goes to 20 um first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
     peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=[path for path in (model_path, table) if path])
+    inputs = [path for path in (model_path, table) if path]
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite or force)
+    check_report(report, inputs)
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
-    axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
     if table and trials:
         raise BadInput("--learned plays what was learned, --learn learns it: give one of them")
     known = load_learned(table) if table else None
-    if known is not None:
-        mode, axis_gains = mode or known.mode, axis_gains if gains else known.gains()
-        waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
-    mode = mode or ("inverse+pid" if trials else "ff+pid")
-    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
+    mode = mode or (known.mode if known is not None else "inverse+pid" if trials else "ff+pid")
     with Device.open(port) as device:
+        held = held_stage(device) if stage is None else None
+        axis_gains = {name: parse_gains(gains, stage or held, name) for name in waveforms}
+        if known is not None:
+            axis_gains = axis_gains if gains else known.gains()
+            waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
+        warn(held_warning(held, mode, axis_gains))
+        warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
         if trials is not None:
             with progress(f"learning {wave}", 1.0) as advance:
                 known = learn(
@@ -144,4 +163,5 @@ def track(
     *parts, counted = run.tables()
     trial_tables = known.tables() if known is not None and trials else []
     learned = {"learned": known.as_dict()} if known is not None else {}
-    emit(run.figures | learned, json_to, [*trial_tables, *parts, f"{counted}; wrote {output}" if output else counted])
+    said = f"{counted}; wrote {output}" if output else counted
+    emit(run.figures | learned, json_to, [*trial_tables, *parts, said, *write_page(run, report)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.control.controller import Controller, connect
+from phaselead.control.doctor import Diagnosis
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.feedback_loop import Loop, loop_of
 from phaselead.control.gains import (
@@ -14,6 +15,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
+from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.run import Run
@@ -25,6 +27,7 @@ __all__ = [
     "MODES",
     "PAPER_GAINS",
     "Controller",
+    "Diagnosis",
     "Follows",
     "GainsLike",
     "Learned",
@@ -35,6 +38,8 @@ __all__ = [
     "connect",
     "describe_gains",
     "gains_of",
+    "held_stage",
+    "held_warning",
     "learn",
     "load_learned",
     "loop_of",

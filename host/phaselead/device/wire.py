@@ -13,8 +13,10 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xA11499EC
-VERSION = 1
+FINGERPRINT = 0xAE49D03E
+VERSION = 2
+REVISION = 0
+"""Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
 HEADER = struct.Struct("<BHQ")
@@ -36,6 +38,8 @@ class Message:
     NAME: ClassVar[str]
     NUMBER: ClassVar[int]
     SIZE: ClassVar[int]
+    LEAST: ClassVar[int | None] = None
+    """SIZE without the fields that revisions added, where there are such."""
     TAIL: ClassVar[bool] = False
     PLATFORM: ClassVar[frozenset[str]] = frozenset()
     """Fields that may differ between builds of the same source."""
@@ -50,11 +54,25 @@ class Message:
         raise NotImplementedError
 
     @classmethod
-    def check_length(cls, payload: bytes) -> None:
-        size = len(payload)
-        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or (cls.TAIL and size > MAX_PAYLOAD):
-            at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
-            raise WireError(f"{cls.NAME}: {at_least}{cls.SIZE} bytes expected, got {size}")
+    def fitted(cls, payload: bytes) -> bytes:
+        """As long as this revision knows it: what is missing is zero, what is beyond is left out. Raises WireError."""
+        size, least = len(payload), cls.SIZE if cls.LEAST is None else cls.LEAST
+        if size < least or (cls.TAIL and size > MAX_PAYLOAD):
+            at_least = "at least " if size < least else ""
+            raise WireError(f"{cls.NAME}: {at_least}{least} bytes expected, got {size}")
+        return payload if cls.TAIL else payload[: cls.SIZE].ljust(cls.SIZE, bytes(1))
+
+
+class Record(Message):
+    """A part of a message: always of its full size."""
+
+    __slots__ = ()
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        if len(payload) != cls.SIZE:
+            raise WireError(f"{cls.NAME}: {cls.SIZE} bytes expected, got {len(payload)}")
+        return payload
 
 
 class Reply(Message):
@@ -74,6 +92,13 @@ class Command(Message, Generic[R]):
     __slots__ = ()
     REPLY: ClassVar[type[Any]]
     REFUSALS: ClassVar[dict[int, str]] = {}
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        """As of every message, but what is beyond must be zero: it would be obeyed in part."""
+        if not cls.TAIL and any(payload[cls.SIZE :]):
+            raise WireError(f"{cls.NAME}: {cls.SIZE} bytes expected, got {len(payload)}")
+        return super().fitted(payload)
 
 
 def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
@@ -220,7 +245,7 @@ class EventKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Biquad(Message):
+class Biquad(Record):
     """One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2."""
 
     NAME: ClassVar[str] = "biquad"
@@ -237,13 +262,13 @@ class Biquad(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Biquad:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
 
 @dataclass(frozen=True, slots=True)
-class AxisModel(Message):
+class AxisModel(Record):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
@@ -357,7 +382,7 @@ class AxisModel(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> AxisModel:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -396,7 +421,7 @@ class AxisModel(Message):
 
 
 @dataclass(frozen=True, slots=True)
-class Model(Message):
+class Model(Record):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
@@ -421,7 +446,7 @@ class Model(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Model:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
 
@@ -432,13 +457,17 @@ class HelloReply(Reply):
 
     NAME: ClassVar[str] = "hello reply"
     NUMBER: ClassVar[int] = 0x81
-    SIZE: ClassVar[int] = 75
-    PLATFORM: ClassVar[frozenset[str]] = frozenset({"build_id", "target", "baud", "reset_cause"})
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQI20s24sIIBBBBIH")
+    SIZE: ClassVar[int] = 79
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"wire_revision", "build_id", "target", "baud", "reset_cause"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQIHH20s24sIIBBBBIH")
     status: int
     tick: int
     """the tick before which the command took effect."""
     schema_fingerprint: int
+    wire_version: int
+    """these three stand here in every version from 2 on."""
+    wire_revision: int
+    """what has been added to the version."""
     build_id: bytes
     """hash of the firmware source."""
     target: bytes
@@ -460,6 +489,8 @@ class HelloReply(Reply):
             self.status,
             self.tick,
             self.schema_fingerprint,
+            self.wire_version,
+            self.wire_revision,
             _exactly("hello reply.build_id", self.build_id, 20),
             _exactly("hello reply.target", self.target, 24),
             self.tick_rate_Hz,
@@ -474,9 +505,9 @@ class HelloReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12])
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12], v[13], v[14])
 
 
 @dataclass(frozen=True, slots=True)
@@ -494,7 +525,7 @@ class HelloRequest(Command[HelloReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -515,7 +546,7 @@ class StopReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StopReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -535,7 +566,7 @@ class StopRequest(Command[StopReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StopRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -596,7 +627,7 @@ class StatusReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -633,7 +664,7 @@ class StatusRequest(Command[StatusReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -654,7 +685,7 @@ class ArmReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ArmReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -675,7 +706,7 @@ class ArmRequest(Command[ArmReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ArmRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -699,7 +730,7 @@ class StartReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -723,7 +754,7 @@ class StartRequest(Command[StartReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -745,7 +776,7 @@ class ParkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -765,7 +796,7 @@ class ParkRequest(Command[ParkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -786,7 +817,7 @@ class ClearFaultReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ClearFaultReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -806,7 +837,7 @@ class ClearFaultRequest(Command[ClearFaultReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ClearFaultRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -827,7 +858,7 @@ class SetAxisReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -869,7 +900,7 @@ class SetAxisRequest(Command[SetAxisReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -902,7 +933,7 @@ class SetPathReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetPathReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -947,7 +978,7 @@ class SetPathRequest(Command[SetPathReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetPathRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -969,7 +1000,7 @@ class WaveChunkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveChunkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1002,7 +1033,7 @@ class WaveChunkRequest(Command[WaveChunkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveChunkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], payload[cls.SIZE :])
 
@@ -1024,7 +1055,7 @@ class WaveCommitReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1046,7 +1077,7 @@ class WaveCommitRequest(Command[WaveCommitReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1068,7 +1099,7 @@ class ModelBeginReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelBeginReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1090,7 +1121,7 @@ class ModelBeginRequest(Command[ModelBeginReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelBeginRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1112,7 +1143,7 @@ class ModelChunkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelChunkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1139,7 +1170,7 @@ class ModelChunkRequest(Command[ModelChunkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelChunkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], payload[cls.SIZE :])
 
@@ -1163,7 +1194,7 @@ class ModelCommitReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1185,7 +1216,7 @@ class ModelCommitRequest(Command[ModelCommitReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1217,7 +1248,7 @@ class ModelReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], payload[cls.SIZE :])
 
@@ -1239,7 +1270,7 @@ class ModelReadRequest(Command[ModelReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1263,7 +1294,7 @@ class ModelPersistReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelPersistReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1283,7 +1314,7 @@ class ModelPersistRequest(Command[ModelPersistReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelPersistRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1319,7 +1350,7 @@ class StreamStartReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStartReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
@@ -1345,7 +1376,7 @@ class StreamStartRequest(Command[StreamStartReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStartRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1376,7 +1407,7 @@ class StreamStopReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStopReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -1396,7 +1427,7 @@ class StreamStopRequest(Command[StreamStopReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStopRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1426,7 +1457,7 @@ class SnapshotReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SnapshotReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], payload[cls.SIZE :])
 
@@ -1449,7 +1480,7 @@ class SnapshotReadRequest(Command[SnapshotReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SnapshotReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1471,7 +1502,7 @@ class SetTimeoutReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetTimeoutReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1494,7 +1525,7 @@ class SetTimeoutRequest(Command[SetTimeoutReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetTimeoutRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -1557,7 +1588,7 @@ class InfoReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24], v[25], v[26])
 
@@ -1577,7 +1608,7 @@ class InfoRequest(Command[InfoReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1615,7 +1646,7 @@ class Samples(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Samples:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5], payload[cls.SIZE :])
 
@@ -1638,7 +1669,7 @@ class Event(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Event:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
