@@ -6,14 +6,20 @@
 #include "app/path_check.h"
 #include "core/fixed.h"
 
+static bool is_in(uint32_t mask, unsigned axis)
+{
+    return (mask >> axis & 1u) != 0;
+}
+
 /* The path that a new one comes after. */
 struct tail {
-    struct path_config path;
+    uint32_t kind; /* enum path_kind */
     struct path_span span;
     struct motion_bounds motion;
     int64_t end; /* where it comes to rest, if it is known */
     bool is_known;
-    bool rests; /* when the new one begins, it has come to rest */
+    bool rests;   /* it comes to rest */
+    bool is_over; /* it has */
 };
 
 static struct motion_bounds motion_after(const struct device *device, unsigned axis, const struct path_config *path,
@@ -25,42 +31,49 @@ static struct motion_bounds motion_after(const struct device *device, unsigned a
     return motion_of_move(span_apart(here, &target), path->step_turn64);
 }
 
-static struct tail tail_after(const struct device *device, unsigned axis, const struct path_config *path,
-                              const struct tail *before)
+/* The tail becomes this path. */
+static void follow(const struct device *device, unsigned axis, const struct path_config *path, struct tail *tail)
 {
     const bool from_here = (path->flags & PATH_FROM_HERE) != 0;
-    struct tail tail = {.path = *path,
-                        .span = path_check_span(path, &before->span),
-                        .motion = motion_after(device, axis, path, &before->span),
-                        .end = path->offset,
-                        .is_known = !from_here,
-                        .rests = !path_is_periodic(path)};
-    if (path->kind == PATH_MOVE) {
-        tail.end = from_here ? path->swing : (int64_t)path->offset + path->swing;
-        tail.is_known = true;
-    }
-    return tail;
+    tail->motion = motion_after(device, axis, path, &tail->span);
+    tail->span = path_check_span(path, &tail->span);
+    tail->kind = path->kind;
+    tail->rests = !path_is_periodic(path);
+    tail->is_over = false;
+    tail->is_known = !from_here || path->kind == PATH_MOVE;
+    tail->end = path->kind == PATH_MOVE && from_here ? path->swing : path->offset;
+    if (path->kind == PATH_MOVE && !from_here)
+        tail->end += path->swing;
 }
 
-/* Paths under way and queued, as they were at one moment. */
+/* Paths under way and queued, as they were at one moment. The ring's places keep what they hold while ticks take them
+ * off: only this file fills them. */
 struct line_up {
     struct path_config path;
-    struct segment_queue queue;
+    uint32_t first, count;
+    uint32_t is_driven, is_over;
 };
 
 static struct line_up line_up_of(const struct device *device, unsigned axis)
 {
-    return (struct line_up){device->control.config[axis].path, device->control.queue[axis]};
+    const struct axis_state *state = &device->control.axis[axis];
+    const struct segment_queue *queue = &device->control.queue[axis];
+    return (struct line_up){.path = device->control.config[axis].path,
+                            .first = queue->first,
+                            .count = queue->count,
+                            .is_driven = state->drive == DRIVE_PATH,
+                            .is_over = state->path.running == 0 && !join_is_under_way(&state->join)};
 }
 
 /* What a path comes after: the last one of the queue or, `at_once`, the one under way. */
 static struct tail find_tail(const struct device *device, unsigned axis, const struct line_up *line_up, bool at_once)
 {
-    const struct segment_queue *queue = &line_up->queue;
-    const struct tail nothing = {.span = {line_up->path.offset, line_up->path.offset}};
-    struct tail tail = tail_after(device, axis, &line_up->path, &nothing);
-    for (unsigned i = 0; i < queue->count && !at_once; i++)
-        tail = tail_after(device, axis, &queue->ring[(queue->first + i) % SEGMENTS_QUEUED].path, &tail);
+    const struct segment *ring = device->control.queue[axis].ring;
+    struct tail tail = {.span = {line_up->path.offset, line_up->path.offset}};
+    follow(device, axis, &line_up->path, &tail);
+    tail.is_over = line_up->is_over != 0;
+    for (unsigned i = 0; i < line_up->count && !at_once; i++)
+        follow(device, axis, &ring[(line_up->first + i) % SEGMENTS_QUEUED].path, &tail);
     return tail;
 }
 
@@ -85,7 +98,8 @@ static bool continues(struct segment *segment, const struct tail *tail)
     bool beyond = false;
     if (segment->enter_ticks != 0)
         return true;
-    if (path_is_periodic(path) || !tail->rests || (segment->begin_tick != 0 && tail->path.kind == PATH_MOVE))
+    if (path_is_periodic(path) || !tail->rests ||
+        (segment->begin_tick != 0 && tail->kind == PATH_MOVE && !tail->is_over))
         return false;
     if ((path->flags & PATH_FROM_HERE) == 0)
         return tail->is_known && tail->end == path->offset;
@@ -102,7 +116,8 @@ static bool is_slow_enough(const struct device *device, unsigned axis, const str
                            const struct tail *tail)
 {
     const struct motion_bounds *limits = &device->motion_limits[axis], rest = {0, 0, 0};
-    const struct tail own = tail_after(device, axis, &segment->path, tail);
+    struct tail own = *tail;
+    follow(device, axis, &segment->path, &own);
     struct motion_bounds entering = own.motion, leaving = own.motion;
     if (segment->enter_ticks != 0)
         entering =
@@ -124,59 +139,74 @@ static enum wire_status check_segment(const struct device *device, unsigned axis
 }
 
 static enum wire_status put_segments(struct device *device, const struct wire_queue_request *queue,
-                                     struct segment segments[AXES])
+                                     const struct segment segments[AXES])
 {
     struct control *control = &device->control;
-    const uint32_t number = device->queued + 1;
     if (control->state != WIRE_STATE_RUNNING)
         return control->state == WIRE_STATE_FAULT ? WIRE_STATUS_FAULT_LATCHED : WIRE_STATUS_WRONG_STATE;
     if (queue->begin_tick != 0 && queue->begin_tick <= control->tick)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
-        if ((queue->axis_mask >> axis & 1u) != 0 && queue->at_once == 0 &&
-            control->queue[axis].count >= SEGMENTS_QUEUED)
+        if (is_in(queue->axis_mask, axis) && queue->at_once == 0 && control->queue[axis].count >= SEGMENTS_QUEUED)
             return WIRE_STATUS_BUSY;
     if (queue->at_once != 0)
         motion_drop(device, queue->axis_mask);
-    device->queued = number;
+    control->queued++;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(queue->axis_mask, axis))
+            segment_put(&control->queue[axis], &segments[axis], control->queued);
+    return WIRE_STATUS_OK;
+}
+
+static void line_up_axes(const struct device *device, struct answer *answer, struct line_up line_ups[AXES])
+{
+    answer->tick = device->control.tick;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        line_ups[axis] = line_up_of(device, axis);
+}
+
+static enum wire_status check_segments(const struct device *device, const struct wire_queue_request *queue,
+                                       const struct line_up line_ups[AXES], struct segment segments[AXES])
+{
     for (unsigned axis = 0; axis < AXES; axis++) {
-        segments[axis].number = number;
-        if ((queue->axis_mask >> axis & 1u) != 0)
-            segment_put(&control->queue[axis], &segments[axis]);
+        if (!is_in(queue->axis_mask, axis))
+            continue;
+        if (!line_ups[axis].is_driven)
+            return WIRE_STATUS_BAD_VALUE;
+        segments[axis] = segment_of(&queue->segments[axis], queue);
+        const struct tail tail = find_tail(device, axis, &line_ups[axis], queue->at_once != 0);
+        const enum wire_status status = check_segment(device, axis, &segments[axis], &tail);
+        if (status != WIRE_STATUS_OK)
+            return status;
     }
     return WIRE_STATUS_OK;
 }
 
-static bool can_queue(const struct device *device, unsigned axis)
-{
-    return device->control.axis[axis].drive == DRIVE_PATH && device->control.config[axis].mode != AXIS_IDLE;
-}
-
+/* Checking takes too long to keep ticks out. What they changed meanwhile is checked again, so that the answer is that
+ * of one moment, its tick, and a replay finds the same. */
 enum wire_status command_queue(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_queue_request queue;
-    struct wire_queue_reply reply = {.queued = {0}};
-    struct segment segments[AXES] = {{.number = 0}};
+    struct line_up before[AXES], now[AXES];
+    struct segment *segments = device->asked;
+    enum wire_status status = WIRE_STATUS_OK;
     wire_unpack_queue_request(&queue, request->payload, request->size);
     if (queue.axis_mask == 0 || queue.axis_mask >> AXES != 0 || queue.at_once > 1)
         return WIRE_STATUS_BAD_VALUE;
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        if ((queue.axis_mask >> axis & 1u) == 0)
-            continue;
-        device_lock(device);
-        const bool can = can_queue(device, axis);
-        const struct line_up line_up = line_up_of(device, axis);
-        device_unlock(device);
-        const struct tail tail = find_tail(device, axis, &line_up, queue.at_once != 0);
-        segments[axis] = segment_of(&queue.segments[axis], &queue);
-        const enum wire_status status =
-            can ? check_segment(device, axis, &segments[axis], &tail) : WIRE_STATUS_BAD_VALUE;
-        if (status != WIRE_STATUS_OK)
-            return status;
-    }
+    memset(before, 0xff, sizeof before);
     device_lock(device);
-    answer->tick = device->control.tick;
-    const enum wire_status status = put_segments(device, &queue, segments);
+    line_up_axes(device, answer, now);
+    while (status == WIRE_STATUS_OK && memcmp(before, now, sizeof now) != 0) {
+        device_unlock(device);
+        memcpy(before, now, sizeof now);
+        status = check_segments(device, &queue, before, segments);
+        device_lock(device);
+        if (status == WIRE_STATUS_OK)
+            line_up_axes(device, answer, now);
+    }
+    if (status == WIRE_STATUS_OK)
+        status = put_segments(device, &queue, segments);
+    struct wire_queue_reply reply = {.status = (uint8_t)status};
     for (unsigned axis = 0; axis < AXES; axis++)
         reply.queued[axis] = (uint8_t)device->control.queue[axis].count;
     device_unlock(device);
@@ -240,6 +270,7 @@ enum wire_status command_where(struct device *device, const struct request *requ
     (void)request;
     for (unsigned axis = 0; axis < AXES; axis++) {
         const uint8_t bit = (uint8_t)(1u << axis);
+        reply.driven |= control->axis[axis].drive == DRIVE_PATH ? bit : 0;
         reply.moving |= is_moving(device, axis) ? bit : 0;
         reply.on_target |= axis_is_on_target(&control->config[axis], &control->axis[axis]) ? bit : 0;
         reply.dry |= control->queue[axis].dry != 0 ? bit : 0;

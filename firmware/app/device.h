@@ -31,6 +31,8 @@ struct control {
     uint32_t fault_axis;
     uint32_t fault_detail;
     uint32_t path_mask; /* axes that have been given a path since their mode was set */
+    uint32_t queued;    /* commands that were: numbers their segments */
+    uint32_t reserved;  /* explicit padding */
     struct axis_config config[AXES];
     struct axis_state axis[AXES];
     struct segment_queue queue[AXES];
@@ -78,7 +80,7 @@ struct device {
     int32_t waves_q30[AXES][WAVE_POINTS];
     uint32_t wave_steepest_q30[AXES];
     struct motion_bounds motion_limits[AXES]; /* of what is queued */
-    uint32_t queued;                          /* commands that were: numbers their segments */
+    struct segment asked[AXES];               /* by QUEUE, while it checks them: the stack is small */
     struct control latched;                   /* at the last STREAM_START */
     bool latched_valid;
     struct events events;
@@ -90,7 +92,7 @@ struct device {
 };
 
 _Static_assert(sizeof(struct control) ==
-                   48 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) + sizeof(struct segment_queue)),
+                   56 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) + sizeof(struct segment_queue)),
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 

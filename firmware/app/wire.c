@@ -118,7 +118,7 @@ static const struct {
     {"set_gains", {17, false}, 0x42},
     {"set_gains", {9, false}, 0xC2},
     {"where", {0, false}, 0x43},
-    {"where", {71, false}, 0xC3},
+    {"where", {72, false}, 0xC3},
     {"samples", {20, true}, 0x70},
     {"event", {13, false}, 0x71},
 };
@@ -1067,6 +1067,7 @@ int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out,
     out = put_u64(out, from->tick);
     out = put_u8(out, from->state);
     out = put_u8(out, from->fault);
+    out = put_u8(out, from->driven);
     out = put_u8(out, from->moving);
     out = put_u8(out, from->on_target);
     out = put_u8(out, from->dry);
@@ -1092,6 +1093,7 @@ bool wire_unpack_where_reply(struct wire_where_reply *to, const uint8_t *in, siz
     to->tick = get_u64(&in);
     to->state = get_u8(&in);
     to->fault = get_u8(&in);
+    to->driven = get_u8(&in);
     to->moving = get_u8(&in);
     to->on_target = get_u8(&in);
     to->dry = get_u8(&in);

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xD9EDEA5Du
+#define WIRE_FINGERPRINT 0x1550DEBEu
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -199,7 +199,7 @@ enum wire_event_kind {
     COMMAND(model_commit, WIRE_MODEL_COMMIT, 1u << WIRE_STATE_PARKED, true) \
     COMMAND(model_read, WIRE_MODEL_READ, WIRE_ANY_STATE, true) \
     COMMAND(model_persist, WIRE_MODEL_PERSIST, 1u << WIRE_STATE_PARKED, true) \
-    COMMAND(stream_start, WIRE_STREAM_START, WIRE_ANY_STATE, false) \
+    COMMAND(stream_start, WIRE_STREAM_START, WIRE_ANY_STATE, true) \
     COMMAND(stream_stop, WIRE_STREAM_STOP, WIRE_ANY_STATE, false) \
     COMMAND(snapshot_read, WIRE_SNAPSHOT_READ, WIRE_ANY_STATE, true) \
     COMMAND(set_timeout, WIRE_SET_TIMEOUT, WIRE_ANY_STATE, false) \
@@ -574,12 +574,13 @@ struct wire_set_gains_request {
 };
 
 /* 0xC3: Where the axes are, and where they go; also feeds the host timeout */
-#define WIRE_WHERE_REPLY_SIZE 71
+#define WIRE_WHERE_REPLY_SIZE 72
 struct wire_where_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
     uint8_t state;
     uint8_t fault;
+    uint8_t driven; /* mask of axes that follow a path, or hold its end */
     uint8_t moving; /* mask of axes whose path, join or queue is not at its end */
     uint8_t on_target; /* mask of axes within their window for long enough */
     uint8_t dry; /* mask of axes whose last path ended with `more` and had none after it: they hold */

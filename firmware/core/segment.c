@@ -5,14 +5,15 @@
 #define RING_MASK (SEGMENTS_QUEUED - 1u)
 _Static_assert((SEGMENTS_QUEUED & RING_MASK) == 0, "the ring wraps by a mask");
 
-bool segment_put(struct segment_queue *queue, const struct segment *segment)
+void segment_put(struct segment_queue *queue, const struct segment *segment, uint32_t number)
 {
     if (queue->count >= SEGMENTS_QUEUED)
-        return false;
-    queue->ring[(queue->first + queue->count) & RING_MASK] = *segment;
+        return;
+    struct segment *place = &queue->ring[(queue->first + queue->count) & RING_MASK];
+    *place = *segment;
+    place->number = number;
     queue->count++;
     queue->dry = 0;
-    return true;
 }
 
 const struct segment *segment_first(const struct segment_queue *queue)
@@ -36,6 +37,20 @@ void segment_drop_first(struct segment_queue *queue)
 void segment_drop_all(struct segment_queue *queue)
 {
     queue->count = 0;
+}
+
+void segment_reset(struct segment_queue *queue)
+{
+    queue->dry_tick = 0;
+    queue->first = queue->count = queue->dry = 0;
+}
+
+void segment_copy_places(struct segment_queue *to, const struct segment_queue *from)
+{
+    to->dry_tick = from->dry_tick;
+    to->first = from->first;
+    to->count = from->count;
+    to->dry = from->dry;
 }
 
 bool join_is_under_way(const struct join_state *join)

@@ -55,8 +55,8 @@ struct join_state {          /* of the path that is being left */
     uint32_t wait_ticks;   /* until it begins: meanwhile only a look ahead sees it */
 };
 
-/* False when it is full. */
-bool segment_put(struct segment_queue *queue, const struct segment *segment);
+/* Puts it last, as one of command `number`. Not when it is full. */
+void segment_put(struct segment_queue *queue, const struct segment *segment, uint32_t number);
 
 /* The next one; NULL when there is none. */
 const struct segment *segment_first(const struct segment_queue *queue);
@@ -64,6 +64,9 @@ const struct segment *segment_first(const struct segment_queue *queue);
 const struct segment *segment_last(const struct segment_queue *queue);
 void segment_drop_first(struct segment_queue *queue);
 void segment_drop_all(struct segment_queue *queue);
+void segment_reset(struct segment_queue *queue);
+/* All but the segments. */
+void segment_copy_places(struct segment_queue *to, const struct segment_queue *from);
 
 bool join_is_under_way(const struct join_state *join);
 /* How much of the new path there is `ticks_q16` later, 0 .. 2^30. */

@@ -40,7 +40,7 @@ def parse_crc(text: str) -> int:
 @json_option
 def park(port: str, json_to: str | None) -> None:
     """Ramp every axis to its safe value and disarm."""
-    with connect(port) as device:
+    with connect(port, resume=True) as device:
         emit_pairs(device.park().as_dict(), json_to)
 
 
@@ -63,7 +63,7 @@ def stop(port: str, json_to: str | None) -> None:
 @json_option
 def status(port: str, json_to: str | None) -> None:
     """Print what the device is doing."""
-    with connect(port, park_on_exit=False) as device:
+    with connect(port, resume=True, park_on_exit=False) as device:
         emit_pairs(device.status().as_dict(), json_to)
 
 

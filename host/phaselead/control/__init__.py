@@ -14,16 +14,22 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
+from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
+from phaselead.control.moving import Moved, Planned
 from phaselead.control.run import Run
+from phaselead.control.targets import parse_targets
 from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
 
 __all__ = [
     "MODES",
     "PAPER_GAINS",
+    "Axis",
     "Controller",
     "GainsLike",
     "Loop",
+    "Moved",
+    "Planned",
     "Run",
     "TrackingError",
     "assumed_limits",
@@ -34,6 +40,7 @@ __all__ = [
     "loop_warnings",
     "own_loop_warnings",
     "parse_gains",
+    "parse_targets",
     "path_warnings",
     "record_open_loop",
     "record_to_file",

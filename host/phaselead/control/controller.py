@@ -13,10 +13,21 @@ from typing import TYPE_CHECKING, Any, Self
 
 from phaselead import interrupt
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
+from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
-from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, park_quietly, selftest
+from phaselead.device import (
+    BAUD,
+    Device,
+    DeviceStatus,
+    SelfTest,
+    device_model,
+    park_quietly,
+    recall,
+    remember,
+    selftest,
+)
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
@@ -33,12 +44,13 @@ WaveLike = str | Waveform
 WavesLike = WaveLike | Mapping[str, WaveLike]
 
 
-def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:
+def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True, resume: bool = False) -> Controller:
     """Opens a port and a session on the device there; use it with ``with``, so that it is parked whatever happens.
 
     ``url`` is a serial port ("/dev/ttyACM0"), "sim://xyz250", "sim://STAGE.toml" or "qemu://BOARD"; without one it is
     ``$PHASELEAD_PORT``, else "sim://xyz250". Each opening of a virtual stage is a fresh one at rest.
-    ``park_on_exit=False`` leaves the device as it is, as ``phaselead arm`` does.
+    ``park_on_exit=False`` leaves the device as it is, as ``phaselead arm`` does. ``resume`` goes on with a session that
+    ``leave_running`` left on this port, if there is one.
 
     Raises LinkError (the port is missing, busy or silent), DeviceRefused (another host drives the device) or BadInput
     (the URL makes no sense).
@@ -48,7 +60,13 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     ...     print(dev.status().state)
     parked
     """
-    return Controller(Device.open(url or default_port(), baud=baud, park_on_exit=park_on_exit))
+    name = url or default_port()
+    left = recall(name) if resume else None
+    nonce = None if left is None else left.nonce
+    controller = Controller(Device.open(name, baud=baud, park_on_exit=park_on_exit, nonce=nonce))
+    if left is not None:
+        controller.take_up(left)
+    return controller
 
 
 @dataclass(frozen=True)
@@ -74,7 +92,7 @@ class Upload(Result):
         return [pairs_table({"model": self.model.name} | self.as_dict())]
 
 
-class Controller:
+class Controller(HoldsAndMoves):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -95,9 +113,7 @@ class Controller:
 
     def __init__(self, device: Device) -> None:
         """Takes over an open device."""
-        self.device = device
-        self.model: Stage | None = None
-        """The model last uploaded: ``track`` uses it unless it is given another."""
+        super().__init__(device)
         self._signals = contextlib.ExitStack()
         self._open = True
         atexit.register(self._at_exit)
@@ -122,6 +138,7 @@ class Controller:
         if self._open:
             self._open = False
             atexit.unregister(self._at_exit)
+            self._alive.end()
             self.device.__exit__(kind, error, trace)
 
     def _at_exit(self) -> None:
@@ -159,6 +176,8 @@ class Controller:
     def park(self) -> DeviceStatus:
         """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""
         self.device.park()
+        self._alive.end()
+        remember(self.device.session.name, None)
         return self.device.status()
 
     def stop(self) -> int:

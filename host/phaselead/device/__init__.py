@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from phaselead.device import wire
+from phaselead.device import motion, wire
 from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
+from phaselead.device.left_running import LeftRunning, recall, remember
 from phaselead.device.loop_test import SelfTest, check_letters, selftest
-from phaselead.device.quantities import TICK_HZ
+from phaselead.device.motion import AxisWhere, MotionLimits, Where
+from phaselead.device.quantities import TICK_HZ, Converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
+from phaselead.device.session import Session
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
@@ -22,18 +25,24 @@ __all__ = [
     "BAUD",
     "LARGEST_STEP",
     "TICK_HZ",
+    "AxisWhere",
     "Capture",
     "Channel",
+    "Converters",
     "Device",
     "DeviceFault",
     "DeviceStatus",
     "FrameReader",
     "Gap",
+    "LeftRunning",
     "Mode",
+    "MotionLimits",
     "SelfTest",
+    "Session",
     "Spool",
     "Standing",
     "Stream",
+    "Where",
     "axes_of",
     "channels_of",
     "check_letters",
@@ -43,9 +52,12 @@ __all__ = [
     "flash_board",
     "from_device_model",
     "inverse_refusal",
+    "motion",
     "park_quietly",
     "read_capture",
+    "recall",
     "recording_of",
+    "remember",
     "replay_facts",
     "selftest",
     "standings",

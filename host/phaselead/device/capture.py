@@ -273,7 +273,8 @@ def capture(
     try:
         if session.virtual:
             session.port.timeout = READ_VIRTUAL_S
-        return _capture(session, hello, plan, progress)
+        with session.lock:
+            return _capture(session, hello, plan, progress)
     except DeviceFault:
         raise
     except BaseException as error:

@@ -61,11 +61,11 @@ class Device:
         """Axes whose path is a waveform."""
 
     @classmethod
-    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True) -> Self:
-        """Opens the port exclusively and a session on it."""
+    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True, nonce: int | None = None) -> Self:
+        """Opens the port exclusively and a session on it, a new one unless its ``nonce`` is given."""
         port = open_port(url, baud=baud)
         try:
-            return cls(Session(port, url), park_on_exit=park_on_exit, baud=baud)
+            return cls(Session(port, url, nonce=nonce), park_on_exit=park_on_exit, baud=baud)
         except BaseException:
             port.close()
             raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -53,7 +54,8 @@ ADVICE = {
     wire.Status.MUST_NAME_MODEL: "its model is a fallback; arm naming the model, or upload and persist again",
     wire.Status.FLASH_FAILED: "its flash could not be written; the old model stays; try again",
     wire.Status.FAULT_LATCHED: "a fault is latched; `phaselead status` names it, `phaselead park` clears it",
-    wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out",
+    wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out; what "
+    "`phaselead move` left held, `phaselead park` ends",
     wire.Status.MODE_UNSUPPORTED: "its firmware does not have this mode",
 }
 """What a status means for every command; protocol/schema.toml says more where one command can."""
@@ -97,7 +99,7 @@ class Pending:
 
 
 class Session:
-    """Commands, replies and streams of one port. Not thread-safe.
+    """Commands, replies and streams of one port. One thread speaks at a time, the one that holds ``lock``.
 
     ``samples`` collects the bodies of sample batches, ``events`` the events, for whoever wants them.
     ``log``, when set (to a list), collects (tick of the reply, frame sent) of every command answered.
@@ -112,6 +114,7 @@ class Session:
         self.events: list[wire.Event] = []
         self.log: Log | None = None
         self.sink: Callable[[bytes], None] | None = None
+        self.lock = threading.RLock()
         self.retries = 0
         self.strays = 0
         """Frames that were nobody's: duplicates of replies, another session's."""
@@ -175,8 +178,10 @@ class Session:
             SessionLostError: the device no longer knows this session.
             LinkError: no reply after every attempt.
         """
-        pending = self.submit(command)
-        if not self._await(pending, waits_s):
+        with self.lock:
+            pending = self.submit(command)
+            answered = self._await(pending, waits_s)
+        if not answered:
             raise NoReplyError(
                 f"the device on {self.name} stopped answering ({command.NAME}, {len(waits_s)} attempts); "
                 "check cable and power, then try again"

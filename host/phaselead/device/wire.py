@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xD9EDEA5D
+FINGERPRINT = 0x1550DEBE
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -1888,13 +1888,15 @@ class WhereReply(Reply):
 
     NAME: ClassVar[str] = "where reply"
     NUMBER: ClassVar[int] = 0xC3
-    SIZE: ClassVar[int] = 71
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBB3B3H3i3i3i3I")
+    SIZE: ClassVar[int] = 72
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBBB3B3H3i3i3i3I")
     status: int
     tick: int
     """the tick before which the command took effect."""
     state: int
     fault: int
+    driven: int
+    """mask of axes that follow a path, or hold its end."""
     moving: int
     """mask of axes whose path, join or queue is not at its end."""
     on_target: int
@@ -1920,6 +1922,7 @@ class WhereReply(Reply):
             self.tick,
             self.state,
             self.fault,
+            self.driven,
             self.moving,
             self.on_target,
             self.dry,
@@ -1935,7 +1938,22 @@ class WhereReply(Reply):
     def unpack(cls, payload: bytes) -> WhereReply:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7:10], v[10:13], v[13:16], v[16:19], v[19:22], v[22:25])
+        return cls(
+            v[0],
+            v[1],
+            v[2],
+            v[3],
+            v[4],
+            v[5],
+            v[6],
+            v[7],
+            v[8:11],
+            v[11:14],
+            v[14:17],
+            v[17:20],
+            v[20:23],
+            v[23:26],
+        )
 
 
 @dataclass(frozen=True, slots=True)

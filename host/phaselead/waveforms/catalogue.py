@@ -35,22 +35,26 @@ def examples() -> list[str]:
 
 def parse_waves(text: str, axis: str = "x") -> dict[str, Waveform]:
     """``WAVE`` for ``axis``, or ``x=WAVE,y=WAVE`` for several, by axis."""
+    parts = split_axes(text, axis, "waveform", "x=sine:60um@5Hz,y=sine:30um@5Hz")
+    return {name: parse_wave(part) for name, part in parts.items()}
+
+
+def split_axes(text: str, axis: str, what: str, example: str) -> dict[str, str]:
+    """``PART`` for ``axis``, or ``x=PART,y=PART`` for several, by axis. Raises BadInput, saying ``what`` it is."""
     parts = re.split(r",\s*(?=[A-Za-z]\w*=)", text.strip())
     if not re.match(r"[A-Za-z]\w*=", parts[0]):
         if axis not in ("x", "y", "z"):
             raise BadInput(f"axis {axis!r}: there are x, y and z")
-        return {axis: parse_wave(text)}
-    waves: dict[str, Waveform] = {}
+        return {axis: text}
+    found: dict[str, str] = {}
     for part in parts:
-        name, _, wave = part.partition("=")
+        name, _, rest = part.partition("=")
         if name not in ("x", "y", "z"):
-            raise BadInput(
-                f"waveform {short(part)}: there is no axis {name}; use x, y or z, as in x=sine:60um@5Hz,y=sine:30um@5Hz"
-            )
-        if name in waves:
-            raise BadInput(f"waveform {short(text)}: axis {name} is given twice; give it one waveform")
-        waves[name] = parse_wave(wave)
-    return waves
+            raise BadInput(f"{what} {short(part)}: there is no axis {name}; use x, y or z, as in {example}")
+        if name in found:
+            raise BadInput(f"{what} {short(text)}: axis {name} is given twice; give it one {what}")
+        found[name] = rest
+    return found
 
 
 def parse_wave(text: str) -> Waveform:
