@@ -62,15 +62,14 @@ def track(
 ) -> None:
     """Drive along WAVE, record, and print the tracking error.
 
-    WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um; the
-    output goes to 20 um first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
-    peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
+    WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um), or in volts
+    for mode open: sine:5V@5Hz. Amplitudes are peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
     check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path] if model_path else [])
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
-    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
+    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
     with Device.open(port) as device, progress(f"tracking {wave}", 1.0) as advance:
         run = track_to_file(
             device,

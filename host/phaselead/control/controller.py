@@ -288,7 +288,7 @@ class Controller(HoldsAndMoves):
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output)
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
+        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
             warnings.warn(line, stacklevel=2)
         run = track_to_file(
             self.device,

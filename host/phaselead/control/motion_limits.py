@@ -30,16 +30,17 @@ def motion_limits(model: AxisModel | None) -> MotionLimits:
         return MotionLimits(velocity_um_per_s=UNKNOWN_um_per_s)
     limits, gain = model.limits, sum(plant.gain_um_per_V) / 2
     velocity = limits.slew_V_per_s * gain
-    f_Hz = lowest_mode_Hz(plant)
+    f_Hz = first_mode_Hz(model)
     if f_Hz is None:
         return MotionLimits(velocity_um_per_s=velocity)
     squared = (2 * math.pi * f_Hz) ** 2
     return MotionLimits(velocity, (limits.u_max_V - limits.u_min_V) * gain * squared, velocity * squared)
 
 
-def lowest_mode_Hz(plant: SmallSignal) -> float | None:
-    """Of the modes that feedback meets, Hz."""
-    return min((f_Hz for _, f_Hz, _ in plant.modes), default=None)
+def first_mode_Hz(model: AxisModel) -> float | None:
+    """Of the modes that feedback meets the lowest, Hz; None where the model shows none."""
+    plant = _plant(model)
+    return None if plant is None else min((f_Hz for _, f_Hz, _ in plant.modes), default=None)
 
 
 def _plant(model: AxisModel) -> SmallSignal | None:
@@ -54,8 +55,7 @@ def usual_duration_s(way_um: float, limits: MotionLimits, model: AxisModel | Non
     """Of a move that nobody gave a duration: the shortest and, where the mode is not undone, two of its periods: a
     least-jerk move of that length has next to no power there."""
     shortest_s = limits.shortest_s(way_um)
-    plant = None if model is None or mode in UNDONE else _plant(model)
-    f_Hz = None if plant is None else lowest_mode_Hz(plant)
+    f_Hz = None if model is None or mode in UNDONE else first_mode_Hz(model)
     return shortest_s if f_Hz is None else max(shortest_s, 2 / f_Hz)
 
 

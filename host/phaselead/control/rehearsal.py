@@ -9,7 +9,7 @@ from pathlib import Path
 
 from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.tracking import check_paths, default_duration_s, track
-from phaselead.device import Device, DeviceFault
+from phaselead.device import TICK_HZ, Device, DeviceFault
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
 from phaselead.waveforms import Waveform
@@ -19,6 +19,9 @@ LONGEST_S = 2.0
 HALVINGS = 7
 """Of the way from 1/64 of a swing or frequency to the whole, in equal ratios: the one that works is found to 3 %."""
 LEAST_SHARE = 1 / 64
+LIMITED_SHARE = 0.1
+"""Of the ticks at the slew limit or a clamp: so long the loop is open, and what the limit cuts off rings the stage. The
+corners of a triangle that a stage can follow take a few per cent."""
 
 
 def rehearse(
@@ -31,7 +34,8 @@ def rehearse(
     """Runs the paths on the model for up to 2 s. Nothing is done in mode open, without a model of every axis, and for
     models that the simulator cannot play.
 
-    Raises BadInput when the device would end in a fault: the reason, and the nearest swing and frequency that work.
+    Raises BadInput when the device would end in a fault, or its output be cut in a tenth of the ticks: the reason, and
+    the nearest swing and frequency that work.
     """
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
         return
@@ -40,17 +44,16 @@ def rehearse(
         path = Path(folder) / "model.toml"
         as_played(stage).save(path)
         url = f"sim://{path}"
-        fault = _fault(url, waveforms, mode, stage, gains, duration_s)
-        if fault is None:
+        said = _trouble(url, waveforms, mode, stage, gains, duration_s)
+        if said is None:
             return
-        said = str(fault).partition(" at tick")[0]
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
 
         def works(changed: Waveform) -> bool:
-            return _fault(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
+            return _trouble(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
 
         found = _nearest(waveforms[axis], works)
-    raise BadInput(f"{axis}: on the model this ends in {said}; {found}; or --force")
+    raise BadInput(f"{axis}: on the model this {said}; {found}; or --force")
 
 
 def as_played(stage: Stage) -> Stage:
@@ -69,23 +72,27 @@ def _silent(stage: Stage, axis: str) -> bool:
     return axis not in stage.axes or stage.axes[axis].time is None
 
 
-def _fault(
+def _trouble(
     url: str,
     waveforms: Mapping[str, Waveform],
     mode: str,
     stage: Stage,
     gains: Mapping[str, Gains],
     duration_s: float | None,
-) -> DeviceFault | None:
-    """The fault that the run ends in; None where it ends in none, or cannot be played."""
+) -> str | None:
+    """What goes wrong on the run, in words; None where nothing does, or it cannot be played."""
     seconds = min(duration_s or default_duration_s(waveforms), LONGEST_S)
     try:
         with Device.open(url) as device:
-            track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
+            run = track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
     except DeviceFault as fault:
-        return fault
+        return f"ends in {str(fault).partition(' at tick')[0]}"
     except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
         return None
+    ticks = round(seconds * TICK_HZ)
+    for axis, limited in zip("xyz", run.capture.status.saturations, strict=True):
+        if axis in waveforms and limited > LIMITED_SHARE * ticks:
+            return f"is cut by the output's limits in {limited / ticks:.0%} of the ticks of axis {axis}"
     return None
 
 

@@ -339,6 +339,8 @@ class Device:
         start: bool = True,
         park: bool = True,
         model_crc: int = 0,
+        lead_ticks: int = 0,
+        tail_ticks: int = 0,
         progress: Progress | None = None,
         sink: Sink | None = None,
         spool: Spool | None = None,
@@ -346,10 +348,11 @@ class Device:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
         The stream begins first; then, if ``start``, the device is armed and the paths of ``start_axes`` (empty: of all
-        ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. ``progress`` gets the
-        ticks done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and
-        commands in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and
-        on errors the device is parked before the exception goes on.
+        ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. The record begins
+        ``lead_ticks`` before the paths, and ``tail_ticks`` pass after it before parking. ``progress`` gets the ticks
+        done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and commands
+        in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and on
+        errors the device is parked before the exception goes on.
 
         Raises:
             DeviceFault: a fault latched; its ``capture`` holds what was recorded.
@@ -359,7 +362,9 @@ class Device:
         for axis in axes + start_axes:
             axis_index(axis)
         waves = "".join(sorted(self._waves))
-        plan = Plan(ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes)
+        plan = Plan(
+            ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes, lead_ticks, tail_ticks
+        )
         return capture(self.session, self.hello, plan, progress, sink)
 
 
