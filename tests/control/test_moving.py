@@ -202,7 +202,7 @@ def test_the_device_is_kept_alive_between_two_cells(monkeypatch):
 
 def test_a_session_that_was_left_running_is_taken_up_by_port(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    left = LeftRunning(7, "pid", "x", None)
+    left = LeftRunning(7, 12, "pid", "x", None)
     remember("/dev/ttyX", left)
     assert recall("/dev/ttyX") == left
     assert recall("/dev/ttyY") is None
@@ -217,7 +217,7 @@ def test_a_session_that_was_left_running_is_taken_up_by_port(tmp_path, monkeypat
 def test_the_next_program_goes_on_where_the_last_one_left(dev):
     dev.move(x=40, mode="pid")
     next_one = HoldsAndMoves(dev.device)
-    next_one.take_up(LeftRunning(dev.device.session.nonce, "pid", "xyz", None))
+    next_one.take_up(LeftRunning(dev.device.session.nonce, 0, "pid", "xyz", None))
     assert next_one.x.move("+2um", duration=0.1).axes["x"].to_um == 42
 
 

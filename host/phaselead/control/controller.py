@@ -19,6 +19,7 @@ from phaselead.control.run import Run
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
 from phaselead.device import (
     BAUD,
+    IDS_RESERVED,
     Device,
     DeviceStatus,
     SelfTest,
@@ -62,10 +63,11 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     """
     name = url or default_port()
     left = recall(name) if resume else None
-    nonce = None if left is None else left.nonce
-    controller = Controller(Device.open(name, baud=baud, park_on_exit=park_on_exit, nonce=nonce))
-    if left is not None:
-        controller.take_up(left)
+    if left is None:
+        return Controller(Device.open(name, baud=baud, park_on_exit=park_on_exit))
+    remember(name, replace(left, last_id=(left.last_id + IDS_RESERVED) % 0x10000))
+    controller = Controller(Device.open(name, baud=baud, park_on_exit=park_on_exit, left=left))
+    controller.take_up(left)
     return controller
 
 
@@ -139,6 +141,7 @@ class Controller(HoldsAndMoves):
             self._open = False
             atexit.unregister(self._at_exit)
             self._alive.end()
+            self._note_left()
             self.device.__exit__(kind, error, trace)
 
     def _at_exit(self) -> None:
@@ -177,6 +180,7 @@ class Controller(HoldsAndMoves):
         """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""
         self.device.park()
         self._alive.end()
+        self._left = None
         remember(self.device.session.name, None)
         return self.device.status()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from phaselead.control.gains import GainsLike
 from phaselead.control.keep_alive import KeepAlive
@@ -31,6 +31,7 @@ class HoldsAndMoves:
         self.model = None
         self._mover = Mover(device)
         self._alive = KeepAlive(device.session)
+        self._left: LeftRunning | None = None
 
     @property
     def x(self) -> Axis:
@@ -131,13 +132,20 @@ class HoldsAndMoves:
         before = recall(session.name)
         kept = before.model if before is not None and before.nonce == session.nonce else None
         path = kept if model_path is None else os.path.abspath(model_path)
-        remember(session.name, LeftRunning(session.nonce, mover.mode, mover.axes, path))
+        self._left = LeftRunning(session.nonce, session.last_id, mover.mode, mover.axes, path)
+        self._note_left()
+
+    def _note_left(self) -> None:
+        """How far the requests of a session have come that goes on without this program."""
+        if self._left is not None:
+            remember(self.device.session.name, replace(self._left, last_id=self.device.session.last_id))
 
     def take_up(self, left: LeftRunning) -> None:
         """Goes on with a session that was left running; forgets it when the device is parked meanwhile."""
         if self._mover.where().state != "running":
             remember(self.device.session.name, None)
             return
+        self._left = left
         self.model = None if left.model is None else as_stage(left.model)
         self._mover.take_up(left.axes, left.mode, self.model)
 

@@ -8,7 +8,7 @@ from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
-from phaselead.device.left_running import LeftRunning, recall, remember
+from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
 from phaselead.device.loop_test import SelfTest, check_letters, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters
@@ -23,6 +23,7 @@ from phaselead.serial_ports import BAUD
 __all__ = [
     "AXES",
     "BAUD",
+    "IDS_RESERVED",
     "LARGEST_STEP",
     "TICK_HZ",
     "AxisWhere",

@@ -26,6 +26,7 @@ from phaselead.device.capture import (
     read_region,
     wait_parked,
 )
+from phaselead.device.left_running import LeftRunning
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of
@@ -61,11 +62,12 @@ class Device:
         """Axes whose path is a waveform."""
 
     @classmethod
-    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True, nonce: int | None = None) -> Self:
-        """Opens the port exclusively and a session on it, a new one unless its ``nonce`` is given."""
+    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True, left: LeftRunning | None = None) -> Self:
+        """Opens the port exclusively and a session on it: a new one, or one that was ``left`` running."""
         port = open_port(url, baud=baud)
         try:
-            return cls(Session(port, url, nonce=nonce), park_on_exit=park_on_exit, baud=baud)
+            session = Session(port, url) if left is None else Session(port, url, nonce=left.nonce, last_id=left.last_id)
+            return cls(session, park_on_exit=park_on_exit, baud=baud)
         except BaseException:
             port.close()
             raise
@@ -125,10 +127,18 @@ class Device:
         try:
             if self.park_on_exit and kind is not None:
                 park_quietly(self.session)
-            elif self.park_on_exit and self.status().state not in ("parked", "fault"):
-                self.park()
+            elif self.park_on_exit:
+                self._park_unless_at_rest()
         finally:
             self.close()
+
+    def _park_unless_at_rest(self) -> None:
+        try:
+            if self.status().state not in ("parked", "fault"):
+                self.park()
+        except KeyboardInterrupt:
+            park_quietly(self.session)
+            raise
 
     def close(self) -> None:
         """Closes the port and leaves the device as it is."""

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from phaselead.record import write_text
 
+IDS_RESERVED = 8192
+"""For a command that takes a session up and does not live to say how many it needed; half of all are told apart."""
 VIRTUAL = ("sim://", "qemu://")
 """Such a device ends with the process that opened it."""
 
@@ -22,6 +24,8 @@ class LeftRunning:
     """A session that goes on without its host."""
 
     nonce: int
+    last_id: int
+    """Of its requests: the device carries out none that lies behind."""
     mode: str
     axes: str
     model: str | None

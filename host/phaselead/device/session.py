@@ -106,7 +106,7 @@ class Session:
     ``sink``, when set, is given every chunk as it came off the line.
     """
 
-    def __init__(self, port: Port, name: str = "port", *, nonce: int | None = None) -> None:
+    def __init__(self, port: Port, name: str = "port", *, nonce: int | None = None, last_id: int = 0) -> None:
         self.port, self.name = port, name
         self.nonce = nonce or secrets.randbits(64) or 1  # 0 is a device's "none yet"
         self.reader = FrameReader()
@@ -120,7 +120,8 @@ class Session:
         """Frames that were nobody's: duplicates of replies, another session's."""
         self._nonce_bytes = self.nonce.to_bytes(8, "little")
         self._waiting: dict[int, Pending] = {}
-        self._id = 0
+        self.last_id = last_id
+        """Of the requests sent; a session that is taken up goes on behind its last one."""
         self._piece = LARGEST_PIECE
         self._tick = 0
         """The last one that a reply has named."""
@@ -225,10 +226,10 @@ class Session:
 
     def submit(self, command: wire.Command[Any]) -> Pending:
         """Sends a command without waiting; ``pump`` fills in the reply, ``finish`` reads it."""
-        self._id = self._id % 0xFFFF + 1
-        body = wire.HEADER.pack(command.NUMBER, self._id, self.nonce) + command.pack()
-        pending = Pending(command, self._id, encode_frame(body), self._tick)
-        self._waiting[self._id] = pending
+        self.last_id = self.last_id % 0xFFFF + 1
+        body = wire.HEADER.pack(command.NUMBER, self.last_id, self.nonce) + command.pack()
+        pending = Pending(command, self.last_id, encode_frame(body), self._tick)
+        self._waiting[self.last_id] = pending
         self._write(pending.frame)
         return pending
 
