@@ -51,12 +51,12 @@ def with_waveform(tmp_path_factory):
 
 def test_an_added_waveform_is_in_the_help_and_the_manual(with_waveform):
     said = with_waveform.run("-m", "phaselead", "track", "--help").stdout
-    assert "goto:120um, trapezoid:60um@5Hz," in " ".join(said.split())
+    assert "step:5um, trapezoid:60um@5Hz," in " ".join(said.split())
     with_waveform.run("-m", "phaselead.report.waveform_table", "docs")
     row = "| `trapezoid:60um@5Hz` | up to 60 um, held, down to 0 and held, a quarter of the period each |\n"
     assert row in with_waveform.text("docs/commands.md")
     said = with_waveform.run("-m", "phaselead", "track", "wiggle:1um", check=False).stderr
-    assert said.endswith("goto:120um, trapezoid:60um@5Hz\n")
+    assert "step:5um, trapezoid:60um@5Hz, " in said
 
 
 def test_an_added_waveform_is_tracked(with_waveform, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, split_axes
+from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
 from phaselead.waveforms.goto import SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
 from phaselead.waveforms.sine import Sine
@@ -26,5 +26,7 @@ __all__ = [
     "parse_wave",
     "parse_waves",
     "refuse_out_of_range",
+    "scans",
     "split_axes",
+    "ways",
 ]

@@ -13,6 +13,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from phaselead.errors import BadInput
+from phaselead.waveforms.scan import Scan
 from phaselead.waveforms.waveform import Waveform
 from phaselead.waveforms.written import Written, short
 
@@ -28,13 +29,31 @@ def kinds() -> Mapping[str, type[Waveform]]:
     return MappingProxyType({one.kind: one for one in sorted(found, key=lambda one: (one.order, one.kind))})
 
 
+@cache
+def scans() -> Mapping[str, type[Scan]]:
+    """Every kind of scan by its word, found likewise."""
+    modules = [import_module(f"{ROOM}.{found.name}") for found in iter_modules(import_module(ROOM).__path__)]
+    classes = [one for module in modules for one in vars(module).values() if isinstance(one, type)]
+    found = [one for one in classes if issubclass(one, Scan) and "kind" in vars(one)]
+    return MappingProxyType({one.kind: one for one in sorted(found, key=lambda one: (one.order, one.kind))})
+
+
 def examples() -> list[str]:
     """One way to write each kind."""
-    return [kind.written[0][0] for kind in kinds().values()]
+    return [how[0][0] for how in ways()]
+
+
+def ways() -> list[tuple[tuple[str, str], ...]]:
+    """The ways to write each kind, waveforms first, and what they mean."""
+    return [kind.written for kind in kinds().values()] + [scan.written for scan in scans().values()]
 
 
 def parse_waves(text: str, axis: str = "x") -> dict[str, Waveform]:
     """``WAVE`` for ``axis``, or ``x=WAVE,y=WAVE`` for several, by axis."""
+    word, _, rest = text.strip().partition(":")
+    if word in scans():
+        scan = scans()[word]
+        return dict(scan.parse(Written(text, rest, scan.written[0][0])))
     parts = split_axes(text, axis, "waveform", "x=sine:60um@5Hz,y=sine:30um@5Hz")
     return {name: parse_wave(part) for name, part in parts.items()}
 
@@ -60,6 +79,8 @@ def split_axes(text: str, axis: str, what: str, example: str) -> dict[str, str]:
 def parse_wave(text: str) -> Waveform:
     """One waveform. Raises BadInput with what is wrong and an example."""
     word, colon, rest = text.strip().partition(":")
+    if word in scans():
+        raise BadInput(f"waveform {short(text)}: a {word} is for x and y together; give it alone, without an axis")
     if word not in kinds():
         raise BadInput(f"waveform {short(text)}: {short(word)} is no kind of waveform; one of {', '.join(examples())}")
     kind = kinds()[word]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
-import numpy as np
-
+from phaselead.waveforms.edges import least_jerk
 from phaselead.waveforms.waveform import Shares, Waveform
 from phaselead.waveforms.written import Unit, Written
 
@@ -27,7 +26,7 @@ class Goto(Waveform):
     """The duration was asked for: it is kept, or refused."""
 
     kind = "goto"
-    written = (
+    written: ClassVar[tuple[tuple[str, str], ...]] = (
         ("goto:120um", "from where the axis is to 120 um, without jerk, at 1000 um/s at most"),
         ("goto:120um@0.5s", "the same in 0.5 s"),
     )
@@ -43,8 +42,7 @@ class Goto(Waveform):
         return cls(target, 0.0, unit, 1 / duration_s, bool(at))
 
     def share(self, turns: Shares) -> Shares:
-        s = np.clip(turns, 0.0, 1.0)
-        return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
+        return least_jerk(turns)
 
     @property
     def steepest_share(self) -> float:
