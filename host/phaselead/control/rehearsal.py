@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from phaselead.control.feedback_loop import HOLD_S
+from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.control.tracking import check_paths, default_duration_s, track
-from phaselead.device import TICK_HZ, Device, DeviceFault
+from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
 from phaselead.waveforms import Waveform
@@ -19,6 +22,8 @@ LONGEST_S = 2.0
 HALVINGS = 7
 """Of the way from 1/64 of a swing or frequency to the whole, in equal ratios: the one that works is found to 3 %."""
 LEAST_SHARE = 1 / 64
+CUT_V = 0.005
+"""Beyond what codes and recorded voltages are rounded by, 0.3 mV and 0.5 mV each."""
 LIMITED_SHARE = 0.1
 """Of the ticks at the slew limit or a clamp: so long the loop is open, and what the limit cuts off rings the stage. The
 corners of a triangle that a stage can follow take a few per cent."""
@@ -89,11 +94,23 @@ def _trouble(
         return f"ends in {str(fault).partition(' at tick')[0]}"
     except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
         return None
-    ticks = round(seconds * TICK_HZ)
-    for axis, limited in zip("xyz", run.capture.status.saturations, strict=True):
-        if axis in waveforms and limited > LIMITED_SHARE * ticks:
-            return f"is cut by the output's limits in {limited / ticks:.0%} of the ticks of axis {axis}"
+    for axis in waveforms:
+        share = _cut_share(run.capture, axis, converters(device_model(stage))[axis])
+        shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
+        if share > LIMITED_SHARE and shows_a_mode:
+            return f"is cut by the output's limits in {share:.0%} of the ticks of axis {axis}"
     return None
+
+
+def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:
+    """The share of the path's ticks in which the output was not what feed-forward and feedback asked for."""
+    stream = capture.axes[axis]
+    assert stream.dac is not None
+    assert stream.feedforward is not None
+    assert stream.feedback is not None
+    rows = slice(*np.searchsorted(capture.ticks, [capture.start_tick, capture.end_tick]))
+    asked_V = (stream.feedforward[rows].astype(np.float64) + stream.feedback[rows]) / 2**11
+    return float(np.mean(np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V))
 
 
 def _nearest(wave: Waveform, works: Callable[[Waveform], bool]) -> str:

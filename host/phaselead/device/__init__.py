@@ -11,7 +11,7 @@ from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
 from phaselead.device.loop_test import SelfTest, check_letters, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
-from phaselead.device.quantities import TICK_HZ, Converters
+from phaselead.device.quantities import TICK_HZ, Converters, converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Session
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
@@ -47,6 +47,7 @@ __all__ = [
     "axes_of",
     "channels_of",
     "check_letters",
+    "converters",
     "decode_samples",
     "device_model",
     "encode_frame",
