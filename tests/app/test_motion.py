@@ -213,6 +213,19 @@ def test_feedforward_has_no_kick_at_either_end(mode):
     assert np.abs(u[-50:] - u[-1]).max() <= 2  # it holds
 
 
+def test_an_inverse_sees_a_move_before_it_begins():
+    """Looking 1.5 ticks ahead from the first tick on it would begin with 50 steps of the recorded voltage."""
+    bench = holding(mode=wire.Mode.INVERSE)
+    bench.run(200)
+    assert queue(bench, x=move_to(150 * UM, 20)) == wire.Status.OK
+    bench.run(60)
+    x = recorded(bench)["x"]
+    steps, moves = (np.diff(channel.astype(int))[200:] for channel in (x.feedforward, x.reference))
+    first = np.flatnonzero(np.abs(steps) > 2)[0]
+    assert abs(steps[first]) < 25
+    assert first <= np.flatnonzero(moves)[0]
+
+
 def test_without_a_join_the_lead_is_dropped_in_one_tick():
     """What the test above would see: the paper's sine stopped mid-slope."""
     bench = holding(mode=wire.Mode.FF)
