@@ -148,14 +148,16 @@ def set_up(
         raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
     standing = standings(device)
     waveforms = {axis: from_standing(axis, waveform, standing[axis], stage) for axis, waveform in waveforms.items()}
-    lead_s, tail_s = 0.0, 0.0
+    entered_s, left_s = {}, {}
     for axis, waveform in waveforms.items():
         model = None if stage is None else stage.axes.get(axis)
-        entered_s, left_s = enter_s(waveform, standing[axis], mode, model), quiet_s(model)
-        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks)
-        motion.join_from_start(device, axis, entered_s, left_s if waveform.periodic else 0.0)
-        lead_s, tail_s = max(lead_s, entered_s if mode == "open" else 0.0), max(tail_s, 2 * left_s)
-    return SetUp(dict(waveforms), ticks, round(lead_s * TICK_HZ), round(tail_s * TICK_HZ))
+        entered_s[axis] = enter_s(waveform, standing[axis], mode, model)
+        left_s[axis] = quiet_s(model)
+    lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
+    for axis, waveform in waveforms.items():
+        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks - lead_ticks)
+        motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if waveform.periodic else 0.0)
+    return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ))
 
 
 def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:

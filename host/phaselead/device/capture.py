@@ -78,7 +78,7 @@ class Plan:
     start_axes: str = ""
     """Axes whose paths are started; empty: all that are streamed."""
     lead_ticks: int = 0
-    """Of the way into the paths that belong to the record, before they begin."""
+    """Of the record that lie before the paths begin, on the way into them."""
     tail_ticks: int = 0
     """Run on after the record, before parking: the paths are being left."""
 
@@ -306,7 +306,7 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
         started = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes)))
         start_tick = started.first_tick - plan.lead_ticks
     begin = start_tick if plan.start else first.tick
-    end_tick = begin + plan.lead_ticks + plan.ticks
+    end_tick = begin + plan.ticks
     run.run_to(end_tick, progress, begin)
     run.run_to(end_tick + plan.tail_ticks, None, begin)
     status = session.request(wire.StatusRequest())
