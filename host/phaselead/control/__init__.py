@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.control.controller import Controller, connect
+from phaselead.control.doctor import Diagnosis
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.feedback_loop import Loop, loop_of
 from phaselead.control.gains import (
@@ -14,6 +15,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
+from phaselead.control.held import held_stage, held_warning
 from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.moving import Moved, Planned
@@ -26,6 +28,7 @@ __all__ = [
     "PAPER_GAINS",
     "Axis",
     "Controller",
+    "Diagnosis",
     "GainsLike",
     "Loop",
     "Moved",
@@ -36,6 +39,8 @@ __all__ = [
     "connect",
     "describe_gains",
     "gains_of",
+    "held_stage",
+    "held_warning",
     "loop_of",
     "loop_warnings",
     "own_loop_warnings",

@@ -6,15 +6,23 @@ from phaselead.device import motion, wire
 from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
+from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
-from phaselead.device.loop_test import SelfTest, check_letters, selftest
+from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Session
-from phaselead.device.standing import LARGEST_STEP, Standing, standings
+from phaselead.device.standing import (
+    LARGEST_STEP,
+    Standing,
+    StatusInUnits,
+    after_interrupt,
+    standings,
+    status_in_units,
+)
 from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
 from phaselead.device.wire import Channel, Mode
@@ -33,6 +41,7 @@ __all__ = [
     "Device",
     "DeviceFault",
     "DeviceStatus",
+    "FaultPage",
     "FrameReader",
     "Gap",
     "LeftRunning",
@@ -42,15 +51,18 @@ __all__ = [
     "Session",
     "Spool",
     "Standing",
+    "StatusInUnits",
     "Stream",
     "Where",
+    "after_interrupt",
     "axes_of",
     "channels_of",
-    "check_letters",
     "converters",
     "decode_samples",
     "device_model",
     "encode_frame",
+    "explain_fault",
+    "fault_names",
     "flash_board",
     "from_device_model",
     "inverse_refusal",
@@ -63,6 +75,7 @@ __all__ = [
     "replay_facts",
     "selftest",
     "standings",
+    "status_in_units",
     "wire",
     "write_run",
 ]

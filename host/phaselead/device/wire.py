@@ -13,8 +13,10 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0x1550DEBE
-VERSION = 1
+FINGERPRINT = 0xAE49D03E
+VERSION = 2
+REVISION = 1
+"""Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
 HEADER = struct.Struct("<BHQ")
@@ -36,6 +38,8 @@ class Message:
     NAME: ClassVar[str]
     NUMBER: ClassVar[int]
     SIZE: ClassVar[int]
+    LEAST: ClassVar[int | None] = None
+    """SIZE without the fields that revisions added, where there are such."""
     TAIL: ClassVar[bool] = False
     PLATFORM: ClassVar[frozenset[str]] = frozenset()
     """Fields that may differ between builds of the same source."""
@@ -50,11 +54,25 @@ class Message:
         raise NotImplementedError
 
     @classmethod
-    def check_length(cls, payload: bytes) -> None:
-        size = len(payload)
-        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or (cls.TAIL and size > MAX_PAYLOAD):
-            at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
-            raise WireError(f"{cls.NAME}: {at_least}{cls.SIZE} bytes expected, got {size}")
+    def fitted(cls, payload: bytes) -> bytes:
+        """As long as this revision knows it: what is missing is zero, what is beyond is left out. Raises WireError."""
+        size, least = len(payload), cls.SIZE if cls.LEAST is None else cls.LEAST
+        if size < least or (cls.TAIL and size > MAX_PAYLOAD):
+            at_least = "at least " if size < least else ""
+            raise WireError(f"{cls.NAME}: {at_least}{least} bytes expected, got {size}")
+        return payload if cls.TAIL else payload[: cls.SIZE].ljust(cls.SIZE, bytes(1))
+
+
+class Record(Message):
+    """A part of a message: always of its full size."""
+
+    __slots__ = ()
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        if len(payload) != cls.SIZE:
+            raise WireError(f"{cls.NAME}: {cls.SIZE} bytes expected, got {len(payload)}")
+        return payload
 
 
 class Reply(Message):
@@ -74,6 +92,13 @@ class Command(Message, Generic[R]):
     __slots__ = ()
     REPLY: ClassVar[type[Any]]
     REFUSALS: ClassVar[dict[int, str]] = {}
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        """As of every message, but what is beyond must be zero: it would be obeyed in part."""
+        if not cls.TAIL and any(payload[cls.SIZE :]):
+            raise WireError(f"{cls.NAME}: {cls.SIZE} bytes expected, got {len(payload)}")
+        return super().fitted(payload)
 
 
 def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
@@ -227,7 +252,7 @@ class EventKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Biquad(Message):
+class Biquad(Record):
     """One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2."""
 
     NAME: ClassVar[str] = "biquad"
@@ -244,13 +269,13 @@ class Biquad(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Biquad:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
 
 @dataclass(frozen=True, slots=True)
-class AxisModel(Message):
+class AxisModel(Record):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
@@ -364,7 +389,7 @@ class AxisModel(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> AxisModel:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -403,7 +428,7 @@ class AxisModel(Message):
 
 
 @dataclass(frozen=True, slots=True)
-class Segment(Message):
+class Segment(Record):
     """A path for the queue: fields as in SET_PATH, unless said."""
 
     NAME: ClassVar[str] = "segment"
@@ -438,13 +463,13 @@ class Segment(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Segment:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7])
 
 
 @dataclass(frozen=True, slots=True)
-class Model(Message):
+class Model(Record):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
@@ -469,7 +494,7 @@ class Model(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Model:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
 
@@ -480,13 +505,17 @@ class HelloReply(Reply):
 
     NAME: ClassVar[str] = "hello reply"
     NUMBER: ClassVar[int] = 0x81
-    SIZE: ClassVar[int] = 75
-    PLATFORM: ClassVar[frozenset[str]] = frozenset({"build_id", "target", "baud", "reset_cause"})
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQI20s24sIIBBBBIH")
+    SIZE: ClassVar[int] = 79
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"wire_revision", "build_id", "target", "baud", "reset_cause"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQIHH20s24sIIBBBBIH")
     status: int
     tick: int
     """the tick before which the command took effect."""
     schema_fingerprint: int
+    wire_version: int
+    """these three stand here in every version from 2 on."""
+    wire_revision: int
+    """what has been added to the version."""
     build_id: bytes
     """hash of the firmware source."""
     target: bytes
@@ -508,6 +537,8 @@ class HelloReply(Reply):
             self.status,
             self.tick,
             self.schema_fingerprint,
+            self.wire_version,
+            self.wire_revision,
             _exactly("hello reply.build_id", self.build_id, 20),
             _exactly("hello reply.target", self.target, 24),
             self.tick_rate_Hz,
@@ -522,9 +553,9 @@ class HelloReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12])
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12], v[13], v[14])
 
 
 @dataclass(frozen=True, slots=True)
@@ -542,7 +573,7 @@ class HelloRequest(Command[HelloReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -563,7 +594,7 @@ class StopReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StopReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -583,7 +614,7 @@ class StopRequest(Command[StopReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StopRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -644,7 +675,7 @@ class StatusReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -681,7 +712,7 @@ class StatusRequest(Command[StatusReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -702,7 +733,7 @@ class ArmReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ArmReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -723,7 +754,7 @@ class ArmRequest(Command[ArmReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ArmRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -747,7 +778,7 @@ class StartReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -771,7 +802,7 @@ class StartRequest(Command[StartReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -793,7 +824,7 @@ class ParkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -813,7 +844,7 @@ class ParkRequest(Command[ParkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -834,7 +865,7 @@ class ClearFaultReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ClearFaultReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -854,7 +885,7 @@ class ClearFaultRequest(Command[ClearFaultReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ClearFaultRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -875,7 +906,7 @@ class SetAxisReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -917,7 +948,7 @@ class SetAxisRequest(Command[SetAxisReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -950,7 +981,7 @@ class SetPathReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetPathReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -995,7 +1026,7 @@ class SetPathRequest(Command[SetPathReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetPathRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -1017,7 +1048,7 @@ class WaveChunkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveChunkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1050,7 +1081,7 @@ class WaveChunkRequest(Command[WaveChunkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveChunkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], payload[cls.SIZE :])
 
@@ -1072,7 +1103,7 @@ class WaveCommitReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1094,7 +1125,7 @@ class WaveCommitRequest(Command[WaveCommitReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1116,7 +1147,7 @@ class ModelBeginReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelBeginReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1138,7 +1169,7 @@ class ModelBeginRequest(Command[ModelBeginReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelBeginRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1160,7 +1191,7 @@ class ModelChunkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelChunkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1187,7 +1218,7 @@ class ModelChunkRequest(Command[ModelChunkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelChunkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], payload[cls.SIZE :])
 
@@ -1211,7 +1242,7 @@ class ModelCommitReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1233,7 +1264,7 @@ class ModelCommitRequest(Command[ModelCommitReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1265,7 +1296,7 @@ class ModelReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], payload[cls.SIZE :])
 
@@ -1287,7 +1318,7 @@ class ModelReadRequest(Command[ModelReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1311,7 +1342,7 @@ class ModelPersistReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelPersistReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1331,7 +1362,7 @@ class ModelPersistRequest(Command[ModelPersistReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelPersistRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1367,7 +1398,7 @@ class StreamStartReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStartReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
@@ -1393,7 +1424,7 @@ class StreamStartRequest(Command[StreamStartReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStartRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1424,7 +1455,7 @@ class StreamStopReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStopReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -1444,7 +1475,7 @@ class StreamStopRequest(Command[StreamStopReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStopRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1474,7 +1505,7 @@ class SnapshotReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SnapshotReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], payload[cls.SIZE :])
 
@@ -1497,7 +1528,7 @@ class SnapshotReadRequest(Command[SnapshotReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SnapshotReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1519,7 +1550,7 @@ class SetTimeoutReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetTimeoutReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1542,7 +1573,7 @@ class SetTimeoutRequest(Command[SetTimeoutReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetTimeoutRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -1605,7 +1636,7 @@ class InfoReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24], v[25], v[26])
 
@@ -1625,7 +1656,7 @@ class InfoRequest(Command[InfoReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1646,7 +1677,7 @@ class MotionReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> MotionReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1689,7 +1720,7 @@ class MotionRequest(Command[MotionReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> MotionRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -1713,7 +1744,7 @@ class QueueReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> QueueReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2:5])
 
@@ -1756,7 +1787,7 @@ class QueueRequest(Command[QueueReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> QueueRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], tuple(Segment.unpack(v[3][i : i + 30]) for i in range(0, 90, 30)))
 
@@ -1778,7 +1809,7 @@ class SetJoinsReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetJoinsReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1816,7 +1847,7 @@ class SetJoinsRequest(Command[SetJoinsReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetJoinsRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -1838,7 +1869,7 @@ class SetGainsReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetGainsReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1877,7 +1908,7 @@ class SetGainsRequest(Command[SetGainsReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetGainsRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
@@ -1936,7 +1967,7 @@ class WhereReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WhereReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -1971,7 +2002,7 @@ class WhereRequest(Command[WhereReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WhereRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -2009,7 +2040,7 @@ class Samples(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Samples:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5], payload[cls.SIZE :])
 
@@ -2032,7 +2063,7 @@ class Event(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Event:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
