@@ -214,6 +214,30 @@ def waveform(index: int, points: bytes) -> list[wire.Command]:
     return [*chunks, wire.WaveCommitRequest(index, crc32(points))]
 
 
+def queued(kind: wire.PathKind, flags: int, swing: int, step_turn64: int, ticks: int, at_once: int = 0) -> wire.Command:
+    """A path for all axes, entered by a join."""
+    segment = wire.Segment(kind, flags, swing, 0, step_turn64, ticks, 100, 100)
+    return wire.QueueRequest(7, at_once, 0, (segment,) * 3)
+
+
+def joins(board: Counted, mode: wire.Mode) -> Counts:
+    """Three axes that pass from path to path together, their queues full."""
+    here = wire.PathFlag.FROM_HERE
+    for index in range(3):
+        set_axis, set_path = axis(index, mode, 60 * UM, 5)
+        board.ask(set_axis, replace(set_path, path=wire.PathKind.HOLD, swing=0))
+        board.ask(wire.SetJoinsRequest(index, here, 100, 0), wire.MotionRequest(index, 1 << 62, 1 << 62, 1 << 62, 1, 1))
+    board.ask(wire.ArmRequest(0), wire.StartRequest(7))
+    step = round(5 / 5000 * 2**64)
+    for _ in range(4):  # an unstable loop may have met a rail
+        board.try_to(queued(wire.PathKind.SINE, 0, 60 * UM, step, 50))
+        board.try_to(queued(wire.PathKind.MOVE, here, 40 * UM, 2**64 // 200, 0))
+    board.ask(wire.StreamStartRequest(31, 7, 1), wire.WhereRequest(), wire.SetGainsRequest(0, 1 << 18, 0, 0, 1 << 30))
+    board.most(1500)
+    board.try_to(queued(wire.PathKind.HOLD, here, 0, 0, 0, at_once=1))
+    return board.most(500)
+
+
 def three_axes(elf: Path, blob: bytes) -> Counts:
     """The worst tick: every mode, saturations, changes of mode, a model that is swapped in, turns
     within turns, and paths that end together."""
@@ -237,6 +261,9 @@ def three_axes(elf: Path, blob: bytes) -> Counts:
             board.ask(set_axis, replace(set_path, path=kind, ticks=ticks))
         board.ask(wire.ArmRequest(0), wire.StartRequest(7))
         found.append(board.most(4000))
+    for mode in (wire.Mode.FF, wire.Mode.INVERSE, wire.Mode.INVERSE_PID):
+        board.park(2500)
+        found.append(joins(board, mode))
     board.device.close()
     return worst(found)
 

@@ -204,7 +204,9 @@ def _fingerprint(raw: dict[str, Any]) -> int:
         name: enum | {"values": {k: v for k, v in enum["values"].items() if k not in enum.get("since", {})}}
         for name, enum in raw["enums"].items()
     }
-    raw = raw | {"enums": enums}
+    enums = {name: enum for name, enum in enums.items() if enum["values"]}
+    records = {name: record for name, record in raw["records"].items() if not is_added(record)}
+    raw = raw | {"enums": enums, "records": records}
 
     return zlib.crc32(json.dumps(layout(raw), sort_keys=True).encode())
 

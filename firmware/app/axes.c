@@ -80,6 +80,15 @@ void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[A
     }
 }
 
+void axes_watch_targets(struct device *device, uint32_t moving)
+{
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &device->control.axis[axis];
+        if (is_in(moving, axis) && state->drive == DRIVE_PATH)
+            axis_watch_target(&device->control.config[axis], state, device->adc_codes[axis], &device->traces[axis]);
+    }
+}
+
 void axes_follow_outputs(struct device *device, uint32_t moving)
 {
     for (unsigned axis = 0; axis < AXES; axis++)
@@ -88,12 +97,27 @@ void axes_follow_outputs(struct device *device, uint32_t moving)
             device_wake(device, axis);
 }
 
+uint32_t axes_enter_ticks(const struct device *device, uint32_t mask)
+{
+    uint32_t longest = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const uint32_t ticks = axis_enter_ticks(&device->control.config[axis], &device->model_of[axis]);
+        longest = is_in(mask, axis) && ticks > longest ? ticks : longest;
+    }
+    return longest;
+}
+
 void axes_start(struct device *device, uint8_t axis_mask)
 {
+    const uint32_t enter_ticks = axes_enter_ticks(device, axis_mask);
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(axis_mask, axis)) {
             device_wake(device, axis);
+            if ((device->control.config[axis].path.flags & PATH_FROM_HERE) != 0)
+                device->control.path_mask &= ~(1u << axis); /* from where it is now, and not a second time */
             axis_start(&device->control.axis[axis]);
+            axis_enter(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
+                       device->adc_codes[axis], enter_ticks);
         }
 }
 
@@ -103,5 +127,7 @@ void axes_leave_paths(struct device *device, enum axis_drive drive)
     for (unsigned axis = 0; axis < AXES; axis++) {
         device->control.axis[axis].drive = drive;
         device->control.axis[axis].path.running = 0;
+        device->control.axis[axis].join.step_turn64 = 0;
+        segment_drop_all(&device->control.queue[axis]);
     }
 }

@@ -17,12 +17,18 @@ void axes_find_errors(struct device *device, uint32_t moving, int32_t error_q16[
 /* Feedback, limits and DAC codes. */
 void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[AXES]);
 
+/* After the output: which axes are where they should be. */
+void axes_watch_targets(struct device *device, uint32_t moving);
+
 /* After the output: lets the memory of the inverses follow it. */
 void axes_follow_outputs(struct device *device, uint32_t moving);
 
 /* The axes of the mask begin their paths with the tick after next: the next one still holds, and works out with what.
  * That takes too long for a command, which keeps ticks out. */
 void axes_start(struct device *device, uint8_t axis_mask);
+
+/* How long after that the paths of these axes begin: those that are entered by a join. */
+uint32_t axes_enter_ticks(const struct device *device, uint32_t mask);
 
 /* All axes leave their paths, to hold or to ramp to their safe value. */
 void axes_leave_paths(struct device *device, enum axis_drive drive);

@@ -1,6 +1,7 @@
 /* Session, supervisor and what the device says about itself. */
 #include <string.h>
 
+#include "app/axes.h"
 #include "app/command.h"
 #include "app/reaction.h"
 #include "core/fixed.h"
@@ -132,13 +133,14 @@ static bool can_start(const struct device *device, unsigned axis)
 enum wire_status command_start(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_start_request start;
-    struct wire_start_reply reply = {.first_tick = device->control.tick + 1};
     wire_unpack_start_request(&start, request->payload, request->size);
     if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (start.axis_mask >> axis & 1u && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
             return WIRE_STATUS_BAD_VALUE;
+    const struct wire_start_reply reply = {.first_tick =
+                                               device->control.tick + 1 + axes_enter_ticks(device, start.axis_mask)};
     wire_pack_start_reply(&reply, answer->payload, answer->size);
     return device_event(device, EVENT_START, start.axis_mask);
 }

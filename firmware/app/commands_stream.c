@@ -1,5 +1,24 @@
 /* The recorder's stream, and what a replay starts from. */
+#include <stddef.h>
+#include <string.h>
+
 #include "app/command.h"
+
+/* The control state of the tick from which the stream begins. What the queues hold is copied while ticks go on: they
+ * only take it off. */
+static void latch(struct device *device, const struct recorder_format *format, struct answer *answer)
+{
+    struct control *latched = &device->latched;
+    memcpy(latched->queue, device->control.queue, sizeof latched->queue);
+    device_lock(device);
+    answer->tick = device->control.tick;
+    memcpy(latched, &device->control, offsetof(struct control, queue));
+    for (unsigned axis = 0; axis < AXES; axis++)
+        segment_copy_places(&latched->queue[axis], &device->control.queue[axis]);
+    recorder_start(&device->recorder, format);
+    device_unlock(device);
+    device->latched_valid = true;
+}
 
 enum wire_status command_stream_start(struct device *device, const struct request *request, struct answer *answer)
 {
@@ -14,9 +33,7 @@ enum wire_status command_stream_start(struct device *device, const struct reques
     wire_pack_stream_start_reply(&reply, answer->payload, answer->size);
     if (reply.bytes_per_s > reply.budget_bytes_per_s)
         return WIRE_STATUS_BAUD_BUDGET;
-    recorder_start(&device->recorder, &format);
-    device->latched = device->control;
-    device->latched_valid = true;
+    latch(device, &format, answer);
     return WIRE_STATUS_OK;
 }
 

@@ -73,6 +73,9 @@ static void reset_axis(struct device *device, unsigned axis)
     config->u_park_q24 = u_park_q24;
     memset(&state->path, 0, sizeof state->path);
     memset(&state->target, 0, sizeof state->target);
+    state->join.step_turn64 = 0;
+    segment_reset(&device->control.queue[axis]);
+    memset(&device->motion_limits[axis], 0, sizeof device->motion_limits[axis]);
     pid_reset(&state->pid);
 }
 

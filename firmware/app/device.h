@@ -11,6 +11,7 @@
 #include "app/recorder.h"
 #include "app/supervisor.h"
 #include "core/axis.h"
+#include "core/motion_bounds.h"
 
 #define AXES 3
 #define ALL_AXES ((1u << AXES) - 1)
@@ -30,8 +31,11 @@ struct control {
     uint32_t fault_axis;
     uint32_t fault_detail;
     uint32_t path_mask; /* axes that have been given a path since their mode was set */
+    uint32_t queued;    /* commands that were: numbers their segments */
+    uint32_t reserved;  /* explicit padding */
     struct axis_config config[AXES];
     struct axis_state axis[AXES];
+    struct segment_queue queue[AXES];
 };
 
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
@@ -74,7 +78,10 @@ struct device {
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
     int32_t waves_q30[AXES][WAVE_POINTS];
-    struct control latched; /* at the last STREAM_START */
+    uint32_t wave_steepest_q30[AXES];
+    struct motion_bounds motion_limits[AXES]; /* of what is queued */
+    struct segment asked[AXES];               /* by QUEUE, while it checks them: the stack is small */
+    struct control latched;                   /* at the last STREAM_START */
     bool latched_valid;
     struct events events;
     struct recorder recorder;
@@ -84,7 +91,8 @@ struct device {
     } raised_as[WIRE_FAULT_COUNT]; /* what goes with each fault of `raised` */
 };
 
-_Static_assert(sizeof(struct control) == 48 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state)),
+_Static_assert(sizeof(struct control) ==
+                   56 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) + sizeof(struct segment_queue)),
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 

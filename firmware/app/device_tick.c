@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "app/axes.h"
+#include "app/motion.h"
 #include "app/reaction.h"
 
 static void watch_host(struct device *device)
@@ -82,12 +83,14 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     device_drive_outputs(device, dac_codes);
 
     axes_follow_outputs(device, moving);
+    axes_watch_targets(device, moving);
     watch_loops(device, moving, error_q16);
     note_ended_paths(device, moving);
     if (device->control.state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
     record(device);
     device->control.tick++;
+    motion_move_on(device);
     axes_set_targets(device);
 }
 

@@ -109,6 +109,16 @@ static const struct {
     {"set_timeout", {9, 9, false}, 0x94},
     {"info", {0, 0, false}, 0x15},
     {"info", {103, 103, false}, 0x95},
+    {"motion", {33, 33, false}, 0x40},
+    {"motion", {9, 9, false}, 0xC0},
+    {"queue", {100, 100, false}, 0x41},
+    {"queue", {12, 12, false}, 0xC1},
+    {"set_joins", {6, 6, false}, 0x44},
+    {"set_joins", {9, 9, false}, 0xC4},
+    {"set_gains", {17, 17, false}, 0x42},
+    {"set_gains", {9, 9, false}, 0xC2},
+    {"where", {0, 0, false}, 0x43},
+    {"where", {72, 72, false}, 0xC3},
     {"samples", {20, 20, true}, 0x70},
     {"event", {13, 13, false}, 0x71},
 };
@@ -324,6 +334,36 @@ bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_
         to->coupling_q28[i] = (int32_t)get_u32(&in);
     to->error_limit_q16 = (int32_t)get_u32(&in);
     to->error_ticks = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_segment(const struct wire_segment *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SEGMENT_SIZE)
+        return -1;
+    out = put_u8(out, from->path);
+    out = put_u8(out, from->flags);
+    out = put_u32(out, (uint32_t)from->swing);
+    out = put_u32(out, (uint32_t)from->offset);
+    out = put_u64(out, from->step_turn64);
+    out = put_u64(out, from->ticks);
+    out = put_u16(out, from->enter_ticks);
+    out = put_u16(out, from->leave_ticks);
+    return WIRE_SEGMENT_SIZE;
+}
+
+bool wire_unpack_segment(struct wire_segment *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SEGMENT_SIZE)
+        return false;
+    to->path = get_u8(&in);
+    to->flags = get_u8(&in);
+    to->swing = (int32_t)get_u32(&in);
+    to->offset = (int32_t)get_u32(&in);
+    to->step_turn64 = get_u64(&in);
+    to->ticks = get_u64(&in);
+    to->enter_ticks = get_u16(&in);
+    to->leave_ticks = get_u16(&in);
     return true;
 }
 
@@ -900,6 +940,178 @@ bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_
     to->last_fault = get_u8(&in);
     to->last_fault_detail = get_u32(&in);
     to->flash_sequence = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_motion_request(const struct wire_motion_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_MOTION_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u64(out, from->velocity);
+    out = put_u64(out, from->acceleration);
+    out = put_u64(out, from->jerk);
+    out = put_u32(out, (uint32_t)from->window_q16);
+    out = put_u32(out, from->window_ticks);
+    return WIRE_MOTION_REQUEST_SIZE;
+}
+
+bool wire_unpack_motion_request(struct wire_motion_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_MOTION_REQUEST_SIZE)
+        return false;
+    to->axis = get_u8(&in);
+    to->velocity = get_u64(&in);
+    to->acceleration = get_u64(&in);
+    to->jerk = get_u64(&in);
+    to->window_q16 = (int32_t)get_u32(&in);
+    to->window_ticks = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_queue_request(const struct wire_queue_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_QUEUE_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis_mask);
+    out = put_u8(out, from->at_once);
+    out = put_u64(out, from->begin_tick);
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_segment(&from->segments[i], out, WIRE_SEGMENT_SIZE);
+        out += WIRE_SEGMENT_SIZE;
+    }
+    return WIRE_QUEUE_REQUEST_SIZE;
+}
+
+bool wire_unpack_queue_request(struct wire_queue_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_QUEUE_REQUEST_SIZE)
+        return false;
+    to->axis_mask = get_u8(&in);
+    to->at_once = get_u8(&in);
+    to->begin_tick = get_u64(&in);
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_segment(&to->segments[i], in, WIRE_SEGMENT_SIZE);
+        in += WIRE_SEGMENT_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_queue_reply(const struct wire_queue_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_QUEUE_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_bytes(out, from->queued, 3);
+    return WIRE_QUEUE_REPLY_SIZE;
+}
+
+bool wire_unpack_queue_reply(struct wire_queue_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_QUEUE_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    get_bytes(&in, to->queued, 3);
+    return true;
+}
+
+int32_t wire_pack_set_joins_request(const struct wire_set_joins_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SET_JOINS_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->flags);
+    out = put_u16(out, from->enter_ticks);
+    out = put_u16(out, from->leave_ticks);
+    return WIRE_SET_JOINS_REQUEST_SIZE;
+}
+
+bool wire_unpack_set_joins_request(struct wire_set_joins_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SET_JOINS_REQUEST_SIZE)
+        return false;
+    to->axis = get_u8(&in);
+    to->flags = get_u8(&in);
+    to->enter_ticks = get_u16(&in);
+    to->leave_ticks = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_SET_GAINS_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis);
+    out = put_u32(out, (uint32_t)from->kp_q24);
+    out = put_u32(out, (uint32_t)from->ki_ts_q32);
+    out = put_u32(out, (uint32_t)from->kd_over_ts_q24);
+    out = put_u32(out, (uint32_t)from->d_alpha_q31);
+    return WIRE_SET_GAINS_REQUEST_SIZE;
+}
+
+bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_SET_GAINS_REQUEST_SIZE)
+        return false;
+    to->axis = get_u8(&in);
+    to->kp_q24 = (int32_t)get_u32(&in);
+    to->ki_ts_q32 = (int32_t)get_u32(&in);
+    to->kd_over_ts_q24 = (int32_t)get_u32(&in);
+    to->d_alpha_q31 = (int32_t)get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_WHERE_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->state);
+    out = put_u8(out, from->fault);
+    out = put_u8(out, from->driven);
+    out = put_u8(out, from->moving);
+    out = put_u8(out, from->on_target);
+    out = put_u8(out, from->dry);
+    out = put_bytes(out, from->queued, 3);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u16(out, from->adc_codes[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, (uint32_t)from->u_q24[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, (uint32_t)from->reference[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, (uint32_t)from->end[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, from->near_ticks[i]);
+    return WIRE_WHERE_REPLY_SIZE;
+}
+
+bool wire_unpack_where_reply(struct wire_where_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_WHERE_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->state = get_u8(&in);
+    to->fault = get_u8(&in);
+    to->driven = get_u8(&in);
+    to->moving = get_u8(&in);
+    to->on_target = get_u8(&in);
+    to->dry = get_u8(&in);
+    get_bytes(&in, to->queued, 3);
+    for (size_t i = 0; i < 3; i++)
+        to->adc_codes[i] = get_u16(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->u_q24[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->reference[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->end[i] = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->near_ticks[i] = get_u32(&in);
     return true;
 }
 

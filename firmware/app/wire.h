@@ -11,7 +11,7 @@
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
 #define WIRE_FINGERPRINT 0xAE49D03Eu
 #define WIRE_VERSION 2
-#define WIRE_REVISION 0
+#define WIRE_REVISION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
 #define WIRE_CRC_SIZE 4
@@ -40,6 +40,11 @@ enum wire_type {
     WIRE_SNAPSHOT_READ = 0x13,
     WIRE_SET_TIMEOUT = 0x14,
     WIRE_INFO = 0x15,
+    WIRE_MOTION = 0x40,
+    WIRE_QUEUE = 0x41,
+    WIRE_SET_JOINS = 0x44,
+    WIRE_SET_GAINS = 0x42,
+    WIRE_WHERE = 0x43,
     WIRE_SAMPLES = 0x70,
     WIRE_EVENT = 0x71,
 };
@@ -74,6 +79,13 @@ enum wire_path_kind {
     WIRE_PATH_KIND_MOVE = 3,
 };
 #define WIRE_PATH_KIND_COUNT 4
+
+/* Bits of a path's flags */
+enum wire_path_flag {
+    WIRE_PATH_FLAG_FROM_HERE = 1,
+    WIRE_PATH_FLAG_MORE = 2,
+};
+#define WIRE_PATH_FLAG_COUNT 2
 
 /* First byte of every reply */
 enum wire_status {
@@ -188,11 +200,16 @@ enum wire_event_kind {
     COMMAND(model_commit, WIRE_MODEL_COMMIT, 1u << WIRE_STATE_PARKED, true) \
     COMMAND(model_read, WIRE_MODEL_READ, WIRE_ANY_STATE, true) \
     COMMAND(model_persist, WIRE_MODEL_PERSIST, 1u << WIRE_STATE_PARKED, true) \
-    COMMAND(stream_start, WIRE_STREAM_START, WIRE_ANY_STATE, false) \
+    COMMAND(stream_start, WIRE_STREAM_START, WIRE_ANY_STATE, true) \
     COMMAND(stream_stop, WIRE_STREAM_STOP, WIRE_ANY_STATE, false) \
     COMMAND(snapshot_read, WIRE_SNAPSHOT_READ, WIRE_ANY_STATE, true) \
     COMMAND(set_timeout, WIRE_SET_TIMEOUT, WIRE_ANY_STATE, false) \
-    COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false)
+    COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false) \
+    COMMAND(motion, WIRE_MOTION, WIRE_ANY_STATE, false) \
+    COMMAND(queue, WIRE_QUEUE, 1u << WIRE_STATE_RUNNING, true) \
+    COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
+    COMMAND(set_gains, WIRE_SET_GAINS, WIRE_ANY_STATE, false) \
+    COMMAND(where, WIRE_WHERE, WIRE_ANY_STATE, false)
 
 /* Before every payload */
 #define WIRE_HEADER_SIZE 11
@@ -264,6 +281,19 @@ struct wire_axis_model {
     int32_t coupling_q28[3]; /* what this axis sees of x, y, z; its own share is 1 */
     int32_t error_limit_q16; /* under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500 ticks */
     uint32_t error_ticks;
+};
+
+/* A path for the queue: fields as in SET_PATH, unless said */
+#define WIRE_SEGMENT_SIZE 30
+struct wire_segment {
+    uint8_t path;
+    uint8_t flags; /* from_here: a hold or a move begins where the path before ends or, joined, is half a join later; the swing of a move is then its target. more: another one is to follow */
+    int32_t swing;
+    int32_t offset;
+    uint64_t step_turn64;
+    uint64_t ticks;
+    uint16_t enter_ticks; /* of the join with the path before; 0: none, it begins where that one comes to rest */
+    uint16_t leave_ticks;
 };
 
 /* The model blob that is uploaded, checked, persisted and read back */
@@ -499,6 +529,72 @@ struct wire_info_reply {
     uint32_t flash_sequence;
 };
 
+/* 0x40: Limits of what is queued from now on, the window of `where`, and nothing that a tick depends on */
+#define WIRE_MOTION_REQUEST_SIZE 33
+struct wire_motion_request {
+    uint8_t axis;
+    uint64_t velocity; /* um q40 (V q48 in mode open) per tick; 0: no limit */
+    uint64_t acceleration; /* the same per tick^2 */
+    uint64_t jerk; /* the same per tick^3 */
+    int32_t window_q16; /* um: on target is no further from the reference than this */
+    uint32_t window_ticks; /* for so long in a row */
+};
+
+/* 0x41: Puts a path behind those that are under way: one for each axis of the mask, all of them or none. They begin in the same tick */
+#define WIRE_QUEUE_REQUEST_SIZE 100
+struct wire_queue_request {
+    uint8_t axis_mask;
+    uint8_t at_once; /* 1: what is queued for these axes is dropped, and the paths under way are left */
+    uint64_t begin_tick; /* 0: when the paths before have ended; those without an end are left at once */
+    struct wire_segment segments[3]; /* of axes x, y, z */
+};
+
+/* 0xC1: Puts a path behind those that are under way: one for each axis of the mask, all of them or none. They begin in the same tick */
+#define WIRE_QUEUE_REPLY_SIZE 12
+struct wire_queue_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t queued[3]; /* how many wait now */
+};
+
+/* 0x44: How the path of one axis is entered and left when it is started; after SET_PATH, which sets none */
+#define WIRE_SET_JOINS_REQUEST_SIZE 6
+struct wire_set_joins_request {
+    uint8_t axis;
+    uint8_t flags;
+    uint16_t enter_ticks; /* of the join from where the axis stands, before the path begins; 0: none, the output jumps there at the slew limit */
+    uint16_t leave_ticks; /* of the join to a hold where a periodic path ends; 0: none, it stops in one tick */
+};
+
+/* 0x42: Gains of one axis, also while it runs: the output goes on from where it is */
+#define WIRE_SET_GAINS_REQUEST_SIZE 17
+struct wire_set_gains_request {
+    uint8_t axis;
+    int32_t kp_q24; /* V/um */
+    int32_t ki_ts_q32; /* V/um per tick */
+    int32_t kd_over_ts_q24; /* V/um */
+    int32_t d_alpha_q31;
+};
+
+/* 0xC3: Where the axes are, and where they go; also feeds the host timeout */
+#define WIRE_WHERE_REPLY_SIZE 72
+struct wire_where_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t state;
+    uint8_t fault;
+    uint8_t driven; /* mask of axes that follow a path, or hold its end */
+    uint8_t moving; /* mask of axes whose path, join or queue is not at its end */
+    uint8_t on_target; /* mask of axes within their window for long enough */
+    uint8_t dry; /* mask of axes whose last path ended with `more` and had none after it: they hold */
+    uint8_t queued[3];
+    uint16_t adc_codes[3];
+    int32_t u_q24[3]; /* V */
+    int32_t reference[3]; /* um q16 (V q24 in mode open) */
+    int32_t end[3]; /* where the last path of the queue ends: a move's target; of others, their offset */
+    uint32_t near_ticks[3]; /* ticks in a row within the window */
+};
+
 /* 0x70: A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of [tick] that `channels` asks for, in their order */
 #define WIRE_SAMPLES_SIZE 20
 struct wire_samples {
@@ -539,6 +635,10 @@ struct wire_event {
 #define WIRE_STREAM_STOP_REQUEST_SIZE 0 /* Ends the stream; what is buffered is still sent */
 #define WIRE_SET_TIMEOUT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_INFO_REQUEST_SIZE 0 /* Timing of the tick and the fault log */
+#define WIRE_MOTION_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_SET_JOINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_SET_GAINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_WHERE_REQUEST_SIZE 0 /* Where the axes are, and where they go; also feeds the host timeout */
 
 /* Size without what revisions added, and with it; bytes may follow a message with a tail. */
 struct wire_message_size {
@@ -567,6 +667,8 @@ int32_t wire_pack_biquad(const struct wire_biquad *from, uint8_t *out, size_t ca
 bool wire_unpack_biquad(struct wire_biquad *to, const uint8_t *in, size_t size);
 int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, size_t capacity);
 bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_t size);
+int32_t wire_pack_segment(const struct wire_segment *from, uint8_t *out, size_t capacity);
+bool wire_unpack_segment(struct wire_segment *to, const uint8_t *in, size_t size);
 int32_t wire_pack_model(const struct wire_model *from, uint8_t *out, size_t capacity);
 bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size);
 int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out, size_t capacity);
@@ -615,6 +717,18 @@ int32_t wire_pack_set_timeout_request(const struct wire_set_timeout_request *fro
 bool wire_unpack_set_timeout_request(struct wire_set_timeout_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_motion_request(const struct wire_motion_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_motion_request(struct wire_motion_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_queue_request(const struct wire_queue_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_queue_request(struct wire_queue_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_queue_reply(const struct wire_queue_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_queue_reply(struct wire_queue_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_set_joins_request(const struct wire_set_joins_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_set_joins_request(struct wire_set_joins_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_where_reply(struct wire_where_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity);
 bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size);
 int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity);

@@ -1,11 +1,7 @@
 #include "core/axis.h"
 
+#include "core/axis_path.h"
 #include "core/fixed.h"
-
-static bool is_periodic(const struct path_config *path)
-{
-    return path->kind == PATH_SINE || path->kind == PATH_WAVE;
-}
 
 static bool has_flag(const struct axis_state *state, uint32_t flag)
 {
@@ -25,19 +21,15 @@ void axis_start(struct axis_state *state)
     state->compensation.primed = 0;
     state->target.flags = 0;
     state->watch = (struct watch_state){0};
+    state->join.step_turn64 = 0;
+    state->near_ticks = 0;
     state->drive = DRIVE_PATH;
-}
-
-static void find_reference(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
-                           bool *saturated)
-{
-    state->target.reference = path_now(&config->path, &state->path, model->wave_q30, saturated);
 }
 
 void axis_set_reference(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
 {
     bool saturated = false;
-    find_reference(config, model, state, &saturated);
+    state->target.reference = path_now(&config->path, &state->path, model->wave_q30, &saturated);
 }
 
 bool axis_needs_target(const struct axis_state *state)
@@ -49,38 +41,10 @@ bool axis_needs_target(const struct axis_state *state)
 static bool can_follow_path(const struct axis_config *config, const struct axis_model *model)
 {
     if (axis_mode_uses_tables(config->mode))
-        return is_periodic(&config->path) || model->tables != NULL;
+        return path_is_periodic(&config->path) || model->tables != NULL;
     if (axis_mode_inverts(config->mode))
         return model->compensation != NULL;
     return config->mode == AXIS_OPEN || config->mode == AXIS_PID;
-}
-
-static int32_t look_ahead_q16(const struct axis_config *config, const struct axis_model *model,
-                              const struct axis_state *state, bool *saturated)
-{
-    uint32_t preview_ticks_q16 = model->compensation != NULL ? model->compensation->preview_ticks_q16 : 0;
-    return path_ahead(&config->path, &state->path, model->wave_q30, config->point.lead_turn32, preview_ticks_q16,
-                      saturated);
-}
-
-/* A periodic path is divided by the gain, one phase lead ahead. A hold or a move is slow, so it needs no lead. */
-static int32_t table_feedforward_q24(const struct axis_config *config, const struct axis_model *model,
-                                     const struct axis_state *state, bool *saturated)
-{
-    if (!is_periodic(&config->path))
-        return feedforward_static_q24(model->tables, state->target.reference);
-    int32_t ahead_q16 = look_ahead_q16(config, model, state, saturated);
-    return feedforward_step_q24(&config->point, ahead_q16, saturated);
-}
-
-static int32_t feedforward_q24(const struct axis_config *config, const struct axis_model *model,
-                               const struct axis_state *state, bool *saturated)
-{
-    if (config->mode == AXIS_OPEN)
-        return state->target.reference; /* the path is volts */
-    if (axis_mode_uses_tables(config->mode))
-        return table_feedforward_q24(config, model, state, saturated);
-    return 0; /* pid has none; that of the inverse comes from axis_invert() */
 }
 
 bool axis_set_target(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
@@ -88,17 +52,17 @@ bool axis_set_target(const struct axis_config *config, const struct axis_model *
     struct axis_target *target = &state->target;
     const bool follows = can_follow_path(config, model), inverts = follows && axis_mode_inverts(config->mode);
     bool saturated = false;
-    find_reference(config, model, state, &saturated);
-    target->feedforward_q24 = follows ? feedforward_q24(config, model, state, &saturated) : 0;
+    const struct axis_wanted wanted = axis_wanted(config, model, state, follows, &saturated);
+    target->reference = wanted.reference;
+    target->feedforward_q24 = wanted.feedforward_q24;
     if (inverts)
-        target->ahead_q16 =
-            sat_sub_i32(look_ahead_q16(config, model, state, &saturated), model->compensation->rest_q16, &saturated);
+        target->ahead_q16 = sat_sub_i32(wanted.ahead_q16, model->compensation->rest_q16, &saturated);
     target->flags = TARGET_READY;
     set_flag_if(state, inverts, TARGET_INVERSE);
     set_flag_if(state, saturated, TARGET_SATURATED);
     set_flag_if(state, follows, TARGET_FOLLOWS_PATH);
     set_flag_if(state, follows && axis_mode_has_feedback(config->mode), TARGET_FEEDBACK);
-    set_flag_if(state, follows && path_advance(&config->path, &state->path), TARGET_PATH_DONE);
+    set_flag_if(state, follows && axis_path_advance(config, state), TARGET_PATH_DONE);
     return inverts;
 }
 
@@ -196,6 +160,23 @@ enum watch_finding axis_watch(const struct axis_config *config, struct axis_stat
     const struct watch_tick tick = {
         .adc_code = adc_code, .limited = trace->limited, .u_q24 = state->u_q24, .error_q16 = error_q16};
     return watch_step(&watch, &state->watch, &tick);
+}
+
+void axis_watch_target(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
+                       const struct axis_trace *trace)
+{
+    bool saturated = false;
+    const int32_t position_q16 = converter_position_q16(&config->converter, adc_code, &saturated);
+    if (magnitude_i64((int64_t)trace->reference - position_q16) > (uint32_t)config->window_q16)
+        state->near_ticks = 0;
+    else if (state->near_ticks != UINT32_MAX)
+        state->near_ticks++;
+}
+
+bool axis_is_on_target(const struct axis_config *config, const struct axis_state *state)
+{
+    return state->drive == DRIVE_PATH && config->mode != AXIS_OPEN && state->near_ticks != 0 &&
+           state->near_ticks >= config->window_ticks;
 }
 
 bool axis_follow_output(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace)

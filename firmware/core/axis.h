@@ -17,6 +17,7 @@
 #include "core/output.h"
 #include "core/path.h"
 #include "core/pid.h"
+#include "core/segment.h"
 #include "core/watch.h"
 
 /* What the supervisor makes the axis do. */
@@ -28,11 +29,15 @@ struct axis_config { /* fixed-size fields, explicit padding: read back as it lie
     int32_t ramp_q24;
     int32_t error_limit_q16; /* under feedback, um: further off for error_ticks is a fault */
     struct pid_config pid;
-    struct path_config path;
+    struct path_config path;        /* that it follows, or is to */
     struct feedforward_point point; /* tables at the path's range and frequency, looked up when the path was set */
     struct output_config output;
     struct converter_config converter;
     uint32_t error_ticks;
+    uint64_t enter_turn64, leave_turn64; /* of `path`, as in struct segment */
+    uint32_t enter_ticks, leave_ticks;
+    int32_t window_q16;    /* on target: no further off than this */
+    uint32_t window_ticks; /* for so long in a row */
 };
 
 struct axis_model {                          /* what came with the stage model and the path; each may be NULL */
@@ -67,11 +72,14 @@ struct axis_state {
     uint32_t drive;       /* enum axis_drive */
     uint32_t saturations; /* ticks in which at least one block saturated */
     struct watch_state watch;
+    struct join_state join;
+    uint32_t near_ticks; /* in a row within the window; saturates */
+    uint32_t reserved;
 };
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
-_Static_assert(sizeof(struct axis_config) == 104 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 584 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
+_Static_assert(sizeof(struct axis_config) == 136 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
+_Static_assert(sizeof(struct axis_state) == 688 && offsetof(struct axis_state, join) == 584, "axis_state is padded");
 
 struct axis_trace { /* what a tick did, for the recorder */
     int32_t reference;
@@ -85,6 +93,25 @@ struct axis_trace { /* what a tick did, for the recorder */
 /* The axis begins its path in the next tick (drive becomes DRIVE_PATH), without a bump in its output: the integrator is
  * set so that the loop carries on from u_q24; the slew limit spreads what feed-forward alone would jump. */
 void axis_start(struct axis_state *state);
+
+/* For an axis just started: it enters its path from where it stands, if the path has a join or begins here. The output
+ * stays, the reference begins at the position; from there on they join the path, which begins `enter_ticks` later, at
+ * least axis_enter_ticks(). */
+void axis_enter(struct axis_config *config, const struct axis_model *model, struct axis_state *state, uint16_t adc_code,
+                uint32_t enter_ticks);
+uint32_t axis_enter_ticks(const struct axis_config *config, const struct axis_model *model);
+
+/* It leaves its path for the next one, which begins `wait_ticks` later, at least axis_wait_ticks(): how far the mode
+ * looks ahead. Between two ticks, and only when no join is under way. */
+void axis_begin(struct axis_config *config, const struct axis_model *model, struct axis_state *state,
+                const struct segment *segment, uint32_t wait_ticks);
+uint32_t axis_wait_ticks(const struct axis_config *config, const struct axis_model *model);
+
+/* Its path has ended, or is one without an end. */
+bool axis_path_is_over(const struct axis_config *config, const struct axis_state *state);
+
+/* A periodic path has ended: joins it to a hold where it ends, if it has a join for that. True when it did. */
+bool axis_leave(struct axis_config *config, const struct axis_model *model, struct axis_state *state);
 
 /* For an axis that was given a path and does not follow it yet: its reference becomes the path's first value. */
 void axis_set_reference(const struct axis_config *config, const struct axis_model *model, struct axis_state *state);
@@ -111,6 +138,11 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, int32
 /* After the output, for an axis under feedback: whether it can still be believed. `error_q16` as axis_step() had it. */
 enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                               int32_t error_q16, const struct axis_trace *trace);
+
+/* Counts the ticks in a row that the position has been within the window of the reference. */
+void axis_watch_target(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
+                       const struct axis_trace *trace);
+bool axis_is_on_target(const struct axis_config *config, const struct axis_state *state);
 
 /* Lets the memory of the inverse follow an output that the inverse did not make. True when the memory keeps changing
  * while the output stands still (creep). */

@@ -10,12 +10,17 @@
 #define QUARTER_TURN32 0x40000000u
 #define HALF_TURN32 0x80000000u /* rounds turn64 to turn32 */
 
+bool path_is_periodic(const struct path_config *config)
+{
+    return config->kind == PATH_SINE || config->kind == PATH_WAVE;
+}
+
 void path_start(struct path_state *state)
 {
     state->phase_turn64 = 0;
     state->elapsed = 0;
     state->running = 1;
-    state->reserved = 0;
+    state->wait_ticks = 0;
 }
 
 /* offset + swing x share / 2^bits. |share| <= 2^31, so the product stays within 2^62. */
@@ -87,10 +92,26 @@ static uint64_t way_ahead_turn64(uint64_t step_turn64, uint32_t ticks_q16)
     return high >> 48 != 0 ? UINT64_MAX : add_up_to_end(high << 16, low);
 }
 
+uint64_t path_phase_ahead(uint64_t phase_turn64, uint64_t step_turn64, uint32_t ticks_q16)
+{
+    return add_up_to_end(phase_turn64, way_ahead_turn64(step_turn64, ticks_q16));
+}
+
+uint32_t path_least_jerk_q30(uint64_t phase_turn64)
+{
+    return (uint32_t)round_shift_i64(least_jerk_q31(phase_turn64), 1);
+}
+
 int32_t path_now(const struct path_config *config, const struct path_state *state, const int32_t *wave_q30,
                  bool *saturated)
 {
     return value_at(config, state->phase_turn64, wave_q30, saturated);
+}
+
+uint32_t path_lead_left_q16(const struct path_state *state, uint32_t lead_ticks_q16)
+{
+    const uint64_t wait_q16 = (uint64_t)state->wait_ticks << 16;
+    return wait_q16 < lead_ticks_q16 ? (uint32_t)(lead_ticks_q16 - wait_q16) : 0;
 }
 
 int32_t path_ahead(const struct path_config *config, const struct path_state *state, const int32_t *wave_q30,
@@ -100,21 +121,30 @@ int32_t path_ahead(const struct path_config *config, const struct path_state *st
     if (state->running == 0)
         return value_at(config, phase_turn64, wave_q30, saturated);
     if (config->kind == PATH_MOVE)
-        phase_turn64 = add_up_to_end(phase_turn64, way_ahead_turn64(config->step_turn64, lead_ticks_q16));
+        phase_turn64 = path_phase_ahead(phase_turn64, config->step_turn64, path_lead_left_q16(state, lead_ticks_q16));
     else
         phase_turn64 += (uint64_t)(uint32_t)lead_turn32 << 32;
     return value_at(config, phase_turn64, wave_q30, saturated);
+}
+
+void path_run_on(const struct path_config *config, struct path_state *state)
+{
+    if (config->kind == PATH_MOVE)
+        state->phase_turn64 = add_up_to_end(state->phase_turn64, config->step_turn64);
+    else
+        state->phase_turn64 += config->step_turn64;
 }
 
 bool path_advance(const struct path_config *config, struct path_state *state)
 {
     if (state->running == 0)
         return false;
+    if (state->wait_ticks != 0) {
+        state->wait_ticks--;
+        return false;
+    }
     state->elapsed++;
-    if (config->kind == PATH_MOVE)
-        state->phase_turn64 = add_up_to_end(state->phase_turn64, config->step_turn64);
-    else
-        state->phase_turn64 += config->step_turn64;
+    path_run_on(config, state);
     const bool arrived = config->kind == PATH_MOVE && state->phase_turn64 == UINT64_MAX;
     const bool ended = config->ticks != 0 ? state->elapsed >= config->ticks : arrived;
     if (ended)

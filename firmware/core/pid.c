@@ -64,3 +64,13 @@ void pid_preset(const struct pid_config *config, struct pid_state *state, int32_
     state->error_q16 = error_q16;
     state->primed = 1;
 }
+
+void pid_exchange(const struct pid_config *before, const struct pid_config *after, struct pid_state *state)
+{
+    bool beyond = false; /* leaves a bump, which the slew limit spreads */
+    if (state->primed == 0)
+        return;
+    const int64_t change_q40 = ((int64_t)before->kp_q24 - after->kp_q24) * state->error_q16;
+    const int64_t change_q48 = 256 * sat_power_i64(change_q40, INTEGRAL_BITS_Q40, &beyond);
+    state->integral_q48 = sat_power_i64(state->integral_q48 + change_q48, INTEGRAL_BITS_Q48, &beyond);
+}

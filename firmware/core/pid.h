@@ -46,4 +46,7 @@ void pid_unwind(struct pid_state *state, int64_t cut_q24);
 void pid_preset(const struct pid_config *config, struct pid_state *state, int32_t error_q16, int32_t output_q24,
                 int32_t feedforward_q24);
 
+/* Other gains from the next step on: the integrator takes over what P changes by, so that the output goes on. */
+void pid_exchange(const struct pid_config *before, const struct pid_config *after, struct pid_state *state);
+
 #endif

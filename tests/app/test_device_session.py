@@ -30,6 +30,11 @@ COMMANDS = [
     wire.SnapshotReadRequest(wire.Region.STATE, 0, 100),
     wire.SetTimeoutRequest(1000),
     wire.InfoRequest(),
+    wire.MotionRequest(0, 0, 0, 0, UM, 10),
+    wire.QueueRequest(1, 0, 0, (wire.Segment(wire.PathKind.HOLD, 1, 0, 0, 0, 0, 100, 0),) * 3),
+    wire.SetJoinsRequest(0, 0, 100, 100),
+    wire.SetGainsRequest(0, V, 0, 0, 1),
+    wire.WhereRequest(),
 ]
 
 

@@ -29,6 +29,7 @@ COMMANDS = {
     "upload": ["upload", "STAGE", "--persist"],
     "track": ["track", "sine:40um@10Hz", "--mode", "pid", "--duration", "0.4", "-o", "RUN"],
     "track with a model": ["track", "sine:2V@10Hz", "--mode", "open", "--model", "STAGE", "--duration", "0.3"],
+    "move": ["move", "x=40um", "--duration", "0.1", "--park"],
     "log record": ["log", "record", "--drive", "sine:3V@10Hz", "--duration", "0.4", "-o", "RUN"],
     "log record, listening": ["log", "record", "--duration", "0.3", "-o", "RUN"],
     "selftest": ["selftest", "--axis", "x", "--yes"],

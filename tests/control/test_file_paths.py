@@ -40,21 +40,21 @@ def test_what_fits_into_the_table_is_played_exactly(tmp_path_factory, rows, seed
     values = np.random.default_rng(seed).uniform(0, 50, rows)
     wave = written(tmp_path_factory.mktemp("fits"), values, 2.0)
     assert wave.unplayed < 1e-6
-    assert path_warnings({"x": wave}, None) == []
+    assert path_warnings({"x": wave}) == []
 
 
 def test_what_is_between_the_points_is_not_turned_into_something_else(tmp_path):
     """A ripple of 800 waves a period came out as one of 224, up to 1.77 um off; averaged, it is left out."""
     wave = written(tmp_path, ripple(50_000, 800), 0.1)
     assert wave.unplayed < 0.75
-    (line,) = path_warnings({"x": wave}, None)
+    (line,) = path_warnings({"x": wave})
     assert f"left by up to {wave.unplayed:.3g} um" in line
 
 
 def test_a_smooth_file_of_many_rows_needs_no_warning(tmp_path):
     wave = written(tmp_path, ripple(50_000, 0), 5.0)
     assert wave.unplayed < 0.001
-    assert path_warnings({"x": wave}, None) == []
+    assert path_warnings({"x": wave}) == []
 
 
 def test_a_run_is_judged_by_the_file(tmp_path):

@@ -13,12 +13,13 @@ ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
-STRAIGHT = ["axis", "axis_mode", "biquad", "converter", "feedforward", "output", "path", "pid", "sine", "watch"]
+STRAIGHT = ["axis", "axis_mode", "axis_path", "biquad", "converter", "feedforward", "output", "path", "pid", "segment"]
+STRAIGHT += ["sine", "watch"]
 COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
 """Sources whose every function may run in a tick."""
-AT_COMMIT = ["decoupling", "feedforward_tables", "inverse_make", "inverse_memory"]
+AT_COMMIT = ["decoupling", "feedforward_tables", "inverse_make", "inverse_memory", "motion_bounds"]
 """What runs when a model is committed or a path is set."""
 
 BENDS_A_TICK = int(re.search(r"BENDS_A_TICK (\d+)", (CORE / "inverse.h").read_text())[1])
@@ -82,7 +83,7 @@ class PathConfig(ct.Structure):
         ("kind", ct.c_uint32),
         ("swing", ct.c_int32),
         ("offset", ct.c_int32),
-        ("reserved", ct.c_uint32),
+        ("flags", ct.c_uint32),
         ("step_turn64", ct.c_uint64),
         ("ticks", ct.c_uint64),
     ]
@@ -93,7 +94,7 @@ class PathState(ct.Structure):
         ("phase_turn64", ct.c_uint64),
         ("elapsed", ct.c_uint64),
         ("running", ct.c_uint32),
-        ("reserved", ct.c_uint32),
+        ("wait_ticks", ct.c_uint32),
     ]
 
 
@@ -126,7 +127,42 @@ class AxisConfig(ct.Structure):
         ("output", OutputConfig),
         ("converter", ConverterConfig),
         ("error_ticks", ct.c_uint32),
+        ("enter_turn64", ct.c_uint64),
+        ("leave_turn64", ct.c_uint64),
+        ("enter_ticks", ct.c_uint32),
+        ("leave_ticks", ct.c_uint32),
+        ("window_q16", ct.c_int32),
+        ("window_ticks", ct.c_uint32),
     ]
+
+
+class Segment(ct.Structure):
+    _fields_ = [
+        ("path", PathConfig),
+        ("point", Point),
+        ("enter_turn64", ct.c_uint64),
+        ("leave_turn64", ct.c_uint64),
+        ("begin_tick", ct.c_uint64),
+        *((name, ct.c_uint32) for name in ("enter_ticks", "leave_ticks", "number", "together")),
+    ]
+
+
+class JoinState(ct.Structure):
+    _fields_ = [
+        ("path", PathConfig),
+        ("point", Point),
+        ("state", PathState),
+        ("phase_turn64", ct.c_uint64),
+        ("step_turn64", ct.c_uint64),
+        ("ahead_q16", ct.c_int32),
+        ("u_q24", ct.c_int32),
+        ("standing", ct.c_uint32),
+        ("wait_ticks", ct.c_uint32),
+    ]
+
+
+class MotionBounds(ct.Structure):
+    _fields_ = [(name, ct.c_uint64) for name in ("velocity", "acceleration", "jerk")]
 
 
 class Biquad(ct.Structure):
@@ -281,6 +317,9 @@ class AxisState(ct.Structure):
         ("drive", ct.c_uint32),
         ("saturations", ct.c_uint32),
         ("watch", WatchState),
+        ("join", JoinState),
+        ("near_ticks", ct.c_uint32),
+        ("reserved", ct.c_uint32),
     ]
 
 
@@ -404,6 +443,17 @@ PROTOTYPES = {
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisState)]),
+    "axis_begin": (
+        None,
+        [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState), ct.POINTER(Segment), U32],
+    ),
+    "axis_enter": (None, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState), U16, U32]),
+    "axis_leave": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
+    "path_least_jerk_q30": (U32, [U64]),
+    "pid_exchange": (None, [ct.POINTER(PidConfig), ct.POINTER(PidConfig), ct.POINTER(PidState)]),
+    "motion_of_path": (MotionBounds, [ct.POINTER(PathConfig), U32]),
+    "motion_of_join": (MotionBounds, [ct.POINTER(MotionBounds), ct.POINTER(MotionBounds), U64, U64]),
+    "motion_steepest_q30": (U32, [ct.c_void_p]),
     "watch_step": (ct.c_int, [ct.POINTER(WatchConfig), ct.POINTER(WatchState), ct.POINTER(WatchTick)]),
     "axis_set_target": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
     "axis_step": (

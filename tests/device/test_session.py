@@ -235,7 +235,7 @@ def test_the_log_holds_what_was_sent_and_when_it_took_effect() -> None:
 
 def test_identifiers_wrap_around_without_zero() -> None:
     session = open_session(FakeDevice())
-    session._id = 0xFFFE
+    session.last_id = 0xFFFE
     for want in (0xFFFF, 1, 2):
         assert session.submit(wire.StatusRequest()).id == want
 

@@ -22,24 +22,24 @@ from phaselead.sim.emulated import check_qemu
 def with_command(tmp_path_factory):
     tree = copy_tree(tmp_path_factory.mktemp("command"), "host/phaselead")
     before = tree.run("-m", "phaselead", "--help").stdout
-    assert follow("adding-a-command.md", tree) == ["host/phaselead/cli/where.py"]
+    assert follow("adding-a-command.md", tree) == ["host/phaselead/cli/places.py"]
     return tree, before
 
 
 def test_an_added_command_is_the_last_of_the_list(with_command):
     tree, before = with_command
-    line = "  where       Print position and output of every axis.\n"
+    line = "  places      Print position and output of every axis.\n"
     following = "\nRecords:\n"
     assert tree.run("-m", "phaselead", "--help").stdout == before.replace(following, line + following)
 
 
 def test_an_added_command_runs(with_command):
     tree, _ = with_command
-    assert "Nothing moves." in tree.run("-m", "phaselead", "where", "--help").stdout
-    said = json.loads(tree.run("-m", "phaselead", "where", "--json", "-").stdout)
+    assert "Nothing moves." in tree.run("-m", "phaselead", "places", "--help").stdout
+    said = json.loads(tree.run("-m", "phaselead", "places", "--json", "-").stdout)
     assert list(said) == ["x", "y", "z"]
     assert all(" um at 0.000 V" in place for place in said.values())
-    refused = tree.run("-m", "phaselead", "where", "--port", "sim://nowhere.toml", check=False)
+    refused = tree.run("-m", "phaselead", "places", "--port", "sim://nowhere.toml", check=False)
     assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
 
 
@@ -52,12 +52,12 @@ def with_waveform(tmp_path_factory):
 
 def test_an_added_waveform_is_in_the_help_and_the_manual(with_waveform):
     said = with_waveform.run("-m", "phaselead", "track", "--help").stdout
-    assert "goto:120um, trapezoid:60um@5Hz," in " ".join(said.split())
+    assert "step:5um, trapezoid:60um@5Hz," in " ".join(said.split())
     with_waveform.run("-m", "phaselead.report.waveform_table", "docs")
     row = "| `trapezoid:60um@5Hz` | up to 60 um, held, down to 0 and held, a quarter of the period each |\n"
     assert row in with_waveform.text("docs/commands.md")
     said = with_waveform.run("-m", "phaselead", "track", "wiggle:1um", check=False).stderr
-    assert said.endswith("goto:120um, trapezoid:60um@5Hz\n")
+    assert "step:5um, trapezoid:60um@5Hz, " in said
 
 
 def test_an_added_waveform_is_tracked(with_waveform, tmp_path):

@@ -37,8 +37,36 @@ def points(talker):
     talker.ok(*chunks, wire.WaveCommitRequest(2, crc32(wave)))
 
 
+def queued(kind, flags, swing, offset, step_turn64, ticks, enter, leave):
+    """The same path for all axes, begun together."""
+    segment = wire.Segment(kind, flags, swing, offset, step_turn64, ticks, enter, leave)
+    return wire.QueueRequest(7, 0, 0, (segment,) * 3)
+
+
+def paths_one_after_another(talker):
+    """In three modes with three leads: a hold, a move, a sine that is entered and left, a move that is broken off."""
+    here = wire.PathFlag.FROM_HERE
+    for axis, mode in enumerate((wire.Mode.FF_PID, wire.Mode.INVERSE_PID, wire.Mode.INVERSE)):
+        hold = wire.SetPathRequest(axis, wire.PathKind.HOLD, 0, 0, 0, 0)
+        talker.ok(with_gains(axis, mode), hold, wire.SetJoinsRequest(axis, here, 300, 0))
+    talker.ok(wire.ArmRequest(0), wire.StartRequest(7))
+    talker.run(400)
+    talker.ok(
+        queued(wire.PathKind.MOVE, here, 40 * UM, 0, 2**64 // 100 + 1, 0, 0, 0),
+        queued(wire.PathKind.SINE, 0, 60 * UM, 10 * UM, step(20), 1062, 200, 200),
+        queued(wire.PathKind.MOVE, here | wire.PathFlag.MORE, 90 * UM, 0, 2**64 // 3000, 0, 77, 0),
+    )
+    talker.run(3500)
+    hold = queued(wire.PathKind.HOLD, here, 0, 0, 0, 0, 150, 0)
+    talker.ok(replace(hold, at_once=1), wire.SetGainsRequest(0, V // 100, 1 << 20, 0, 0x7FFFFFFF), wire.WhereRequest())
+    talker.run(400)
+    talker.ok(wire.ParkRequest())
+    talker.run(2500)
+
+
 def script(talker):
-    """Tables, inverse, feedback, a move, a waveform, saturations, changes of mode; then the model is kept in flash."""
+    """Tables, inverse, feedback, a move, a waveform, saturations, changes of mode, paths one after another; then the
+    model is kept in flash."""
     talker.ok(wire.HelloRequest(), wire.SetTimeoutRequest(0), *upload(stage_model()))
     points(talker)
     talker.ok(wire.StreamStartRequest(ALL_CHANNELS, 7, 1))
@@ -55,6 +83,7 @@ def script(talker):
     talker.run(TICKS // 2)
     talker.ok(wire.ParkRequest())
     talker.run(2500)
+    paths_one_after_another(talker)
     talker.ok(
         with_gains(0, wire.Mode.PID),
         wire.SetPathRequest(0, wire.PathKind.SINE, 20 * UM, 10 * UM, step(80), 30_000),

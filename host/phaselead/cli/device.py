@@ -41,7 +41,7 @@ def parse_crc(text: str) -> int:
 @json_option
 def park(port: str, json_to: str | None) -> None:
     """Ramp every axis to its safe value and disarm."""
-    with connect(port) as device:
+    with connect(port, resume=True) as device:
         emit_result(device.park(), json_to)
 
 
@@ -64,7 +64,7 @@ def stop(port: str, json_to: str | None) -> None:
 @json_option
 def status(port: str, json_to: str | None) -> None:
     """Print what the device is doing, and where its axes stand."""
-    with connect(port, park_on_exit=False) as device:
+    with connect(port, resume=True, park_on_exit=False) as device:
         emit_result(device.status(), json_to)
 
 

@@ -63,7 +63,7 @@ def learn(
     check_output(report, inputs=[model_path])
     waveforms, stage = parse_waves(wave, axis), load_stage(model_path)
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
-    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
+    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
     with Device.open(port) as device, progress(f"learning {wave}", 1.0) as advance:
         found = learn_path(
             device,

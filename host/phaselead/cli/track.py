@@ -111,9 +111,8 @@ def track(
 ) -> None:
     """Drive along WAVE, record, and print the tracking error.
 
-    WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um; the
-    output goes to 20 um first), or in volts for mode open: sine:5V@5Hz. Amplitudes are
-    peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
+    WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um), or in volts
+    for mode open: sine:5V@5Hz. Amplitudes are peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
     inputs = [path for path in (model_path, table) if path]
     check_output(output, suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite or force)
@@ -131,7 +130,7 @@ def track(
             axis_gains = axis_gains if gains else known.gains()
             waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
         warn(held_warning(held, mode, axis_gains))
-        warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms, stage)])
+        warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
         if trials is not None:
             with progress(f"learning {wave}", 1.0) as advance:
                 known = learn(

@@ -16,9 +16,12 @@ from phaselead.control.gains import (
     with_gains,
 )
 from phaselead.control.held import held_stage, held_warning
+from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
+from phaselead.control.moving import Moved, Planned
 from phaselead.control.run import Run
+from phaselead.control.targets import parse_targets
 from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
 from phaselead.control.true_position import FOLLOWS, Follows
 
@@ -26,12 +29,15 @@ __all__ = [
     "FOLLOWS",
     "MODES",
     "PAPER_GAINS",
+    "Axis",
     "Controller",
     "Diagnosis",
     "Follows",
     "GainsLike",
     "Learned",
     "Loop",
+    "Moved",
+    "Planned",
     "Run",
     "TrackingError",
     "assumed_limits",
@@ -46,6 +52,7 @@ __all__ = [
     "loop_warnings",
     "own_loop_warnings",
     "parse_gains",
+    "parse_targets",
     "path_warnings",
     "record_open_loop",
     "record_to_file",

@@ -15,6 +15,7 @@ from phaselead import interrupt
 from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.held import held_stage, held_warning
+from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.run import Run
@@ -24,11 +25,14 @@ from phaselead.control.uploaded import Upload
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.device import (
     BAUD,
+    IDS_RESERVED,
     Device,
     SelfTest,
     StatusInUnits,
     device_model,
     park_quietly,
+    recall,
+    remember,
     selftest,
     status_in_units,
 )
@@ -46,12 +50,13 @@ Progress = Callable[[float], None]
 """Is given the fraction done, now and then."""
 
 
-def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True) -> Controller:
+def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = True, resume: bool = False) -> Controller:
     """Opens a port and a session on the device there; use it with ``with``, so that it is parked whatever happens.
 
     ``url`` is a serial port ("/dev/ttyACM0"), "sim://xyz250", "sim://STAGE.toml" or "qemu://BOARD"; without one it is
     ``$PHASELEAD_PORT``, else "sim://xyz250". Each opening of a virtual stage is a fresh one at rest.
-    ``park_on_exit=False`` leaves the device as it is, as ``phaselead arm`` does.
+    ``park_on_exit=False`` leaves the device as it is, as ``phaselead arm`` does. ``resume`` goes on with a session that
+    ``leave_running`` left on this port, if there is one.
 
     Raises LinkError (the port is missing, busy or silent), DeviceRefused (another host drives the device) or BadInput
     (the URL makes no sense).
@@ -61,10 +66,17 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     ...     print(dev.status().state)
     parked
     """
-    return Controller(Device.open(url or default_port(), baud=baud, park_on_exit=park_on_exit))
+    name = url or default_port()
+    left = recall(name) if resume else None
+    if left is None:
+        return Controller(Device.open(name, baud=baud, park_on_exit=park_on_exit))
+    remember(name, replace(left, last_id=(left.last_id + IDS_RESERVED) % 0x10000))
+    controller = Controller(Device.open(name, baud=baud, park_on_exit=park_on_exit, left=left))
+    controller.take_up(left)
+    return controller
 
 
-class Controller:
+class Controller(HoldsAndMoves):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -85,9 +97,7 @@ class Controller:
 
     def __init__(self, device: Device) -> None:
         """Takes over an open device."""
-        self.device = device
-        self.model: Stage | None = None
-        """The model last uploaded: ``track`` uses it unless it is given another."""
+        super().__init__(device)
         self._signals = contextlib.ExitStack()
         self._open = True
         atexit.register(self._at_exit)
@@ -112,6 +122,8 @@ class Controller:
         if self._open:
             self._open = False
             atexit.unregister(self._at_exit)
+            self._alive.end()
+            self._note_left()
             self.device.__exit__(kind, error, trace)
 
     def _at_exit(self) -> None:
@@ -153,6 +165,9 @@ class Controller:
     def park(self) -> StatusInUnits:
         """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""
         self.device.park()
+        self._alive.end()
+        self._left = None
+        remember(self.device.session.name, None)
         return status_in_units(self.device)
 
     def stop(self) -> int:
@@ -296,7 +311,7 @@ class Controller:
         for line in [
             *held_warning(held, mode, chosen),
             *loop_warnings(stage, mode, chosen, force=force),
-            *path_warnings(waveforms, stage),
+            *path_warnings(waveforms),
         ]:
             warnings.warn(line, stacklevel=2)
         run = track_to_file(
@@ -339,7 +354,7 @@ class Controller:
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
+        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
             warnings.warn(line, stacklevel=2)
         return learn(
             self.device,

@@ -20,7 +20,6 @@ from phaselead.device import (
     DeviceFault,
     FrameReader,
     after_interrupt,
-    device_model,
     recording_of,
     wire,
     write_run,
@@ -230,19 +229,27 @@ def record_to_file(
         rehearse(waveforms, "open", stage, {}, duration_s)
     with run_file(output, device, "open", stage, driven=waveforms is not None) as file:
         if waveforms is None:
-            axes, ticks = axis, listening_ticks(duration_s)
+            axes, ticks, lead_ticks, tail_ticks = axis, listening_ticks(duration_s), 0, 0
         else:
             axes = "".join(sorted(waveforms))
-            _, ticks = set_up(device, waveforms, "open", stage=stage, duration_s=duration_s)
+            ready = set_up(device, waveforms, "open", stage=stage, duration_s=duration_s)
+            ticks, lead_ticks, tail_ticks = ready.ticks, ready.lead_ticks, ready.tail_ticks
         progress = None if on_progress is None else lambda done: on_progress(done / ticks)
         drives = waveforms is not None
         try:
-            capture = device.capture(ticks, axes=axes, start=drives, park=drives, progress=progress, spool=file)
+            capture = device.capture(
+                ticks,
+                axes=axes,
+                start=drives,
+                park=drives,
+                lead_ticks=lead_ticks,
+                tail_ticks=tail_ticks,
+                progress=progress,
+                spool=file,
+            )
         except DeviceFault as fault:
             file.convert(fault.capture)
             raise
-        if stage is not None:
-            device.upload_if_other(device_model(stage))  # with its own slew limit again
         return file.convert(capture)
 
 

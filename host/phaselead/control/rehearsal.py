@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from phaselead.control.feedback_loop import HOLD_S
+from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.control.tracking import check_paths, default_duration_s, track
-from phaselead.device import Device, DeviceFault
+from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
 from phaselead.waveforms import Waveform
@@ -19,6 +22,11 @@ LONGEST_S = 2.0
 HALVINGS = 7
 """Of the way from 1/64 of a swing or frequency to the whole, in equal ratios: the one that works is found to 3 %."""
 LEAST_SHARE = 1 / 64
+CUT_V = 0.005
+"""Beyond what codes and recorded voltages are rounded by, 0.3 mV and 0.5 mV each."""
+LIMITED_SHARE = 0.1
+"""Of the ticks at the slew limit or a clamp: so long the loop is open, and what the limit cuts off rings the stage. The
+corners of a triangle that a stage can follow take a few per cent."""
 
 
 def rehearse(
@@ -31,7 +39,8 @@ def rehearse(
     """Runs the paths on the model for up to 2 s. Nothing is done in mode open, without a model of every axis, and for
     models that the simulator cannot play.
 
-    Raises BadInput when the device would end in a fault: the reason, and the nearest swing and frequency that work.
+    Raises BadInput when the device would end in a fault, or its output be cut in a tenth of the ticks: the reason, and
+    the nearest swing and frequency that work.
     """
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
         return
@@ -40,17 +49,16 @@ def rehearse(
         path = Path(folder) / "model.toml"
         as_played(stage).save(path)
         url = f"sim://{path}"
-        fault = _fault(url, waveforms, mode, stage, gains, duration_s)
-        if fault is None:
+        said = _trouble(url, waveforms, mode, stage, gains, duration_s)
+        if said is None:
             return
-        said = str(fault).partition(" at tick")[0]
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
 
         def works(changed: Waveform) -> bool:
-            return _fault(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
+            return _trouble(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
 
         found = _nearest(waveforms[axis], works)
-    raise BadInput(f"{axis}: on the model this ends in {said}; {found}; or --force")
+    raise BadInput(f"{axis}: on the model this {said}; {found}; or --force")
 
 
 def as_played(stage: Stage) -> Stage:
@@ -69,24 +77,40 @@ def _silent(stage: Stage, axis: str) -> bool:
     return axis not in stage.axes or stage.axes[axis].time is None
 
 
-def _fault(
+def _trouble(
     url: str,
     waveforms: Mapping[str, Waveform],
     mode: str,
     stage: Stage,
     gains: Mapping[str, Gains],
     duration_s: float | None,
-) -> DeviceFault | None:
-    """The fault that the run ends in; None where it ends in none, or cannot be played."""
+) -> str | None:
+    """What goes wrong on the run, in words; None where nothing does, or it cannot be played."""
     seconds = min(duration_s or default_duration_s(waveforms), LONGEST_S)
     try:
         with Device.open(url) as device:
-            track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
+            run = track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
     except DeviceFault as fault:
-        return fault
+        return f"ends in {str(fault).partition(' at tick')[0]}"
     except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
         return None
+    for axis in waveforms:
+        share = _cut_share(run.capture, axis, converters(device_model(stage))[axis])
+        shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
+        if share > LIMITED_SHARE and shows_a_mode:
+            return f"is cut by the output's limits in {share:.0%} of the ticks of axis {axis}"
     return None
+
+
+def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:
+    """The share of the path's ticks in which the output was not what feed-forward and feedback asked for."""
+    stream = capture.axes[axis]
+    assert stream.dac is not None
+    assert stream.feedforward is not None
+    assert stream.feedback is not None
+    rows = slice(*np.searchsorted(capture.ticks, [capture.start_tick, capture.end_tick]))
+    asked_V = (stream.feedforward[rows].astype(np.float64) + stream.feedback[rows]) / 2**11
+    return float(np.mean(np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V))
 
 
 def _nearest(wave: Waveform, works: Callable[[Waveform], bool]) -> str:

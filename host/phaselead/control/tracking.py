@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from phaselead.control.approach import approach_slew_V_per_s, jumps, with_gentle_approach
 from phaselead.control.errors import tracking_error
 from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
+from phaselead.control.joins import enter_s, quiet_s
+from phaselead.control.motion_limits import motion_limits
 from phaselead.control.run import Run
 from phaselead.control.true_position import TruePositions
 from phaselead.device import (
-    LARGEST_STEP,
     TICK_HZ,
     Capture,
     Device,
     Standing,
     device_model,
     inverse_refusal,
+    motion,
     recording_of,
     standings,
 )
@@ -28,7 +29,7 @@ from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
-from phaselead.waveforms import POINTS, Replaced, Waveform, refuse_out_of_range
+from phaselead.waveforms import POINTS, Goto, Replaced, Waveform, refuse_out_of_range
 
 MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
 USES_TABLES = ("ff", "ff+pid")
@@ -38,8 +39,6 @@ LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
 LAST_PERIODS, WHOLE_RECORD = "last four periods", "whole record"
 """What the figures of a run are over."""
-REMANENCE_um = 15.0
-"""How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
 
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
@@ -114,29 +113,43 @@ def track(
     on_progress: Callable[[float], None] | None = None,
     sink: Callable[[bytes], None] | None = None,
 ) -> Run:
-    """Runs the paths of all axes together from the same tick and parks at the end.
+    """Runs the paths of all axes together from the same tick and parks at the end. Each is entered from where its axis
+    stands before it begins, and left where it ends, without a kick.
 
     ``gains`` are needed by modes with pid; ``force`` takes them whatever the model says. ``on_progress`` is given the
     fraction done; ``sink`` every chunk as it came off the line, for a journal.
 
     Raises:
-        BadInput: a path that the mode, the limits or the model do not allow, gains that the model's loop cannot stand,
-            or a path that begins elsewhere than the axis stands; nothing has moved.
+        BadInput: a path that the mode, the limits or the model do not allow, or gains that the model's loop cannot
+            stand; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
-    waveforms, ticks = set_up(device, waveforms, mode, stage=stage, gains=gains, duration_s=duration_s, force=force)
+    ready = set_up(device, waveforms, mode, stage=stage, gains=gains, duration_s=duration_s, force=force)
+    waveforms, ticks = ready.waveforms, ready.ticks
     true = TruePositions(device, ticks)
     capture = device.capture(
         ticks,
         axes="".join(sorted(waveforms)),
+        lead_ticks=ready.lead_ticks,
+        tail_ticks=ready.tail_ticks,
         progress=None if on_progress is None else lambda done: on_progress(done / ticks),
         sink=sink,
     )
-    if stage is not None:
-        device.upload_if_other(device_model(stage))  # with its own slew limit again
     recording = run_recording(capture, mode, stage)
     true_um = true.of(recording, capture)
     return Run(recording, capture, run_figures(recording, capture, waveforms, mode, true_um), true_um)
+
+
+class SetUp(NamedTuple):
+    """A device that has its paths: what is captured of them."""
+
+    waveforms: dict[str, Waveform]
+    """As they begin where the axes stand."""
+    ticks: int
+    lead_ticks: int
+    """Of the way into the paths that belongs to the record."""
+    tail_ticks: int
+    """Of the way out of them."""
 
 
 def set_up(
@@ -148,22 +161,28 @@ def set_up(
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
     force: bool = False,
-) -> tuple[dict[str, Waveform], int]:
-    """Gives the device its paths; the paths as they begin where the axes stand, and the ticks to run. Raises BadInput
-    as ``track``."""
+) -> SetUp:
+    """Gives the device its paths. Raises BadInput as ``track``."""
     check_paths(waveforms, mode, held_stage(device) if stage is None and mode in NEEDS_MODEL else stage)
     loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
-        device.upload_if_other(device_model(with_gentle_approach(stage, waveforms)))
+        device.upload_if_other(device_model(stage))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
     ticks = round(seconds * TICK_HZ)
     if ticks < 1:
         raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
     standing = standings(device)
-    waveforms = {axis: from_standing(axis, waveform, standing[axis]) for axis, waveform in waveforms.items()}
+    waveforms = {axis: from_standing(axis, waveform, standing[axis], stage) for axis, waveform in waveforms.items()}
+    entered_s, left_s = {}, {}
     for axis, waveform in waveforms.items():
-        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks)
-    return dict(waveforms), ticks
+        model = None if stage is None else stage.axes.get(axis)
+        entered_s[axis] = enter_s(waveform, standing[axis], mode, model)
+        left_s[axis] = quiet_s(model)
+    lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
+    for axis, waveform in waveforms.items():
+        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks - lead_ticks)
+        motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if waveform.periodic else 0.0)
+    return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ))
 
 
 def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:
@@ -198,22 +217,14 @@ def assumed_limits(device: Device) -> str | None:
     )
 
 
-def path_warnings(waveforms: Mapping[str, Waveform], stage: Stage | None) -> list[str]:
-    """What is not as one may expect, by axis: a way to an offset at the full slew limit, and by how much the device
-    leaves the path that was asked for."""
-    offsets = [
-        f"{axis}: the output goes to {waveform.offset:g} {waveform.unit} at the slew limit first, which rings the "
-        "stage; lower slew_V_per_s in the stage file where that does harm"
-        for axis, waveform in waveforms.items()
-        if jumps(waveform) and approach_slew_V_per_s(stage, axis, waveform) is None
-    ]
-    left = [
+def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
+    """By how much the device leaves the path that was asked for, by axis."""
+    return [
         f"{axis}: the device plays {POINTS} points a period: the file is left by up to {waveform.unplayed:.3g} "
         f"{waveform.unit}, which counts as error; take out of the file what is so fast, or play it in parts"
         for axis, waveform in waveforms.items()
         if waveform.unplayed > LEAST_SAID[waveform.unit]
     ]
-    return offsets + left
 
 
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
@@ -227,27 +238,20 @@ def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: G
     )
 
 
-def from_standing(axis: str, waveform: Waveform, standing: Standing) -> Waveform:
-    """A move begun where the axis stands; a periodic path as it is, refused when it begins elsewhere.
+def from_standing(axis: str, waveform: Waveform, standing: Standing, stage: Stage | None) -> Waveform:
+    """A move begun where the axis stands; a periodic path as it is.
 
-    A stage at 0 V stands a few micrometres off zero by its memory; a path from zero is then a path from rest. An
-    offset that was asked for is taken as it is: the output goes there at the slew limit first.
-
-    Raises:
-        BadInput: the path would begin with a step; the line says from where to where, and what would do.
+    Raises BadInput for a move that cannot be as short as it was asked to be.
     """
-    here = standing.u_V if waveform.unit == "V" else standing.x_um
-    waveform = waveform.from_start(here)
-    first, step = float(waveform.value(0.0)), LARGEST_STEP[waveform.unit]
-    at_rest = waveform.unit == "um" and abs(standing.u_V) < LARGEST_STEP["V"] and abs(here) <= REMANENCE_um
-    low, high = (min(here, 0.0), max(here, 0.0)) if at_rest else (here, here)
-    if waveform.goes_to_start or low - step < first < high + step:
-        return waveform
-    shift = (0.0 if at_rest else here) - first
-    raise BadInput(
-        f"{axis}: the path begins at {first:.4g} {waveform.unit} but the axis stands at {here:.3g} {waveform.unit} and "
-        f"would jump there at the slew limit; shift the path by {shift:+.4g} {waveform.unit} so that it begins there"
-    )
+    waveform = waveform.from_start(standing.u_V if waveform.unit == "V" else standing.x_um)
+    if isinstance(waveform, Goto) and waveform.asked and waveform.unit == "um":
+        shortest_s = motion_limits(None if stage is None else stage.axes.get(axis)).shortest_s(waveform.swing)
+        if waveform.duration_s < shortest_s * (1 - 1e-9):
+            raise BadInput(
+                f"{axis}: a move of {abs(waveform.swing):.4g} um in {waveform.duration_s * 1e3:.3g} ms is faster than "
+                f"the stage's limits allow; the shortest is {shortest_s * 1e3:.4g} ms"
+            )
+    return waveform
 
 
 def run_figures(
@@ -276,8 +280,7 @@ def axis_figures(
     Judged is the path that was asked for, also where the device plays it in points; where the true position follows
     it, as a sensor with the lag of the model's (``sensor_lag_s``) would show it. ``true``: the path against where a
     virtual stage truly is. In mode open there is no reference: the error figures are null and the measured range
-    stands beside them. The way to a written offset is no part of the path: from rest is then from where the path was
-    reached, after ``approach_s``.
+    stands beside them. The join into the path is no part of it.
     """
     record = recording.axes[axis]
     assert record.x_um is not None
@@ -290,25 +293,19 @@ def axis_figures(
     asked = waveform.as_asked
     asked_um = meant_um if asked is waveform else asked.value(recording.t_s)
     steady = tracking_error(meant_um[judged], record.x_um[judged], asked_um[judged])
-    begun = arrival(meant_um, record.x_um) if waveform.goes_to_start else 0
-    whole = tracking_error(meant_um[begun:], record.x_um[begun:], asked_um[begun:])
-    approach = {"approach_s": begun / TICK_HZ} if waveform.goes_to_start else {}
+    whole = tracking_error(meant_um, record.x_um, asked_um)
     part = {"judged": LAST_PERIODS if len(meant_um[judged]) < len(meant_um) else WHOLE_RECORD}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
     lag = {"sensor_lag_s": waveform.lag_s} if isinstance(waveform, Replaced) and waveform.lag_s > 0 else {}
-    true = {} if true_um is None else {"true": _true_figures(recording.t_s, true_um, waveform, record.r_um, begun)}
-    return steady.as_dict() | part | unplayed | lag | approach | {"from_rest": whole.as_dict()} | true
+    true = {} if true_um is None else {"true": _true_figures(recording.t_s, true_um, waveform, record.r_um)}
+    return steady.as_dict() | part | unplayed | lag | {"from_rest": whole.as_dict()} | true
 
 
-def _true_figures(t_s: Samples, true_um: Samples, waveform: Waveform, r_um: Samples, begun: int) -> dict[str, Any]:
+def _true_figures(t_s: Samples, true_um: Samples, waveform: Waveform, r_um: Samples) -> dict[str, Any]:
     """The path as the user wrote it against the true position (n,)."""
     asked = waveform.as_asked
     asked_um = asked.value(t_s) if asked.periodic else r_um
     judged = waveform.judged_rows(len(true_um), TICK_HZ)
-    from_rest = tracking_error(asked_um[begun:], true_um[begun:]).as_dict()
-    return tracking_error(asked_um[judged], true_um[judged]).as_dict() | {"from_rest": from_rest}
-
-
-def arrival(r_um: Samples, x_um: Samples) -> int:
-    """The first row of (n,) at which a path that began elsewhere than the axis stood has been reached; 0 if never."""
-    return int(np.argmax(np.abs(r_um - x_um) <= LARGEST_STEP["um"]))
+    return tracking_error(asked_um[judged], true_um[judged]).as_dict() | {
+        "from_rest": tracking_error(asked_um, true_um).as_dict()
+    }

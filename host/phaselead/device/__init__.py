@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from phaselead.device import wire
+from phaselead.device import motion, wire
 from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
+from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
 from phaselead.device.loop_test import SelfTest, selftest
-from phaselead.device.quantities import TICK_HZ
+from phaselead.device.motion import AxisWhere, MotionLimits, Where
+from phaselead.device.quantities import TICK_HZ, Converters, converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
+from phaselead.device.session import Session
 from phaselead.device.standing import (
     LARGEST_STEP,
     Standing,
@@ -28,25 +31,33 @@ from phaselead.serial_ports import BAUD
 __all__ = [
     "AXES",
     "BAUD",
+    "IDS_RESERVED",
     "LARGEST_STEP",
     "TICK_HZ",
+    "AxisWhere",
     "Capture",
     "Channel",
+    "Converters",
     "Device",
     "DeviceFault",
     "DeviceStatus",
     "FaultPage",
     "FrameReader",
     "Gap",
+    "LeftRunning",
     "Mode",
+    "MotionLimits",
     "SelfTest",
+    "Session",
     "Spool",
     "Standing",
     "StatusInUnits",
     "Stream",
+    "Where",
     "after_interrupt",
     "axes_of",
     "channels_of",
+    "converters",
     "decode_samples",
     "device_model",
     "encode_frame",
@@ -55,9 +66,12 @@ __all__ = [
     "flash_board",
     "from_device_model",
     "inverse_refusal",
+    "motion",
     "park_quietly",
     "read_capture",
+    "recall",
     "recording_of",
+    "remember",
     "replay_facts",
     "selftest",
     "standings",

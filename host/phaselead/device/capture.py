@@ -77,6 +77,10 @@ class Plan:
     """Takes samples and commands, which the capture then does not hold."""
     start_axes: str = ""
     """Axes whose paths are started; empty: all that are streamed."""
+    lead_ticks: int = 0
+    """Of the record that lie before the paths begin, on the way into them."""
+    tail_ticks: int = 0
+    """Run on after the record, before parking: the paths are being left."""
 
     @property
     def axis_mask(self) -> int:
@@ -273,7 +277,8 @@ def capture(
     try:
         if session.virtual:
             session.port.timeout = READ_VIRTUAL_S
-        return _capture(session, hello, plan, progress)
+        with session.lock:
+            return _capture(session, hello, plan, progress)
     except DeviceFault:
         raise
     except BaseException as error:
@@ -298,9 +303,12 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     start_tick = -1
     if plan.start:
         session.request(wire.ArmRequest(plan.model_crc))
-        start_tick = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).first_tick
+        started = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes)))
+        start_tick = started.first_tick - plan.lead_ticks
     begin = start_tick if plan.start else first.tick
-    run.run_to(begin + plan.ticks, progress, begin)
+    end_tick = begin + plan.ticks
+    run.run_to(end_tick, progress, begin)
+    run.run_to(end_tick + plan.tail_ticks, None, begin)
     status = session.request(wire.StatusRequest())
     if plan.park:  # in a fault too: what was held goes home
         session.request(wire.ParkRequest())
@@ -322,7 +330,7 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
         stream=stream,
         first_tick=first.tick,
         start_tick=start_tick,
-        end_tick=begin + plan.ticks,
+        end_tick=end_tick,
         state=state,
         model=model,
         waves=waves,

@@ -26,6 +26,7 @@ from phaselead.device.capture import (
     read_region,
     wait_parked,
 )
+from phaselead.device.left_running import LeftRunning
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of
@@ -61,11 +62,12 @@ class Device:
         """Axes whose path is a waveform."""
 
     @classmethod
-    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True) -> Self:
-        """Opens the port exclusively and a session on it."""
+    def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True, left: LeftRunning | None = None) -> Self:
+        """Opens the port exclusively and a session on it: a new one, or one that was ``left`` running."""
         port = open_port(url, baud=baud)
         try:
-            return cls(Session(port, url), park_on_exit=park_on_exit, baud=baud)
+            session = Session(port, url) if left is None else Session(port, url, nonce=left.nonce, last_id=left.last_id)
+            return cls(session, park_on_exit=park_on_exit, baud=baud)
         except BaseException:
             port.close()
             raise
@@ -125,10 +127,18 @@ class Device:
         try:
             if self.park_on_exit and kind is not None:
                 park_quietly(self.session)
-            elif self.park_on_exit and self.status().state not in ("parked", "fault"):
-                self.park()
+            elif self.park_on_exit:
+                self._park_unless_at_rest()
         finally:
             self.close()
+
+    def _park_unless_at_rest(self) -> None:
+        try:
+            if self.status().state not in ("parked", "fault"):
+                self.park()
+        except KeyboardInterrupt:
+            park_quietly(self.session)
+            raise
 
     def close(self) -> None:
         """Closes the port and leaves the device as it is."""
@@ -340,6 +350,8 @@ class Device:
         start: bool = True,
         park: bool = True,
         model_crc: int = 0,
+        lead_ticks: int = 0,
+        tail_ticks: int = 0,
         progress: Progress | None = None,
         sink: Sink | None = None,
         spool: Spool | None = None,
@@ -347,10 +359,11 @@ class Device:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
         The stream begins first; then, if ``start``, the device is armed and the paths of ``start_axes`` (empty: of all
-        ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. ``progress`` gets the
-        ticks done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and
-        commands in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and
-        on errors the device is parked before the exception goes on.
+        ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. The record begins
+        ``lead_ticks`` before the paths, and ``tail_ticks`` pass after it before parking. ``progress`` gets the ticks
+        done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and commands
+        in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and on
+        errors the device is parked before the exception goes on.
 
         Raises:
             DeviceFault: a fault latched; its ``capture`` holds what was recorded.
@@ -360,7 +373,9 @@ class Device:
         for axis in axes + start_axes:
             axis_index(axis)
         waves = "".join(sorted(self._waves))
-        plan = Plan(ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes)
+        plan = Plan(
+            ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes, lead_ticks, tail_ticks
+        )
         return capture(self.session, self.hello, plan, progress, sink)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import struct
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -58,7 +59,8 @@ ADVICE = {
     wire.Status.MUST_NAME_MODEL: "its model is a fallback; arm naming the model, or upload and persist again",
     wire.Status.FLASH_FAILED: "its flash could not be written; the old model stays; try again",
     wire.Status.FAULT_LATCHED: "a fault is latched; `phaselead status` names it, `phaselead park` clears it",
-    wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out",
+    wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out; what "
+    "`phaselead move` left held, `phaselead park` ends",
     wire.Status.MODE_UNSUPPORTED: "its firmware does not have this mode",
 }
 """What a status means for every command; protocol/schema.toml says more where one command can."""
@@ -102,14 +104,14 @@ class Pending:
 
 
 class Session:
-    """Commands, replies and streams of one port. Not thread-safe.
+    """Commands, replies and streams of one port. One thread speaks at a time, the one that holds ``lock``.
 
     ``samples`` collects the bodies of sample batches, ``events`` the events, for whoever wants them.
     ``log``, when set (to a list), collects (tick of the reply, frame sent) of every command answered.
     ``sink``, when set, is given every chunk as it came off the line.
     """
 
-    def __init__(self, port: Port, name: str = "port", *, nonce: int | None = None) -> None:
+    def __init__(self, port: Port, name: str = "port", *, nonce: int | None = None, last_id: int = 0) -> None:
         self.port, self.name = port, name
         self.nonce = nonce or secrets.randbits(64) or 1  # 0 is a device's "none yet"
         self.reader = FrameReader()
@@ -117,12 +119,14 @@ class Session:
         self.events: list[wire.Event] = []
         self.log: Log | None = None
         self.sink: Callable[[bytes], None] | None = None
+        self.lock = threading.RLock()
         self.retries = 0
         self.strays = 0
         """Frames that were nobody's: duplicates of replies, another session's."""
         self._nonce_bytes = self.nonce.to_bytes(8, "little")
         self._waiting: dict[int, Pending] = {}
-        self._id = 0
+        self.last_id = last_id
+        """Of the requests sent; a session that is taken up goes on behind its last one."""
         self._piece = LARGEST_PIECE
         self._tick = 0
         """The last one that a reply has named."""
@@ -194,8 +198,10 @@ class Session:
             SessionLostError: the device no longer knows this session.
             LinkError: no reply after every attempt.
         """
-        pending = self.submit(command)
-        if not self._await(pending, waits_s):
+        with self.lock:
+            pending = self.submit(command)
+            answered = self._await(pending, waits_s)
+        if not answered:
             raise NoReplyError(
                 f"the device on {self.name} stopped answering ({command.NAME}, {len(waits_s)} attempts); "
                 "check cable and power, then try again"
@@ -239,10 +245,10 @@ class Session:
 
     def submit(self, command: wire.Command[Any]) -> Pending:
         """Sends a command without waiting; ``pump`` fills in the reply, ``finish`` reads it."""
-        self._id = self._id % 0xFFFF + 1
-        body = wire.HEADER.pack(command.NUMBER, self._id, self.nonce) + command.pack()
-        pending = Pending(command, self._id, encode_frame(body), self._tick)
-        self._waiting[self._id] = pending
+        self.last_id = self.last_id % 0xFFFF + 1
+        body = wire.HEADER.pack(command.NUMBER, self.last_id, self.nonce) + command.pack()
+        pending = Pending(command, self.last_id, encode_frame(body), self._tick)
+        self._waiting[self.last_id] = pending
         self._write(pending.frame)
         return pending
 

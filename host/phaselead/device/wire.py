@@ -15,7 +15,7 @@ from phaselead.errors import LinkError
 
 FINGERPRINT = 0xAE49D03E
 VERSION = 2
-REVISION = 0
+REVISION = 1
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -149,6 +149,13 @@ class PathKind(IntEnum):
     SINE = 1
     WAVE = 2
     MOVE = 3
+
+
+class PathFlag(IntEnum):
+    """Bits of a path's flags."""
+
+    FROM_HERE = 1
+    MORE = 2
 
 
 class Status(IntEnum):
@@ -418,6 +425,47 @@ class AxisModel(Record):
             v[166],
             v[167],
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Segment(Record):
+    """A path for the queue: fields as in SET_PATH, unless said."""
+
+    NAME: ClassVar[str] = "segment"
+    SIZE: ClassVar[int] = 30
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiQQHH")
+    path: int
+    flags: int
+    """from_here: a hold or a move begins where the path before ends or, joined, is half a join later; the swing of a
+    move is then its target. more: another one is to follow.
+    """
+    swing: int
+    offset: int
+    step_turn64: int
+    ticks: int
+    enter_ticks: int
+    """of the join with the path before; 0: none, it begins where that one comes to rest."""
+    leave_ticks: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            Segment.NAME,
+            Segment.LAYOUT,
+            self.path,
+            self.flags,
+            self.swing,
+            self.offset,
+            self.step_turn64,
+            self.ticks,
+            self.enter_ticks,
+            self.leave_ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Segment:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7])
 
 
 @dataclass(frozen=True, slots=True)
@@ -1613,6 +1661,352 @@ class InfoRequest(Command[InfoReply]):
 
 
 @dataclass(frozen=True, slots=True)
+class MotionReply(Reply):
+    """The answer to motion."""
+
+    NAME: ClassVar[str] = "motion reply"
+    NUMBER: ClassVar[int] = 0xC0
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(MotionReply.NAME, MotionReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> MotionReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class MotionRequest(Command[MotionReply]):
+    """Limits of what is queued from now on, the window of `where`, and nothing that a tick depends on."""
+
+    NAME: ClassVar[str] = "motion"
+    NUMBER: ClassVar[int] = 0x40
+    REPLY: ClassVar[type[Any]] = MotionReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "no such axis, or a window below zero",
+    }
+    SIZE: ClassVar[int] = 33
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQQQiI")
+    axis: int
+    velocity: int
+    """um q40 (V q48 in mode open) per tick; 0: no limit."""
+    acceleration: int
+    """the same per tick^2."""
+    jerk: int
+    """the same per tick^3."""
+    window_q16: int
+    """um: on target is no further from the reference than this."""
+    window_ticks: int
+    """for so long in a row."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            MotionRequest.NAME,
+            MotionRequest.LAYOUT,
+            self.axis,
+            self.velocity,
+            self.acceleration,
+            self.jerk,
+            self.window_q16,
+            self.window_ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> MotionRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
+
+
+@dataclass(frozen=True, slots=True)
+class QueueReply(Reply):
+    """The answer to queue."""
+
+    NAME: ClassVar[str] = "queue reply"
+    NUMBER: ClassVar[int] = 0xC1
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ3B")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    queued: tuple[int, ...]
+    """how many wait now."""
+
+    def pack(self) -> bytes:
+        return _pack(QueueReply.NAME, QueueReply.LAYOUT, self.status, self.tick, *self.queued)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> QueueReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2:5])
+
+
+@dataclass(frozen=True, slots=True)
+class QueueRequest(Command[QueueReply]):
+    """Puts a path behind those that are under way: one for each axis of the mask, all of them or none. They begin in
+    the same tick.
+    """
+
+    NAME: ClassVar[str] = "queue"
+    NUMBER: ClassVar[int] = 0x41
+    REPLY: ClassVar[type[Any]] = QueueReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "an axis not driven, or a path that begins elsewhere than the last ended; give it a join",
+        Status.OUTSIDE_LIMITS: "outside the range of the axis, or faster than its limits; use a longer move or join",
+        Status.BUSY: "the queue is full; wait until a path of it has begun",
+    }
+    SIZE: ClassVar[int] = 100
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBQ90s")
+    axis_mask: int
+    at_once: int
+    """1: what is queued for these axes is dropped, and the paths under way are left."""
+    begin_tick: int
+    """0: when the paths before have ended; those without an end are left at once."""
+    segments: tuple[Segment, ...]
+    """of axes x, y, z."""
+
+    def pack(self) -> bytes:
+        if len(self.segments) != 3:
+            raise WireError(f"queue: 3 segments expected, got {len(self.segments)}")
+        return _pack(
+            QueueRequest.NAME,
+            QueueRequest.LAYOUT,
+            self.axis_mask,
+            self.at_once,
+            self.begin_tick,
+            b"".join(item.pack() for item in self.segments),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> QueueRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], tuple(Segment.unpack(v[3][i : i + 30]) for i in range(0, 90, 30)))
+
+
+@dataclass(frozen=True, slots=True)
+class SetJoinsReply(Reply):
+    """The answer to set_joins."""
+
+    NAME: ClassVar[str] = "set_joins reply"
+    NUMBER: ClassVar[int] = 0xC4
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(SetJoinsReply.NAME, SetJoinsReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetJoinsReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class SetJoinsRequest(Command[SetJoinsReply]):
+    """How the path of one axis is entered and left when it is started; after SET_PATH, which sets none."""
+
+    NAME: ClassVar[str] = "set_joins"
+    NUMBER: ClassVar[int] = 0x44
+    REPLY: ClassVar[type[Any]] = SetJoinsReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "no path yet, or a periodic one that is to begin where the axis stands",
+    }
+    SIZE: ClassVar[int] = 6
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBHH")
+    axis: int
+    flags: int
+    enter_ticks: int
+    """of the join from where the axis stands, before the path begins; 0: none, the output jumps there at the slew
+    limit.
+    """
+    leave_ticks: int
+    """of the join to a hold where a periodic path ends; 0: none, it stops in one tick."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            SetJoinsRequest.NAME,
+            SetJoinsRequest.LAYOUT,
+            self.axis,
+            self.flags,
+            self.enter_ticks,
+            self.leave_ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetJoinsRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3])
+
+
+@dataclass(frozen=True, slots=True)
+class SetGainsReply(Reply):
+    """The answer to set_gains."""
+
+    NAME: ClassVar[str] = "set_gains reply"
+    NUMBER: ClassVar[int] = 0xC2
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(SetGainsReply.NAME, SetGainsReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetGainsReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class SetGainsRequest(Command[SetGainsReply]):
+    """Gains of one axis, also while it runs: the output goes on from where it is."""
+
+    NAME: ClassVar[str] = "set_gains"
+    NUMBER: ClassVar[int] = 0x42
+    REPLY: ClassVar[type[Any]] = SetGainsReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "gains must be zero or positive, and the derivative filter above zero",
+    }
+    SIZE: ClassVar[int] = 17
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Biiii")
+    axis: int
+    kp_q24: int
+    """V/um."""
+    ki_ts_q32: int
+    """V/um per tick."""
+    kd_over_ts_q24: int
+    """V/um."""
+    d_alpha_q31: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            SetGainsRequest.NAME,
+            SetGainsRequest.LAYOUT,
+            self.axis,
+            self.kp_q24,
+            self.ki_ts_q32,
+            self.kd_over_ts_q24,
+            self.d_alpha_q31,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetGainsRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4])
+
+
+@dataclass(frozen=True, slots=True)
+class WhereReply(Reply):
+    """The answer to where."""
+
+    NAME: ClassVar[str] = "where reply"
+    NUMBER: ClassVar[int] = 0xC3
+    SIZE: ClassVar[int] = 72
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBBB3B3H3i3i3i3I")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    state: int
+    fault: int
+    driven: int
+    """mask of axes that follow a path, or hold its end."""
+    moving: int
+    """mask of axes whose path, join or queue is not at its end."""
+    on_target: int
+    """mask of axes within their window for long enough."""
+    dry: int
+    """mask of axes whose last path ended with `more` and had none after it: they hold."""
+    queued: tuple[int, ...]
+    adc_codes: tuple[int, ...]
+    u_q24: tuple[int, ...]
+    """V."""
+    reference: tuple[int, ...]
+    """um q16 (V q24 in mode open)."""
+    end: tuple[int, ...]
+    """where the last path of the queue ends: a move's target; of others, their offset."""
+    near_ticks: tuple[int, ...]
+    """ticks in a row within the window."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            WhereReply.NAME,
+            WhereReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.state,
+            self.fault,
+            self.driven,
+            self.moving,
+            self.on_target,
+            self.dry,
+            *self.queued,
+            *self.adc_codes,
+            *self.u_q24,
+            *self.reference,
+            *self.end,
+            *self.near_ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> WhereReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(
+            v[0],
+            v[1],
+            v[2],
+            v[3],
+            v[4],
+            v[5],
+            v[6],
+            v[7],
+            v[8:11],
+            v[11:14],
+            v[14:17],
+            v[17:20],
+            v[20:23],
+            v[23:26],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class WhereRequest(Command[WhereReply]):
+    """Where the axes are, and where they go; also feeds the host timeout."""
+
+    NAME: ClassVar[str] = "where"
+    NUMBER: ClassVar[int] = 0x43
+    REPLY: ClassVar[type[Any]] = WhereReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> WhereRequest:
+        payload = cls.fitted(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
 class Samples(Message):
     """A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of
     [tick] that `channels` asks for, in their order.
@@ -1717,6 +2111,16 @@ MESSAGES: dict[int, type[Message]] = {
     0x94: SetTimeoutReply,
     0x15: InfoRequest,
     0x95: InfoReply,
+    0x40: MotionRequest,
+    0xC0: MotionReply,
+    0x41: QueueRequest,
+    0xC1: QueueReply,
+    0x44: SetJoinsRequest,
+    0xC4: SetJoinsReply,
+    0x42: SetGainsRequest,
+    0xC2: SetGainsReply,
+    0x43: WhereRequest,
+    0xC3: WhereReply,
     0x70: Samples,
     0x71: Event,
 }

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from phaselead.record import write_text
-from phaselead.waveforms import kinds
+from phaselead.waveforms import ways
 
 PAGE = "commands.md"
 BEGIN = "<!-- Written by python -m phaselead.report.waveform_table; edit the kinds in host/phaselead/waveforms/. -->"
@@ -20,7 +20,7 @@ GENERAL = (
 
 def table() -> str:
     """The lines of the table: every kind in its order, then what holds for all."""
-    own = [(f"`{how}`", what) for kind in kinds().values() for how, what in kind.written]
+    own = [(f"`{how}`", what) for written in ways() for how, what in written]
     rows = "".join(f"| {how} | {what} |\n" for how, what in [*own, *GENERAL])
     return f"{BEGIN}\n\n| WAVE | path |\n|---|---|\n{rows}"
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves
+from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
 from phaselead.waveforms.goto import SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
 from phaselead.waveforms.replaced import Replaced
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
 from phaselead.waveforms.waveform import JUDGED_PERIODS, POINTS, Periodic, Sampled, Waveform
+from phaselead.waveforms.written import Written
 
 __all__ = [
     "JUDGED_PERIODS",
@@ -21,9 +22,13 @@ __all__ = [
     "Sine",
     "Triangle",
     "Waveform",
+    "Written",
     "examples",
     "kinds",
     "parse_wave",
     "parse_waves",
     "refuse_out_of_range",
+    "scans",
+    "split_axes",
+    "ways",
 ]

@@ -14,6 +14,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from phaselead.errors import BadInput
+from phaselead.waveforms.scan import Scan
 from phaselead.waveforms.waveform import Waveform
 from phaselead.waveforms.written import Written, short
 
@@ -29,34 +30,58 @@ def kinds() -> Mapping[str, type[Waveform]]:
     return MappingProxyType({one.kind: one for one in sorted(found, key=lambda one: (one.order, one.kind))})
 
 
+@cache
+def scans() -> Mapping[str, type[Scan]]:
+    """Every kind of scan by its word, found likewise."""
+    modules = [import_module(f"{ROOM}.{found.name}") for found in iter_modules(import_module(ROOM).__path__)]
+    classes = [one for module in modules for one in vars(module).values() if isinstance(one, type)]
+    found = [one for one in classes if issubclass(one, Scan) and "kind" in vars(one)]
+    return MappingProxyType({one.kind: one for one in sorted(found, key=lambda one: (one.order, one.kind))})
+
+
 def examples() -> list[str]:
     """One way to write each kind."""
-    return [kind.written[0][0] for kind in kinds().values()]
+    return [how[0][0] for how in ways()]
+
+
+def ways() -> list[tuple[tuple[str, str], ...]]:
+    """The ways to write each kind, waveforms first, and what they mean."""
+    return [kind.written for kind in kinds().values()] + [scan.written for scan in scans().values()]
 
 
 def parse_waves(text: str, axis: str = "x") -> dict[str, Waveform]:
     """``WAVE`` for ``axis``, or ``x=WAVE,y=WAVE`` for several, by axis."""
+    word, _, rest = text.strip().partition(":")
+    if word in scans():
+        scan = scans()[word]
+        return dict(scan.parse(Written(text, rest, scan.written[0][0])))
+    parts = split_axes(text, axis, "waveform", "x=sine:60um@5Hz,y=sine:30um@5Hz")
+    return {name: parse_wave(part) for name, part in parts.items()}
+
+
+def split_axes(text: str, axis: str, what: str, example: str) -> dict[str, str]:
+    """``PART`` for ``axis``, or ``x=PART,y=PART`` for several, by axis. Raises BadInput, saying ``what`` it is."""
     parts = re.split(r",\s*(?=[A-Za-z]\w*=)", text.strip())
     if not re.match(r"[A-Za-z]\w*=", parts[0]):
         if axis not in ("x", "y", "z"):
             raise BadInput(f"axis {axis!r}: there are x, y and z")
-        return {axis: parse_wave(text)}
-    waves: dict[str, Waveform] = {}
+        return {axis: text}
+    found: dict[str, str] = {}
     for part in parts:
-        name, _, wave = part.partition("=")
+        name, _, rest = part.partition("=")
         if name not in ("x", "y", "z"):
-            raise BadInput(
-                f"waveform {short(part)}: there is no axis {name}; use x, y or z, as in x=sine:60um@5Hz,y=sine:30um@5Hz"
-            )
-        if name in waves:
-            raise BadInput(f"waveform {short(text)}: axis {name} is given twice; give it one waveform")
-        waves[name] = parse_wave(wave)
-    return waves
+            raise BadInput(f"{what} {short(part)}: there is no axis {name}; use x, y or z, as in {example}")
+        if name in found:
+            raise BadInput(f"{what} {short(text)}: axis {name} is given twice; give it one {what}")
+        found[name] = rest
+    return found
 
 
 def parse_wave(text: str) -> Waveform:
     """One waveform. Raises BadInput with what is wrong and an example."""
     word, colon, rest = text.strip().partition(":")
+    if word in scans():
+        raise BadInput(f"waveform {short(text)}: a {word} is for x and y together; give it alone, without an axis")
     if word not in kinds():
         close = difflib.get_close_matches(word, kinds(), n=1)
         meant = f"did you mean {close[0]}? " if close else ""

@@ -42,7 +42,6 @@ class File(Sampled):
     kind = "file"
     written = (("file:path.csv@10Hz", "the file is one period, ten times a second"),)
     order = 3
-    goes_to_start = False
 
     @classmethod
     def parse(cls, written: Written) -> Self:

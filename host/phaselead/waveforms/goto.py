@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
-import numpy as np
-
+from phaselead.waveforms.edges import least_jerk
 from phaselead.waveforms.waveform import Shares, Waveform
 from phaselead.waveforms.written import Unit, Written
 
@@ -23,10 +22,13 @@ SETTLE_S = 1.0
 class Goto(Waveform):
     """A least-jerk move: ``swing`` is the way to go, signed, ``offset`` where it starts. It stays at its ends."""
 
+    asked: bool = False
+    """The duration was asked for: it is kept, or refused."""
+
     kind = "goto"
-    written = (
+    written: ClassVar[tuple[tuple[str, str], ...]] = (
         ("goto:120um", "from where the axis is to 120 um, without jerk, at 1000 um/s at most"),
-        ("goto:120um@0.5s", "the same at the mean speed of 120 um in 0.5 s"),
+        ("goto:120um@0.5s", "the same in 0.5 s"),
     )
     order = 4
     played_as = "move"
@@ -37,11 +39,10 @@ class Goto(Waveform):
         target_text, at, duration_text = written.rest.partition("@")
         target, unit = written.level(target_text)
         duration_s = written.duration_s(duration_text, "goto:120um@0.5s") if at else move_duration_s(target, unit)
-        return cls(target, 0.0, unit, 1 / duration_s)
+        return cls(target, 0.0, unit, 1 / duration_s, bool(at))
 
     def share(self, turns: Shares) -> Shares:
-        s = np.clip(turns, 0.0, 1.0)
-        return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
+        return least_jerk(turns)
 
     @property
     def steepest_share(self) -> float:
@@ -59,10 +60,10 @@ class Goto(Waveform):
         return slice(None)
 
     def from_start(self, start: float) -> Goto:
-        """A move to the same target from ``start`` at the same mean speed."""
+        """A move to the same target from ``start``: in the duration that was asked for, else at the usual speed."""
         way = self.offset + self.swing - start
-        duration_s = self.duration_s * (abs(way / self.swing) if self.swing else 1.0)
-        return replace(self, swing=way, offset=start, f_Hz=1 / max(duration_s, SHORTEST_MOVE_s))
+        duration_s = self.duration_s if self.asked else move_duration_s(way, self.unit)
+        return replace(self, swing=way, offset=start, f_Hz=1 / duration_s)
 
 
 def move_duration_s(way: float, unit: Unit) -> float:

@@ -72,10 +72,6 @@ class Replaced(Sampled):
         return self.wanted.has_corners
 
     @property
-    def goes_to_start(self) -> bool:
-        return self.wanted.goes_to_start
-
-    @property
     def unplayed(self) -> float:
         return self.wanted.unplayed
 

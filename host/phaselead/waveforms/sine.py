@@ -17,7 +17,7 @@ class Sine(Periodic):
     kind = "sine"
     written = (
         ("sine:60um@5Hz", "sine between 0 and 60 um"),
-        ("sine:60um+20um@5Hz", "the same between 20 and 80 um; the output goes to 20 um first"),
+        ("sine:60um+20um@5Hz", "the same between 20 and 80 um"),
     )
     order = 1
     played_as = "sine"

@@ -98,11 +98,6 @@ class Waveform(ABC):
         return None
 
     @property
-    def goes_to_start(self) -> bool:
-        """Whether the output may go to where the path begins, at the slew limit: asked for by an offset."""
-        return False
-
-    @property
     def duration_s(self) -> float:
         """Of one period, or of a move."""
         return 1 / self.f_Hz
@@ -177,10 +172,6 @@ class Periodic(Waveform):
 
     def last_rows(self, periods: int, rows: int, rate_Hz: float) -> slice:
         return slice(-min(rows, round(periods / self.f_Hz * rate_Hz)), None)
-
-    @property
-    def goes_to_start(self) -> bool:
-        return self.offset != 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,10 +29,11 @@ class Written:
     text: str
     rest: str
     example: str
+    what: str = "waveform"
 
     def refusal(self, what: str, example: str | None = None) -> BadInput:
         """The one line that says what is wrong and shows how to write it."""
-        return BadInput(f"waveform {short(self.text)}: {what}; write it as in {example or self.example}")
+        return BadInput(f"{self.what} {short(self.text)}: {what}; write it as in {example or self.example}")
 
     def at_frequency(self) -> tuple[str, float]:
         """What stands before the last ``@``, and the frequency in Hz behind it. Raises BadInput."""

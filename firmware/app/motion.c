@@ -1,0 +1,99 @@
+#include "app/motion.h"
+
+static bool is_in(uint32_t mask, unsigned axis)
+{
+    return (mask >> axis & 1u) != 0;
+}
+
+/* Axes that would begin the first segment of their queue, were they alone. */
+static uint32_t due_axes(const struct device *device)
+{
+    uint32_t due = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_state *state = &device->control.axis[axis];
+        const struct segment *segment = segment_first(&device->control.queue[axis]);
+        if (segment == NULL || state->drive != DRIVE_PATH || join_is_under_way(&state->join) ||
+            state->path.wait_ticks != 0)
+            continue;
+        const bool over = axis_path_is_over(&device->control.config[axis], state);
+        if (segment->begin_tick != 0 ? device->control.tick >= segment->begin_tick : over)
+            due |= 1u << axis;
+    }
+    return due;
+}
+
+/* Whether all axes of a command are at its segment. */
+static bool are_together(const struct device *device, uint32_t due, const struct segment *segment)
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(segment->together, axis) &&
+            (!is_in(due, axis) || segment_first(&device->control.queue[axis])->number != segment->number))
+            return false;
+    return true;
+}
+
+/* How long the paths of these axes wait, so that they begin together. */
+static uint32_t longest_wait_ticks(const struct device *device, uint32_t mask)
+{
+    uint32_t longest = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const uint32_t ticks = axis_wait_ticks(&device->control.config[axis], &device->model_of[axis]);
+        longest = is_in(mask, axis) && ticks > longest ? ticks : longest;
+    }
+    return longest;
+}
+
+static void begin_segments(struct device *device, uint32_t due)
+{
+    uint32_t begin = 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(due, axis) && are_together(device, due, segment_first(&device->control.queue[axis])))
+            begin |= 1u << axis;
+    const uint32_t wait_ticks = longest_wait_ticks(device, begin);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(begin, axis)) {
+            struct segment_queue *queue = &device->control.queue[axis];
+            axis_begin(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
+                       segment_first(queue), wait_ticks);
+            segment_drop_first(queue);
+            device->control.path_mask &= ~(1u << axis); /* what was queued is not started a second time */
+        }
+    device->rare = device->rare || begin != 0;
+}
+
+static void end_path(struct device *device, unsigned axis)
+{
+    struct axis_config *config = &device->control.config[axis];
+    struct axis_state *state = &device->control.axis[axis];
+    struct segment_queue *queue = &device->control.queue[axis];
+    if (state->drive != DRIVE_PATH || state->path.running != 0 || join_is_under_way(&state->join))
+        return;
+    if ((config->path.flags & PATH_MORE) != 0 && queue->count == 0) {
+        config->path.flags &= ~(uint32_t)PATH_MORE;
+        queue->dry = 1;
+        queue->dry_tick = device->control.tick;
+    }
+    if (axis_leave(config, &device->model_of[axis], state))
+        device->rare = true;
+}
+
+/* Paths that have ended give way to the next of their queue, or to a hold. */
+void motion_move_on(struct device *device)
+{
+    const uint32_t due = due_axes(device);
+    if (due != 0)
+        begin_segments(device, due);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        end_path(device, axis);
+}
+
+void motion_drop(struct device *device, uint32_t mask)
+{
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct segment_queue *queue = &device->control.queue[axis];
+        if (is_in(mask, axis))
+            segment_drop_all(queue);
+        for (unsigned i = 0; i < SEGMENTS_QUEUED; i++)
+            queue->ring[i].together &= ~mask; /* the others need not wait for what will not come */
+    }
+}

@@ -1,0 +1,17 @@
+/* Whether an axis can follow a path, whichever command asks for it. Not for the tick. */
+#ifndef PHASELEAD_APP_PATH_CHECK_H
+#define PHASELEAD_APP_PATH_CHECK_H
+
+#include "app/device.h"
+#include "core/motion_bounds.h"
+
+/* Fills in the point of the tables and the steps of the joins. Not ok: the axis cannot use it. */
+enum wire_status path_check(const struct device *device, unsigned axis, struct segment *segment);
+
+/* The values that a path of this axis may have. */
+struct path_span path_check_range(const struct device *device, unsigned axis);
+
+/* The values of a path that comes after one with these. */
+struct path_span path_check_span(const struct path_config *path, const struct path_span *here);
+
+#endif

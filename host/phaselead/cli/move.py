@@ -1,0 +1,113 @@
+"""move, hold, where: go to a place and stay there."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+
+import click
+
+from phaselead.cli.common import (
+    axis_option,
+    checked_duration,
+    emit,
+    force_option,
+    json_option,
+    port_option,
+    warn,
+)
+from phaselead.cli.listing import top_level
+from phaselead.control import MODES, Controller, Planned, connect, parse_targets
+from phaselead.model import load_stage
+
+HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
+ENDED = "the virtual stage ended with this command; `phaselead sim --pty` serves one that stays"
+
+
+def _after(device: Controller) -> str:
+    return ENDED if device.device.session.virtual else HELD
+
+
+@top_level(order=72)
+@click.command()
+@click.argument("target", metavar="TARGET")
+@port_option
+@click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
+@click.option("--mode", type=click.Choice([mode for mode in MODES if mode != "open"]), help="Default: the best it can.")
+@click.option("--gains", metavar="paper|KP,KI,KD", help="V/um, V/(um s), V s/um; default as for track.")
+@click.option("--duration", metavar="S", type=float, callback=checked_duration, help="Seconds the move takes.")
+@click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
+@click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
+@force_option
+@axis_option
+@json_option
+def move(
+    target: str,
+    port: str,
+    model_path: str | None,
+    mode: str | None,
+    gains: str | None,
+    duration: float | None,
+    speed: float | None,
+    park_after: bool,
+    force: bool,
+    axis: str,
+    json_to: str | None,
+) -> None:
+    """Move to TARGET and hold there: x=50um, x=+5um (relative), x=50um,y=20um.
+
+    All axes arrive together, as fast as the limits allow unless told. The stage is still held when the
+    command ends, without a host: until the next move, or `phaselead park`. Ctrl-C under way parks.
+    """
+    targets = {name: f"{one.um:+}um" if one.relative else one.um for name, one in parse_targets(target, axis).items()}
+    stage = load_stage(model_path) if model_path else None
+
+    def announce(planned: Planned, predicted: Mapping[str, float | None]) -> None:
+        if predicted and json_to != "-":
+            click.echo("\n".join(planned.sentences(predicted)))
+
+    with connect(port, resume=True) as device:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            moved = device.move(
+                x=targets.get("x"),
+                y=targets.get("y"),
+                z=targets.get("z"),
+                mode=mode,
+                model=stage,
+                gains=gains,
+                duration=duration,
+                speed=speed,
+                force=force,
+                on_planned=announce,
+            )
+        warn(str(one.message) for one in said)
+        if not park_after:
+            device.leave_running(model_path)
+        emit(moved.as_dict(), json_to, [*moved.tables(), "parked" if park_after else _after(device)])
+
+
+@top_level(order=74)
+@click.command()
+@port_option
+@json_option
+def hold(port: str, json_to: str | None) -> None:
+    """Stop every axis that is moving, within its limits, and hold.
+
+    A device that is parked is armed, and holds axis x where it stands.
+    """
+    with connect(port, resume=True) as device:
+        found = device.hold()
+        device.leave_running(None)
+        emit(found.as_dict(), json_to, [*found.tables(), _after(device)])
+
+
+@top_level(order=76)
+@click.command()
+@port_option
+@json_option
+def where(port: str, json_to: str | None) -> None:
+    """Print where the axes are, in um and V, and whether they are on target. Nothing moves."""
+    with connect(port, resume=True, park_on_exit=False) as device:
+        found = device.where()
+        emit(found.as_dict(), json_to, found.tables())

@@ -1,0 +1,198 @@
+"""The part of a controller that holds its axes and moves them from place to place."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from phaselead.control.gains import GainsLike
+from phaselead.control.keep_alive import KeepAlive
+from phaselead.control.move_rehearsal import rehearse_move
+from phaselead.control.moving import Moved, Mover, Planned
+from phaselead.control.targets import Target, parse_target
+from phaselead.device import AxisWhere, Device, LeftRunning, Where, recall, remember
+from phaselead.errors import BadInput
+from phaselead.model import Stage, StageLike, as_stage
+
+TargetLike = float | str
+
+
+class HoldsAndMoves:
+    """``move``, ``hold``, ``where`` and the axes ``x``, ``y``, ``z`` of a controller."""
+
+    device: Device
+    model: Stage | None
+    """The model last uploaded: ``track`` and ``move`` use it unless they are given another."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.model = None
+        self._mover = Mover(device)
+        self._alive = KeepAlive(device.session)
+        self._left: LeftRunning | None = None
+
+    @property
+    def x(self) -> Axis:
+        """Axis x: ``dev.x.move(80)``."""
+        return Axis(self, "x")
+
+    @property
+    def y(self) -> Axis:
+        """Axis y."""
+        return Axis(self, "y")
+
+    @property
+    def z(self) -> Axis:
+        """Axis z."""
+        return Axis(self, "z")
+
+    def where(self) -> Where:
+        """Where the axes are, in um and V, and whether they are on target; prints as a table."""
+        return self._mover.where()
+
+    def move(
+        self,
+        *,
+        x: TargetLike | None = None,
+        y: TargetLike | None = None,
+        z: TargetLike | None = None,
+        mode: str | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        duration: float | None = None,
+        speed: float | None = None,
+        wait: bool = True,
+        rehearse: bool = True,
+        force: bool = False,
+        on_planned: Callable[[Planned, Mapping[str, float | None]], None] | None = None,
+    ) -> Moved:
+        """Moves the axes together and holds them there; the next move begins where this one ended, without parking.
+
+        A number is a place in um, so is "50um"; "+5um" and "-5um" are relative to the last target. The first move arms
+        the device and decides ``mode`` (default: the best the model allows), ``model`` (default: the one last uploaded)
+        and ``gains``; it holds every axis of the model. All axes take the same time: ``duration`` in s, or ``speed`` at
+        its highest in um/s, or as fast as the model's limits allow. ``wait=False`` returns at once; a further move is
+        queued behind. Between two calls the device is kept alive; it parks when the session ends, or a second after
+        the program was killed.
+
+        The move runs on the model first, unless ``rehearse`` is False or another move is under way; ``on_planned`` is
+        given the plan and the seconds until each axis will have settled, before it starts.
+        Raises BadInput, before anything moves, for a target out of range, a duration or speed that cannot be kept
+        (naming the shortest), or a fault on the model; DeviceRefused when a fault ends it.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     first = dev.move(x=40)
+        ...     second = dev.x.move("+5um", duration=0.05)
+        >>> second.axes["x"].to_um, abs(second.axes["x"].x_um - 45) < 0.5
+        (45.0, True)
+        """
+        targets = {axis: parse_target(value) for axis, value in zip("xyz", (x, y, z), strict=True) if value is not None}
+        if not targets:
+            raise BadInput('where to? e.g. move(x=80), move(x="+5um", y=20)')
+        mover = self._choose(targets, mode, model, gains, force=force)
+
+        def plan() -> Planned:
+            return mover.plan(
+                {axis: target.um for axis, target in targets.items()},
+                relative=frozenset(axis for axis, target in targets.items() if target.relative),
+                duration_s=duration,
+                speed_um_per_s=speed,
+            )
+
+        planned = plan()
+        idle = not any(one.moving for one in mover.where().axes.values())
+        predicted = rehearse_move(mover, planned) if rehearse and idle and not force else {}
+        if on_planned is not None:
+            on_planned(planned, predicted)
+        self._engage()
+        return mover.move(plan(), predicted, wait=wait)
+
+    def hold(self) -> Where:
+        """Stops every axis that is held, within its limits, drops the moves that wait, and goes on holding.
+
+        A device that is not moving yet is armed, and holds where it stands. Raises as ``move`` does.
+        """
+        if not self._mover.gains or self._mover.where().state != "running":
+            self._choose({}, None, None, None)
+            self._engage()
+        return self._mover.hold()
+
+    def leave_running(self, model_path: str | os.PathLike[str] | None = None) -> None:
+        """Ends this program's part and leaves the axes held, without a host and without its timeout. A later
+        ``connect(..., resume=True)`` on this computer goes on with it; `phaselead park` ends it. A virtual stage ends
+        with its program. ``model_path``: the stage file the axes are held by.
+        """
+        mover, session = self._mover, self.device.session
+        self._alive.end()
+        self.device.set_timeout(0)
+        self.device.park_on_exit = False
+        before = recall(session.name)
+        kept = before.model if before is not None and before.nonce == session.nonce else None
+        path = kept if model_path is None else os.path.abspath(model_path)
+        self._left = LeftRunning(session.nonce, session.last_id, mover.mode, mover.axes, path)
+        self._note_left()
+
+    def _note_left(self) -> None:
+        """How far the requests of a session have come that goes on without this program."""
+        if self._left is not None:
+            remember(self.device.session.name, replace(self._left, last_id=self.device.session.last_id))
+
+    def take_up(self, left: LeftRunning) -> None:
+        """Goes on with a session that was left running; forgets it when the device is parked meanwhile."""
+        if self._mover.where().state != "running":
+            remember(self.device.session.name, None)
+            return
+        self._left = left
+        self.model = None if left.model is None else as_stage(left.model)
+        self._mover.take_up(left.axes, left.mode, self.model)
+
+    def _choose(
+        self,
+        targets: Mapping[str, Target],
+        mode: str | None,
+        model: StageLike | None,
+        gains: GainsLike | Mapping[str, GainsLike] | None,
+        *,
+        force: bool = False,
+    ) -> Mover:
+        stage = self.model if model is None else as_stage(model)
+        axes = "".join(sorted(set(targets) | (set(stage.axes) if stage is not None else set()))) or "x"
+        for line in self._mover.choose(axes, stage, mode, gains, force=force):
+            warnings.warn(line, stacklevel=4)
+        self.model = stage
+        return self._mover
+
+    def _engage(self) -> None:
+        self._mover.engage()
+        self._alive.begin()
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a controller."""
+
+    of: HoldsAndMoves
+    name: str
+
+    def move(
+        self,
+        target: TargetLike,
+        *,
+        duration: float | None = None,
+        speed: float | None = None,
+        wait: bool = True,
+    ) -> Moved:
+        """Moves this axis to a place in um, or by "+5um", and holds it there; as ``Controller.move``."""
+        to: dict[str, TargetLike] = {self.name: target}
+        return self.of.move(x=to.get("x"), y=to.get("y"), z=to.get("z"), duration=duration, speed=speed, wait=wait)
+
+    def where(self) -> AxisWhere:
+        """Where it is, and where it goes."""
+        return self.of.where().axes[self.name]
+
+    def hold(self) -> AxisWhere:
+        """Stops every axis and holds; where this one is then."""
+        return self.of.hold().axes[self.name]

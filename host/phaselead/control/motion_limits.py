@@ -1,0 +1,66 @@
+"""How fast an axis may be moved, from its model: what its output and its first mode allow."""
+
+from __future__ import annotations
+
+import math
+
+from phaselead.device import MotionLimits
+from phaselead.errors import BadInput
+from phaselead.model import AxisModel, SmallSignal, small_signal
+
+UNKNOWN_um_per_s = 1000.0
+"""Without a model: about what parking at 50 V/s does on a stage of 20 um/V."""
+UNDONE = ("inverse", "inverse+pid")
+SIGMAS = 5.0
+"""Of the sensor's noise: a sample beyond them once in 1.7 million, 6 minutes at 5 kHz."""
+WINDOW_S = 0.01
+"""On target is who stays within the window for so long: two periods of a mode of 200 Hz."""
+
+
+def motion_limits(model: AxisModel | None) -> MotionLimits:
+    """Limits of a reference: those at which the output would need its whole slew limit, or its whole range.
+
+    A mode of frequency f needs x + x''/(2 pi f)^2 of static position (Devasia, Eleftheriou and Moheimani 2007, IEEE
+    Trans. Control Syst. Technol. 15, 802: inversion feed-forward), so its output goes at x' + x'''/(2 pi f)^2 over the
+    gain; a least-jerk move has its largest velocity where its jerk slows the output down. The gain is that between the
+    flattest and the steepest of the hysteresis loop.
+    """
+    plant = None if model is None else _plant(model)
+    if model is None or plant is None:
+        return MotionLimits(velocity_um_per_s=UNKNOWN_um_per_s)
+    limits, gain = model.limits, sum(plant.gain_um_per_V) / 2
+    velocity = limits.slew_V_per_s * gain
+    f_Hz = first_mode_Hz(model)
+    if f_Hz is None:
+        return MotionLimits(velocity_um_per_s=velocity)
+    squared = (2 * math.pi * f_Hz) ** 2
+    return MotionLimits(velocity, (limits.u_max_V - limits.u_min_V) * gain * squared, velocity * squared)
+
+
+def first_mode_Hz(model: AxisModel) -> float | None:
+    """Of the modes that feedback meets the lowest, Hz; None where the model shows none."""
+    plant = _plant(model)
+    return None if plant is None else min((f_Hz for _, f_Hz, _ in plant.modes), default=None)
+
+
+def _plant(model: AxisModel) -> SmallSignal | None:
+    """None where the model does not tell."""
+    try:
+        return small_signal(model)
+    except BadInput:
+        return None
+
+
+def usual_duration_s(way_um: float, limits: MotionLimits, model: AxisModel | None, mode: str) -> float:
+    """Of a move that nobody gave a duration: the shortest and, where the mode is not undone, two of its periods: a
+    least-jerk move of that length has next to no power there."""
+    shortest_s = limits.shortest_s(way_um)
+    f_Hz = None if model is None or mode in UNDONE else first_mode_Hz(model)
+    return shortest_s if f_Hz is None else max(shortest_s, 2 / f_Hz)
+
+
+def window_um(model: AxisModel | None) -> float:
+    """How far off target noise alone takes a reading: five sigmas and half a code."""
+    sensor = (model or AxisModel()).sensor
+    code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits
+    return float(SIGMAS * sensor.noise_um_rms + code_um / 2)

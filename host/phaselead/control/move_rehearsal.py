@@ -1,0 +1,41 @@
+"""A move on the model before it is made: whether it ends in a fault, and when it will have settled."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from phaselead.control.moving import Mover, Planned
+from phaselead.control.rehearsal import as_played
+from phaselead.device import Device
+from phaselead.errors import BadInput, DeviceRefused
+
+APPROACH_S = 0.1
+"""Of the way to where the move begins, from rest."""
+
+
+def rehearse_move(mover: Mover, planned: Planned) -> dict[str, float | None]:
+    """Seconds from the begin until each axis is on target for good, on the model; None for one that is not within a
+    second. Empty without a model of every axis, and for models that the simulator cannot play.
+
+    Raises BadInput when the device would end in a fault.
+    """
+    stage, axes = mover.stage, "".join(sorted(planned.target_um))
+    if stage is None or any(axis not in stage.axes or stage.axes[axis].time is None for axis in axes):
+        return {}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        as_played(stage).save(path)
+        try:
+            with Device.open(f"sim://{path}") as device:
+                twin = Mover(device)
+                twin.choose(axes, stage, mover.mode, mover.gains, force=True)
+                twin.engage()
+                approach_s = max(APPROACH_S, twin.plan(planned.start_um).duration_s)
+                twin.move(twin.plan(planned.start_um, duration_s=approach_s))
+                moved = twin.move(twin.plan(planned.target_um, duration_s=planned.duration_s))
+        except DeviceRefused as fault:
+            raise BadInput(f"on the model {fault}; make the move longer, or choose other gains; or --force") from None
+        except BadInput:  # the model cannot be played, or starts out of its range
+            return {}
+    return {axis: one.settled_s for axis, one in moved.axes.items()}

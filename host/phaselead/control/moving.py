@@ -1,0 +1,309 @@
+"""Moves from where the axes are to where they shall be, and holds between them: what `phaselead move` does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.motion_limits import WINDOW_S, motion_limits, usual_duration_s, window_um
+from phaselead.control.tracking import NEEDS_MODEL, check_path, loop_warnings
+from phaselead.device import (
+    TICK_HZ,
+    Converters,
+    Device,
+    MotionLimits,
+    Where,
+    device_model,
+    inverse_refusal,
+    motion,
+)
+from phaselead.errors import BadInput, DeviceRefused
+from phaselead.model import AxisModel, Gains, Stage
+from phaselead.result import Result, Table
+from phaselead.waveforms import Goto
+
+ENGAGE_S = 0.05
+"""Of the join from the output there is to holding in closed loop."""
+STOP_S = 0.02
+"""Of the join to a hold under way; longer where the limits want it."""
+LONGEST_STOP_S = 5.0
+SETTLE_S = 1.0
+"""How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
+
+
+@dataclass(frozen=True)
+class AxisMoved:
+    """One axis of a move. Seconds are from its begin."""
+
+    from_um: float
+    to_um: float
+    duration_s: float
+    settled_s: float | None
+    """When it was within its window for good; None: it was not."""
+    predicted_s: float | None
+    """What the rehearsal on the model said; None without one."""
+    x_um: float
+    window_um: float
+
+
+@dataclass(frozen=True)
+class Moved(Result):
+    """A move that was made. Prints as a table."""
+
+    axes: Mapping[str, AxisMoved]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``phaselead move --json`` writes it: figures by axis."""
+        return {"axes": {axis: dict(vars(one)) for axis, one in self.axes.items()}}
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """One row an axis."""
+        rows = [{"axis": axis, **vars(one)} for axis, one in self.axes.items()]
+        return {name: [row[name] for row in rows] for name in rows[0]}
+
+    def tables(self) -> list[Table | str]:
+        headings = ("axis", "from (µm)", "to (µm)", "is at (µm)", "move (ms)", "settled (ms)", "window (µm)")
+        rows = tuple(
+            (
+                axis,
+                f"{one.from_um:.3f}",
+                f"{one.to_um:.3f}",
+                f"{one.x_um:.3f}",
+                f"{one.duration_s * 1e3:.1f}",
+                "not yet" if one.settled_s is None else f"{one.settled_s * 1e3:.1f}",
+                f"{one.window_um:.3f}",
+            )
+            for axis, one in self.axes.items()
+        )
+        return [Table(headings, rows)]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A move that may be made: where each axis starts and ends, and how long all of them take."""
+
+    start_um: Mapping[str, float]
+    target_um: Mapping[str, float]
+    duration_s: float
+
+    def sentences(self, predicted: Mapping[str, float | None]) -> list[str]:
+        """What will happen, a line an axis; ``predicted`` as ``rehearse_move`` gives it."""
+        return [
+            f"{axis}: {self.start_um[axis]:.3f} to {self.target_um[axis]:.3f} um in {self.duration_s * 1e3:.1f} ms, "
+            + ("settled later than a second after it" if seconds is None else f"settled after {seconds * 1e3:.1f} ms")
+            for axis, seconds in predicted.items()
+        ]
+
+
+@dataclass
+class Mover:
+    """The axes of one device while they are held and moved: ``choose`` how, ``engage``, ``move``; parking ends it."""
+
+    device: Device
+    stage: Stage | None = None
+    mode: str = ""
+    gains: dict[str, Gains] = field(default_factory=dict)
+    _calibration: Mapping[str, Converters] | None = None
+
+    @property
+    def axes(self) -> str:
+        """Letters of the axes that are held."""
+        return "".join(sorted(self.gains))
+
+    def model(self, axis: str) -> AxisModel | None:
+        return None if self.stage is None else self.stage.axes.get(axis)
+
+    def limits(self, axis: str) -> MotionLimits:
+        return motion_limits(self.model(axis))
+
+    def where(self) -> Where:
+        """Where the axes are; also feeds the host timeout."""
+        if self._calibration is None:
+            self._calibration = self.device.converters()
+        return motion.where(self.device, self._calibration)
+
+    # ---------------------------------------------------------------- holding
+
+    def choose(
+        self,
+        axes: str,
+        stage: Stage | None,
+        mode: str | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        *,
+        force: bool = False,
+    ) -> list[str]:
+        """How the axes will be held, before anything is done to the device; when it holds already, checks that it holds
+        these, so. Without a mode the best that the model allows. Returns what the model warns of.
+
+        Raises BadInput, and DeviceRefused where the device cannot be armed.
+        """
+        now = self.where()
+        if now.state == "running" and self.gains:
+            self._refuse_other(axes, mode)
+            return []
+        if now.state not in ("parked", "armed"):
+            raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
+        chosen = mode or best_mode(stage, axes)
+        if chosen == "open":
+            raise BadInput(
+                "mode open moves in volts and holds no position; use pid, ff, ff+pid, inverse or inverse+pid"
+            )
+        if chosen in NEEDS_MODEL and stage is None:
+            raise BadInput(f"mode {chosen} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
+        own = {axis: gains_of(gains, stage, axis) for axis in axes}
+        for axis in axes:
+            check_path(axis, _hold(now, axis), chosen, _model(stage, axis))
+        warnings = loop_warnings(stage, chosen, own, force=force)
+        self.stage, self.mode, self.gains = stage, chosen, own
+        return warnings
+
+    def engage(self) -> None:
+        """Uploads the model where the device holds another, arms, and holds the axes that were chosen where they stand.
+        Nothing when they are held already."""
+        state = self.where().state
+        if state == "running":
+            return
+        if self.stage is not None:
+            self.device.upload_if_other(device_model(self.stage))
+            self._calibration = None
+        for axis, gain in self.gains.items():
+            self.device.set_axis(axis, self.mode, **gain.model_dump(exclude={"origin"}))
+            motion.hold_from_start(self.device, axis, ENGAGE_S)
+            motion.set_motion(self.device, axis, self.limits(axis), window_um(self.model(axis)), WINDOW_S)
+        if state == "parked":
+            self.device.arm()
+        self.device.start(self.axes)
+        self._wait(2 * ENGAGE_S)
+
+    def _refuse_other(self, axes: str, mode: str | None) -> None:
+        if mode is not None and mode != self.mode:
+            raise BadInput(f"the axes are held in mode {self.mode}; park before you choose {mode}")
+        if strangers := sorted(set(axes) - set(self.gains)):
+            raise BadInput(
+                f"axis {strangers[0]} is not held: {self.axes} began without it; park, then name every axis that is to "
+                f"move in the first move"
+            )
+
+    def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:
+        """Goes on with axes that are held already; their gains are taken for the usual ones."""
+        self.stage, self.mode = stage, mode
+        self.gains = {axis: gains_of(None, stage, axis) for axis in axes}
+
+    # ---------------------------------------------------------------- moving
+
+    def plan(
+        self,
+        targets: Mapping[str, float],
+        *,
+        relative: frozenset[str] = frozenset(),
+        duration_s: float | None = None,
+        speed_um_per_s: float | None = None,
+    ) -> Planned:
+        """The move, checked against range and limits. All axes take the time of the slowest.
+
+        Raises BadInput: out of range, or a duration or a speed that cannot be kept, naming the shortest.
+        """
+        now = self.where()
+        start = {axis: one.target_um if one.held else one.x_um for axis, one in now.axes.items() if axis in targets}
+        target = {axis: value + (start[axis] if axis in relative else 0.0) for axis, value in targets.items()}
+        way = {axis: abs(target[axis] - start[axis]) for axis in targets}
+        shortest_s = max(self.limits(axis).shortest_s(way[axis]) for axis in targets)
+        seconds = duration_s
+        if speed_um_per_s is not None:
+            if not speed_um_per_s > 0:
+                raise BadInput(f"a speed of {speed_um_per_s:g} um/s: give one above 0")
+            seconds = max(1.875 * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
+        if seconds is None:
+            usual = (usual_duration_s(way[a], self.limits(a), self.model(a), self.mode) for a in targets)
+            seconds = max(usual)
+        elif seconds < shortest_s * (1 - 1e-9):
+            longest = max(way.values())
+            raise BadInput(
+                f"a move of {longest:.4g} um in {seconds * 1e3:.3g} ms is faster than the stage's limits allow; the "
+                f"shortest is {shortest_s * 1e3:.4g} ms, at {1.875 * longest / shortest_s:.4g} um/s"
+            )
+        for axis in targets:
+            goto = Goto(target[axis] - start[axis], start[axis], "um", 1 / seconds)
+            check_path(axis, goto, self.mode, _model(self.stage, axis))
+        return Planned(start, target, seconds)
+
+    def move(
+        self, planned: Planned, predicted: Mapping[str, float | None] | None = None, *, wait: bool = True
+    ) -> Moved:
+        """Makes a move, behind any that is under way; waits until all axes are on target, or a second after the move.
+
+        Raises DeviceRefused when a fault ends it.
+        """
+        segments = {axis: motion.move_segment(um, planned.duration_s) for axis, um in planned.target_um.items()}
+        tick = motion.queue(self.device, segments)
+        axes = set(planned.target_um)
+        found = self.where()
+        if wait:
+            while any(found.axes[axis].moving for axis in axes):
+                found = self._next()
+            end = found.tick + round(SETTLE_S * TICK_HZ)
+            while not all(found.axes[axis].on_target for axis in axes) and found.tick < end:
+                found = self._next()
+        moved = {}
+        for axis in planned.target_um:
+            one = found.axes[axis]
+            settled_s = (found.tick - one.near_ticks - tick) / TICK_HZ if one.on_target and not one.moving else None
+            moved[axis] = AxisMoved(
+                planned.start_um[axis],
+                planned.target_um[axis],
+                planned.duration_s,
+                None if settled_s is None else max(settled_s, planned.duration_s),
+                (predicted or {}).get(axis),
+                one.x_um,
+                window_um(self.model(axis)),
+            )
+        return Moved(moved)
+
+    def hold(self) -> Where:
+        """Stops every axis within its limits, drops what is queued, and holds."""
+        seconds = STOP_S
+        while True:
+            try:
+                motion.queue(self.device, {axis: motion.hold_segment(seconds) for axis in self.gains}, at_once=True)
+                break
+            except DeviceRefused:
+                seconds *= 2
+                if seconds > LONGEST_STOP_S:
+                    raise
+        self._wait(2 * seconds)
+        return self.where()
+
+    def _next(self) -> Where:
+        self.device.session.pump(64)
+        found = self.where()
+        if found.state != "running":
+            raise DeviceRefused(
+                f"the move ended in fault {found.fault}; docs/faults.md says why, `phaselead park` clears it"
+            )
+        return found
+
+    def _wait(self, seconds: float) -> None:
+        end = self.where().tick + round(seconds * TICK_HZ)
+        while self._next().tick < end:
+            pass
+
+
+def best_mode(stage: Stage | None, axes: str) -> str:
+    """inverse+pid where every axis' model has an inverse, else ff+pid where it has tables, else pid."""
+    models = [_model(stage, axis) for axis in axes]
+    if stage is not None and all(model.time is not None and inverse_refusal(model) is None for model in models):
+        return "inverse+pid"
+    return "ff+pid" if all(model.table is not None for model in models) else "pid"
+
+
+def _model(stage: Stage | None, axis: str) -> AxisModel:
+    return AxisModel() if stage is None else stage.axis(axis)
+
+
+def _hold(now: Where, axis: str) -> Goto:
+    """Where it stands, as a path of no length."""
+    return replace(Goto(0.0, 0.0, "um", 1.0), offset=max(0.0, now.axes[axis].x_um))

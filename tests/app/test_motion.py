@@ -1,0 +1,292 @@
+"""Paths one after another: continuous in position, velocity and acceleration, within the limits, on the same tick."""
+
+import numpy as np
+import pytest
+from device_bench import UM, Bench, V, model, step_of
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from phaselead.device import wire
+from phaselead.device.stream import decode_samples
+
+HERE, MORE = wire.PathFlag.FROM_HERE, wire.PathFlag.MORE
+NOTHING = wire.Segment(wire.PathKind.HOLD, 0, 0, 0, 0, 0, 0, 0)
+FINE = 1 << 24
+"""Limits are in so many parts of an LSB."""
+
+
+def per(ticks):
+    return min(-(-(2**64) // ticks), 2**64 - 1)
+
+
+def hold(offset=0, *, flags=0, ticks=0, enter=0):
+    return wire.Segment(wire.PathKind.HOLD, flags, 0, offset, 0, ticks, enter, 0)
+
+
+def move_to(target, ticks, *, enter=0, flags=0):
+    return wire.Segment(wire.PathKind.MOVE, HERE | flags, target, 0, per(ticks), 0, enter, 0)
+
+
+def sine(swing, offset, f_Hz, ticks, *, enter=200, leave=200, flags=0):
+    return wire.Segment(wire.PathKind.SINE, flags, swing, offset, step_of(f_Hz), ticks, enter, leave)
+
+
+def queue(bench, *, at_once=0, begin_tick=0, **segments):
+    mask = sum(1 << "xyz".index(axis) for axis in segments)
+    three = tuple(segments.get(axis, NOTHING) for axis in "xyz")
+    return bench.status_of(wire.QueueRequest(mask, at_once, begin_tick, three))
+
+
+def holding(axes="x", mode=wire.Mode.OPEN, **limits):
+    """A device whose axes hold where they stand."""
+    bench = Bench()
+    if mode != wire.Mode.OPEN:
+        assert bench.upload(model()).status == wire.Status.OK
+    for axis in range(len(axes)):
+        assert bench.set_axis(axis, mode, **({"kp": V // 50, "ki": 1 << 20} if "PID" in mode.name else {})) == 0
+        assert bench.set_path(axis, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
+        bench.ok(wire.SetJoinsRequest(axis, HERE, 50, 0))
+        if limits:
+            bench.ok(wire.MotionRequest(axis, **{"window_q16": UM, "window_ticks": 10} | limits))
+    bench.ok(wire.SetTimeoutRequest(0))
+    bench.ok(wire.ArmRequest(0))
+    bench.ok(wire.StreamStartRequest(wire.Channel.REFERENCE | wire.Channel.FEEDFORWARD, 2 ** len(axes) - 1, 1))
+    bench.ok(wire.StartRequest(2 ** len(axes) - 1))
+    bench.run(60)
+    return bench
+
+
+def recorded(bench):
+    """Every tick since the stream began, by axis."""
+    stopped = bench.ok(wire.StreamStopRequest())
+    bench.run(10)
+    head = bytes(wire.HEADER.size)
+    return decode_samples([head + batch.pack() for batch in bench.samples], 0, stopped.sent_ticks).axes
+
+
+def references(bench):
+    return {axis: stream.reference.astype(np.int64) for axis, stream in recorded(bench).items()}
+
+
+def derivatives(reference):
+    """The largest velocity, acceleration and jerk, per tick."""
+    return [int(np.abs(np.diff(reference, order)).max(initial=0)) for order in (1, 2, 3)]
+
+
+LIMITS = {"velocity": V // 40 * FINE, "acceleration": V // 800 * FINE, "jerk": V // 8000 * FINE}
+
+swing = st.integers(1, 4 * V)
+ticks = st.integers(1, 400)
+segment = st.one_of(
+    st.builds(move_to, st.integers(0, 8 * V), ticks, enter=st.sampled_from([0, 0, 60, 200])),
+    st.builds(hold, flags=st.just(HERE), ticks=st.integers(0, 40), enter=st.sampled_from([0, 100, 300])),
+    st.builds(sine, swing, st.integers(0, 4 * V), st.integers(1, 40), st.integers(0, 500), enter=ticks, leave=ticks),
+    st.builds(hold, st.integers(0, 8 * V), enter=st.integers(0, 500)),
+)
+commands = st.lists(st.tuples(segment, st.booleans(), st.integers(0, 300), st.integers(0, 60)), min_size=1, max_size=6)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(commands)
+def test_no_sequence_of_commands_exceeds_the_limits(asked):
+    """Velocity, acceleration and jerk of the reference, whatever is queued whenever, with four LSB for its rounding."""
+    bench = holding(**LIMITS)
+    for path, at_once, later, pause in asked:
+        begin = bench.status().tick + later if later > 10 else 0
+        status = queue(bench, x=path, at_once=int(at_once), begin_tick=begin)
+        assert status in (wire.Status.OK, wire.Status.BAD_VALUE, wire.Status.OUTSIDE_LIMITS, wire.Status.BUSY)
+        bench.run(1 + pause)
+    bench.run(600)
+    for found, limit in zip(derivatives(references(bench)["x"]), LIMITS.values(), strict=True):
+        assert found <= limit / FINE + 4
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.sampled_from([("move", 300), ("sine", 300), ("stop", 300)]), st.integers(1, 8 * V), st.floats(1, 30))
+def test_what_is_refused_is_about_as_fast_as_that(asked, swing, f_Hz):
+    """The bound of a path is within 1 % of what it does: limits at 1.01 of it admit it, at 0.99 refuse it."""
+    kind, enter = asked
+    path = move_to(swing, enter) if kind == "move" else sine(swing, 0, f_Hz, 5000, enter=enter, leave=enter)
+    bench = holding()
+    assert queue(bench, x=path) == wire.Status.OK
+    bench.run(1400 if kind != "stop" else 700)
+    speed = derivatives(references(bench)["x"])[0]
+    slower = holding(**dict.fromkeys(("acceleration", "jerk"), 0), velocity=int(0.98 * speed * FINE))
+    assert queue(slower, x=path) == wire.Status.OUTSIDE_LIMITS or speed < 100
+
+
+def test_a_move_arrives_to_the_bit_and_the_next_begins_there():
+    bench = holding()
+    for target in (5 * V, V + 7, 3 * V):
+        assert queue(bench, x=move_to(target, 100)) == wire.Status.OK
+    bench.run(80)
+    assert bench.ok(wire.WhereRequest()).queued == (2, 0, 0)
+    bench.run(300)
+    where = bench.ok(wire.WhereRequest())
+    assert (where.reference[0], where.end[0], where.moving) == (3 * V, 3 * V, 0)
+    reference = references(bench)["x"]
+    assert {5 * V, V + 7, 3 * V} <= set(reference.tolist())
+
+
+def test_a_path_that_begins_elsewhere_is_refused():
+    bench = holding()
+    assert queue(bench, x=move_to(4 * V, 100)) == wire.Status.OK
+    for other in (hold(4 * V + 1), hold(3 * V), sine(V, 4 * V, 5, 0, enter=0)):
+        assert queue(bench, x=other) == wire.Status.BAD_VALUE
+    from_elsewhere = wire.Segment(wire.PathKind.MOVE, 0, V, V, per(100), 0, 0, 0)
+    assert queue(bench, x=from_elsewhere) == wire.Status.BAD_VALUE
+    assert queue(bench, x=move_to(0, 100), at_once=1) == wire.Status.BAD_VALUE  # without a join it would jump
+    assert queue(bench, x=hold(4 * V)) == wire.Status.OK
+
+
+def test_axes_of_a_command_begin_in_the_same_tick():
+    bench = holding("xy")
+    assert queue(bench, y=move_to(V, 200)) == wire.Status.OK
+    assert queue(bench, x=move_to(2 * V, 100), y=move_to(3 * V, 100)) == wire.Status.OK
+    bench.run(500)
+    x, y = references(bench).values()
+    assert np.argmax(x > 0) == np.flatnonzero(y == V)[-1] + 1
+
+
+def test_a_dropped_companion_keeps_nobody_waiting():
+    bench = holding("xy")
+    assert queue(bench, y=move_to(V, 200)) == wire.Status.OK
+    assert queue(bench, x=move_to(2 * V, 100), y=move_to(3 * V, 100)) == wire.Status.OK
+    assert queue(bench, y=hold(flags=HERE, enter=100), at_once=1) == wire.Status.OK
+    bench.run(400)
+    assert bench.ok(wire.WhereRequest()).reference[0] == 2 * V
+
+
+def test_a_stamped_path_begins_in_its_tick():
+    bench = holding()
+    tick = bench.status().tick + 100
+    assert queue(bench, x=move_to(V, 100), begin_tick=tick) == wire.Status.OK
+    assert queue(bench, x=move_to(V, 100), begin_tick=3) == wire.Status.BAD_VALUE  # has passed
+    bench.run(300)
+    moved = np.flatnonzero(np.diff(references(bench)["x"]))
+    first = bench.samples[0].first_tick
+    assert first + moved[0] == tick  # its first value is the one that was held
+
+
+def test_a_queue_that_runs_dry_holds_and_says_so():
+    bench = holding()
+    assert queue(bench, x=move_to(V, 50, flags=MORE)) == wire.Status.OK
+    bench.run(100)
+    where = bench.ok(wire.WhereRequest())
+    assert (where.dry, where.reference[0], where.state) == (1, V, wire.State.RUNNING)
+    assert queue(bench, x=move_to(2 * V, 50, flags=MORE)) == wire.Status.OK
+    assert queue(bench, x=move_to(V, 50)) == wire.Status.OK
+    bench.run(200)
+    assert bench.ok(wire.WhereRequest()).dry == 0
+
+
+def test_a_full_queue_is_busy():
+    bench = holding()
+    taken = [queue(bench, x=hold(0, ticks=1000)) for _ in range(12)]
+    assert taken == [wire.Status.OK] * taken.index(wire.Status.BUSY) + [wire.Status.BUSY] * (
+        12 - taken.index(wire.Status.BUSY)
+    )
+    assert queue(bench, x=hold(0), at_once=1) == wire.Status.OK
+    bench.run(2)
+    assert bench.ok(wire.WhereRequest()).queued == (0, 0, 0)
+
+
+def test_only_axes_that_are_driven_can_queue(bench):
+    assert queue(bench, x=hold()) == wire.Status.WRONG_STATE
+    moving = holding()
+    assert queue(moving, y=hold()) == wire.Status.BAD_VALUE
+    assert queue(moving, x=move_to(11 * V, 100)) == wire.Status.OUTSIDE_LIMITS
+    moving.ok(wire.StopRequest())
+    assert queue(moving, x=hold()) == wire.Status.WRONG_STATE
+
+
+@pytest.mark.parametrize("mode", [wire.Mode.FF, wire.Mode.INVERSE])
+def test_feedforward_has_no_kick_at_either_end(mode):
+    """A sine entered by a join and ended in mid-slope: the feed-forward stays below 1.3 of the sine's own speed."""
+    bench = holding(mode=mode)
+    assert queue(bench, x=sine(60 * UM, 10 * UM, 20, 1062, enter=500, leave=500)) == wire.Status.OK
+    bench.run(2400)
+    u = recorded(bench)["x"].feedforward.astype(float)[60:]
+    steps = np.abs(np.diff(u))
+    middle = slice(700, 1400)
+    assert steps.max() < 1.3 * steps[middle].max()
+    assert np.abs(u[-50:] - u[-1]).max() <= 2  # it holds
+
+
+def test_an_inverse_sees_a_move_before_it_begins():
+    """Looking 1.5 ticks ahead from the first tick on it would begin with 50 steps of the recorded voltage."""
+    bench = holding(mode=wire.Mode.INVERSE)
+    bench.run(200)
+    assert queue(bench, x=move_to(150 * UM, 20)) == wire.Status.OK
+    bench.run(60)
+    x = recorded(bench)["x"]
+    steps, moves = (np.diff(channel.astype(int))[200:] for channel in (x.feedforward, x.reference))
+    first = np.flatnonzero(np.abs(steps) > 2)[0]
+    assert abs(steps[first]) < 25
+    assert first <= np.flatnonzero(moves)[0]
+
+
+def test_without_a_join_the_lead_is_dropped_in_one_tick():
+    """What the test above would see: the paper's sine stopped mid-slope."""
+    bench = holding(mode=wire.Mode.FF)
+    assert queue(bench, x=sine(60 * UM, 10 * UM, 20, 1062, enter=500, leave=0)) == wire.Status.OK
+    bench.run(2400)
+    steps = np.abs(np.diff(recorded(bench)["x"].feedforward.astype(float)[60:]))
+    assert steps.max() > 2 * steps[700:1400].max()
+
+
+def test_a_hold_within_a_move_stops_between_here_and_its_target():
+    bench = holding()
+    assert queue(bench, x=move_to(8 * V, 1000)) == wire.Status.OK
+    bench.run(500)
+    assert queue(bench, x=hold(flags=HERE, enter=100), at_once=1) == wire.Status.OK
+    bench.run(200)
+    where = bench.ok(wire.WhereRequest())
+    assert where.moving == 0
+    assert 4 * V < where.reference[0] < 5 * V
+
+
+def test_start_enters_a_path_and_says_when_it_begins():
+    bench = Bench()
+    assert bench.set_axis(0, wire.Mode.OPEN) == wire.Status.OK
+    assert bench.set_path(0, swing=4 * V, offset=V, ticks=1000) == wire.Status.OK
+    bench.ok(wire.SetJoinsRequest(0, 0, 300, 300))
+    bench.ok(wire.StreamStartRequest(wire.Channel.REFERENCE, 1, 1))
+    bench.ok(wire.ArmRequest(0))
+    first = bench.ok(wire.StartRequest(1)).first_tick
+    bench.run(2000)
+    reference = references(bench)["x"]
+    from_first = reference[first - bench.samples[0].first_tick :]
+    whole = V + 2 * V * (1 - np.cos(2 * np.pi * 5 / 5000 * np.arange(1000)))
+    assert np.abs(from_first[:1000] - whole).max() < 2
+    assert max(derivatives(from_first)) < V // 50
+    assert max(derivatives(reference[first - bench.samples[0].first_tick - 300 :])) < V // 50
+
+
+def test_on_target_needs_its_window_for_long_enough():
+    bench = holding(mode=wire.Mode.PID, velocity=0, acceleration=0, jerk=0, window_q16=UM, window_ticks=100)
+    bench.run(250)
+    assert bench.ok(wire.WhereRequest()).on_target == 1
+    assert queue(bench, x=move_to(bench.ok(wire.WhereRequest()).reference[0] + 5 * UM, 50)) == wire.Status.OK
+    bench.run(100)  # the sensor's code stays where it was
+    assert bench.ok(wire.WhereRequest()).on_target == 0
+
+
+def test_gains_change_without_a_bump():
+    bench = holding(mode=wire.Mode.PID)
+    bench.run(100, adc=19_900)
+    before = bench.run(1, adc=19_900)[0, 0]
+    bench.firmware.write(bench.frame(wire.SetGainsRequest(0, V // 5, 1 << 20, 0, 0x7FFFFFFF)))
+    after = bench.run(1, adc=19_900)[0, 0]
+    assert abs(int(after) - int(before)) <= 2
+    assert bench.status_of(wire.SetGainsRequest(0, -1, 0, 0, 1)) == wire.Status.BAD_VALUE
+
+
+def test_joins_need_a_path_that_can_have_them(bench):
+    assert bench.status_of(wire.SetJoinsRequest(0, 0, 10, 10)) == wire.Status.BAD_VALUE
+    assert bench.set_axis(0) == wire.Status.OK
+    assert bench.set_path(0) == wire.Status.OK
+    assert (
+        bench.status_of(wire.SetJoinsRequest(0, HERE, 10, 10)) == wire.Status.BAD_VALUE
+    )  # a sine begins at its offset
+    assert bench.status_of(wire.MotionRequest(0, 0, 0, 0, -1, 0)) == wire.Status.BAD_VALUE

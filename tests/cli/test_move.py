@@ -1,0 +1,91 @@
+"""move, hold and where: from the command line, and from one command to the next on a stage that stays."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from phaselead.sim import built_in
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "stage.toml"
+    built_in("xyz250").save(path)
+    return path
+
+
+def test_a_move_says_when_it_will_have_settled_and_when_it_had(run, model):
+    outcome = run("move", "x=50um", "--model", model)
+    assert outcome.status == 0, outcome.err
+    assert "to 50.000 um in" in outcome.out
+    assert "settled after" in outcome.out.splitlines()[0]
+    figures = run("move", "50um", "--axis", "y", "--model", model, "--json", "-").json["axes"]["y"]
+    assert abs(figures["x_um"] - 50) < 0.1
+    assert figures["settled_s"] == pytest.approx(figures["predicted_s"], abs=0.01)
+
+
+def test_without_a_model_it_moves_slowly_under_feedback(run):
+    (figures,) = run("move", "x=20um", "--json", "-").json["axes"].values()
+    assert figures["duration_s"] == pytest.approx(0.0375, abs=0.001)
+    assert figures["predicted_s"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("x=300um",), "outside what the sensor sees"),
+        (("x=50um", "--duration", "0.0005"), "the shortest is"),
+        (("x=50um", "--speed", "0"), "above 0"),
+        (("w=50um",), "no axis w"),
+        (("x=5V",), "takes micrometres"),
+        (("x=50um", "--mode", "inverse"), "needs a model"),
+        (("x=1um", "--mode", "pid", "--gains", "1,2"), "KP,KI,KD"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(run, words, said):
+    outcome = run("move", *words)
+    assert (outcome.status, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert said in outcome.err
+
+
+def test_where_and_hold_have_json(run):
+    where = run("where", "--json", "-").json
+    assert (where["state"], where["axes"]["x"]["held"]) == ("parked", False)
+    hold = run("hold", "--json", "-").json
+    assert (hold["state"], hold["axes"]["x"]["held"]) == ("running", True)
+
+
+def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):
+    """On a pseudo-terminal, in real time: five programs one after another."""
+    link = tmp_path / "stage"
+    env = os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")}
+
+    def phaselead(*words):
+        command = [sys.executable, "-m", "phaselead", *words, "--port", str(link)]
+        done = subprocess.run(command, capture_output=True, text=True, env=env, timeout=60)
+        return done.returncode, done.stdout, done.stderr
+
+    command = [sys.executable, "-m", "phaselead", "sim", "--pty", "--link", str(link)]
+    served = subprocess.Popen(command, stdout=subprocess.PIPE, env=env)
+    try:
+        served.stdout.readline()
+        assert phaselead("move", "x=40um", "--model", str(model), "--duration", "0.05")[0] == 0
+        status, out, _ = phaselead("where", "--json", "-")
+        here = json.loads(out)
+        assert (status, here["state"], here["axes"]["x"]["on_target"]) == (0, "running", True)
+        figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
+        assert figures["to_um"] == 45
+        status, _, err = phaselead("info")
+        assert status != 0
+        assert "phaselead park" in err
+        assert phaselead("park")[0] == 0
+        assert json.loads(phaselead("where", "--json", "-")[1])["state"] == "parked"
+    finally:
+        served.terminate()
+        served.wait()
+        served.stdout.close()

@@ -1,0 +1,226 @@
+"""Moves one after another without parking, holds, and what is refused before anything moves."""
+
+import numpy as np
+import pytest
+
+import phaselead as pl
+from phaselead.control import keep_alive, motion_limits
+from phaselead.control.hold_and_move import HoldsAndMoves
+from phaselead.control.targets import Target, parse_target, parse_targets
+from phaselead.device import MotionLimits, Where, motion, recall, remember, wire
+from phaselead.device.left_running import LeftRunning
+from phaselead.model import AxisModel
+from phaselead.sim import built_in
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return built_in("xyz250")
+
+
+@pytest.fixture
+def dev(stage):
+    with pl.connect() as device:
+        device.upload(stage)
+        yield device
+
+
+def test_two_moves_in_a_row_without_parking(dev):
+    states = []
+    for target in (80, 20, "+5um"):
+        moved = dev.x.move(target, duration=0.02).axes["x"]
+        states.append(dev.status().state)
+        assert abs(moved.x_um - moved.to_um) < 3 * moved.window_um
+        assert moved.duration_s <= moved.settled_s < 0.1
+    assert states == ["running"] * 3
+    assert dev.x.where().target_um == 25
+
+
+def test_what_the_rehearsal_says_comes_true(dev):
+    """On the very model: to two periods of its mode."""
+    dev.x.move(10)
+    moved = dev.x.move(60).axes["x"]
+    assert abs(moved.predicted_s - moved.settled_s) < 0.01
+
+
+def test_axes_arrive_together(dev):
+    dev.move(x=10, y=10, z=10)
+    moved = dev.move(x=60, y="+1um")
+    assert moved.axes["x"].duration_s == moved.axes["y"].duration_s
+    found = dev.where()
+    assert [round(found.axes[axis].target_um, 3) for axis in "xyz"] == [60, 11, 10]
+    assert (found.x.on_target, found.y.on_target) == (True, True)
+
+
+def test_a_hundred_micrometres_settle_within_twelve_milliseconds(dev):
+    """To 0.1 %, in the mode whose model is the stage's."""
+    dev.move(x=10, mode="inverse")
+    tick = dev.device.status().tick
+    moved = dev.x.move(110, duration=0.01).axes["x"]
+    assert dev.device.status().tick > tick
+    assert moved.settled_s <= 0.012
+    assert moved.window_um < 0.1
+
+
+def test_moves_queue_behind_each_other(dev):
+    dev.x.move(10)
+    dev.x.move(60, duration=0.2, wait=False)
+    dev.x.move(20, duration=0.2, wait=False)
+    assert dev.x.where().target_um == 20
+    dev.device.wait(0.5)
+    assert abs(dev.x.where().x_um - 20) < 0.2
+
+
+def test_hold_stops_a_move(dev):
+    dev.x.move(10)
+    dev.x.move(150, duration=0.5, wait=False)
+    dev.device.wait(0.25)
+    stopped = dev.hold().x
+    assert 60 < stopped.target_um < 110
+    assert abs(stopped.x_um - stopped.target_um) < 0.5
+    assert not stopped.moving
+
+
+def test_hold_arms_a_parked_device(dev):
+    found = dev.hold()
+    assert (found.state, found.x.held) == ("running", True)
+    assert abs(found.x.reference_um) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("target", "how", "words"),
+    [
+        ({"x": 400}, {}, "outside"),
+        ({"x": -30}, {}, "outside"),
+        ({"x": 60}, {"duration": 0.001}, "the shortest is"),
+        ({"x": 60}, {"speed": 1e6}, "the shortest is"),
+        ({"x": 60}, {"speed": -1}, "above 0"),
+        ({"x": "5V"}, {}, "takes micrometres"),
+        ({"x": "near"}, {}, "is no number"),
+        ({"x": float("nan")}, {}, "give a place"),
+        ({}, {}, "where to"),
+        ({"x": 5}, {"mode": "open"}, "holds no position"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_it_moves(dev, target, how, words):
+    with pytest.raises(pl.BadInput, match=words):
+        dev.move(**target, **how)
+    assert dev.where().state == "parked"
+
+
+def test_the_shortest_that_an_error_names_is_kept(dev):
+    with pytest.raises(pl.BadInput, match="shortest is") as refusal:
+        dev.move(x=60, duration=0.001)
+    named_ms = float(str(refusal.value).partition("shortest is ")[2].split()[0])
+    assert dev.move(x=60, duration=named_ms / 1e3).axes["x"].duration_s == pytest.approx(named_ms / 1e3)
+
+
+def test_a_mode_or_an_axis_is_chosen_with_the_first_move():
+    with pl.connect() as device:
+        device.move(x=20, mode="pid")
+        with pytest.raises(pl.BadInput, match="held in mode pid"):
+            device.move(x=30, mode="ff")
+        with pytest.raises(pl.BadInput, match="axis y is not held"):
+            device.move(y=30)
+        device.park()
+        assert device.move(y=30).axes["y"].to_um == 30
+
+
+def test_a_loop_that_the_model_cannot_stand_is_refused(dev):
+    with pytest.raises(pl.BadInput):
+        dev.move(x=20, mode="pid", gains=(0.3, 500, 0))
+    assert dev.status().state == "parked"
+
+
+def test_the_reference_keeps_the_limits_of_the_stage(dev, stage):
+    """Velocity and jerk of three moves as recorded, against the limits that were derived from the model."""
+    dev.x.move(10)
+    limits = motion_limits.motion_limits(stage.axes["x"])
+    dev.x.move(60, wait=False)
+    dev.x.move(20, wait=False)
+    run = dev.device.capture(400, start=False, park=False)
+    reference = run.axes["x"].reference / 2**16
+    for order, limit in enumerate((limits.velocity_um_per_s, limits.acceleration_um_per_s2, limits.jerk_um_per_s3), 1):
+        assert np.abs(np.diff(reference, order)).max() * 5000**order <= limit * 1.01 + 8 * 5000**order / 2**16
+
+
+def test_limits_of_a_model():
+    assert motion_limits.motion_limits(None) == MotionLimits(velocity_um_per_s=1000.0)
+    assert motion_limits.motion_limits(AxisModel()) == MotionLimits(velocity_um_per_s=1000.0)
+    limits = MotionLimits(1000.0, 0.0, 0.0)
+    assert limits.shortest_s(100) == pytest.approx(0.1875, abs=4e-4)
+    assert limits.shortest_s(0) == pytest.approx(4e-4)
+
+
+def test_targets():
+    assert parse_targets("x=50um, y=+5um") == {"x": Target(50, False), "y": Target(5, True)}
+    assert parse_targets("-500nm", "z") == {"z": Target(-0.5, True)}
+    assert parse_target(3) == Target(3.0, False)
+    for wrong in ("w=5um", "x=5um,x=6um", "x=5"):
+        with pytest.raises(pl.BadInput, match="target"):
+            parse_targets(wrong)
+
+
+def test_where_prints_as_a_table(dev):
+    text = str(dev.where())
+    assert "parked" in text
+    assert isinstance(dev.where(), Where)
+    assert set(dev.where().as_dict()["axes"]) == {"x", "y", "z"}
+    with pytest.raises(AttributeError):
+        dev.where().w  # noqa: B018
+
+
+# ---------------------------------------------------------------- between two calls
+class Asked:
+    """A session that only counts."""
+
+    def __init__(self):
+        import threading
+
+        self.virtual, self.lock, self.count = False, threading.RLock(), 0
+        self.three = threading.Event()
+
+    def request(self, command):
+        assert isinstance(command, wire.StatusRequest)
+        self.count += 1
+        if self.count == 3:
+            self.three.set()
+
+
+def test_the_device_is_kept_alive_between_two_cells(monkeypatch):
+    monkeypatch.setattr(keep_alive, "PERIOD_S", 0.001)
+    session = Asked()
+    alive = keep_alive.KeepAlive(session)
+    alive.begin()
+    assert session.three.wait(10)
+    alive.end()
+    counted = session.count
+    with session.lock:
+        assert session.count == counted
+    alive.end()
+
+
+def test_a_session_that_was_left_running_is_taken_up_by_port(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    left = LeftRunning(7, 12, "pid", "x", None)
+    remember("/dev/ttyX", left)
+    assert recall("/dev/ttyX") == left
+    assert recall("/dev/ttyY") is None
+    remember("sim://xyz250", left)
+    assert recall("sim://xyz250") is None
+    remember("/dev/ttyX", None)
+    assert recall("/dev/ttyX") is None
+    (tmp_path / "phaselead" / "sessions.json").write_text("{")
+    assert recall("/dev/ttyX") is None
+
+
+def test_the_next_program_goes_on_where_the_last_one_left(dev):
+    dev.move(x=40, mode="pid")
+    next_one = HoldsAndMoves(dev.device)
+    next_one.take_up(LeftRunning(dev.device.session.nonce, 0, "pid", "xyz", None))
+    assert next_one.x.move("+2um", duration=0.1).axes["x"].to_um == 42
+
+
+def test_joins_have_a_longest():
+    with pytest.raises(pl.BadInput, match="at most"):
+        motion.join_ticks(20.0)
