@@ -364,7 +364,7 @@ int main(int count, char **arguments)
             struct device_port port = {
                 .baud = 2000000, .target = "fuzz", .reset_cause = (enum wire_reset_cause)below(5)};
             if (i == 0 || below(3) == 0)
-                host_flash_init(&flash, NULL);
+                host_flash_init(&flash, NULL, 0);
             else if (below(2))
                 fill(flash.image + below(HOST_FLASH_SIZE - 8), 8);
             port.flash = host_flash_port(&flash);
