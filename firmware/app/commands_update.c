@@ -14,18 +14,21 @@ static bool is_at_zero(const struct device *device)
     return true;
 }
 
-/* A restart clears the outputs, and an erase holds them: both only from 0 V. */
-static bool is_at_zero_or_goes_there(struct device *device)
+/* A restart clears the outputs, and an erase holds them: both only from 0 V. A fault that holds keeps its outputs. */
+static enum wire_status go_to_zero(struct device *device)
 {
+    enum wire_status status = WIRE_STATUS_OK;
     device_lock(device);
-    bool at_zero = is_at_zero(device);
-    if (!at_zero) {
+    if (!is_at_zero(device) && device->control.state != WIRE_STATE_PARKED) {
+        status = WIRE_STATUS_WRONG_STATE;
+    } else if (!is_at_zero(device)) {
         for (unsigned axis = 0; axis < AXES; axis++)
             device->control.config[axis].u_park_q24 = 0;
         axes_leave_paths(device, DRIVE_RAMP);
+        status = WIRE_STATUS_BUSY;
     }
     device_unlock(device);
-    return at_zero;
+    return status;
 }
 
 static unsigned free_slot(const struct device *device)
@@ -108,8 +111,9 @@ enum wire_status command_update_begin(struct device *device, const struct reques
     memcpy(&header, begin.header, sizeof header);
     if (!is_for_this_device(device, &header))
         return WIRE_STATUS_BAD_VALUE;
-    if (!is_at_zero_or_goes_there(device))
-        return WIRE_STATUS_BUSY;
+    enum wire_status status = go_to_zero(device);
+    if (status != WIRE_STATUS_OK)
+        return status;
     update->header = header;
     update->receiving = true;
     return make_room(device) ? WIRE_STATUS_OK : flash_failed(device, answer);
@@ -156,8 +160,9 @@ enum wire_status command_update_restart(struct device *device, const struct requ
     (void)answer;
     if (!has_images(device))
         return WIRE_STATUS_MODE_UNSUPPORTED;
-    if (!is_at_zero_or_goes_there(device))
-        return WIRE_STATUS_BUSY;
+    enum wire_status status = go_to_zero(device);
+    if (status != WIRE_STATUS_OK)
+        return status;
     device->update.restart_tick = device->control.tick + UPDATE_RESTART_TICKS;
     device->update.restarting = true;
     return WIRE_STATUS_OK;

@@ -208,10 +208,10 @@ enum wire_update_standing {
     COMMAND(set_timeout, WIRE_SET_TIMEOUT, WIRE_ANY_STATE, false) \
     COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false) \
     COMMAND(update_info, WIRE_UPDATE_INFO, WIRE_ANY_STATE, true) \
-    COMMAND(update_begin, WIRE_UPDATE_BEGIN, 1u << WIRE_STATE_PARKED, true) \
-    COMMAND(update_chunk, WIRE_UPDATE_CHUNK, 1u << WIRE_STATE_PARKED, true) \
-    COMMAND(update_commit, WIRE_UPDATE_COMMIT, 1u << WIRE_STATE_PARKED, true) \
-    COMMAND(update_restart, WIRE_UPDATE_RESTART, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(update_begin, WIRE_UPDATE_BEGIN, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_chunk, WIRE_UPDATE_CHUNK, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_commit, WIRE_UPDATE_COMMIT, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_restart, WIRE_UPDATE_RESTART, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
     COMMAND(update_confirm, WIRE_UPDATE_CONFIRM, WIRE_ANY_STATE, true)
 
 /* Before every payload */
@@ -533,7 +533,7 @@ struct wire_update_info_reply {
     uint32_t trial_ticks; /* after which an image that was not confirmed restarts */
 };
 
-/* 0x31: Checks an image's header and erases the slot that does not run; while parked at 0 V */
+/* 0x31: Checks an image's header and erases the slot that does not run; while parked or in fault, at 0 V */
 #define WIRE_UPDATE_BEGIN_REQUEST_SIZE 64
 struct wire_update_begin_request {
     uint8_t header[64]; /* the image's first 64 bytes: magic, CRC, length, address, version, target, build id */
@@ -598,7 +598,7 @@ struct wire_event {
 #define WIRE_UPDATE_CHUNK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_UPDATE_COMMIT_REQUEST_SIZE 0 /* Checks the CRC over what is in flash, programs the header, and puts the image on trial at the next start */
 #define WIRE_UPDATE_COMMIT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
-#define WIRE_UPDATE_RESTART_REQUEST_SIZE 0 /* Restarts the device, 20 ms after the reply; while parked at 0 V */
+#define WIRE_UPDATE_RESTART_REQUEST_SIZE 0 /* Restarts the device, 20 ms after the reply; while parked or in fault, at 0 V */
 #define WIRE_UPDATE_RESTART_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_UPDATE_CONFIRM_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 

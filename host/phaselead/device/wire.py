@@ -1717,7 +1717,7 @@ class UpdateBeginReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class UpdateBeginRequest(Command[UpdateBeginReply]):
-    """Checks an image's header and erases the slot that does not run; while parked at 0 V."""
+    """Checks an image's header and erases the slot that does not run; while parked or in fault, at 0 V."""
 
     NAME: ClassVar[str] = "update_begin"
     NUMBER: ClassVar[int] = 0x31
@@ -1725,7 +1725,7 @@ class UpdateBeginRequest(Command[UpdateBeginReply]):
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BUSY: "its outputs are on their way to 0 V; try again",
         Status.BAD_VALUE: "the image is for another board or another slot",
-        Status.WRONG_STATE: "not while it is armed, in fault or on trial; `phaselead park` it, or restart it",
+        Status.WRONG_STATE: "not while armed, on trial, or in fault away from 0 V; `phaselead park` it first",
         Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
     }
     SIZE: ClassVar[int] = 64
@@ -1868,7 +1868,7 @@ class UpdateRestartReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class UpdateRestartRequest(Command[UpdateRestartReply]):
-    """Restarts the device, 20 ms after the reply; while parked at 0 V."""
+    """Restarts the device, 20 ms after the reply; while parked or in fault, at 0 V."""
 
     NAME: ClassVar[str] = "update_restart"
     NUMBER: ClassVar[int] = 0x34

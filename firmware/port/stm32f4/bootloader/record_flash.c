@@ -15,27 +15,31 @@ uint32_t record_flash_address(unsigned slot)
 
 /* From RAM, since a fetch from flash that is busy would only wait. By bytes, which works from 1.7 V on: nobody has
  * looked at the supply yet. */
-RAM_CODE static bool program_byte(volatile uint8_t *to, uint8_t byte)
+RAM_CODE static bool program_bytes(volatile uint8_t *to, const uint8_t *bytes, size_t size)
 {
-    *to = byte;
-    __asm volatile("dsb");
-    for (uint32_t turns = BYTE_TURNS; turns > 0; turns--)
-        if ((FLASH->SR & FLASH_SR_BSY) == 0)
-            return (FLASH->SR & FLASH_SR_ERRORS) == 0;
-    return false;
+    bool done = true;
+    FLASH->CR = FLASH_CR_PG | FLASH_CR_BY_BYTE;
+    for (size_t i = 0; i < size && done; i++) {
+        uint32_t turns = BYTE_TURNS;
+        to[i] = bytes[i];
+        __asm volatile("dsb");
+        while ((FLASH->SR & FLASH_SR_BSY) != 0 && turns > 0)
+            turns--;
+        done = turns > 0 && (FLASH->SR & FLASH_SR_ERRORS) == 0;
+    }
+    FLASH->CR = 0;
+    return done;
 }
 
 static bool program(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size)
 {
-    volatile uint8_t *to = (volatile uint8_t *)(BOOT_RECORD_FLASH + offset);
-    bool done = slot == BOOT_RECORD_SLOT;
     (void)context;
+    if (slot != BOOT_RECORD_SLOT)
+        return false;
     FLASH->SR = FLASH_SR_ERRORS | FLASH_SR_EOP;
     FLASH->KEYR = KEY1;
     FLASH->KEYR = KEY2;
-    FLASH->CR = FLASH_CR_PG | FLASH_CR_BY_BYTE;
-    for (size_t i = 0; i < size && done; i++)
-        done = program_byte(to + i, bytes[i]);
+    bool done = program_bytes((volatile uint8_t *)(BOOT_RECORD_FLASH + offset), bytes, size);
     FLASH->CR = FLASH_CR_LOCK;
     return done;
 }

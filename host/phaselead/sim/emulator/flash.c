@@ -8,7 +8,7 @@
 #include <string.h>
 
 #define FLASH_BASE 0x08000000
-#define FLASH_AT_0 0x00000000 /* the same cells, where nothing is laid over them but the guard */
+#define FLASH_AT_0 0x00000000 /* the same cells, as the processor has them after a reset */
 #define FIRST_SECTOR 1u
 #define LAST_SECTOR 7u
 #define PROGRAM_NS 16000
@@ -34,14 +34,15 @@ static const uint32_t SECTORS[] = {0, 0x4000, 0x8000, 0xC000, 0x10000, 0x20000, 
 /* A word at a time, of 16, 64 and 128 KB: typical by the data sheets. */
 static const int64_t ERASE_NS[] = {0, 250000000, 250000000, 250000000, 550000000, 1000000000, 1000000000, 1000000000};
 
-static MemoryRegion controller, programming, guard, guard_alias;
+static MemoryRegion controller, watched, watched_at_0;
 static QEMUTimer end;
 static uint8_t cells[FLASH_CELLS];
 static bool filled;
 static uint32_t regs[8];
-static bool half_unlocked, busy, waits_read;
+static bool half_unlocked, busy, waits_read, watching;
 static int64_t cut_after = -1;
 static uint64_t changes;
+static size_t changed_from, changed_to; /* of `cells`, not yet where the processor sees it */
 
 /* What was loaded is known only once the processor runs. */
 const uint8_t *flash_cells(void)
@@ -82,11 +83,28 @@ static bool change(uint8_t *cell, uint8_t to)
     return true;
 }
 
+/* Every access is looked at while flash is busy or bits can be programmed; then the processor sees what was changed. At
+ * other times a store is lost, as QEMU's memory is ROM. */
+static void watch(void)
+{
+    const bool now = busy || ((regs[CR] & CR_PG) && !(regs[CR] & CR_LOCK));
+    if (now == watching)
+        return;
+    flash_cells();
+    watching = now;
+    memory_region_set_enabled(&watched, now);
+    memory_region_set_enabled(&watched_at_0, now);
+    if (!now && changed_from < changed_to)
+        address_space_write_rom(address_space_memory, FLASH_AT_0 + changed_from, 1, cells + changed_from,
+                                changed_to - changed_from);
+    if (!now)
+        changed_from = changed_to = 0;
+}
+
 static void set_busy(bool now)
 {
     busy = now;
-    memory_region_set_enabled(&guard, now);
-    memory_region_set_enabled(&guard_alias, now);
+    watch();
 }
 
 static void on_end(void *opaque)
@@ -102,45 +120,37 @@ static void start(int64_t ns)
     timer_mod(&end, now_ns() + ns);
 }
 
-static uint64_t touched(void *opaque, uint64_t offset, unsigned size)
-{
-    (void)opaque, (void)size;
-    board_broken("flash was read at 0x%08llx while it was busy", (unsigned long long)(FLASH_BASE + offset));
-}
-
-static void touched_by_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
-{
-    (void)value;
-    touched(opaque, offset, size);
-}
-
 static uint64_t cell_read(void *opaque, uint64_t offset, unsigned size)
 {
     uint64_t value = 0;
     (void)opaque;
-    memcpy(&value, flash_cells() + SECTORS[FIRST_SECTOR] + offset, size);
+    if (busy)
+        board_broken("flash was read at 0x%08llx while it was busy", (unsigned long long)(FLASH_BASE + offset));
+    memcpy(&value, flash_cells() + offset, size);
     return value;
 }
 
-/* What was changed, where the processor sees it. */
-static void show(size_t from, size_t size)
+static void note_changed(size_t from, size_t to)
 {
-    address_space_write_rom(address_space_memory, FLASH_AT_0 + from, 1, cells + from, size);
+    const bool none = changed_from == changed_to;
+    changed_from = none || from < changed_from ? from : changed_from;
+    changed_to = none || to > changed_to ? to : changed_to;
 }
 
 static void cell_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
 {
-    const size_t at = SECTORS[FIRST_SECTOR] + offset;
     (void)opaque;
+    if (busy || offset < SECTORS[FIRST_SECTOR])
+        board_broken("flash was written at 0x%08llx %s", (unsigned long long)(FLASH_BASE + offset),
+                     busy ? "while it was busy" : "where the bootloader is");
     if (size != 1u << (regs[CR] >> 8 & 3u)) {
         regs[SR] |= SR_PGPERR;
         return;
     }
-    flash_cells();
     for (unsigned i = 0; i < size; i++)
-        if (!change(&cells[at + i], cells[at + i] & (uint8_t)(value >> 8 * i)))
+        if (!change(&cells[offset + i], cells[offset + i] & (uint8_t)(value >> 8 * i)))
             break;
-    show(at, size);
+    note_changed(offset, offset + size);
     start(PROGRAM_NS);
 }
 
@@ -150,19 +160,11 @@ static void erase(uint32_t sector)
         regs[SR] |= SR_WRPERR;
         return;
     }
-    const size_t from = SECTORS[sector], to = SECTORS[sector + 1];
-    flash_cells();
-    for (size_t i = from; i < to; i++)
+    start(ERASE_NS[sector]);
+    for (size_t i = SECTORS[sector]; i < SECTORS[sector + 1]; i++)
         if (!change(&cells[i], 0xFF))
             break;
-    show(from, to - from);
-    start(ERASE_NS[sector]);
-}
-
-/* Stores are looked at while bits can be programmed; a stray one at another time is lost, as QEMU's memory is ROM. */
-static void watch_stores(void)
-{
-    memory_region_set_enabled(&programming, (regs[CR] & CR_PG) && !(regs[CR] & CR_LOCK));
+    note_changed(SECTORS[sector], SECTORS[sector + 1]);
 }
 
 static uint64_t controller_read(void *opaque, uint64_t offset, unsigned size)
@@ -194,7 +196,7 @@ static void controller_write(void *opaque, uint64_t offset, uint64_t value, unsi
     else if (offset / 4 == CR) {
         if (!(regs[CR] & CR_LOCK) && !busy)
             regs[CR] = (uint32_t)value & ~CR_STRT;
-        watch_stores();
+        watch();
         if (!(regs[CR] & CR_LOCK) && (value & CR_STRT) && (value & CR_SER) && !busy)
             erase((uint32_t)value >> 3 & 15u);
     } else if (offset / 4 == ACR) {
@@ -215,25 +217,20 @@ void flash_reset(void)
     half_unlocked = false;
     timer_del(&end);
     set_busy(false);
-    watch_stores();
 }
 
 void flash_map(void)
 {
     static const MemoryRegionOps cell_ops = {
         .read = cell_read, .write = cell_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
-    static const MemoryRegionOps guard_ops = {
-        .read = touched, .write = touched_by_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
     static const MemoryRegionOps controller_ops = {.read = controller_read,
                                                    .write = controller_write,
                                                    .endianness = LITTLE_ENDIAN_DEVICE,
                                                    .valid = {4, 4, false, NULL}};
     board_map(&controller, &controller_ops, "flash controller", 0x40023C00, 0x400);
-    board_map(&programming, &cell_ops, "flash that is programmed", FLASH_BASE + SECTORS[FIRST_SECTOR],
-              FLASH_CELLS - SECTORS[FIRST_SECTOR]);
-    board_map(&guard, &guard_ops, "busy flash", FLASH_BASE, FLASH_CELLS);
-    board_map(&guard_alias, &guard_ops, "busy flash at 0", FLASH_AT_0, FLASH_CELLS);
-    set_busy(false);
-    watch_stores();
+    board_map(&watched, &cell_ops, "flash", FLASH_BASE, FLASH_CELLS);
+    board_map(&watched_at_0, &cell_ops, "flash at 0", FLASH_AT_0, FLASH_CELLS);
+    memory_region_set_enabled(&watched, false);
+    memory_region_set_enabled(&watched_at_0, false);
     timer_init_full(&end, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_end, NULL);
 }
