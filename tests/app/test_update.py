@@ -8,7 +8,7 @@ import struct
 from zlib import crc32
 
 import pytest
-from device_bench import Bench, V
+from device_bench import Bench, V, model
 
 from phaselead.device import wire
 
@@ -252,8 +252,6 @@ def test_an_output_that_is_not_at_zero_is_ramped_there_first(park_at_one_volt):
 
 @pytest.fixture
 def park_at_one_volt():
-    from device_bench import model
-
     bench = boot(factory())
     bench.ok(wire.HelloRequest())
     bench.upload(model(u_park_q24=V))
@@ -270,6 +268,92 @@ def test_a_full_record_is_written_anew():
     assert running(boot(cells)) == bytes([3]) * 20
     start = MODELS_SIZE + 2 * SLOT_SIZE
     assert cells[start : start + 32] == entry(3, 0) * 2  # what ran when it was erased
+
+
+BLANK = b"\xff" * 16
+
+
+@pytest.mark.parametrize(
+    ("record", "runs"),
+    [
+        (entry(3, 0) + BLANK + entry(3, 1), NEW),  # a place that was barely begun reads as blank
+        (entry(3, 0) + entry(3, 1)[:-1] + b"\0", OLD),
+        (entry(3, 0) + b"\0" * 16 + entry(3, 1), NEW),
+        (entry(3, 0) + entry(1, 1, 0), OLD),  # on trial was another image
+        (entry(3, 0) + entry(9, 1), OLD),
+        (entry(3, 0) + entry(3, 7), OLD),
+    ],
+)
+def test_entries_that_are_none_say_nothing(record, runs):
+    assert running(boot(flashed(a=image(OLD, 0), b=image(NEW, 1), record=record))) == runs
+
+
+def record_of(bench):
+    start = MODELS_SIZE + 2 * SLOT_SIZE
+    return bench.firmware.cells()[start : start + RECORD_SIZE]
+
+
+def test_a_confirmation_is_written_twice_at_the_latest_at_the_next_start():
+    bench = boot(flashed(a=image(OLD, 0), record=entry(3, 0)))
+    assert record_of(bench)[:48] == entry(3, 0) * 2 + BLANK
+    assert record_of(boot(bench.firmware.cells()))[:48] == entry(3, 0) * 2 + BLANK
+    elsewhere = boot(flashed(a=image(OLD, 0), record=entry(3, 1)))  # another one is confirmed than that which runs
+    assert record_of(elsewhere)[:32] == entry(3, 1) + BLANK
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_a_place_that_does_not_take_an_entry_is_passed_over(seed):
+    cells = bytearray(factory())
+    cells[CELLS + MODELS_SIZE + 2 * SLOT_SIZE + 32] = 1  # the next place's first bit reads either way
+    cells[-4:] = seed.to_bytes(4, "little")
+    bench = boot(bytes(cells))
+    bench.ok(wire.HelloRequest())
+    receive(bench, image(NEW, 1))
+
+
+def test_an_image_on_trial_takes_no_update():
+    bench = boot(factory())
+    bench.ok(wire.HelloRequest())
+    receive(bench, image(NEW, 1))
+    restart(bench)
+    bench.ok(wire.HelloRequest())
+    assert bench.status_of(next(steps(image(NEWER, 0)))) == wire.Status.WRONG_STATE
+    bench.run(ATTEMPTS * TRIAL_TICKS)
+    assert running(bench) == OLD
+
+
+def test_a_device_that_is_about_to_restart_is_not_armed():
+    bench = boot(factory())
+    bench.ok(wire.HelloRequest())
+    bench.ok(wire.UpdateRestartRequest())
+    assert bench.status_of(wire.ArmRequest(0)) == wire.Status.BUSY
+    bench.run(RESTART_TICKS)
+    bench.ok(wire.HelloRequest())
+    bench.ok(wire.ArmRequest(0))
+
+
+def test_a_fault_is_no_hindrance_at_zero_and_one_that_holds_keeps_its_output():
+    bench = boot(factory())
+    bench.ok(wire.HelloRequest())
+    bench.firmware.inject(wire.Fault.CONVERTER_SILENT)
+    bench.run(2)
+    assert bench.state == wire.State.FAULT
+    receive(bench, image(NEW, 1))
+    restart(bench)
+    assert running(bench) == NEW
+
+    bench = boot(factory())
+    bench.ok(wire.HelloRequest())
+    bench.drive()
+    bench.run(100)
+    bench.firmware.inject(wire.Fault.TRACKING_ERROR)
+    bench.run(2)
+    held = bench.dac[-1, 0]
+    assert bench.state == wire.State.FAULT
+    assert held != 32768
+    for command in (next(steps(image(NEW, 1))), wire.UpdateRestartRequest()):
+        assert bench.status_of(command) == wire.Status.WRONG_STATE
+    assert (bench.run(200)[:, 0] == held).all()
 
 
 def test_a_device_without_images_says_so():
