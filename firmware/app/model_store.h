@@ -1,7 +1,8 @@
 /* The stage model in the device: uploaded as a transaction, validated, expanded into tables, kept in flash.
  *
  * Two slots in RAM: the active one, and the one an upload is built in. Two slots in flash, each with one record; a
- * save goes to the older, and its header is programmed last, so that a torn write is never taken for a record.
+ * save goes to the older, and its header is programmed last, so that a torn write is never taken for a record. Before
+ * anything is erased the newer is marked, so that it is known later whether a save was lost.
  */
 #ifndef PHASELEAD_APP_MODEL_STORE_H
 #define PHASELEAD_APP_MODEL_STORE_H
@@ -10,7 +11,7 @@
 #include "app/model_slot.h"
 
 #define FLASH_SLOTS 2
-#define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE) /* so much a slot holds at least */
+#define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE + 4) /* so much a slot holds at least */
 
 struct model_store {
     struct model_slot slots[2];
