@@ -1,6 +1,6 @@
 """A thousand saves, most of them cut short: after an erase, between two bytes, within one. What was on its way reads
-either way from then on, each time anew. The newest whole record loads, or the device says that a save was lost and has to
-be armed by name; and once a save was acknowledged nothing of what went before is to be seen.
+either way from then on, each time anew. The newest whole record loads, or the device says that a save was lost and is
+armed by name alone; and once a save was acknowledged nothing of what went before is to be seen.
 
 tests/emulated/test_storage_cut.py does a sample of it in the ELF.
 """
@@ -116,7 +116,7 @@ def test_a_save_that_was_repeated_after_a_cut_is_clean_ever_after():
 
 
 def test_two_records_that_read_as_none_today_do_not_read_as_the_newest_tomorrow():
-    """Both saves were cut in their last byte. A save that leaves the other slot as it is would be found older than it."""
+    """Both saves were cut in their last byte. A save that left the other slot alone would be the older one."""
     source, neither = random.Random(1), 0
     for _ in range(60):
         cells = None

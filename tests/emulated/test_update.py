@@ -14,13 +14,13 @@ from talker import Talker, stage_model, upload
 
 from phaselead.cli import main
 from phaselead.device import wire
-from phaselead.device.update import CHUNK, HEADER, parse_images, read_images
+from phaselead.device.update import HEADER, parse_images, read_images
 from phaselead.sim.emulated import Injection, find_firmware
 
 BOARD, PORT = "nucleo_f446re", "qemu://nucleo_f446re"
 OLD_SLOT, NEW_SLOT = 0x0802_0000, 0x0804_0000
 ZERO_V = 32768
-ERASED, RECORD, ENTRY = 128 * 1024, 16 * 1024, 16
+ERASED, ENTRY, CHUNK = 128 * 1024, 16, 1024
 ERASE_TICKS, TRIAL_TICKS = 20_000, 50_000
 UNDEFINED = struct.pack("<H", 0xDEFF)
 

@@ -15,14 +15,12 @@ from phaselead.device import wire
 from phaselead.device.session import FLASH_WAITS_S, Greeting, Refused, Session
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.result import Facts
-from phaselead.serial_ports import BAUD, open_port
+from phaselead.serial_ports import open_port
 
 HEADER = struct.Struct("<5I24s20s")
 """struct image_header of firmware/app/image.h."""
 MAGIC = 0x3149_4C50
 CRC_FROM = 8
-CHUNK = 1024
-"""Bytes; a multiple of the flash's words."""
 TO_ZERO_S = 30.0
 """An output of 10 V is ramped to 0 V at the model's own pace, by default in 0.2 s."""
 RESTART_S = 0.1
@@ -96,9 +94,15 @@ def _begin(session: Session, image: Image) -> None:
 def send(session: Session, image: Image, on_progress: Callable[[float], None] = lambda share: None) -> None:
     """Puts an image into the free slot and on trial; the device runs on. Raises Refused or LinkError."""
     _begin(session, image)
-    for at in range(HEADER.size, len(image.content), CHUNK):
-        session.request(wire.UpdateChunkRequest(at, image.content[at : at + CHUNK]))
-        on_progress(at / len(image.content))
+    body = image.content[HEADER.size :]
+
+    def piece(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
+        data = body[at : at + length]
+        session.request(wire.UpdateChunkRequest(HEADER.size + at, data), waits_s)
+        on_progress((at + len(data)) / len(body))
+        return at + len(data), len(body)
+
+    session.transfer(piece)
     session.request(wire.UpdateCommitRequest(), FLASH_WAITS_S)
 
 
@@ -130,7 +134,7 @@ def update(port: str, images: Sequence[Image], on_progress: Callable[[float], No
         LinkError: it stopped answering; it keeps the image it had, or goes back to it.
         PhaseleadError: the new image did not report in, and the device went back.
     """
-    line = open_port(port, baud=BAUD)
+    line = open_port(port)
     try:
         session = Session(line, port)
         before = session.greet()
