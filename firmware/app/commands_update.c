@@ -61,9 +61,9 @@ enum wire_status command_update_info(struct device *device, const struct request
     if (!has_images(device))
         return WIRE_STATUS_MODE_UNSUPPORTED;
     reply.slot = port->slot;
-    reply.standing = update->on_trial                            ? WIRE_UPDATE_STANDING_TRIAL
-                     : update->record.trial == free_slot(device) ? WIRE_UPDATE_STANDING_ROLLED_BACK
-                                                                 : WIRE_UPDATE_STANDING_CONFIRMED;
+    reply.standing = update->on_trial      ? WIRE_UPDATE_STANDING_TRIAL
+                     : update->rolled_back ? WIRE_UPDATE_STANDING_ROLLED_BACK
+                                           : WIRE_UPDATE_STANDING_CONFIRMED;
     reply.slot_size = port->places.slot_size;
     reply.free_address = port->places.address[free_slot(device)];
     reply.trial_ticks = UPDATE_TRIAL_TICKS;
@@ -116,6 +116,7 @@ enum wire_status command_update_begin(struct device *device, const struct reques
         return status;
     update->header = header;
     update->receiving = true;
+    update->rolled_back = false;
     return make_room(device) ? WIRE_STATUS_OK : flash_failed(device, answer);
 }
 
@@ -125,7 +126,7 @@ enum wire_status command_update_chunk(struct device *device, const struct reques
     struct update *update = &device->update;
     struct wire_update_chunk_request chunk;
     wire_unpack_update_chunk_request(&chunk, request->payload, request->size);
-    if (!update->receiving)
+    if (!update->receiving || !is_at_zero(device)) /* it may have been armed and parked meanwhile */
         return WIRE_STATUS_WRONG_STATE;
     if (chunk.offset < IMAGE_HEADER_SIZE || chunk.offset > update->header.length ||
         chunk.data_size > update->header.length - chunk.offset)
@@ -142,7 +143,7 @@ enum wire_status command_update_commit(struct device *device, const struct reque
     const uint8_t *header = (const uint8_t *)&update->header;
     unsigned slot = free_slot(device);
     (void)request;
-    if (!update->receiving)
+    if (!update->receiving || !is_at_zero(device))
         return WIRE_STATUS_WRONG_STATE;
     uint32_t crc = crc32(0, header + IMAGE_CRC_FROM, IMAGE_HEADER_SIZE - IMAGE_CRC_FROM);
     if (image_crc(&port->flash, slot, crc, IMAGE_HEADER_SIZE, update->header.length) != update->header.crc)

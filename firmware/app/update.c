@@ -12,6 +12,7 @@ void update_init(struct device *device)
         return;
     device->update.on_trial = port->on_trial;
     boot_record_read(&port->flash, &device->update.record);
+    device->update.rolled_back = !port->on_trial && device->update.record.trial != BOOT_NO_SLOT;
 }
 
 void update_settle(struct device *device)

@@ -26,6 +26,7 @@ struct update {
     uint64_t restart_tick;
     bool receiving;
     bool on_trial;
+    bool rolled_back; /* the image in the other slot was on trial, and was not started */
     bool restarting;
 };
 

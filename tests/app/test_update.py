@@ -102,6 +102,7 @@ def test_an_update_is_tried_and_confirmed():
     assert running(bench) == OLD
     receive(bench, image(NEW, 1))
     assert running(bench) == OLD
+    assert info(bench).standing == CONFIRMED
     restart(bench)
     hello = bench.ok(wire.HelloRequest())
     assert (hello.build_id, hello.reset_cause) == (NEW, wire.ResetCause.SOFTWARE)
@@ -232,6 +233,20 @@ def test_nothing_is_updated_while_armed_or_running():
     bench.park()
     bench.ok(wire.ArmRequest(0))
     assert bench.status_of(next(steps(image(NEW, 1)))) == wire.Status.WRONG_STATE
+
+
+def test_an_image_is_not_received_away_from_zero():
+    bench = boot(factory())
+    bench.ok(wire.HelloRequest())
+    bench.upload(model(u_park_q24=V))
+    begin, chunk, *_, commit = steps(image(NEW, 1))
+    bench.ok(begin)
+    bench.ok(wire.ArmRequest(0))
+    bench.park()
+    before = bench.firmware.cells()
+    for command in (chunk, commit):
+        assert bench.status_of(command) == wire.Status.WRONG_STATE
+    assert bench.firmware.cells() == before
 
 
 def test_an_output_that_is_not_at_zero_is_ramped_there_first(park_at_one_volt):

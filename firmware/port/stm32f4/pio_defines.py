@@ -14,7 +14,7 @@ texts = {
     "BOARD_NAME": env["PIOENV"],
     "BOARD_FILE": f"port/stm32f4/boards/{env['PIOENV']}.h",
 }
-stated = re.search(r'^version = "(\d+)\.(\d+)\.(\d+)', (project / "pyproject.toml").read_text("utf-8"), re.M)
-major, minor, patch = (int(part) for part in stated.groups())
+version = runpy.run_path(str(project / "host" / "phaselead" / "version.py"))["VERSION"]
+major, minor, patch = (int(part) for part in re.findall(r"\d+", version)[:3])
 env.Append(CPPDEFINES=[("PHASELEAD_VERSION", f"{major << 16 | minor << 8 | patch}u")])
 env.Append(CPPDEFINES=[(name, f'\\"{text}\\"') for name, text in texts.items()])
