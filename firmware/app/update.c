@@ -6,20 +6,20 @@
 
 void update_init(struct device *device)
 {
-    const struct update_port *port = &device->port.update;
     memset(&device->update, 0, sizeof device->update);
-    if (port->flash.read == NULL)
-        return;
-    device->update.on_trial = port->on_trial;
-    boot_record_read(&port->flash, &device->update.record);
-    device->update.rolled_back = !port->on_trial && device->update.record.trial != BOOT_NO_SLOT;
+    device->update.on_trial = device->port.update.on_trial;
 }
 
-void update_settle(struct device *device)
+void update_read_record(struct device *device)
 {
     const struct update_port *port = &device->port.update;
-    if (port->flash.read != NULL && device->update.record.confirmed == port->slot)
-        boot_record_settle(&port->flash, &device->update.record);
+    struct update *update = &device->update;
+    if (port->flash.read == NULL)
+        return;
+    boot_record_read(&port->flash, &update->record);
+    update->rolled_back = !update->on_trial && update->record.trial != BOOT_NO_SLOT;
+    if (update->record.confirmed == port->slot)
+        boot_record_settle(&port->flash, &update->record);
 }
 
 bool update_restart_is_due(const struct device *device)

@@ -32,8 +32,8 @@ struct update {
 
 void update_init(struct device *device);
 
-/* Once ticks run: see boot_record_settle(). */
-void update_settle(struct device *device);
+/* Once ticks run, since it takes a while: reads the boot record, and see boot_record_settle(). */
+void update_read_record(struct device *device);
 
 /* The port is to reset the chip now. */
 bool update_restart_is_due(const struct device *device);

@@ -30,6 +30,12 @@ COMMANDS = [
     wire.SnapshotReadRequest(wire.Region.STATE, 0, 100),
     wire.SetTimeoutRequest(1000),
     wire.InfoRequest(),
+    wire.UpdateInfoRequest(),
+    wire.UpdateBeginRequest(bytes(64)),
+    wire.UpdateChunkRequest(64, bytes(4)),
+    wire.UpdateCommitRequest(),
+    wire.UpdateConfirmRequest(bytes(20)),
+    wire.UpdateRestartRequest(),
 ]
 
 

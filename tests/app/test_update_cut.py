@@ -1,6 +1,6 @@
 """The power cut at every byte of an update, and of what a bootloader writes: the old image starts, or the new one.
 
-Bits that were on their way read either way from then on, each time anew. tests/emulated/test_update.py cuts at a
+Bits that were on their way read either way from then on, each time anew. tests/emulated/test_update_board.py cuts at a
 sample of the steps in the ELF.
 """
 

@@ -26,9 +26,10 @@ def saved(stage):
     """A simulated device's flash after three saves: the fourth goes to sector 7 and the fifth to sector 4."""
     flash = {}
     device = VirtualDevice(stage)
+    talker = Talker(device)
+    talker.ok(wire.HelloRequest())
     for number in range(1, 5):
-        talker = Talker(device)
-        talker.ok(wire.HelloRequest(), *upload(blob(number)), wire.ModelPersistRequest())
+        talker.ok(*upload(blob(number)), wire.ModelPersistRequest())
         flash[number] = device.flash()[0]
     device.close()
     return flash

@@ -65,7 +65,7 @@ static void boot(struct host_device *host, enum wire_reset_cause cause)
         memcpy(host->port.build_id, choice.header.build_id, sizeof host->port.build_id);
     }
     device_init(&host->device, &host->port);
-    update_settle(&host->device);
+    update_read_record(&host->device);
 }
 
 struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size)

@@ -69,7 +69,7 @@ int main(void)
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);
-    update_settle(&device);
+    update_read_record(&device);
     for (;;) {
         tick_main_loop_alive();
         if (update_restart_is_due(&device))

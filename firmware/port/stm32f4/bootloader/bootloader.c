@@ -33,8 +33,8 @@ static const struct {
 };
 
 /* RM0090, 4: the chip's unit has the polynomial of CRC-32/ISO-HDLC, but takes words from the top bit on; with each word
- * turned round it gives that CRC, turned round and inverted. `from` and `to` are multiples of 4. A turn of the loop is
- * some 11 cycles, so that 64 KB take 11 ms. */
+ * turned round it gives that CRC, turned round and inverted. `from` and `to` are multiples of 4. A word takes some
+ * 9 cycles, so that 64 KB take 9 ms. */
 static uint32_t turned_round(uint32_t word)
 {
     uint32_t turned;
@@ -48,7 +48,8 @@ static uint32_t crc_by_unit(const struct flash_port *flash, unsigned slot, uint3
     (void)flash;
     (void)crc; /* it begins anew */
     CRC->CR = CRC_CR_RESET;
-    for (uint32_t at = from; at < to; at += sizeof *word)
+#pragma GCC unroll 8
+    for (uint32_t left = (to - from) / sizeof *word; left > 0; left--)
         CRC->DR = turned_round(*word++);
     return ~turned_round(CRC->DR);
 }
