@@ -113,6 +113,8 @@ enum wire_status command_arm(struct device *device, const struct request *reques
     struct wire_arm_request arm;
     (void)answer;
     wire_unpack_arm_request(&arm, request->payload, request->size);
+    if (device->update.on_trial || device->update.restarting)
+        return WIRE_STATUS_BUSY; /* it may restart by itself */
     if (device->control.state == WIRE_STATE_PARKED) {
         if (arm.model_crc != 0 && !device->models.loaded)
             return WIRE_STATUS_NO_MODEL;

@@ -10,6 +10,7 @@
 #include "app/model_store.h"
 #include "app/recorder.h"
 #include "app/supervisor.h"
+#include "app/update.h"
 #include "core/axis.h"
 #include "core/motion_bounds.h"
 
@@ -41,7 +42,8 @@ struct control {
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
  * overlap. */
 struct device_port {
-    struct flash_port flash;
+    struct flash_port flash; /* of the models */
+    struct update_port update;
     void (*lock)(void *context);
     void (*unlock)(void *context);
     /* Takes the codes of a tick as soon as they are known, before the tick is recorded; NULL: device_tick() gives them.
@@ -75,6 +77,7 @@ struct device {
     uint64_t path_done_tick[AXES];
     uint32_t resting; /* axes that need no step: it would change nothing, and their trace stays valid */
     struct model_store models;
+    struct update update;
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
     int32_t waves_q30[AXES][WAVE_POINTS];

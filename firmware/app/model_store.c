@@ -5,9 +5,12 @@
 #include "app/crc32.h"
 #include "app/model_check.h"
 
-/* A flash record: magic, sequence, size of the blob, CRC over sequence, size and blob; then the blob. */
+/* A flash record: magic, sequence, size of the blob, CRC over sequence, size and blob; then the blob; then a mark,
+ * blank until a later save begins. */
 #define RECORD_MAGIC 0x52304C50u
 #define RECORD_HEADER_SIZE 16
+#define MARK_OFFSET (RECORD_HEADER_SIZE + WIRE_MODEL_SIZE)
+#define MARK_SIZE 4
 
 enum record_kind { RECORD_BLANK, RECORD_TORN, RECORD_WHOLE };
 
@@ -116,6 +119,20 @@ static enum record_kind read_record(const struct flash_port *flash, unsigned at,
     return RECORD_WHOLE;
 }
 
+/* Not whether the other slot holds a record: that may be an older one, which has gone bad. */
+static bool is_marked(const struct flash_port *flash, unsigned at)
+{
+    uint8_t mark[MARK_SIZE];
+    flash->read(flash->context, at, MARK_OFFSET, mark, sizeof mark);
+    return !is_blank(mark, sizeof mark);
+}
+
+static bool mark(const struct flash_port *flash, unsigned at)
+{
+    const uint8_t marked[MARK_SIZE] = {0};
+    return flash_program_verified(flash, at, MARK_OFFSET, marked, sizeof marked);
+}
+
 /* FLASH_SLOTS when there is none. */
 static unsigned newest_whole(const enum record_kind kind[FLASH_SLOTS], const uint32_t sequence[FLASH_SLOTS])
 {
@@ -148,29 +165,12 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
         store->littered = kind[0] != RECORD_BLANK || kind[1] != RECORD_BLANK;
         return;
     }
-    unsigned other = 1 - newest;
     store->active = (uint8_t)newest;
     store->newest_slot = (uint8_t)newest;
     store->sequence = sequence[newest];
     store->loaded = true;
     store->persisted = true;
-    /* Saves alternate, so from the second one on the other slot holds a record, unless its save was cut short. */
-    store->fallback = kind[other] == RECORD_TORN || (kind[other] == RECORD_BLANK && sequence[newest] > 1);
-}
-
-static bool program_verified(const struct flash_port *flash, unsigned at, uint32_t offset, const uint8_t *bytes,
-                             size_t size)
-{
-    uint8_t back[32];
-    if (!flash->program(flash->context, at, offset, bytes, size))
-        return false;
-    for (size_t done = 0; done < size; done += sizeof back) {
-        size_t part = size - done < sizeof back ? size - done : sizeof back;
-        flash->read(flash->context, at, offset + (uint32_t)done, back, part);
-        if (memcmp(back, bytes + done, part) != 0)
-            return false;
-    }
-    return true;
+    store->fallback = is_marked(flash, newest);
 }
 
 enum wire_status model_store_persist(struct model_store *store, const struct flash_port *flash, uint32_t *sequence)
@@ -188,12 +188,14 @@ enum wire_status model_store_persist(struct model_store *store, const struct fla
     put_u32(head + 4, next);
     put_u32(head + 8, WIRE_MODEL_SIZE);
     put_u32(head + 12, record_crc(next, slot->blob));
-    if (store->littered && !flash->erase(flash->context, 1 - at)) /* or it would pass for a save that was lost */
+    if (store->littered && !flash->erase(flash->context, 1 - at)) /* or it may yet read as a record, and as the newer */
         return WIRE_STATUS_FLASH_FAILED;
     store->littered = false;
+    if (store->sequence != 0 && !mark(flash, store->newest_slot))
+        return WIRE_STATUS_FLASH_FAILED;
     if (!flash->erase(flash->context, at) ||
-        !program_verified(flash, at, RECORD_HEADER_SIZE, slot->blob, WIRE_MODEL_SIZE) ||
-        !program_verified(flash, at, 0, head, sizeof head))
+        !flash_program_verified(flash, at, RECORD_HEADER_SIZE, slot->blob, WIRE_MODEL_SIZE) ||
+        !flash_program_verified(flash, at, 0, head, sizeof head))
         return WIRE_STATUS_FLASH_FAILED;
     store->newest_slot = (uint8_t)at;
     store->sequence = next;

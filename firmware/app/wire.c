@@ -119,6 +119,18 @@ static const struct {
     {"set_gains", {9, 9, false}, 0xC2},
     {"where", {0, 0, false}, 0x43},
     {"where", {72, 72, false}, 0xC3},
+    {"update_info", {0, 0, false}, 0x30},
+    {"update_info", {28, 28, false}, 0xB0},
+    {"update_begin", {64, 64, false}, 0x31},
+    {"update_begin", {9, 9, false}, 0xB1},
+    {"update_chunk", {4, 4, true}, 0x32},
+    {"update_chunk", {9, 9, false}, 0xB2},
+    {"update_commit", {0, 0, false}, 0x33},
+    {"update_commit", {9, 9, false}, 0xB3},
+    {"update_restart", {0, 0, false}, 0x34},
+    {"update_restart", {9, 9, false}, 0xB4},
+    {"update_confirm", {20, 20, false}, 0x35},
+    {"update_confirm", {9, 9, false}, 0xB5},
     {"samples", {20, 20, true}, 0x70},
     {"event", {13, 13, false}, 0x71},
 };
@@ -1112,6 +1124,90 @@ bool wire_unpack_where_reply(struct wire_where_reply *to, const uint8_t *in, siz
         to->end[i] = (int32_t)get_u32(&in);
     for (size_t i = 0; i < 3; i++)
         to->near_ticks[i] = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_update_info_reply(const struct wire_update_info_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_UPDATE_INFO_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->slot);
+    out = put_u8(out, from->standing);
+    out = put_u8(out, from->attempts);
+    out = put_u32(out, from->slot_size);
+    out = put_u32(out, from->free_address);
+    out = put_u32(out, from->version);
+    out = put_u32(out, from->trial_ticks);
+    return WIRE_UPDATE_INFO_REPLY_SIZE;
+}
+
+bool wire_unpack_update_info_reply(struct wire_update_info_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_UPDATE_INFO_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->slot = get_u8(&in);
+    to->standing = get_u8(&in);
+    to->attempts = get_u8(&in);
+    to->slot_size = get_u32(&in);
+    to->free_address = get_u32(&in);
+    to->version = get_u32(&in);
+    to->trial_ticks = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_update_begin_request(const struct wire_update_begin_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_UPDATE_BEGIN_REQUEST_SIZE)
+        return -1;
+    out = put_bytes(out, from->header, 64);
+    return WIRE_UPDATE_BEGIN_REQUEST_SIZE;
+}
+
+bool wire_unpack_update_begin_request(struct wire_update_begin_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_UPDATE_BEGIN_REQUEST_SIZE)
+        return false;
+    get_bytes(&in, to->header, 64);
+    return true;
+}
+
+int32_t wire_pack_update_chunk_request(const struct wire_update_chunk_request *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_UPDATE_CHUNK_REQUEST_SIZE ||
+        capacity < WIRE_UPDATE_CHUNK_REQUEST_SIZE + from->data_size)
+        return -1;
+    out = put_u32(out, from->offset);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_UPDATE_CHUNK_REQUEST_SIZE + from->data_size);
+}
+
+bool wire_unpack_update_chunk_request(struct wire_update_chunk_request *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_UPDATE_CHUNK_REQUEST_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->offset = get_u32(&in);
+    to->data = in;
+    to->data_size = size - WIRE_UPDATE_CHUNK_REQUEST_SIZE;
+    return true;
+}
+
+int32_t wire_pack_update_confirm_request(const struct wire_update_confirm_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_UPDATE_CONFIRM_REQUEST_SIZE)
+        return -1;
+    out = put_bytes(out, from->build_id, 20);
+    return WIRE_UPDATE_CONFIRM_REQUEST_SIZE;
+}
+
+bool wire_unpack_update_confirm_request(struct wire_update_confirm_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_UPDATE_CONFIRM_REQUEST_SIZE)
+        return false;
+    get_bytes(&in, to->build_id, 20);
     return true;
 }
 

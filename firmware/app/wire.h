@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xAE49D03Eu
+#define WIRE_FINGERPRINT 0xBC5FC63Cu
 #define WIRE_VERSION 2
 #define WIRE_REVISION 1
 #define WIRE_MAX_PAYLOAD 1152
@@ -45,6 +45,12 @@ enum wire_type {
     WIRE_SET_JOINS = 0x44,
     WIRE_SET_GAINS = 0x42,
     WIRE_WHERE = 0x43,
+    WIRE_UPDATE_INFO = 0x30,
+    WIRE_UPDATE_BEGIN = 0x31,
+    WIRE_UPDATE_CHUNK = 0x32,
+    WIRE_UPDATE_COMMIT = 0x33,
+    WIRE_UPDATE_RESTART = 0x34,
+    WIRE_UPDATE_CONFIRM = 0x35,
     WIRE_SAMPLES = 0x70,
     WIRE_EVENT = 0x71,
 };
@@ -180,6 +186,14 @@ enum wire_event_kind {
 };
 #define WIRE_EVENT_KIND_COUNT 4
 
+/* What is known of the firmware image that runs */
+enum wire_update_standing {
+    WIRE_UPDATE_STANDING_CONFIRMED = 0,
+    WIRE_UPDATE_STANDING_TRIAL = 1,
+    WIRE_UPDATE_STANDING_ROLLED_BACK = 2,
+};
+#define WIRE_UPDATE_STANDING_COUNT 3
+
 /* Every command as COMMAND(name, number, mask of the states it is allowed in, whether it locks the device
  * itself); app/commands.c makes its table of them. */
 #define WIRE_ANY_STATE ((1u << WIRE_STATE_COUNT) - 1)
@@ -209,7 +223,13 @@ enum wire_event_kind {
     COMMAND(queue, WIRE_QUEUE, 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
     COMMAND(set_gains, WIRE_SET_GAINS, WIRE_ANY_STATE, false) \
-    COMMAND(where, WIRE_WHERE, WIRE_ANY_STATE, false)
+    COMMAND(where, WIRE_WHERE, WIRE_ANY_STATE, false) \
+    COMMAND(update_info, WIRE_UPDATE_INFO, WIRE_ANY_STATE, true) \
+    COMMAND(update_begin, WIRE_UPDATE_BEGIN, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_chunk, WIRE_UPDATE_CHUNK, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_commit, WIRE_UPDATE_COMMIT, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_restart, WIRE_UPDATE_RESTART, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
+    COMMAND(update_confirm, WIRE_UPDATE_CONFIRM, WIRE_ANY_STATE, true)
 
 /* Before every payload */
 #define WIRE_HEADER_SIZE 11
@@ -595,6 +615,40 @@ struct wire_where_reply {
     uint32_t near_ticks[3]; /* ticks in a row within the window */
 };
 
+/* 0xB0: Which firmware image runs, and what one must be linked for to replace it */
+#define WIRE_UPDATE_INFO_REPLY_SIZE 28
+struct wire_update_info_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t slot; /* that runs */
+    uint8_t standing; /* rolled_back: an image in the other slot was given up */
+    uint8_t attempts; /* starts that an image on trial has */
+    uint32_t slot_size;
+    uint32_t free_address; /* of the slot that does not run */
+    uint32_t version; /* major << 16, minor << 8, patch; 0: unknown */
+    uint32_t trial_ticks; /* after which an image that was not confirmed restarts */
+};
+
+/* 0x31: Checks an image's header and erases the slot that does not run; while parked or in fault, at 0 V */
+#define WIRE_UPDATE_BEGIN_REQUEST_SIZE 64
+struct wire_update_begin_request {
+    uint8_t header[64]; /* the image's first 64 bytes: magic, CRC, length, address, version, target, build id */
+};
+
+/* 0x32: Part of the image behind its header; programmed and read back */
+#define WIRE_UPDATE_CHUNK_REQUEST_SIZE 4
+struct wire_update_chunk_request {
+    uint32_t offset; /* from the image's beginning */
+    const uint8_t *data;
+    size_t data_size;
+};
+
+/* 0x35: The image on trial is to stay: the host has spoken with it and read its build id */
+#define WIRE_UPDATE_CONFIRM_REQUEST_SIZE 20
+struct wire_update_confirm_request {
+    uint8_t build_id[20];
+};
+
 /* 0x70: A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of [tick] that `channels` asks for, in their order */
 #define WIRE_SAMPLES_SIZE 20
 struct wire_samples {
@@ -639,6 +693,14 @@ struct wire_event {
 #define WIRE_SET_JOINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_SET_GAINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_WHERE_REQUEST_SIZE 0 /* Where the axes are, and where they go; also feeds the host timeout */
+#define WIRE_UPDATE_INFO_REQUEST_SIZE 0 /* Which firmware image runs, and what one must be linked for to replace it */
+#define WIRE_UPDATE_BEGIN_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_UPDATE_CHUNK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_UPDATE_COMMIT_REQUEST_SIZE 0 /* Checks the CRC over what is in flash, programs the header, and puts the image on trial at the next start */
+#define WIRE_UPDATE_COMMIT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_UPDATE_RESTART_REQUEST_SIZE 0 /* Restarts the device, 20 ms after the reply; while parked or in fault, at 0 V */
+#define WIRE_UPDATE_RESTART_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_UPDATE_CONFIRM_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 
 /* Size without what revisions added, and with it; bytes may follow a message with a tail. */
 struct wire_message_size {
@@ -729,6 +791,14 @@ int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, u
 bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_where_reply(struct wire_where_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_update_info_reply(const struct wire_update_info_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_update_info_reply(struct wire_update_info_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_update_begin_request(const struct wire_update_begin_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_update_begin_request(struct wire_update_begin_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_update_chunk_request(const struct wire_update_chunk_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_update_chunk_request(struct wire_update_chunk_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_update_confirm_request(const struct wire_update_confirm_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_update_confirm_request(struct wire_update_confirm_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity);
 bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size);
 int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity);

@@ -360,15 +360,21 @@ int main(int count, char **arguments)
     random_state = count > 1 ? strtoull(arguments[1], NULL, 10) : 0;
     uint32_t rounds = count > 2 ? (uint32_t)strtoul(arguments[2], NULL, 10) : 10000;
     for (uint32_t i = 0; i < rounds; i++) {
-        if (i % 2000 == 0) { /* a power cycle, now and then with another flash content */
+        if (i % 2000 == 0 ||
+            update_restart_is_due(&device)) { /* a power cycle, now and then with another flash content */
             struct device_port port = {
                 .baud = 2000000, .target = "fuzz", .reset_cause = (enum wire_reset_cause)below(5)};
             if (i == 0 || below(3) == 0)
-                host_flash_init(&flash, NULL);
+                host_flash_init(&flash, NULL, 0);
             else if (below(2))
-                fill(flash.image + below(HOST_FLASH_SIZE - 8), 8);
+                fill(flash.cells.bytes + below(HOST_FLASH_CELLS - 8), 8);
             port.flash = host_flash_port(&flash);
+            port.update = (struct update_port){
+                .flash = host_flash_images(&flash),
+                .places = {.address = {0x08020000u, 0x08040000u}, .slot_size = HOST_IMAGE_SLOT_SIZE},
+                .slot = (uint8_t)below(IMAGE_SLOTS)};
             device_init(&device, &port);
+            update_read_record(&device);
             armed = false;
             send(WIRE_HELLO, SESSION, NULL, 0);
         }

@@ -35,6 +35,12 @@ COMMANDS = [
     wire.SetJoinsRequest(0, 0, 100, 100),
     wire.SetGainsRequest(0, V, 0, 0, 1),
     wire.WhereRequest(),
+    wire.UpdateInfoRequest(),
+    wire.UpdateBeginRequest(bytes(64)),
+    wire.UpdateChunkRequest(64, bytes(4)),
+    wire.UpdateCommitRequest(),
+    wire.UpdateConfirmRequest(bytes(20)),
+    wire.UpdateRestartRequest(),
 ]
 
 

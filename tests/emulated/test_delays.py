@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 from talker import UM, Talker, V
-from test_board_faults import BRANCH_TO_ITSELF, ZERO_V, assert_ramps_home, symbol
+from test_board_faults import BRANCH_TO_ITSELF, IWDG_RELOAD, RELOAD_AT_RESET, ZERO_V, assert_ramps_home, symbol
 
 from phaselead.control.gains import PAPER_GAINS
 from phaselead.device import wire
@@ -213,12 +213,15 @@ def test_the_watchdog_has_its_new_reload_from_the_first_feed_on(start):
     """Fed before the reload had been taken over, it would have half a second of its old one."""
     board = start(boot=False)
     talker = Talker(board)
-    talker.run(3)  # the first tick comes after 1.3 ms
+    talker.run(20)  # the first tick comes after some 3 ms
     place = symbol("tick_interrupt")
     original = board.peek(place, 2)
     board.poke(place, BRANCH_TO_ITSELF)
-    talker.run(100)
-    board.poke(place, original)
+    for _ in range(100):
+        talker.run(1)
+        if board.peek(IWDG_RELOAD, 4) == RELOAD_AT_RESET:
+            break
+    board.poke(place, original)  # before the bootloader finds the image damaged
     talker.run(100)
     assert talker.ok(wire.HelloRequest()).reset_cause == wire.ResetCause.WATCHDOG
 

@@ -25,6 +25,7 @@ IN_RAM = (
     "erase_sector",
     "name_fault",
     "program_bytes",
+    "program_words",
     "serial_sent",
     "tick_parked",
     "wait_until_ready",

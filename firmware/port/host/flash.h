@@ -1,26 +1,41 @@
-/* Two flash slots in memory that behave like flash: erased to ones, programmed to zeros, and dead from the byte on at
- * which the power went. */
+/* The flash of a device in memory, which behaves like flash: erased to ones, programmed to zeros, and dead from the
+ * byte on at which the power went. Bits that were on their way then read either way, each time anew: those of the byte
+ * that was programmed, and all zeros of a slot whose erase was cut short.
+ */
 #ifndef PHASELEAD_PORT_HOST_FLASH_H
 #define PHASELEAD_PORT_HOST_FLASH_H
 
 #include <stdbool.h>
 
+#include "app/boot_record.h"
 #include "app/model_store.h"
 
-#define HOST_FLASH_SLOT_SIZE 4096
-#define HOST_FLASH_SIZE (2 * HOST_FLASH_SLOT_SIZE)
+#define HOST_MODEL_SLOT_SIZE 4096u
+#define HOST_IMAGE_SLOT_SIZE 2048u
+/* What a simulated device keeps: its models. */
+#define HOST_FLASH_SIZE (2 * HOST_MODEL_SLOT_SIZE)
+/* And what a restart keeps as well: images and the boot record. */
+#define HOST_FLASH_CELLS (HOST_FLASH_SIZE + IMAGE_SLOTS * HOST_IMAGE_SLOT_SIZE + BOOT_RECORD_SIZE)
+
+/* All that is known of a flash; an image is this, or the first HOST_FLASH_SIZE bytes of it. */
+struct host_cells {
+    uint8_t bytes[HOST_FLASH_CELLS];
+    uint8_t doubtful[HOST_FLASH_CELLS]; /* bits that read either way */
+    uint32_t seed;                      /* of how they read; not 0 */
+};
 
 struct host_flash {
-    uint8_t image[HOST_FLASH_SIZE];
+    struct host_cells cells;
     uint64_t writes;
     bool power_limited;
     uint64_t power_left; /* bytes that can still be changed */
 };
 
-_Static_assert(FLASH_RECORD_SIZE <= HOST_FLASH_SLOT_SIZE, "a record does not fit its slot");
+_Static_assert(FLASH_RECORD_SIZE <= HOST_MODEL_SLOT_SIZE, "a record does not fit its slot");
 
-/* image: HOST_FLASH_SIZE bytes, or NULL for erased. */
-void host_flash_init(struct host_flash *flash, const uint8_t *image);
+/* image: HOST_FLASH_SIZE bytes, a struct host_cells, or NULL for erased. False: it has another size. */
+bool host_flash_init(struct host_flash *flash, const uint8_t *image, size_t size);
 struct flash_port host_flash_port(struct host_flash *flash);
+struct flash_port host_flash_images(struct host_flash *flash);
 
 #endif

@@ -49,22 +49,37 @@ uint64_t host_take_obeyed(struct host_device *host, struct host_obeyed *commands
     return count;
 }
 
+static const struct boot_places PLACES = {.address = {0x08020000u, 0x08040000u}, .slot_size = HOST_IMAGE_SLOT_SIZE};
+
+/* What a bootloader does. Whatever the image holds, this library's code runs; but it says the image's build id. */
+static void boot(struct host_device *host, enum wire_reset_cause cause)
+{
+    struct boot_choice choice;
+    struct flash_port images = host_flash_images(&host->flash);
+    boot_choose(&images, &PLACES, image_crc, &choice);
+    host->port.reset_cause = cause;
+    host->port.update = (struct update_port){.flash = images, .places = PLACES, .on_trial = choice.trial};
+    build_id(host->port.build_id);
+    if (choice.slot != BOOT_NO_SLOT) {
+        host->port.update.slot = (uint8_t)choice.slot;
+        memcpy(host->port.build_id, choice.header.build_id, sizeof host->port.build_id);
+    }
+    device_init(&host->device, &host->port);
+    update_read_record(&host->device);
+}
+
 struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size)
 {
-    if (flash && flash_size != HOST_FLASH_SIZE)
-        return NULL;
     struct host_device *host = calloc(1, sizeof *host);
     if (!host)
         return NULL;
-    host_flash_init(&host->flash, flash);
-    host->port = (struct device_port){.flash = host_flash_port(&host->flash),
-                                      .obeyed = note_obeyed,
-                                      .context = host,
-                                      .baud = baud,
-                                      .reset_cause = WIRE_RESET_CAUSE_POWER_ON,
-                                      .target = TARGET};
-    build_id(host->port.build_id);
-    device_init(&host->device, &host->port);
+    if (!host_flash_init(&host->flash, flash, flash_size)) {
+        free(host);
+        return NULL;
+    }
+    host->port = (struct device_port){
+        .flash = host_flash_port(&host->flash), .obeyed = note_obeyed, .context = host, .baud = baud, .target = TARGET};
+    boot(host, WIRE_RESET_CAUSE_POWER_ON);
     return host;
 }
 
@@ -184,6 +199,12 @@ static void run_line(struct host_device *host)
         host->line_credit -= bytes * LINE_BITS_PER_BYTE * TICK_RATE_HZ;
 }
 
+static void restart_when_due(struct host_device *host)
+{
+    if (update_restart_is_due(&host->device))
+        boot(host, WIRE_RESET_CAUSE_SOFTWARE);
+}
+
 uint64_t host_run(struct host_device *host, struct plant *plant, uint64_t ticks, size_t want_bytes)
 {
     uint16_t adc_codes[AXES], dac_codes[AXES];
@@ -197,6 +218,7 @@ uint64_t host_run(struct host_device *host, struct plant *plant, uint64_t ticks,
         device_tick(&host->device, adc_codes, dac_codes);
         plant_drive(plant, dac_codes);
         run_line(host);
+        restart_when_due(host);
     }
     return ticks;
 }
@@ -209,6 +231,7 @@ void host_run_codes(struct host_device *host, const uint16_t *adc_codes, uint16_
             take_in(host);
         device_tick(&host->device, adc_codes + AXES * i, dac_codes + AXES * i);
         send(host, &bytes);
+        restart_when_due(host);
     }
 }
 
@@ -278,7 +301,13 @@ const uint8_t *host_flash(const struct host_device *host, size_t *size, uint64_t
 {
     *size = HOST_FLASH_SIZE;
     *writes = host->flash.writes;
-    return host->flash.image;
+    return host->flash.cells.bytes;
+}
+
+const uint8_t *host_cells(const struct host_device *host, size_t *size)
+{
+    *size = sizeof host->flash.cells;
+    return (const uint8_t *)&host->flash.cells;
 }
 
 void host_cut_power_after(struct host_device *host, uint64_t bytes)
@@ -295,8 +324,7 @@ void host_inject(struct host_device *host, uint32_t fault, uint32_t axis)
         host->rail_axis = axis;
         host->rail_ticks = INJECTED_RAIL_TICKS;
     } else if (fault == WIRE_FAULT_CORE_LOST) {
-        host->port.reset_cause = WIRE_RESET_CAUSE_WATCHDOG;
-        device_init(&host->device, &host->port);
+        boot(host, WIRE_RESET_CAUSE_WATCHDOG);
     } else {
         device_raise(&host->device, (enum wire_fault)fault, axis, 0);
     }

@@ -20,8 +20,8 @@
 
 struct host_device;
 
-/* A device fresh from power-on. flash: image of both slots (HOST_FLASH_SIZE bytes, flash.h) or NULL for erased. NULL
- * when the image has another size or memory is short. */
+/* A device fresh from power-on. flash: its models (HOST_FLASH_SIZE bytes, flash.h), what host_cells() gave, or NULL for
+ * erased. NULL when the image has another size or memory is short. */
 HOST_API struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size);
 HOST_API void host_close(struct host_device *device);
 
@@ -57,6 +57,9 @@ HOST_API size_t host_state_size(void);
 /* The flash image, for ?state=FILE. `*writes` counts its erases and programs, so that a caller sees when to keep it. */
 HOST_API const uint8_t *host_flash(const struct host_device *device, size_t *size, uint64_t *writes);
 
+/* All that is known of its flash: models, images, boot record, and the bits in doubt. */
+HOST_API const uint8_t *host_cells(const struct host_device *device, size_t *size);
+
 /* Fault injection for tests: see enum fault in wire.h. adc_rail forces the converter of the axis to its rail for
  * `RAIL_TICKS` ticks and more; core_lost restarts the device as its watchdog would; the others are raised as a port
  * that detects them would raise them. */
@@ -73,7 +76,8 @@ struct host_obeyed {
 #define HOST_OBEYED 4096
 HOST_API uint64_t host_take_obeyed(struct host_device *device, struct host_obeyed *commands, size_t capacity);
 
-/* Power goes when `bytes` more bytes of flash have been erased or programmed; the byte under way is left half done. */
+/* Power goes when `bytes` more bytes of flash have been erased or programmed; the bits under way then read
+ * either way. */
 HOST_API void host_cut_power_after(struct host_device *device, uint64_t bytes);
 
 /* The tables the documentation and the tests compare with the code. Names are NULL beyond the last one. */

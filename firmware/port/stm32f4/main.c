@@ -5,8 +5,9 @@
 #include "port/stm32f4/clock.h"
 #include "port/stm32f4/converters.h"
 #include "port/stm32f4/core_lost.h"
-#include "port/stm32f4/model_flash.h"
+#include "port/stm32f4/flash.h"
 #include "port/stm32f4/serial.h"
+#include "port/stm32f4/start.h"
 #include "port/stm32f4/supply.h"
 #include "port/stm32f4/tick.h"
 #include "port/stm32f4/watchdog.h"
@@ -52,7 +53,8 @@ int main(void)
     if (clock == CLOCK_SLOW)
         core_lost(WIRE_CORE_LOSS_CLOCK_STOPPED, 0);
     converters_reset_adc(); /* it is ready again long before the first tick */
-    struct device_port port = {.flash = model_flash_port(&device),
+    struct device_port port = {.flash = flash_models(&device),
+                               .update = flash_images(&device, start_was_a_trial()),
                                .lock = tick_lock,
                                .unlock = tick_unlock,
                                .drive = tick_drive,
@@ -62,12 +64,16 @@ int main(void)
                                .target = BOARD_NAME};
     build_id(port.build_id);
     device_init(&device, &port); /* some 18 ms with a model, tables and inverse of three axes */
-    watchdog_start();            /* until here the converter is cleared by its pin, so nothing needs it */
+    watchdog_start(WATCHDOG_FAST,
+                   WATCHDOG_FAST_RELOAD); /* until here the converter is cleared by its pin, so nothing needs it */
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);
+    update_read_record(&device);
     for (;;) {
         tick_main_loop_alive();
+        if (update_restart_is_due(&device))
+            start_again();
         if (!serial_poll(&device))
             __asm volatile("wfi");
     }

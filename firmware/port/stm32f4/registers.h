@@ -34,6 +34,7 @@ struct rcc {
 #define RCC_CIR_CSSF BIT(7)
 #define RCC_CIR_CSSC BIT(23)
 #define RCC_AHB1ENR_GPIO(port) BIT(port)
+#define RCC_AHB1ENR_CRC BIT(12)
 #define RCC_AHB1ENR_DMA1 BIT(21)
 #define RCC_AHB1ENR_DMA2 BIT(22)
 #define RCC_APB1ENR_TIM2 BIT(0)
@@ -71,6 +72,12 @@ struct flash {
 #define FLASH_CR_STRT BIT(16)
 #define FLASH_CR_LOCK BIT(31)
 #define FLASH_OPTCR_BOR_LEV(optcr) ((optcr) >> 2 & 3u) /* 3: off, 2 to 0: levels 1 to 3 */
+
+struct crc {
+    volatile uint32_t DR, IDR, CR;
+};
+#define CRC ((struct crc *)0x40023000)
+#define CRC_CR_RESET BIT(0)
 
 struct gpio {
     volatile uint32_t MODER, OTYPER, OSPEEDR, PUPDR, IDR, ODR, BSRR, LCKR, AFR[2];

@@ -21,13 +21,14 @@ struct vectors {
 extern uint32_t stack_top[], data_from[], data_start[], data_end[], zeroed_start[], zeroed_end[];
 
 int main(void);
-_Noreturn void start(void);
+/* What the bootloader calls: `on_trial` is 1 or 0. */
+_Noreturn void start(uint32_t on_trial);
 
 /* Whatever no driver asked for means that the program is lost. */
 #define STRAY core_lost_on_stray
 static const struct vectors flash_vectors __attribute__((section(".vectors"), used)) = {
     .stack = stack_top,
-    .exceptions = {start, core_lost_on_nmi, core_lost_on_fault, core_lost_on_fault, core_lost_on_fault,
+    .exceptions = {(handler *)start, core_lost_on_nmi, core_lost_on_fault, core_lost_on_fault, core_lost_on_fault,
                    core_lost_on_fault, STRAY, STRAY, STRAY, STRAY, STRAY, STRAY, STRAY, STRAY, STRAY},
     .irqs = {[0 ... IRQ_PVD - 1] = STRAY,
              [IRQ_PVD] = core_lost_on_supply,
@@ -40,6 +41,7 @@ static const struct vectors flash_vectors __attribute__((section(".vectors"), us
              [IRQ_DMA2_STREAM7 + 1 ... IRQ_COUNT - 1] = STRAY},
 };
 
+static bool was_a_trial;
 static struct vectors ram_vectors __attribute__((aligned(512)));
 
 static void use(const struct vectors *vectors)
@@ -60,13 +62,27 @@ void start_vectors_in_ram(void)
     use(&ram_vectors);
 }
 
-_Noreturn void start(void)
+bool start_was_a_trial(void)
+{
+    return was_a_trial;
+}
+
+_Noreturn void start_again(void)
+{
+    __asm volatile("dsb");
+    SCB->AIRCR = SCB_AIRCR_RESET;
+    for (;;)
+        ;
+}
+
+_Noreturn void start(uint32_t on_trial)
 {
     const uint32_t *from = data_from;
     for (uint32_t *to = data_start; to < data_end; to++)
         *to = *from++;
     for (uint32_t *to = zeroed_start; to < zeroed_end; to++)
         *to = 0;
+    was_a_trial = on_trial == 1;
     start_vectors_in_flash();
     main();
     core_lost(WIRE_CORE_LOSS_STRAY_INTERRUPT, 0);

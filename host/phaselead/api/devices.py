@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -102,11 +103,21 @@ def sim(
     serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link, say=say)
 
 
-def flash(port: str | None = None, *, env: str | None = None, check_only: bool = False) -> Facts:
+def flash(
+    port: str | None = None,
+    *,
+    env: str | None = None,
+    check_only: bool = False,
+    wire: bool = False,
+    image: str | os.PathLike[str] | None = None,
+) -> Facts:
     """Builds the firmware, uploads it, then checks over the wire that the board runs it; from the source tree.
 
     ``port`` is the board's serial line, ``env`` its name in platformio.ini, by default the first there. ``check_only``
     uploads nothing. Gives ``board``, ``build_id`` and ``runs_it``.
+    With ``wire`` it is sent over that line, tried and confirmed, without a debugger; ``env`` is by default what the
+    device is, and ``image`` an update.bin to send instead of building one. Gives ``replaced``, ``version`` and ``slot``
+    as well.
     Raises BadInput outside a source tree or without a board, PhaseleadError when the build, the upload or the check
     fails.
 
@@ -115,7 +126,9 @@ def flash(port: str | None = None, *, env: str | None = None, check_only: bool =
     Traceback (most recent call last):
     phaselead.errors.BadInput: sim://xyz250 is no board; ...
     """
-    from phaselead.device import flash_board
+    from phaselead.device import flash_board, flash_by_wire
     from phaselead.serial_ports import default_port
 
+    if wire:
+        return flash_by_wire(port or default_port(), env, image=None if image is None else Path(image))
     return flash_board(port or default_port(), env, check_only=check_only)

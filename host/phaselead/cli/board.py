@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import click
 
-from phaselead.cli.common import confirmed, emit, emit_pairs, json_option, port_option, yes_option
+from phaselead.cli.common import confirmed, emit, emit_pairs, json_option, port_option, progress, yes_option
 from phaselead.cli.listing import top_level
 from phaselead.control import connect
-from phaselead.device import flash_board
+from phaselead.device import flash_board, flash_by_wire
+from phaselead.errors import BadInput
 from phaselead.record import parse_axes
 from phaselead.result import pairs_table
 from phaselead.source_tree import boards
@@ -24,18 +26,31 @@ FAILED = 1
     "--env",
     "environment",
     type=click.Choice(BOARDS) if BOARDS else str,
-    default=next(iter(BOARDS), ""),
-    help="Which board.",
+    help="Which board; by default the first, with --wire what the device is.",
 )
 @port_option
 @click.option("--check-only", is_flag=True, help="Upload nothing; only see whether the board runs this source.")
+@click.option("--wire", is_flag=True, help="Send it over the serial line itself: no debugger is needed.")
+@click.option("--image", type=click.Path(path_type=Path), help="With --wire: an update.bin, instead of building one.")
 @json_option
-def flash(environment: str, port: str, check_only: bool, json_to: str | None) -> None:
+def flash(
+    environment: str | None, port: str, check_only: bool, wire: bool, image: Path | None, json_to: str | None
+) -> None:
     """Build the firmware, upload it, then check over the wire that the board runs it.
 
-    PlatformIO does the first two, from the source tree. PORT is the board's serial line.
+    PlatformIO does the first two, from the source tree, through a debugger; PORT is the board's serial line. With
+    --wire the firmware that runs receives the new one, which is tried, confirmed, or given up for the one before.
     """
-    emit_pairs(flash_board(port, environment, check_only=check_only), json_to)
+    if wire and check_only:
+        raise BadInput("--check-only uploads nothing; leave --wire out")
+    if image is not None and not wire:
+        raise BadInput("--image is sent over the wire; add --wire")
+    if not wire:
+        emit_pairs(flash_board(port, environment, check_only=check_only), json_to)
+        return
+    with progress("sending", 1.0) as advance:
+        facts = flash_by_wire(port, environment, image=image, on_progress=advance)
+    emit_pairs(facts, json_to)
 
 
 @top_level(order=190)

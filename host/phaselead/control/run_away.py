@@ -34,6 +34,8 @@ def _two_digits(value: float) -> float:
 def growing_Hz(error_um: Samples, step_s: float) -> float | None:
     """Frequency of the swings of ``error_um`` (n,) where the last are each wider than the one before; else None. The
     very last may be cut short."""
+    if not len(error_um):
+        return None
     turns = turning_rows(error_um)[-GROWING - 2 :]
     swings = np.abs(np.diff(error_um[turns]))
     cut_short = len(swings) > 1 and swings[-1] < swings[-2]

@@ -7,7 +7,7 @@ from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
-from phaselead.device.flash import flash_board
+from phaselead.device.flash import flash_board, flash_by_wire
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
 from phaselead.device.loop_test import SelfTest, selftest
@@ -64,6 +64,7 @@ __all__ = [
     "explain_fault",
     "fault_names",
     "flash_board",
+    "flash_by_wire",
     "from_device_model",
     "inverse_refusal",
     "motion",

@@ -7,11 +7,15 @@ import runpy
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from phaselead.device.device import Device
+from phaselead.device.session import Session
+from phaselead.device.update import read_images, update
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.result import Facts
+from phaselead.serial_ports import open_port
 from phaselead.source_tree import boards, source_tree
 
 PREPARED = ".pio-core"
@@ -44,11 +48,11 @@ def check_before_upload(root: Path, port: str) -> None:
         raise BadInput("openocd is missing, which uploads where there is no registry; sudo apt install openocd")
 
 
-def build_and_upload(root: Path, environment: str) -> str:
-    """Runs PlatformIO; gives the build id of what it put on the board. Raises PhaseleadError when it fails."""
+def build(root: Path, environment: str, *targets: str) -> str:
+    """Runs PlatformIO; gives the build id of what it built. Raises PhaseleadError when it fails."""
     prepared = root / PREPARED
     variables = os.environ | ({"PLATFORMIO_CORE_DIR": str(prepared)} if prepared.is_dir() else {})
-    command = [pio(), "run", "-d", str(root), "-e", environment, "-t", "upload"]
+    command = [pio(), "run", "-d", str(root), "-e", environment, *targets]
     done = subprocess.run(command, env=variables, stdout=sys.stderr, check=False)
     if done.returncode != 0:
         raise PhaseleadError(f"PlatformIO could not build or upload {environment}; see its output above")
@@ -74,14 +78,49 @@ def flash_board(port: str, environment: str | None = None, *, check_only: bool =
     build, the upload or the check fails.
     """
     root, known = source_root(), boards()
-    environment = environment or known[0]
-    if environment not in known:
-        raise BadInput(f"there is no board {environment}; there are {', '.join(known)}")
+    environment = known_board(environment or known[0])
     if check_only:
         build_id: str = runpy.run_path(str(root / "firmware" / "build_id.py"))["build_id"](root)
     else:
         check_before_upload(root, port)
-        build_id = build_and_upload(root, environment)
+        build_id = build(root, environment, "-t", "upload")
     with Device.open(port) as device:
         check_board(device, environment, build_id)
     return Facts({"board": environment, "build_id": build_id, "runs_it": True})
+
+
+def known_board(environment: str) -> str:
+    """Raises BadInput when platformio.ini does not know it."""
+    if environment not in boards():
+        raise BadInput(f"there is no board {environment}; there are {', '.join(boards())}")
+    return environment
+
+
+def target_at(port: str) -> str:
+    """What the device at a port is, whatever its version. Raises LinkError when nothing answers."""
+    line = open_port(port)
+    try:
+        return Session(line, port).greet().target
+    finally:
+        line.close()
+
+
+def flash_by_wire(
+    port: str,
+    environment: str | None = None,
+    *,
+    image: Path | None = None,
+    on_progress: Callable[[float], None] = lambda share: None,
+) -> Facts:
+    """Replaces the firmware of a device over its own serial line; see ``update`` for what is given and raised.
+
+    ``image`` is an update.bin; without one the source tree is built for ``environment``, by default what the device is.
+    """
+    if image is not None:
+        return update(port, read_images(image), on_progress)
+    root = source_tree()
+    if root is None:
+        raise BadInput("here is no phaselead source tree to build; give an update.bin with --image")
+    environment = known_board(environment or target_at(port))
+    build(root, environment)
+    return update(port, read_images(root / ".pio" / "build" / environment / "update.bin"), on_progress)

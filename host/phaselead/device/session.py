@@ -42,6 +42,8 @@ VERSION_1_HELLO = 75
 """Bytes of that reply in version 1, which did not tell its number."""
 SHORTEST_REPLY = wire.HEADER.size + wire.REPLY_HEAD.size + CRC_SIZE + 2
 """Bytes on the line: every reply has at least these, so asking for them at once never waits in vain."""
+GREETING = struct.Struct("<BQIHH20s24s")
+"""The same, and what follows in every version that has image slots: build id, target."""
 
 ADVICE = {
     wire.Status.NO_SESSION: "the device has restarted or another host has taken it; run the command again",
@@ -90,6 +92,15 @@ class Log(Protocol):
 
 class NoReplyError(LinkError):
     """No attempt at a command was answered: whether it was carried out is not known."""
+
+
+@dataclass(frozen=True)
+class Greeting:
+    """How the reply to a hello begins in every version that has image slots."""
+
+    fingerprint: int
+    build_id: str
+    target: str
 
 
 @dataclass
@@ -141,6 +152,21 @@ class Session:
         own_s: float | None = getattr(self.port, "clock_s", None)
         return time.monotonic() if own_s is None else own_s
 
+    def greet(self) -> Greeting:
+        """Opens the session with a device of any version of the wire.
+
+        Raises:
+            LinkError: nothing answers, or something that is no phaselead device.
+            Refused: another host is driving the device.
+        """
+        payload = _payload(self._greeted())
+        if len(payload) < GREETING.size:
+            raise LinkError(f"the device on {self.name} says no hello that this version knows; use `phaselead flash`")
+        status, _, fingerprint, _, _, build_id, target = GREETING.unpack_from(payload)
+        if status != wire.Status.OK:
+            raise Refused(wire.HelloRequest.NAME, status)
+        return Greeting(fingerprint, build_id.hex(), target.rstrip(b"\0").decode("ascii", "replace"))
+
     def hello(self) -> wire.HelloReply:
         """Opens the session.
 
@@ -148,12 +174,7 @@ class Session:
             LinkError: nothing answers, or something that is not a phaselead device of this version.
             Refused: another host is driving the device.
         """
-        self._write(b"\0")  # ends whatever half frame the line still holds
-        began_s = self.now_s()
-        pending = self._say_hello()
-        while _payload(pending)[:1] == bytes([wire.Status.BUSY]) and self.now_s() - began_s < LEFT_ARMED_S:
-            self._listen(HELLO_AGAIN_S)
-            pending = self._say_hello()
+        pending = self._greeted()
         payload = _payload(pending)
         if payload[:1] == bytes([wire.Status.OK]) and (why := self._why_another_wire(payload)):
             raise LinkError(why)
@@ -179,13 +200,23 @@ class Session:
             f"phaselead {wire.VERSION}, 0x{wire.FINGERPRINT:08X}); {remedy}"
         )
 
+    def _greeted(self) -> Pending:
+        self._write(b"\0")  # ends whatever half frame the line still holds
+        began_s = self.now_s()
+        pending = self._say_hello()
+        while _payload(pending)[:1] == bytes([wire.Status.BUSY]) and self.now_s() - began_s < LEFT_ARMED_S:
+            self.listen(HELLO_AGAIN_S)
+            pending = self._say_hello()
+        return pending
+
     def _say_hello(self) -> Pending:
         pending = self.submit(wire.HelloRequest())
         if not self._await(pending, HELLO_WAITS_S):
             raise LinkError(self._why_no_hello())
         return pending
 
-    def _listen(self, seconds: float) -> None:
+    def listen(self, seconds: float) -> None:
+        """Takes what comes, for so long of the port's own time."""
         until_s = self.now_s() + seconds
         while self.now_s() < until_s:
             self.pump(SHORTEST_REPLY)

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xAE49D03E
+FINGERPRINT = 0xBC5FC63C
 VERSION = 2
 REVISION = 1
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
@@ -249,6 +249,14 @@ class EventKind(IntEnum):
     FAULT = 1
     STREAM_OVERFLOW = 2
     PATH_DONE = 3
+
+
+class UpdateStanding(IntEnum):
+    """What is known of the firmware image that runs."""
+
+    CONFIRMED = 0
+    TRIAL = 1
+    ROLLED_BACK = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -745,6 +753,9 @@ class ArmRequest(Command[ArmReply]):
     NAME: ClassVar[str] = "arm"
     NUMBER: ClassVar[int] = 0x04
     REPLY: ClassVar[type[Any]] = ArmReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "its firmware is on trial; `phaselead flash --wire` again confirms it",
+    }
     SIZE: ClassVar[int] = 4
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
     model_crc: int
@@ -2007,6 +2018,323 @@ class WhereRequest(Command[WhereReply]):
 
 
 @dataclass(frozen=True, slots=True)
+class UpdateInfoReply(Reply):
+    """The answer to update_info."""
+
+    NAME: ClassVar[str] = "update_info reply"
+    NUMBER: ClassVar[int] = 0xB0
+    SIZE: ClassVar[int] = 28
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"slot", "standing", "slot_size", "free_address", "version"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBIIII")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    slot: int
+    """that runs."""
+    standing: int
+    """rolled_back: an image in the other slot was given up."""
+    attempts: int
+    """starts that an image on trial has."""
+    slot_size: int
+    free_address: int
+    """of the slot that does not run."""
+    version: int
+    """major << 16, minor << 8, patch; 0: unknown."""
+    trial_ticks: int
+    """after which an image that was not confirmed restarts."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            UpdateInfoReply.NAME,
+            UpdateInfoReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.slot,
+            self.standing,
+            self.attempts,
+            self.slot_size,
+            self.free_address,
+            self.version,
+            self.trial_ticks,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateInfoReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateInfoRequest(Command[UpdateInfoReply]):
+    """Which firmware image runs, and what one must be linked for to replace it."""
+
+    NAME: ClassVar[str] = "update_info"
+    NUMBER: ClassVar[int] = 0x30
+    REPLY: ClassVar[type[Any]] = UpdateInfoReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
+    }
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateInfoRequest:
+        payload = cls.fitted(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateBeginReply(Reply):
+    """The answer to update_begin."""
+
+    NAME: ClassVar[str] = "update_begin reply"
+    NUMBER: ClassVar[int] = 0xB1
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(UpdateBeginReply.NAME, UpdateBeginReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateBeginReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateBeginRequest(Command[UpdateBeginReply]):
+    """Checks an image's header and erases the slot that does not run; while parked or in fault, at 0 V."""
+
+    NAME: ClassVar[str] = "update_begin"
+    NUMBER: ClassVar[int] = 0x31
+    REPLY: ClassVar[type[Any]] = UpdateBeginReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "its outputs are on their way to 0 V; try again",
+        Status.BAD_VALUE: "the image is for another board or another slot",
+        Status.WRONG_STATE: "not while armed, on trial, or in fault away from 0 V; `phaselead park` it first",
+        Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
+    }
+    SIZE: ClassVar[int] = 64
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<64s")
+    header: bytes
+    """the image's first 64 bytes: magic, CRC, length, address, version, target, build id."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            UpdateBeginRequest.NAME,
+            UpdateBeginRequest.LAYOUT,
+            _exactly("update_begin.header", self.header, 64),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateBeginRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateChunkReply(Reply):
+    """The answer to update_chunk."""
+
+    NAME: ClassVar[str] = "update_chunk reply"
+    NUMBER: ClassVar[int] = 0xB2
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(UpdateChunkReply.NAME, UpdateChunkReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateChunkReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateChunkRequest(Command[UpdateChunkReply]):
+    """Part of the image behind its header; programmed and read back."""
+
+    NAME: ClassVar[str] = "update_chunk"
+    NUMBER: ClassVar[int] = 0x32
+    REPLY: ClassVar[type[Any]] = UpdateChunkReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.WRONG_STATE: "no image is being received; run the command again",
+    }
+    SIZE: ClassVar[int] = 4
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I")
+    offset: int
+    """from the image's beginning."""
+    data: bytes
+
+    def pack(self) -> bytes:
+        return _pack(
+            UpdateChunkRequest.NAME,
+            UpdateChunkRequest.LAYOUT,
+            self.offset,
+        ) + _tail(UpdateChunkRequest, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateChunkRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateCommitReply(Reply):
+    """The answer to update_commit."""
+
+    NAME: ClassVar[str] = "update_commit reply"
+    NUMBER: ClassVar[int] = 0xB3
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(UpdateCommitReply.NAME, UpdateCommitReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateCommitReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateCommitRequest(Command[UpdateCommitReply]):
+    """Checks the CRC over what is in flash, programs the header, and puts the image on trial at the next start."""
+
+    NAME: ClassVar[str] = "update_commit"
+    NUMBER: ClassVar[int] = 0x33
+    REPLY: ClassVar[type[Any]] = UpdateCommitReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.WRONG_STATE: "no image is being received; run the command again",
+    }
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateCommitRequest:
+        payload = cls.fitted(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateRestartReply(Reply):
+    """The answer to update_restart."""
+
+    NAME: ClassVar[str] = "update_restart reply"
+    NUMBER: ClassVar[int] = 0xB4
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(UpdateRestartReply.NAME, UpdateRestartReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateRestartReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateRestartRequest(Command[UpdateRestartReply]):
+    """Restarts the device, 20 ms after the reply; while parked or in fault, at 0 V."""
+
+    NAME: ClassVar[str] = "update_restart"
+    NUMBER: ClassVar[int] = 0x34
+    REPLY: ClassVar[type[Any]] = UpdateRestartReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "its outputs are on their way to 0 V; try again",
+        Status.MODE_UNSUPPORTED: "it cannot restart itself",
+    }
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateRestartRequest:
+        payload = cls.fitted(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateConfirmReply(Reply):
+    """The answer to update_confirm."""
+
+    NAME: ClassVar[str] = "update_confirm reply"
+    NUMBER: ClassVar[int] = 0xB5
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(UpdateConfirmReply.NAME, UpdateConfirmReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateConfirmReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateConfirmRequest(Command[UpdateConfirmReply]):
+    """The image on trial is to stay: the host has spoken with it and read its build id."""
+
+    NAME: ClassVar[str] = "update_confirm"
+    NUMBER: ClassVar[int] = 0x35
+    REPLY: ClassVar[type[Any]] = UpdateConfirmReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "it runs another build",
+        Status.MODE_UNSUPPORTED: "it has no image slots",
+    }
+    SIZE: ClassVar[int] = 20
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<20s")
+    build_id: bytes
+
+    def pack(self) -> bytes:
+        return _pack(
+            UpdateConfirmRequest.NAME,
+            UpdateConfirmRequest.LAYOUT,
+            _exactly("update_confirm.build_id", self.build_id, 20),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateConfirmRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0])
+
+
+@dataclass(frozen=True, slots=True)
 class Samples(Message):
     """A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of
     [tick] that `channels` asks for, in their order.
@@ -2121,6 +2449,18 @@ MESSAGES: dict[int, type[Message]] = {
     0xC2: SetGainsReply,
     0x43: WhereRequest,
     0xC3: WhereReply,
+    0x30: UpdateInfoRequest,
+    0xB0: UpdateInfoReply,
+    0x31: UpdateBeginRequest,
+    0xB1: UpdateBeginReply,
+    0x32: UpdateChunkRequest,
+    0xB2: UpdateChunkReply,
+    0x33: UpdateCommitRequest,
+    0xB3: UpdateCommitReply,
+    0x34: UpdateRestartRequest,
+    0xB4: UpdateRestartReply,
+    0x35: UpdateConfirmRequest,
+    0xB5: UpdateConfirmReply,
     0x70: Samples,
     0x71: Event,
 }

@@ -43,6 +43,7 @@ _SIGNATURES = {
     "host_driven_axes": (_U32, (_POINTER,)),
     "host_state_size": (_SIZE, ()),
     "host_flash": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE), ctypes.POINTER(_U64))),
+    "host_cells": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE))),
     "host_inject": (None, (_POINTER, _U32, _U32)),
     "host_take_obeyed": (_U64, (_POINTER, _POINTER, _SIZE)),
     "host_cut_power_after": (None, (_POINTER, _U64)),
@@ -183,6 +184,12 @@ class Firmware:
         size, writes = _SIZE(), _U64()
         address = self.library.host_flash(self._handle, ctypes.byref(size), ctypes.byref(writes))
         return ctypes.string_at(address, size.value), writes.value
+
+    def cells(self) -> bytes:
+        """All of its flash, for another device: models, images, boot record, and which bits are in doubt."""
+        size = _SIZE()
+        address = self.library.host_cells(self._handle, ctypes.byref(size))
+        return ctypes.string_at(address, size.value)
 
 
 class Plant:

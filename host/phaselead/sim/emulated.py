@@ -34,13 +34,17 @@ QEMU = "qemu-system-arm"
 QEMU_VERSION = "7.2"
 MACHINE = "netduinoplus2"
 """QEMU's STM32F405; the plugin makes it the board."""
-FLASH_SIZE = 2 * 128 * 1024
-"""Both model sectors."""
+FLASH_SIZE, BOOTLOADER_SIZE = 512 * 1024, 16 * 1024
+KEPT_SIZE = FLASH_SIZE - BOOTLOADER_SIZE
+"""Of a flash image: images, models and records, all but the bootloader."""
+FLASH_BASE = 0x0800_0000
 BOOT_TICKS = 100
 """Time for the firmware to come up, in ticks of 200 us."""
 TICKS_AT_ONCE = 5000
 """About half a second: so long an interrupt may have to wait."""
 _BROKEN = 0xFFFF_FFFF
+_LOADED = 1
+"""Of an ELF file's segments."""
 
 
 class _Ask(enum.IntEnum):
@@ -52,14 +56,13 @@ class _Ask(enum.IntEnum):
     BAUD = 4
     INJECT = 5
     FLASH = 6
-    SET_FLASH = 7
-    TRACE = 8
-    TAKE_TRACE = 9
-    CODES = 10
-    COUNTS = 11
-    PEEK = 12
-    POKE = 13
-    TIME = 14
+    TRACE = 7
+    TAKE_TRACE = 8
+    CODES = 9
+    COUNTS = 10
+    PEEK = 11
+    POKE = 12
+    TIME = 13
 
 
 class Injection(enum.IntEnum):
@@ -98,6 +101,17 @@ def hardware_of(elf: Path, board: str) -> str:
     if found is None or board.encode() not in firmware:
         raise BadInput(f"{elf}: is no firmware for {board}; build it with `make firmware`")
     return found.group().decode("ascii")
+
+
+def flash_contents(elf: bytes, kept: bytes | None = None) -> bytes:
+    """What is in flash once a debugger has written an ELF file, or beside its bootloader what was ``kept``."""
+    cells = bytearray(b"\xff" * FLASH_SIZE)
+    (table,), (entry_size, count) = struct.unpack_from("<I", elf, 28), struct.unpack_from("<HH", elf, 42)
+    for at in range(table, table + entry_size * count, entry_size):
+        kind, offset, _, address, size = struct.unpack_from("<5I", elf, at)
+        if kind == _LOADED and size:
+            cells[address - FLASH_BASE : address - FLASH_BASE + size] = elf[offset : offset + size]
+    return bytes(cells) if kept is None else bytes(cells[:BOOTLOADER_SIZE]) + kept
 
 
 def _plugin() -> str:
@@ -182,7 +196,8 @@ class EmulatedDevice:
         board: one of ``BOARDS``.
         parameters: of the stage.
         elf: the firmware; by default what `make firmware` built.
-        flash: image of the two model sectors, ``FLASH_SIZE`` bytes; by default erased.
+        flash: what an earlier board left behind its bootloader, ``KEPT_SIZE`` bytes; by default what a debugger
+            writes with the firmware, and nothing else.
         baud: speed of the host's end of the line.
         delays: the parts take as long as their data sheets allow; by default unless cycles are counted, which has its
             own model of them.
@@ -207,22 +222,20 @@ class EmulatedDevice:
     ) -> None:
         if BOARDS and board not in BOARDS:
             raise BadInput(f"there is no emulated board {board!r}; there are {' and '.join(BOARDS)}")
-        if flash is not None and len(flash) != FLASH_SIZE:
+        if flash is not None and len(flash) != KEPT_SIZE:
             raise BadInput("the flash image has the wrong size; give one that an emulated board wrote, or none")
         self._process: subprocess.Popen[bytes] | None = None
-        self._start(board, elf or find_firmware(board), count, count is None if delays is None else delays)
+        self._start(board, elf or find_firmware(board), flash, count, count is None if delays is None else delays)
         self._buffer = bytearray()
         self._flash: tuple[bytes, int] | None = None
         self._flash_changes = 0
         self.plant = EmulatedStage(self)
         self._send_stage(parameters)
         self.ask(_Ask.BAUD, struct.pack("<I", baud))
-        if flash is not None:
-            self.ask(_Ask.SET_FLASH, flash)
         if boot:
             self.run(BOOT_TICKS)
 
-    def _start(self, board: str, elf: Path, count: str | None, delays: bool) -> None:
+    def _start(self, board: str, elf: Path, flash: bytes | None, count: str | None, delays: bool) -> None:
         if not elf.is_file():
             raise BadInput(f"{elf}: there is no such firmware")
         down, to_board = os.pipe()
@@ -232,10 +245,13 @@ class EmulatedDevice:
         )
         if count is not None:
             plugin += f",count={count}"
+        self._flashed = tempfile.NamedTemporaryFile(suffix=".bin")  # noqa: SIM115
+        self._flashed.write(flash_contents(elf.read_bytes(), flash))
+        self._flashed.flush()
         self._said = tempfile.TemporaryFile()  # noqa: SIM115
         machine = ["-M", MACHINE, "-nodefaults", "-display", "none", "-serial", "none", "-monitor", "none"]
         self._process = subprocess.Popen(
-            [check_qemu(), *machine, "-icount", "shift=3,sleep=off", "-kernel", str(elf), "-plugin", plugin],
+            [check_qemu(), *machine, "-icount", "shift=3,sleep=off", "-kernel", self._flashed.name, "-plugin", plugin],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._said,
@@ -264,6 +280,7 @@ class EmulatedDevice:
         self._process.kill()
         self._process.wait()
         self._said.close()
+        self._flashed.close()
         self._process = None
 
     def __enter__(self) -> Self:
@@ -349,7 +366,7 @@ class EmulatedDevice:
     # ---------------------------------------------------------------- what only an emulator lets one do
 
     def flash(self) -> tuple[bytes, int]:
-        """Image of the model sectors, and how often they have been written to."""
+        """Image of all sectors but the bootloader's, and how often they have been written to."""
         if self._flash is None or self._flash[1] != self._flash_changes:
             self._flash = self.ask(_Ask.FLASH), self._flash_changes
         return self._flash

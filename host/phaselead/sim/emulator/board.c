@@ -126,6 +126,7 @@ static void reset(void *opaque)
     exti_reset();
     line_reset();
     flash_reset();
+    crc_reset();
     watchdog_reset();
     if (!on) { /* switched on: QEMU resets everything once */
         check_fit();
@@ -151,6 +152,7 @@ static void make(qemu_plugin_id_t id, unsigned vcpu)
     exti_map();
     line_map();
     flash_map();
+    crc_map();
     watchdog_map();
     map_holes();
     map_dwt();

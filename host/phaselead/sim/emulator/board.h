@@ -98,14 +98,20 @@ size_t line_take(uint8_t *bytes, size_t size);
 void line_set_baud(uint32_t baud);
 void line_garble(uint32_t bytes); /* noise on so many of the next bytes to the board */
 
-/* ---- flash.c: controller, the model sectors, and what must not be touched while busy */
-#define FLASH_MODEL_SIZE 0x40000
+/* ---- flash.c: controller, the sectors that it writes, and what must not be touched while busy */
+#define FLASH_CELLS 0x80000
+#define FLASH_KEPT_FROM 0x4000 /* what a state file holds: all but the bootloader */
 void flash_map(void);
 void flash_reset(void);
 bool flash_waits_confirmed(void); /* enough wait states for 168 MHz, and read back since they were written */
-uint8_t *flash_models(void);
-uint64_t flash_changes(void);          /* so many erases and programs began */
+const uint8_t *flash_cells(void);
+void flash_poke(uint32_t address, const uint8_t *bytes, size_t size); /* RAM too */
+uint64_t flash_changes(void);                                         /* so many erases and programs began */
 void flash_cut_after(int64_t changes); /* bytes; the byte under way is left half done; negative: never */
+
+/* ---- crc.c */
+void crc_map(void);
+void crc_reset(void);
 
 /* ---- watchdog.c */
 void watchdog_map(void);

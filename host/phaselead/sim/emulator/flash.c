@@ -1,16 +1,16 @@
-/* The flash controller with sectors 6 and 7. While it erases or programs, a read or fetch of any flash ends the run:
- * silicon would only stall, for up to two seconds, and no tick would come.
+/* The flash controller with sectors 1 to 7; nothing writes to sector 0, the bootloader's. What it holds is QEMU's own
+ * memory, from which the processor executes; while the controller programs, stores to it come here. While it erases or
+ * programs, a read or fetch of any flash ends the run: silicon would only stall, for up to two seconds, and no tick
+ * would come.
  */
 #include "board.h"
 
 #include <string.h>
 
 #define FLASH_BASE 0x08000000
-#define FLASH_SIZE 0x100000
-#define MODELS 0x08040000
-#define SECTOR_SIZE 0x20000
-#define FIRST_SECTOR 6u
-#define ERASE_NS 1000000000 /* of 128 KB, a word at a time: typical by the data sheets */
+#define FLASH_AT_0 0x00000000 /* the same cells, as the processor has them after a reset */
+#define FIRST_SECTOR 1u
+#define LAST_SECTOR 7u
 #define PROGRAM_NS 16000
 #define ACR 0
 #define KEYR 1
@@ -19,7 +19,6 @@
 #define OPTCR 5
 #define OPTCR_AT_RESET 0x0FFFAAE1u
 #define WAITS_FOR_168_MHZ 5u
-#define SR_PGSERR 0x80u
 #define SR_PGPERR 0x40u
 #define SR_WRPERR 0x10u
 #define SR_BSY (1u << 16)
@@ -29,21 +28,36 @@
 #define CR_LOCK (1u << 31)
 #define HALF_DONE 0x55u /* bits of the last byte that still changed when the power went */
 
-static MemoryRegion controller, models, guard, guard_alias;
+/* By sector, and the end of the last one. */
+static const uint32_t SECTORS[] = {0, 0x4000, 0x8000, 0xC000, 0x10000, 0x20000, 0x40000, 0x60000, FLASH_CELLS};
+
+/* A word at a time, of 16, 64 and 128 KB: typical by the data sheets. */
+static const int64_t ERASE_NS[] = {0, 250000000, 250000000, 250000000, 550000000, 1000000000, 1000000000, 1000000000};
+
+static MemoryRegion controller, watched, watched_at_0;
 static QEMUTimer end;
-static uint8_t cells[FLASH_MODEL_SIZE];
+static uint8_t cells[FLASH_CELLS];
 static bool filled;
 static uint32_t regs[8];
-static bool half_unlocked, busy, waits_read;
+static bool half_unlocked, busy, waits_read, watching;
 static int64_t cut_after = -1;
 static uint64_t changes;
+static size_t changed_from, changed_to; /* of `cells`, not yet where the processor sees it */
 
-uint8_t *flash_models(void)
+/* What was loaded is known only once the processor runs. */
+const uint8_t *flash_cells(void)
 {
     if (!filled)
-        memset(cells, 0xFF, sizeof cells);
+        cpu_physical_memory_rw(FLASH_AT_0, cells, sizeof cells, false);
     filled = true;
     return cells;
+}
+
+void flash_poke(uint32_t address, const uint8_t *bytes, size_t size)
+{
+    address_space_write_rom(address_space_memory, address, 1, bytes, size);
+    if (address - FLASH_BASE < FLASH_CELLS && size <= FLASH_CELLS - (address - FLASH_BASE) && filled)
+        memcpy(cells + (address - FLASH_BASE), bytes, size);
 }
 
 uint64_t flash_changes(void)
@@ -69,11 +83,28 @@ static bool change(uint8_t *cell, uint8_t to)
     return true;
 }
 
+/* Every access is looked at while flash is busy or bits can be programmed; then the processor sees what was changed. At
+ * other times a store is lost, as QEMU's memory is ROM. */
+static void watch(void)
+{
+    const bool now = busy || ((regs[CR] & CR_PG) && !(regs[CR] & CR_LOCK));
+    if (now == watching)
+        return;
+    flash_cells();
+    watching = now;
+    memory_region_set_enabled(&watched, now);
+    memory_region_set_enabled(&watched_at_0, now);
+    if (!now && changed_from < changed_to)
+        address_space_write_rom(address_space_memory, FLASH_AT_0 + changed_from, 1, cells + changed_from,
+                                changed_to - changed_from);
+    if (!now)
+        changed_from = changed_to = 0;
+}
+
 static void set_busy(bool now)
 {
     busy = now;
-    memory_region_set_enabled(&guard, now);
-    memory_region_set_enabled(&guard_alias, now);
+    watch();
 }
 
 static void on_end(void *opaque)
@@ -89,54 +120,51 @@ static void start(int64_t ns)
     timer_mod(&end, now_ns() + ns);
 }
 
-static uint64_t touched(void *opaque, uint64_t offset, unsigned size)
-{
-    (void)opaque, (void)size;
-    board_broken("flash was read at 0x%08llx while it was busy", (unsigned long long)(FLASH_BASE + offset));
-}
-
-static void touched_by_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
-{
-    (void)value;
-    touched(opaque, offset, size);
-}
-
 static uint64_t cell_read(void *opaque, uint64_t offset, unsigned size)
 {
     uint64_t value = 0;
     (void)opaque;
-    memcpy(&value, flash_models() + offset, size);
+    if (busy)
+        board_broken("flash was read at 0x%08llx while it was busy", (unsigned long long)(FLASH_BASE + offset));
+    memcpy(&value, flash_cells() + offset, size);
     return value;
+}
+
+static void note_changed(size_t from, size_t to)
+{
+    const bool none = changed_from == changed_to;
+    changed_from = none || from < changed_from ? from : changed_from;
+    changed_to = none || to > changed_to ? to : changed_to;
 }
 
 static void cell_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
 {
     (void)opaque;
-    if ((regs[CR] & CR_LOCK) || !(regs[CR] & CR_PG)) {
-        regs[SR] |= SR_PGSERR;
-        return;
-    }
+    if (busy || offset < SECTORS[FIRST_SECTOR])
+        board_broken("flash was written at 0x%08llx %s", (unsigned long long)(FLASH_BASE + offset),
+                     busy ? "while it was busy" : "where the bootloader is");
     if (size != 1u << (regs[CR] >> 8 & 3u)) {
         regs[SR] |= SR_PGPERR;
         return;
     }
     for (unsigned i = 0; i < size; i++)
-        if (!change(&flash_models()[offset + i], flash_models()[offset + i] & (uint8_t)(value >> 8 * i)))
+        if (!change(&cells[offset + i], cells[offset + i] & (uint8_t)(value >> 8 * i)))
             break;
+    note_changed(offset, offset + size);
     start(PROGRAM_NS);
 }
 
 static void erase(uint32_t sector)
 {
-    if (sector - FIRST_SECTOR > 1) {
+    if (sector < FIRST_SECTOR || sector > LAST_SECTOR) {
         regs[SR] |= SR_WRPERR;
         return;
     }
-    uint8_t *from = flash_models() + (sector - FIRST_SECTOR) * SECTOR_SIZE;
-    for (size_t i = 0; i < SECTOR_SIZE; i++)
-        if (!change(&from[i], 0xFF))
+    start(ERASE_NS[sector]);
+    for (size_t i = SECTORS[sector]; i < SECTORS[sector + 1]; i++)
+        if (!change(&cells[i], 0xFF))
             break;
-    start(ERASE_NS);
+    note_changed(SECTORS[sector], SECTORS[sector + 1]);
 }
 
 static uint64_t controller_read(void *opaque, uint64_t offset, unsigned size)
@@ -168,6 +196,7 @@ static void controller_write(void *opaque, uint64_t offset, uint64_t value, unsi
     else if (offset / 4 == CR) {
         if (!(regs[CR] & CR_LOCK) && !busy)
             regs[CR] = (uint32_t)value & ~CR_STRT;
+        watch();
         if (!(regs[CR] & CR_LOCK) && (value & CR_STRT) && (value & CR_SER) && !busy)
             erase((uint32_t)value >> 3 & 15u);
     } else if (offset / 4 == ACR) {
@@ -194,17 +223,14 @@ void flash_map(void)
 {
     static const MemoryRegionOps cell_ops = {
         .read = cell_read, .write = cell_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
-    static const MemoryRegionOps guard_ops = {
-        .read = touched, .write = touched_by_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
     static const MemoryRegionOps controller_ops = {.read = controller_read,
                                                    .write = controller_write,
                                                    .endianness = LITTLE_ENDIAN_DEVICE,
                                                    .valid = {4, 4, false, NULL}};
     board_map(&controller, &controller_ops, "flash controller", 0x40023C00, 0x400);
-    board_map(&models, &cell_ops, "model sectors", MODELS, FLASH_MODEL_SIZE);
-    /* Around the model sectors, which are written to while busy. */
-    board_map(&guard, &guard_ops, "busy flash", FLASH_BASE, MODELS - FLASH_BASE);
-    board_map(&guard_alias, &guard_ops, "busy flash at 0", 0, FLASH_SIZE);
-    set_busy(false);
+    board_map(&watched, &cell_ops, "flash", FLASH_BASE, FLASH_CELLS);
+    board_map(&watched_at_0, &cell_ops, "flash at 0", FLASH_AT_0, FLASH_CELLS);
+    memory_region_set_enabled(&watched, false);
+    memory_region_set_enabled(&watched_at_0, false);
     timer_init_full(&end, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_end, NULL);
 }

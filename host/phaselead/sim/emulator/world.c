@@ -19,8 +19,7 @@ enum ask {
     ASK_WRITE,     /* bytes to the line */
     ASK_BAUD,      /* u32 */
     ASK_INJECT,    /* u32 what, u32 value */
-    ASK_FLASH,     /* -> both model sectors */
-    ASK_SET_FLASH, /* both model sectors */
+    ASK_FLASH,     /* -> sectors 1 to 7 */
     ASK_TRACE,     /* u64 capacity */
     ASK_TAKE_TRACE,
     ASK_CODES, /* -> u16 adc[3], u16 dac[3] of every tick since the last time */
@@ -161,7 +160,7 @@ static void obey(enum ask what, const uint8_t *bytes, size_t size)
         start_run(bytes);
         return;
     case ASK_FLASH:
-        answer(flash_models(), FLASH_MODEL_SIZE);
+        answer(flash_cells() + FLASH_KEPT_FROM, FLASH_CELLS - FLASH_KEPT_FROM);
         return;
     case ASK_TAKE_TRACE:
         answer_trace();
@@ -190,15 +189,12 @@ static void obey(enum ask what, const uint8_t *bytes, size_t size)
     case ASK_INJECT:
         inject(u32_at(bytes, 0), u32_at(bytes, 4));
         break;
-    case ASK_SET_FLASH:
-        memcpy(flash_models(), bytes, size < FLASH_MODEL_SIZE ? size : FLASH_MODEL_SIZE);
-        break;
     case ASK_TRACE:
         memcpy(&trace_capacity, bytes, 8);
         stage.trace(plant, trace_capacity);
         break;
     case ASK_POKE:
-        address_space_write_rom(address_space_memory, u32_at(bytes, 0), 1, bytes + 4, size - 4);
+        flash_poke(u32_at(bytes, 0), bytes + 4, size - 4);
         break;
     }
     answer(NULL, 0);

@@ -1,0 +1,9 @@
+/* The head of this image, and what a debugger puts beside it. */
+#ifndef PHASELEAD_STM32F4_IMAGE_HEADER_H
+#define PHASELEAD_STM32F4_IMAGE_HEADER_H
+
+#include "app/image.h"
+
+const struct image_header *image_own_header(void);
+
+#endif
