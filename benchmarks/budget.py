@@ -277,7 +277,7 @@ def memory(elf: Path) -> tuple[int, int]:
     """Bytes of RAM, stack included, and of flash."""
     text = subprocess.run(["arm-none-eabi-nm", elf], capture_output=True, text=True, check=True).stdout
     at = {name: int(address, 16) for address, name in re.findall(r"^([0-9a-f]{8}) \w (\w+)$", text, re.M)}
-    flash = at["data_from"] + at["data_end"] - at["data_start"] - 0x0800_0000
+    flash = at["data_from"] + at["data_end"] - at["data_start"] - 0x0801_0000
     return at["zeroed_end"] - 0x2000_0000, flash
 
 

@@ -130,8 +130,8 @@ static enum wire_status check_path(const struct device *device, const struct wir
     if (config->mode == AXIS_OPEN)
         return within(low, high, config->output.u_min_q24, config->output.u_max_q24) ? WIRE_STATUS_OK
                                                                                      : WIRE_STATUS_OUTSIDE_LIMITS;
-    if (!within(low, high, converter_position_q16(&config->converter, 0, &saturated),
-                converter_position_q16(&config->converter, UINT16_MAX, &saturated)))
+    if (!within(low, high, converter_position_q16(&config->converter, (uint16_t)config->code_min, &saturated),
+                converter_position_q16(&config->converter, (uint16_t)config->code_max, &saturated)))
         return WIRE_STATUS_OUTSIDE_LIMITS;
     if (axis_mode_inverts(config->mode))
         return check_inverse(device, set, low, high, point);

@@ -11,7 +11,9 @@ void device_init(struct device *device, const struct device_port *port)
     device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
     device->control.fault_axis = NO_AXIS;
     model_store_boot(&device->models, &device->port.flash);
+    journal_boot(&device->journal, &device->port.records);
     device_link_models(device);
+    device_make_idle(model_store_active(&device->models), device->journal.newest.limits, device->idle);
     device_reset_axes(device);
     device_rest(device);
     line_init(&device->line);

@@ -14,6 +14,18 @@ static void watch_host(struct device *device)
         device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
 }
 
+/* In every mode: where an axis may be does not depend on what drives it. */
+static void watch_ranges(struct device *device, uint32_t moving)
+{
+    struct control *control = &device->control;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &control->axis[axis];
+        if ((moving >> axis & 1u) != 0 && control->state == WIRE_STATE_RUNNING && state->drive == DRIVE_PATH &&
+            !axis_watch_range(&control->config[axis], state, device->adc_codes[axis]))
+            device_fault(device, WIRE_FAULT_POSITION_LIMIT, axis, device->adc_codes[axis]);
+    }
+}
+
 /* A loop that can no longer see where it is, or that no longer gets where it should be, must not go on pushing. */
 static void watch_loops(struct device *device, uint32_t moving, const int32_t error_q16[AXES])
 {
@@ -83,6 +95,7 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
 
     axes_follow_outputs(device, moving);
     watch_loops(device, moving, error_q16);
+    watch_ranges(device, moving);
     note_ended_paths(device, moving);
     if (device->control.state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);

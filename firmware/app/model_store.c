@@ -158,21 +158,6 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
     store->fallback = kind[other] == RECORD_TORN || (kind[other] == RECORD_BLANK && sequence[newest] > 1);
 }
 
-static bool program_verified(const struct flash_port *flash, unsigned at, uint32_t offset, const uint8_t *bytes,
-                             size_t size)
-{
-    uint8_t back[32];
-    if (!flash->program(flash->context, at, offset, bytes, size))
-        return false;
-    for (size_t done = 0; done < size; done += sizeof back) {
-        size_t part = size - done < sizeof back ? size - done : sizeof back;
-        flash->read(flash->context, at, offset + (uint32_t)done, back, part);
-        if (memcmp(back, bytes + done, part) != 0)
-            return false;
-    }
-    return true;
-}
-
 enum wire_status model_store_persist(struct model_store *store, const struct flash_port *flash, uint32_t *sequence)
 {
     *sequence = store->sequence;
@@ -192,8 +177,8 @@ enum wire_status model_store_persist(struct model_store *store, const struct fla
         return WIRE_STATUS_FLASH_FAILED;
     store->littered = false;
     if (!flash->erase(flash->context, at) ||
-        !program_verified(flash, at, RECORD_HEADER_SIZE, slot->blob, WIRE_MODEL_SIZE) ||
-        !program_verified(flash, at, 0, head, sizeof head))
+        !flash_program_verified(flash, at, RECORD_HEADER_SIZE, slot->blob, WIRE_MODEL_SIZE) ||
+        !flash_program_verified(flash, at, 0, head, sizeof head))
         return WIRE_STATUS_FLASH_FAILED;
     store->newest_slot = (uint8_t)at;
     store->sequence = next;

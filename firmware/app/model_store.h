@@ -6,19 +6,10 @@
 #ifndef PHASELEAD_APP_MODEL_STORE_H
 #define PHASELEAD_APP_MODEL_STORE_H
 
+#include "app/flash_port.h"
 #include "app/model_slot.h"
 
-#define FLASH_SLOTS 2
-#define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE)
-
-/* What a port gives. Each returns false when the flash did not do it; a slot holds FLASH_RECORD_SIZE bytes at least and
- * reads 0xFF when erased. */
-struct flash_port {
-    bool (*erase)(void *context, unsigned slot);
-    bool (*program)(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size);
-    void (*read)(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size);
-    void *context;
-};
+#define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE) /* bytes of a flash slot, at least */
 
 struct model_store {
     struct model_slot slots[2];

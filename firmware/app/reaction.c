@@ -42,6 +42,7 @@ void device_fault(struct device *device, enum wire_fault fault, unsigned axis, u
         device->last_fault = fault;
         device->last_fault_detail = detail;
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_FAULT, fault);
+        fault_log_put(device);
         recorder_freeze(&device->recorder);
     }
     device_event(device, (enum supervisor_event)FAULT_REACTIONS[fault].event, 0);

@@ -109,6 +109,12 @@ static const struct {
     {"set_timeout", {9, false}, 0x94},
     {"info", {0, false}, 0x15},
     {"info", {103, false}, 0x95},
+    {"limits_set", {36, false}, 0x20},
+    {"limits_set", {9, false}, 0xA0},
+    {"limits_read", {0, false}, 0x21},
+    {"limits_read", {46, false}, 0xA1},
+    {"fault_log", {0, false}, 0x22},
+    {"fault_log", {318, false}, 0xA2},
     {"samples", {20, true}, 0x70},
     {"event", {13, false}, 0x71},
 };
@@ -349,6 +355,94 @@ bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size)
     for (size_t i = 0; i < 3; i++) {
         wire_unpack_axis_model(&to->axes[i], in, WIRE_AXIS_MODEL_SIZE);
         in += WIRE_AXIS_MODEL_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_axis_limits(const struct wire_axis_limits *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_AXIS_LIMITS_SIZE)
+        return -1;
+    out = put_u16(out, from->dac_min);
+    out = put_u16(out, from->dac_max);
+    out = put_u32(out, from->slew_codes_q16);
+    out = put_u16(out, from->adc_min);
+    out = put_u16(out, from->adc_max);
+    return WIRE_AXIS_LIMITS_SIZE;
+}
+
+bool wire_unpack_axis_limits(struct wire_axis_limits *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_AXIS_LIMITS_SIZE)
+        return false;
+    to->dac_min = get_u16(&in);
+    to->dac_max = get_u16(&in);
+    to->slew_codes_q16 = get_u32(&in);
+    to->adc_min = get_u16(&in);
+    to->adc_max = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_logged_fault(const struct wire_logged_fault *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_LOGGED_FAULT_SIZE)
+        return -1;
+    out = put_u32(out, from->power_cycle);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->detail);
+    out = put_u8(out, from->fault);
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->state);
+    return WIRE_LOGGED_FAULT_SIZE;
+}
+
+bool wire_unpack_logged_fault(struct wire_logged_fault *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_LOGGED_FAULT_SIZE)
+        return false;
+    to->power_cycle = get_u32(&in);
+    to->tick = get_u64(&in);
+    to->detail = get_u32(&in);
+    to->fault = get_u8(&in);
+    to->axis = get_u8(&in);
+    to->state = get_u8(&in);
+    return true;
+}
+
+int32_t wire_pack_device_record(const struct wire_device_record *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_DEVICE_RECORD_SIZE)
+        return -1;
+    out = put_u32(out, from->magic);
+    out = put_u32(out, from->sequence);
+    out = put_u32(out, from->power_cycle);
+    out = put_u8(out, from->limits_lost);
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_limits(&from->limits[i], out, WIRE_AXIS_LIMITS_SIZE);
+        out += WIRE_AXIS_LIMITS_SIZE;
+    }
+    for (size_t i = 0; i < 1; i++) {
+        wire_pack_logged_fault(&from->fault[i], out, WIRE_LOGGED_FAULT_SIZE);
+        out += WIRE_LOGGED_FAULT_SIZE;
+    }
+    return WIRE_DEVICE_RECORD_SIZE;
+}
+
+bool wire_unpack_device_record(struct wire_device_record *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_DEVICE_RECORD_SIZE)
+        return false;
+    to->magic = get_u32(&in);
+    to->sequence = get_u32(&in);
+    to->power_cycle = get_u32(&in);
+    to->limits_lost = get_u8(&in);
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_limits(&to->limits[i], in, WIRE_AXIS_LIMITS_SIZE);
+        in += WIRE_AXIS_LIMITS_SIZE;
+    }
+    for (size_t i = 0; i < 1; i++) {
+        wire_unpack_logged_fault(&to->fault[i], in, WIRE_LOGGED_FAULT_SIZE);
+        in += WIRE_LOGGED_FAULT_SIZE;
     }
     return true;
 }
@@ -896,6 +990,86 @@ bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_
     to->last_fault = get_u8(&in);
     to->last_fault_detail = get_u32(&in);
     to->flash_sequence = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_limits_set_request(const struct wire_limits_set_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_LIMITS_SET_REQUEST_SIZE)
+        return -1;
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_limits(&from->limits[i], out, WIRE_AXIS_LIMITS_SIZE);
+        out += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return WIRE_LIMITS_SET_REQUEST_SIZE;
+}
+
+bool wire_unpack_limits_set_request(struct wire_limits_set_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_LIMITS_SET_REQUEST_SIZE)
+        return false;
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_limits(&to->limits[i], in, WIRE_AXIS_LIMITS_SIZE);
+        in += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_limits_read_reply(const struct wire_limits_read_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_LIMITS_READ_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->limits_lost);
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_limits(&from->limits[i], out, WIRE_AXIS_LIMITS_SIZE);
+        out += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return WIRE_LIMITS_READ_REPLY_SIZE;
+}
+
+bool wire_unpack_limits_read_reply(struct wire_limits_read_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_LIMITS_READ_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->limits_lost = get_u8(&in);
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_limits(&to->limits[i], in, WIRE_AXIS_LIMITS_SIZE);
+        in += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_fault_log_reply(const struct wire_fault_log_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_FAULT_LOG_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->power_cycle);
+    out = put_u8(out, from->count);
+    for (size_t i = 0; i < 16; i++) {
+        wire_pack_logged_fault(&from->faults[i], out, WIRE_LOGGED_FAULT_SIZE);
+        out += WIRE_LOGGED_FAULT_SIZE;
+    }
+    return WIRE_FAULT_LOG_REPLY_SIZE;
+}
+
+bool wire_unpack_fault_log_reply(struct wire_fault_log_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_FAULT_LOG_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->power_cycle = get_u32(&in);
+    to->count = get_u8(&in);
+    for (size_t i = 0; i < 16; i++) {
+        wire_unpack_logged_fault(&to->faults[i], in, WIRE_LOGGED_FAULT_SIZE);
+        in += WIRE_LOGGED_FAULT_SIZE;
+    }
     return true;
 }
 

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xA11499ECu
+#define WIRE_FINGERPRINT 0x0921FE0Eu
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -39,6 +39,9 @@ enum wire_type {
     WIRE_SNAPSHOT_READ = 0x13,
     WIRE_SET_TIMEOUT = 0x14,
     WIRE_INFO = 0x15,
+    WIRE_LIMITS_SET = 0x20,
+    WIRE_LIMITS_READ = 0x21,
+    WIRE_FAULT_LOG = 0x22,
     WIRE_SAMPLES = 0x70,
     WIRE_EVENT = 0x71,
 };
@@ -93,8 +96,9 @@ enum wire_status {
     WIRE_STATUS_FAULT_LATCHED = 14,
     WIRE_STATUS_BUSY = 15,
     WIRE_STATUS_MODE_UNSUPPORTED = 16,
+    WIRE_STATUS_LIMITS_LOST = 17,
 };
-#define WIRE_STATUS_COUNT 17
+#define WIRE_STATUS_COUNT 18
 
 /* Why the device stopped; each is described in docs/faults.md */
 enum wire_fault {
@@ -111,8 +115,9 @@ enum wire_fault {
     WIRE_FAULT_SENSOR_FROZEN = 10,
     WIRE_FAULT_SENSOR_JUMP = 11,
     WIRE_FAULT_OUTPUT_LIMITED = 12,
+    WIRE_FAULT_POSITION_LIMIT = 13,
 };
-#define WIRE_FAULT_COUNT 13
+#define WIRE_FAULT_COUNT 14
 
 /* Why the device last started */
 enum wire_reset_cause {
@@ -191,7 +196,10 @@ enum wire_event_kind {
     COMMAND(stream_stop, WIRE_STREAM_STOP, WIRE_ANY_STATE, false) \
     COMMAND(snapshot_read, WIRE_SNAPSHOT_READ, WIRE_ANY_STATE, true) \
     COMMAND(set_timeout, WIRE_SET_TIMEOUT, WIRE_ANY_STATE, false) \
-    COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false)
+    COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false) \
+    COMMAND(limits_set, WIRE_LIMITS_SET, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(limits_read, WIRE_LIMITS_READ, WIRE_ANY_STATE, false) \
+    COMMAND(fault_log, WIRE_FAULT_LOG, WIRE_ANY_STATE, false)
 
 /* Before every payload */
 #define WIRE_HEADER_SIZE 11
@@ -271,6 +279,38 @@ struct wire_model {
     uint32_t magic; /* 0x314C4850, 'PHL1' */
     uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */
     struct wire_axis_model axes[3];
+};
+
+/* Hard limits of one axis, in converter codes, so that no model's calibration moves them; 0, 65535 and 0xffffffff limit nothing */
+#define WIRE_AXIS_LIMITS_SIZE 12
+struct wire_axis_limits {
+    uint16_t dac_min; /* lowest output code */
+    uint16_t dac_max;
+    uint32_t slew_codes_q16; /* largest step of the output, codes per tick */
+    uint16_t adc_min; /* lowest sensor code of a set-point and of an axis that follows a path */
+    uint16_t adc_max;
+};
+
+/* One fault of the log */
+#define WIRE_LOGGED_FAULT_SIZE 19
+struct wire_logged_fault {
+    uint32_t power_cycle; /* starts of the device up to then, resets included; 1 is the first */
+    uint64_t tick; /* since that start */
+    uint32_t detail;
+    uint8_t fault; /* none: no fault */
+    uint8_t axis; /* 255: no axis */
+    uint8_t state; /* in which it was met */
+};
+
+/* One record of the journal, never sent: its limits and power cycle hold from then on, a fault is added to the log; a CRC-32 follows */
+#define WIRE_DEVICE_RECORD_SIZE 68
+struct wire_device_record {
+    uint32_t magic; /* 0x314A4850, 'PHJ1' */
+    uint32_t sequence; /* never 0; the newest whole record wins */
+    uint32_t power_cycle;
+    uint8_t limits_lost; /* the limits that were set could not be read, and none have been set since */
+    struct wire_axis_limits limits[3];
+    struct wire_logged_fault fault[1];
 };
 
 /* 0x81: Opens a session: the header's session becomes the device's. Needs no session. */
@@ -496,6 +536,31 @@ struct wire_info_reply {
     uint32_t flash_sequence;
 };
 
+/* 0x20: Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again */
+#define WIRE_LIMITS_SET_REQUEST_SIZE 36
+struct wire_limits_set_request {
+    struct wire_axis_limits limits[3];
+};
+
+/* 0xA1: The hard limits in force */
+#define WIRE_LIMITS_READ_REPLY_SIZE 46
+struct wire_limits_read_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t limits_lost; /* 1: what was set could not be read; arming is refused until limits are set */
+    struct wire_axis_limits limits[3];
+};
+
+/* 0xA2: The last 16 faults, those before the last resets included */
+#define WIRE_FAULT_LOG_REPLY_SIZE 318
+struct wire_fault_log_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t power_cycle; /* starts of the device, resets included */
+    uint8_t count;
+    struct wire_logged_fault faults[16]; /* oldest first */
+};
+
 /* 0x70: A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of [tick] that `channels` asks for, in their order */
 #define WIRE_SAMPLES_SIZE 20
 struct wire_samples {
@@ -536,6 +601,9 @@ struct wire_event {
 #define WIRE_STREAM_STOP_REQUEST_SIZE 0 /* Ends the stream; what is buffered is still sent */
 #define WIRE_SET_TIMEOUT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_INFO_REQUEST_SIZE 0 /* Timing of the tick and the fault log */
+#define WIRE_LIMITS_SET_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_LIMITS_READ_REQUEST_SIZE 0 /* The hard limits in force */
+#define WIRE_FAULT_LOG_REQUEST_SIZE 0 /* The last 16 faults, those before the last resets included */
 
 /* Exact size, or the least for a message that ends in bytes. */
 struct wire_message_size {
@@ -565,6 +633,12 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
 bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_t size);
 int32_t wire_pack_model(const struct wire_model *from, uint8_t *out, size_t capacity);
 bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size);
+int32_t wire_pack_axis_limits(const struct wire_axis_limits *from, uint8_t *out, size_t capacity);
+bool wire_unpack_axis_limits(struct wire_axis_limits *to, const uint8_t *in, size_t size);
+int32_t wire_pack_logged_fault(const struct wire_logged_fault *from, uint8_t *out, size_t capacity);
+bool wire_unpack_logged_fault(struct wire_logged_fault *to, const uint8_t *in, size_t size);
+int32_t wire_pack_device_record(const struct wire_device_record *from, uint8_t *out, size_t capacity);
+bool wire_unpack_device_record(struct wire_device_record *to, const uint8_t *in, size_t size);
 int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_hello_reply(struct wire_hello_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_status_reply(const struct wire_status_reply *from, uint8_t *out, size_t capacity);
@@ -611,6 +685,12 @@ int32_t wire_pack_set_timeout_request(const struct wire_set_timeout_request *fro
 bool wire_unpack_set_timeout_request(struct wire_set_timeout_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_limits_set_request(const struct wire_limits_set_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_limits_set_request(struct wire_limits_set_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_limits_read_reply(const struct wire_limits_read_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_limits_read_reply(struct wire_limits_read_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_fault_log_reply(const struct wire_fault_log_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_fault_log_reply(struct wire_fault_log_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity);
 bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size);
 int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity);

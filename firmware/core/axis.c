@@ -198,6 +198,11 @@ enum watch_finding axis_watch(const struct axis_config *config, struct axis_stat
     return watch_step(&watch, &state->watch, &tick);
 }
 
+bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
+{
+    return watch_range(&state->watch, adc_code, config->code_min, config->code_max);
+}
+
 bool axis_follow_output(const struct axis_model *model, struct axis_state *state, const struct axis_trace *trace)
 {
     const struct compensation *compensation = model->compensation;

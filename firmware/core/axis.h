@@ -33,6 +33,7 @@ struct axis_config { /* fixed-size fields, explicit padding: read back as it lie
     struct output_config output;
     struct converter_config converter;
     uint32_t error_ticks;
+    uint32_t code_min, code_max; /* of the sensor: outside of them an axis that follows a path is a fault */
 };
 
 struct axis_model {                          /* what came with the stage model and the path; each may be NULL */
@@ -70,8 +71,8 @@ struct axis_state {
 };
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
-_Static_assert(sizeof(struct axis_config) == 104 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 584 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
+_Static_assert(sizeof(struct axis_config) == 112 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
+_Static_assert(sizeof(struct axis_state) == 592 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
 
 struct axis_trace { /* what a tick did, for the recorder */
     int32_t reference;
@@ -111,6 +112,9 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, int32
 /* After the output, for an axis under feedback: whether it can still be believed. `error_q16` as axis_step() had it. */
 enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                               int32_t error_q16, const struct axis_trace *trace);
+
+/* After the output, for an axis that follows its path in any mode: whether it is within the range it is held to. */
+bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code);
 
 /* Lets the memory of the inverse follow an output that the inverse did not make. True when the memory keeps changing
  * while the output stands still (creep). */

@@ -32,6 +32,8 @@ COUNTERPARTS = {
     "info": "Controller.info",
     "ports": "ports",
     "log record": "Controller.record",
+    "limits": "Controller.set_limits",
+    "log faults": "Controller.fault_log",
     "log info": "Recording.facts",
     "log export": "export",
     "log recover": "recover",

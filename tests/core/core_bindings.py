@@ -126,6 +126,8 @@ class AxisConfig(ct.Structure):
         ("output", OutputConfig),
         ("converter", ConverterConfig),
         ("error_ticks", ct.c_uint32),
+        ("code_min", ct.c_uint32),
+        ("code_max", ct.c_uint32),
     ]
 
 
@@ -255,6 +257,8 @@ class WatchState(ct.Structure):
         ("same_u_q24", ct.c_int32),
         ("code", ct.c_uint32),
         ("primed", ct.c_uint32),
+        ("range_ticks", ct.c_uint32),
+        ("padding", ct.c_uint32),
     ]
 
 
@@ -404,6 +408,7 @@ PROTOTYPES = {
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisState)]),
+    "watch_range": (ct.c_bool, [ct.POINTER(WatchState), U16, ct.c_uint32, ct.c_uint32]),
     "watch_step": (ct.c_int, [ct.POINTER(WatchConfig), ct.POINTER(WatchState), ct.POINTER(WatchTick)]),
     "axis_set_target": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
     "axis_step": (

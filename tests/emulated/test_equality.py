@@ -12,11 +12,13 @@ from talker import UM, Talker, V, stage_model, upload
 from phaselead.control.gains import PAPER_GAINS
 from phaselead.device import wire
 from phaselead.sim.device import VirtualDevice
-from phaselead.sim.emulated import BOARDS
+from phaselead.sim.emulated import BOARDS, MODELS_SIZE
 
 ALL_CHANNELS = 31
 TICKS = 100_000
 BUDGET = Path(__file__).parents[2] / "benchmarks" / "budget.py"
+OWN_SECTOR = 4096
+"""What the journal uses of a sector, and all there is of it in the process."""
 RECORD_SIZE = 16 + wire.Model.SIZE
 
 
@@ -114,7 +116,10 @@ def test_board_and_process_say_the_same_bits(board, stage, start):
     image, _ = emulated.flash()
     own, _ = twin.device.flash()
     assert image[:RECORD_SIZE] == own[:RECORD_SIZE] != b"\xff" * RECORD_SIZE
-    assert set(image[RECORD_SIZE:]) == {0xFF}
+    assert set(image[RECORD_SIZE:MODELS_SIZE]) == {0xFF}
+    journal, own_journal = image[MODELS_SIZE:], own[-2 * OWN_SECTOR :]
+    assert journal[:OWN_SECTOR] == own_journal[:OWN_SECTOR] != b"\xff" * OWN_SECTOR
+    assert set(journal[OWN_SECTOR:]) == {0xFF}
 
 
 def test_every_place_of_a_model_says_the_same_bits(stage, start):

@@ -82,7 +82,7 @@ def test_the_stack_lies_below_everything_with_its_guard_underneath(elf):
     assert at["stack_guard_start"] == 0x2000_0000
     assert at["stack_bottom"] == at["stack_guard_start"] + 256
     assert at["stack_top"] <= at["data_start"]
-    assert at["zeroed_end"] <= 0x2000_0000 + 100 * 1024
+    assert at["zeroed_end"] <= 0x2000_0000 + 128 * 1024
 
 
 def test_the_board_says_what_it_was_built_from(elf):

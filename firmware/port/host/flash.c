@@ -5,13 +5,14 @@
 #define ERASED 0xFF
 #define HALF_DONE 0x55 /* the bits of the last byte that still changed when the power went */
 
-void host_flash_init(struct host_flash *flash, const uint8_t *image)
+void host_flash_init(struct host_flash *flash, const uint8_t *image, size_t size)
 {
     memset(flash, 0, sizeof *flash);
+    memset(flash->image, ERASED, HOST_FLASH_SIZE);
     if (image)
-        memcpy(flash->image, image, HOST_FLASH_SIZE);
-    else
-        memset(flash->image, ERASED, HOST_FLASH_SIZE);
+        memcpy(flash->image, image, size);
+    flash->models = (struct host_flash_part){flash, 0};
+    flash->journal = (struct host_flash_part){flash, HOST_FLASH_MODELS_SIZE};
 }
 
 /* False when the power is gone. */
@@ -28,22 +29,23 @@ static bool change(struct host_flash *flash, size_t at, uint8_t to)
 
 static bool erase(void *context, unsigned slot)
 {
-    struct host_flash *flash = context;
-    flash->writes++;
+    const struct host_flash_part *part = context;
+    part->flash->writes++;
     for (size_t i = 0; i < HOST_FLASH_SLOT_SIZE; i++)
-        if (!change(flash, slot * HOST_FLASH_SLOT_SIZE + i, ERASED))
+        if (!change(part->flash, part->offset + slot * HOST_FLASH_SLOT_SIZE + i, ERASED))
             return false;
     return true;
 }
 
 static bool program(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size)
 {
-    struct host_flash *flash = context;
+    const struct host_flash_part *part = context;
+    struct host_flash *flash = part->flash;
     flash->writes++;
     if (offset > HOST_FLASH_SLOT_SIZE || size > HOST_FLASH_SLOT_SIZE - offset)
         return false;
     for (size_t i = 0; i < size; i++) {
-        size_t at = slot * HOST_FLASH_SLOT_SIZE + offset + i;
+        size_t at = part->offset + slot * HOST_FLASH_SLOT_SIZE + offset + i;
         if (!change(flash, at, flash->image[at] & bytes[i]))
             return false;
     }
@@ -52,11 +54,16 @@ static bool program(void *context, unsigned slot, uint32_t offset, const uint8_t
 
 static void read(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size)
 {
-    const struct host_flash *flash = context;
-    memcpy(bytes, flash->image + slot * HOST_FLASH_SLOT_SIZE + offset, size);
+    const struct host_flash_part *part = context;
+    memcpy(bytes, part->flash->image + part->offset + slot * HOST_FLASH_SLOT_SIZE + offset, size);
 }
 
-struct flash_port host_flash_port(struct host_flash *flash)
+struct flash_port host_flash_models(struct host_flash *flash)
 {
-    return (struct flash_port){.erase = erase, .program = program, .read = read, .context = flash};
+    return (struct flash_port){.erase = erase, .program = program, .read = read, .context = &flash->models};
+}
+
+struct flash_port host_flash_journal(struct host_flash *flash)
+{
+    return (struct flash_port){.erase = erase, .program = program, .read = read, .context = &flash->journal};
 }

@@ -51,13 +51,14 @@ uint64_t host_take_obeyed(struct host_device *host, struct host_obeyed *commands
 
 struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size)
 {
-    if (flash && flash_size != HOST_FLASH_SIZE)
+    if (flash && flash_size != HOST_FLASH_SIZE && flash_size != HOST_FLASH_MODELS_SIZE)
         return NULL;
     struct host_device *host = calloc(1, sizeof *host);
     if (!host)
         return NULL;
-    host_flash_init(&host->flash, flash);
-    host->port = (struct device_port){.flash = host_flash_port(&host->flash),
+    host_flash_init(&host->flash, flash, flash_size);
+    host->port = (struct device_port){.flash = host_flash_models(&host->flash),
+                                      .records = host_flash_journal(&host->flash),
                                       .obeyed = note_obeyed,
                                       .context = host,
                                       .baud = baud,
@@ -197,6 +198,7 @@ uint64_t host_run(struct host_device *host, struct plant *plant, uint64_t ticks,
         device_tick(&host->device, adc_codes, dac_codes);
         plant_drive(plant, dac_codes);
         run_line(host);
+        fault_log_write(&host->device);
     }
     return ticks;
 }
@@ -209,6 +211,7 @@ void host_run_codes(struct host_device *host, const uint16_t *adc_codes, uint16_
             take_in(host);
         device_tick(&host->device, adc_codes + AXES * i, dac_codes + AXES * i);
         send(host, &bytes);
+        fault_log_write(&host->device);
     }
 }
 

@@ -40,6 +40,9 @@ enum pin_c { PIN_ADC_RESET = 5, PIN_DAC_CLEAR = 6 /* low: 0 V; pulled down on th
 #define AF_SPI 5u
 #define AF_USART 7u
 
+#define JOURNAL_SECTOR 2u /* and 3: 16 KB each */
+#define JOURNAL_SLOT_SIZE 0x4000u
+#define JOURNAL_FLASH 0x08008000u
 #define MODEL_SECTOR 6u /* and 7: present on both parts, 128 KB each */
 #define MODEL_SLOT_SIZE 0x20000u
 #define MODEL_FLASH 0x08040000u

@@ -53,6 +53,7 @@ int main(void)
         core_lost(WIRE_CORE_LOSS_CLOCK_STOPPED, 0);
     converters_reset_adc(); /* it is ready again long before the first tick */
     struct device_port port = {.flash = model_flash_port(&device),
+                               .records = journal_flash_port(&device),
                                .lock = tick_lock,
                                .unlock = tick_unlock,
                                .drive = tick_drive,
@@ -68,6 +69,7 @@ int main(void)
     tick_start(&device);
     for (;;) {
         tick_main_loop_alive();
+        fault_log_write(&device);
         if (!serial_poll(&device))
             __asm volatile("wfi");
     }

@@ -69,38 +69,57 @@ static void close_flash(struct device *device)
     tick_unlock(NULL);
 }
 
-static uint8_t *slot_address(unsigned slot)
+/* Two sectors, one after the other. */
+struct part {
+    struct device *device;
+    uint32_t sector, address, slot_size;
+};
+
+static struct part models = {.sector = MODEL_SECTOR, .address = MODEL_FLASH, .slot_size = MODEL_SLOT_SIZE};
+static struct part journal = {.sector = JOURNAL_SECTOR, .address = JOURNAL_FLASH, .slot_size = JOURNAL_SLOT_SIZE};
+
+static uint8_t *slot_address(const struct part *part, unsigned slot)
 {
-    return (uint8_t *)(MODEL_FLASH + slot * MODEL_SLOT_SIZE);
+    return (uint8_t *)(part->address + slot * part->slot_size);
 }
 
 static bool erase(void *context, unsigned slot)
 {
-    struct device *device = context;
+    const struct part *part = context;
     open_flash();
-    bool erased = erase_sector(MODEL_SECTOR + slot);
-    close_flash(device);
+    bool erased = erase_sector(part->sector + slot);
+    close_flash(part->device);
     return erased;
 }
 
 static bool program(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size)
 {
-    struct device *device = context;
-    if (offset > MODEL_SLOT_SIZE || size > MODEL_SLOT_SIZE - offset)
+    const struct part *part = context;
+    if (offset > part->slot_size || size > part->slot_size - offset)
         return false;
     open_flash();
-    bool programmed = program_bytes(slot_address(slot) + offset, bytes, size);
-    close_flash(device);
+    bool programmed = program_bytes(slot_address(part, slot) + offset, bytes, size);
+    close_flash(part->device);
     return programmed;
 }
 
 static void read(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size)
 {
-    (void)context;
-    memcpy(bytes, slot_address(slot) + offset, size);
+    memcpy(bytes, slot_address(context, slot) + offset, size);
+}
+
+static struct flash_port port_of(struct part *part, struct device *device)
+{
+    part->device = device;
+    return (struct flash_port){.erase = erase, .program = program, .read = read, .context = part};
 }
 
 struct flash_port model_flash_port(struct device *device)
 {
-    return (struct flash_port){.erase = erase, .program = program, .read = read, .context = device};
+    return port_of(&models, device);
+}
+
+struct flash_port journal_flash_port(struct device *device)
+{
+    return port_of(&journal, device);
 }

@@ -1,4 +1,4 @@
-"""log record, export, info, recover; replay."""
+"""log record, faults, export, info, recover; replay."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from phaselead.record import RUN_SUFFIXES, check_output
 @top_level(order=140)
 @click.group()
 def log() -> None:
-    """Take recordings, look into them, convert them."""
+    """Take recordings, look into them, convert them; what the device remembers."""
 
 
 @log.command()
@@ -49,6 +49,18 @@ def record(port: str, drive: str | None, duration: float | None, output: str, ax
         facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
     warn_of_gaps(facts)
     emit_pairs(facts, json_to)
+
+
+@log.command()
+@port_option
+@json_option
+def faults(port: str, json_to: str | None) -> None:
+    """Print the last 16 faults of the device, those before its last resets included."""
+    from phaselead.control import connect
+
+    with connect(port, park_on_exit=False) as device:
+        found = device.fault_log()
+    emit(found.as_dict(), json_to, found.tables())
 
 
 @log.command()

@@ -15,8 +15,9 @@ from phaselead import interrupt
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
+from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
-from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, park_quietly, selftest
+from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, held_back, park_quietly, selftest
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output
@@ -74,7 +75,7 @@ class Upload(Result):
         return [pairs_table({"model": self.model.name} | self.as_dict())]
 
 
-class Controller:
+class Controller(Supervision):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -194,7 +195,8 @@ class Controller:
 
         ``model`` is a stage, the result of a fit or a stage file's name. ``persist`` also writes it to flash, so that
         it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold, and for gains of
-        the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns.
+        the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns, as it does where
+        the model asks for more than the device's hard limits: the tighter of both hold.
         """
         stage = as_stage(model)
         for line in own_loop_warnings(stage, force=force):
@@ -202,6 +204,8 @@ class Controller:
         blob = device_model(stage)
         crc = self.device.upload(blob)
         self.model = stage
+        for line in held_back(self.device, stage):
+            warnings.warn(line, stacklevel=2)
         return Upload(stage, len(blob), f"{crc:08x}", self.device.persist() if persist else None)
 
     def identify(

@@ -6,8 +6,10 @@ from phaselead.device import wire
 from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
+from phaselead.device.fault_log import FaultLog, read_fault_log
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
+from phaselead.device.limits import AxisLimits, Limits, held_back, read_limits, set_limits, written_limit
 from phaselead.device.loop_test import SelfTest, check_letters, selftest
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
@@ -22,13 +24,16 @@ __all__ = [
     "BAUD",
     "LARGEST_STEP",
     "TICK_HZ",
+    "AxisLimits",
     "Capture",
     "Channel",
     "Device",
     "DeviceFault",
     "DeviceStatus",
+    "FaultLog",
     "FrameReader",
     "Gap",
+    "Limits",
     "Mode",
     "SelfTest",
     "Spool",
@@ -42,13 +47,18 @@ __all__ = [
     "encode_frame",
     "flash_board",
     "from_device_model",
+    "held_back",
     "inverse_refusal",
     "park_quietly",
     "read_capture",
+    "read_fault_log",
+    "read_limits",
     "recording_of",
     "replay_facts",
     "selftest",
+    "set_limits",
     "standings",
     "wire",
     "write_run",
+    "written_limit",
 ]

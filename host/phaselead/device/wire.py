@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xA11499EC
+FINGERPRINT = 0x0921FE0E
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -146,6 +146,7 @@ class Status(IntEnum):
     FAULT_LATCHED = 14
     BUSY = 15
     MODE_UNSUPPORTED = 16
+    LIMITS_LOST = 17
 
 
 class Fault(IntEnum):
@@ -164,6 +165,7 @@ class Fault(IntEnum):
     SENSOR_FROZEN = 10
     SENSOR_JUMP = 11
     OUTPUT_LIMITED = 12
+    POSITION_LIMIT = 13
 
 
 class ResetCause(IntEnum):
@@ -424,6 +426,130 @@ class Model(Message):
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits(Message):
+    """Hard limits of one axis, in converter codes, so that no model's calibration moves them; 0, 65535 and
+    0xffffffff limit nothing.
+    """
+
+    NAME: ClassVar[str] = "axis_limits"
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHIHH")
+    dac_min: int
+    """lowest output code."""
+    dac_max: int
+    slew_codes_q16: int
+    """largest step of the output, codes per tick."""
+    adc_min: int
+    """lowest sensor code of a set-point and of an axis that follows a path."""
+    adc_max: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            AxisLimits.NAME,
+            AxisLimits.LAYOUT,
+            self.dac_min,
+            self.dac_max,
+            self.slew_codes_q16,
+            self.adc_min,
+            self.adc_max,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> AxisLimits:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4])
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedFault(Message):
+    """One fault of the log."""
+
+    NAME: ClassVar[str] = "logged_fault"
+    SIZE: ClassVar[int] = 19
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"detail"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IQIBBB")
+    power_cycle: int
+    """starts of the device up to then, resets included; 1 is the first."""
+    tick: int
+    """since that start."""
+    detail: int
+    fault: int
+    """none: no fault."""
+    axis: int
+    """255: no axis."""
+    state: int
+    """in which it was met."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            LoggedFault.NAME,
+            LoggedFault.LAYOUT,
+            self.power_cycle,
+            self.tick,
+            self.detail,
+            self.fault,
+            self.axis,
+            self.state,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LoggedFault:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceRecord(Message):
+    """One record of the journal, never sent: its limits and power cycle hold from then on, a fault is added to the
+    log; a CRC-32 follows.
+    """
+
+    NAME: ClassVar[str] = "device_record"
+    SIZE: ClassVar[int] = 68
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IIIB36s19s")
+    magic: int
+    """0x314A4850, 'PHJ1'."""
+    sequence: int
+    """never 0; the newest whole record wins."""
+    power_cycle: int
+    limits_lost: int
+    """the limits that were set could not be read, and none have been set since."""
+    limits: tuple[AxisLimits, ...]
+    fault: tuple[LoggedFault, ...]
+
+    def pack(self) -> bytes:
+        if len(self.limits) != 3:
+            raise WireError(f"device_record: 3 limits expected, got {len(self.limits)}")
+        if len(self.fault) != 1:
+            raise WireError(f"device_record: 1 fault expected, got {len(self.fault)}")
+        return _pack(
+            DeviceRecord.NAME,
+            DeviceRecord.LAYOUT,
+            self.magic,
+            self.sequence,
+            self.power_cycle,
+            self.limits_lost,
+            b"".join(item.pack() for item in self.limits),
+            b"".join(item.pack() for item in self.fault),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> DeviceRecord:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(
+            v[0],
+            v[1],
+            v[2],
+            v[3],
+            tuple(AxisLimits.unpack(v[4][i : i + 12]) for i in range(0, 36, 12)),
+            tuple(LoggedFault.unpack(v[5][i : i + 19]) for i in range(0, 19, 19)),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -1177,6 +1303,9 @@ class ModelCommitRequest(Command[ModelCommitReply]):
     NAME: ClassVar[str] = "model_commit"
     NUMBER: ClassVar[int] = 0x0E
     REPLY: ClassVar[type[Any]] = ModelCommitReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.OUTSIDE_LIMITS: "its limits or the device's (`phaselead limits`) leave out its safe value or the output",
+    }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
 
@@ -1582,6 +1711,166 @@ class InfoRequest(Command[InfoReply]):
 
 
 @dataclass(frozen=True, slots=True)
+class LimitsSetReply(Reply):
+    """The answer to limits_set."""
+
+    NAME: ClassVar[str] = "limits_set reply"
+    NUMBER: ClassVar[int] = 0xA0
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(LimitsSetReply.NAME, LimitsSetReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsSetReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsSetRequest(Command[LimitsSetReply]):
+    """Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again."""
+
+    NAME: ClassVar[str] = "limits_set"
+    NUMBER: ClassVar[int] = 0x20
+    REPLY: ClassVar[type[Any]] = LimitsSetReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "a lower limit that is not below its upper one, or a slew limit of nothing",
+        Status.OUTSIDE_LIMITS: "they leave out the present output, 0 V or the safe value of the model",
+        Status.FLASH_FAILED: "they could not be kept in flash; those before still hold",
+    }
+    SIZE: ClassVar[int] = 36
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<36s")
+    limits: tuple[AxisLimits, ...]
+
+    def pack(self) -> bytes:
+        if len(self.limits) != 3:
+            raise WireError(f"limits_set: 3 limits expected, got {len(self.limits)}")
+        return _pack(LimitsSetRequest.NAME, LimitsSetRequest.LAYOUT, b"".join(item.pack() for item in self.limits))
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsSetRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(tuple(AxisLimits.unpack(v[0][i : i + 12]) for i in range(0, 36, 12)))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsReadReply(Reply):
+    """The answer to limits_read."""
+
+    NAME: ClassVar[str] = "limits_read reply"
+    NUMBER: ClassVar[int] = 0xA1
+    SIZE: ClassVar[int] = 46
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQB36s")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    limits_lost: int
+    """1: what was set could not be read; arming is refused until limits are set."""
+    limits: tuple[AxisLimits, ...]
+
+    def pack(self) -> bytes:
+        if len(self.limits) != 3:
+            raise WireError(f"limits_read reply: 3 limits expected, got {len(self.limits)}")
+        return _pack(
+            LimitsReadReply.NAME,
+            LimitsReadReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.limits_lost,
+            b"".join(item.pack() for item in self.limits),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsReadReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], tuple(AxisLimits.unpack(v[3][i : i + 12]) for i in range(0, 36, 12)))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsReadRequest(Command[LimitsReadReply]):
+    """The hard limits in force."""
+
+    NAME: ClassVar[str] = "limits_read"
+    NUMBER: ClassVar[int] = 0x21
+    REPLY: ClassVar[type[Any]] = LimitsReadReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsReadRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class FaultLogReply(Reply):
+    """The answer to fault_log."""
+
+    NAME: ClassVar[str] = "fault_log reply"
+    NUMBER: ClassVar[int] = 0xA2
+    SIZE: ClassVar[int] = 318
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"power_cycle", "faults"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQIB304s")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    power_cycle: int
+    """starts of the device, resets included."""
+    count: int
+    faults: tuple[LoggedFault, ...]
+    """oldest first."""
+
+    def pack(self) -> bytes:
+        if len(self.faults) != 16:
+            raise WireError(f"fault_log reply: 16 faults expected, got {len(self.faults)}")
+        return _pack(
+            FaultLogReply.NAME,
+            FaultLogReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.power_cycle,
+            self.count,
+            b"".join(item.pack() for item in self.faults),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> FaultLogReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], tuple(LoggedFault.unpack(v[4][i : i + 19]) for i in range(0, 304, 19)))
+
+
+@dataclass(frozen=True, slots=True)
+class FaultLogRequest(Command[FaultLogReply]):
+    """The last 16 faults, those before the last resets included."""
+
+    NAME: ClassVar[str] = "fault_log"
+    NUMBER: ClassVar[int] = 0x22
+    REPLY: ClassVar[type[Any]] = FaultLogReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> FaultLogRequest:
+        cls.check_length(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
 class Samples(Message):
     """A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of
     [tick] that `channels` asks for, in their order.
@@ -1686,6 +1975,12 @@ MESSAGES: dict[int, type[Message]] = {
     0x94: SetTimeoutReply,
     0x15: InfoRequest,
     0x95: InfoReply,
+    0x20: LimitsSetRequest,
+    0xA0: LimitsSetReply,
+    0x21: LimitsReadRequest,
+    0xA1: LimitsReadReply,
+    0x22: FaultLogRequest,
+    0xA2: FaultLogReply,
     0x70: Samples,
     0x71: Event,
 }

@@ -34,8 +34,9 @@ QEMU = "qemu-system-arm"
 QEMU_VERSION = "7.2"
 MACHINE = "netduinoplus2"
 """QEMU's STM32F405; the plugin makes it the board."""
-FLASH_SIZE = 2 * 128 * 1024
-"""Both model sectors."""
+MODELS_SIZE = 2 * 128 * 1024
+FLASH_SIZE = MODELS_SIZE + 2 * 16 * 1024
+"""Both model sectors, both sectors of the journal."""
 BOOT_TICKS = 100
 """Time for the firmware to come up, in ticks of 200 us."""
 TICKS_AT_ONCE = 5000
@@ -182,7 +183,7 @@ class EmulatedDevice:
         board: one of ``BOARDS``.
         parameters: of the stage.
         elf: the firmware; by default what `make firmware` built.
-        flash: image of the two model sectors, ``FLASH_SIZE`` bytes; by default erased.
+        flash: image of the sectors that are kept, ``FLASH_SIZE`` bytes, or of the models' alone; by default erased.
         baud: speed of the host's end of the line.
         delays: the parts take as long as their data sheets allow; by default unless cycles are counted, which has its
             own model of them.
@@ -207,7 +208,7 @@ class EmulatedDevice:
     ) -> None:
         if BOARDS and board not in BOARDS:
             raise BadInput(f"there is no emulated board {board!r}; there are {' and '.join(BOARDS)}")
-        if flash is not None and len(flash) != FLASH_SIZE:
+        if flash is not None and len(flash) not in (MODELS_SIZE, FLASH_SIZE):
             raise BadInput("the flash image has the wrong size; give one that an emulated board wrote, or none")
         self._process: subprocess.Popen[bytes] | None = None
         self._start(board, elf or find_firmware(board), count, count is None if delays is None else delays)
@@ -349,7 +350,7 @@ class EmulatedDevice:
     # ---------------------------------------------------------------- what only an emulator lets one do
 
     def flash(self) -> tuple[bytes, int]:
-        """Image of the model sectors, and how often they have been written to."""
+        """Image of the sectors that are kept, and how often they have been written to."""
         if self._flash is None or self._flash[1] != self._flash_changes:
             self._flash = self.ask(_Ask.FLASH), self._flash_changes
         return self._flash

@@ -98,12 +98,14 @@ size_t line_take(uint8_t *bytes, size_t size);
 void line_set_baud(uint32_t baud);
 void line_garble(uint32_t bytes); /* noise on so many of the next bytes to the board */
 
-/* ---- flash.c: controller, the model sectors, and what must not be touched while busy */
+/* ---- flash.c: controller, the sectors that are kept, and what must not be touched while busy */
 #define FLASH_MODEL_SIZE 0x40000
+#define FLASH_JOURNAL_SIZE 0x8000
+#define FLASH_KEPT_SIZE (FLASH_MODEL_SIZE + FLASH_JOURNAL_SIZE)
 void flash_map(void);
 void flash_reset(void);
-bool flash_waits_confirmed(void); /* enough wait states for 168 MHz, and read back since they were written */
-uint8_t *flash_models(void);
+bool flash_waits_confirmed(void);      /* enough wait states for 168 MHz, and read back since they were written */
+uint8_t *flash_kept(void);             /* both model sectors, both sectors of the journal */
 uint64_t flash_changes(void);          /* so many erases and programs began */
 void flash_cut_after(int64_t changes); /* bytes; the byte under way is left half done; negative: never */
 

@@ -1,5 +1,5 @@
-/* The flash controller with sectors 6 and 7. While it erases or programs, a read or fetch of any flash ends the run:
- * silicon would only stall, for up to two seconds, and no tick would come.
+/* The flash controller with sectors 2, 3, 6 and 7, those that a program changes. While it erases or programs, a read or
+ * fetch of any flash ends the run: silicon would only stall, for up to two seconds, and no tick would come.
  */
 #include "board.h"
 
@@ -7,10 +7,11 @@
 
 #define FLASH_BASE 0x08000000
 #define FLASH_SIZE 0x100000
+#define JOURNAL 0x08008000
 #define MODELS 0x08040000
-#define SECTOR_SIZE 0x20000
-#define FIRST_SECTOR 6u
-#define ERASE_NS 1000000000 /* of 128 KB, a word at a time: typical by the data sheets */
+/* Of 128 KB and of 16 KB, a word at a time: typical by the data sheets. */
+#define ERASE_NS 1000000000
+#define ERASE_SMALL_NS 250000000
 #define PROGRAM_NS 16000
 #define ACR 0
 #define KEYR 1
@@ -29,16 +30,25 @@
 #define CR_LOCK (1u << 31)
 #define HALF_DONE 0x55u /* bits of the last byte that still changed when the power went */
 
-static MemoryRegion controller, models, guard, guard_alias;
+/* In the image that is kept: the models, behind them the journal. */
+static const struct sector {
+    uint32_t number, offset, size;
+    int64_t erase_ns;
+} SECTORS[] = {{6, 0, 0x20000, ERASE_NS},
+               {7, 0x20000, 0x20000, ERASE_NS},
+               {2, FLASH_MODEL_SIZE, 0x4000, ERASE_SMALL_NS},
+               {3, FLASH_MODEL_SIZE + 0x4000, 0x4000, ERASE_SMALL_NS}};
+
+static MemoryRegion controller, models, journal, guards[3];
 static QEMUTimer end;
-static uint8_t cells[FLASH_MODEL_SIZE];
+static uint8_t cells[FLASH_KEPT_SIZE];
 static bool filled;
 static uint32_t regs[8];
 static bool half_unlocked, busy, waits_read;
 static int64_t cut_after = -1;
 static uint64_t changes;
 
-uint8_t *flash_models(void)
+uint8_t *flash_kept(void)
 {
     if (!filled)
         memset(cells, 0xFF, sizeof cells);
@@ -72,8 +82,8 @@ static bool change(uint8_t *cell, uint8_t to)
 static void set_busy(bool now)
 {
     busy = now;
-    memory_region_set_enabled(&guard, now);
-    memory_region_set_enabled(&guard_alias, now);
+    for (unsigned i = 0; i < sizeof guards / sizeof guards[0]; i++)
+        memory_region_set_enabled(&guards[i], now);
 }
 
 static void on_end(void *opaque)
@@ -101,17 +111,15 @@ static void touched_by_write(void *opaque, uint64_t offset, uint64_t value, unsi
     touched(opaque, offset, size);
 }
 
-static uint64_t cell_read(void *opaque, uint64_t offset, unsigned size)
+static uint64_t cell_read(uint8_t *cell, unsigned size)
 {
     uint64_t value = 0;
-    (void)opaque;
-    memcpy(&value, flash_models() + offset, size);
+    memcpy(&value, cell, size);
     return value;
 }
 
-static void cell_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
+static void cell_write(uint8_t *cell, uint64_t value, unsigned size)
 {
-    (void)opaque;
     if ((regs[CR] & CR_LOCK) || !(regs[CR] & CR_PG)) {
         regs[SR] |= SR_PGSERR;
         return;
@@ -121,22 +129,49 @@ static void cell_write(void *opaque, uint64_t offset, uint64_t value, unsigned s
         return;
     }
     for (unsigned i = 0; i < size; i++)
-        if (!change(&flash_models()[offset + i], flash_models()[offset + i] & (uint8_t)(value >> 8 * i)))
+        if (!change(&cell[i], cell[i] & (uint8_t)(value >> 8 * i)))
             break;
     start(PROGRAM_NS);
 }
 
-static void erase(uint32_t sector)
+static uint64_t model_read(void *opaque, uint64_t offset, unsigned size)
 {
-    if (sector - FIRST_SECTOR > 1) {
+    (void)opaque;
+    return cell_read(flash_kept() + offset, size);
+}
+
+static void model_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
+{
+    (void)opaque;
+    cell_write(flash_kept() + offset, value, size);
+}
+
+static uint64_t journal_read(void *opaque, uint64_t offset, unsigned size)
+{
+    (void)opaque;
+    return cell_read(flash_kept() + FLASH_MODEL_SIZE + offset, size);
+}
+
+static void journal_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
+{
+    (void)opaque;
+    cell_write(flash_kept() + FLASH_MODEL_SIZE + offset, value, size);
+}
+
+static void erase(uint32_t number)
+{
+    const struct sector *sector = NULL;
+    for (unsigned i = 0; i < sizeof SECTORS / sizeof SECTORS[0]; i++)
+        if (SECTORS[i].number == number)
+            sector = &SECTORS[i];
+    if (!sector) {
         regs[SR] |= SR_WRPERR;
         return;
     }
-    uint8_t *from = flash_models() + (sector - FIRST_SECTOR) * SECTOR_SIZE;
-    for (size_t i = 0; i < SECTOR_SIZE; i++)
-        if (!change(&from[i], 0xFF))
+    for (size_t i = 0; i < sector->size; i++)
+        if (!change(&flash_kept()[sector->offset + i], 0xFF))
             break;
-    start(ERASE_NS);
+    start(sector->erase_ns);
 }
 
 static uint64_t controller_read(void *opaque, uint64_t offset, unsigned size)
@@ -188,12 +223,16 @@ void flash_reset(void)
     half_unlocked = false;
     timer_del(&end);
     set_busy(false);
+    if (cut_after == 0)
+        cut_after = -1; /* the power is back */
 }
 
 void flash_map(void)
 {
-    static const MemoryRegionOps cell_ops = {
-        .read = cell_read, .write = cell_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
+    static const MemoryRegionOps model_ops = {
+        .read = model_read, .write = model_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
+    static const MemoryRegionOps journal_ops = {
+        .read = journal_read, .write = journal_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
     static const MemoryRegionOps guard_ops = {
         .read = touched, .write = touched_by_write, .endianness = LITTLE_ENDIAN_DEVICE, .valid = {1, 4, false, NULL}};
     static const MemoryRegionOps controller_ops = {.read = controller_read,
@@ -201,10 +240,13 @@ void flash_map(void)
                                                    .endianness = LITTLE_ENDIAN_DEVICE,
                                                    .valid = {4, 4, false, NULL}};
     board_map(&controller, &controller_ops, "flash controller", 0x40023C00, 0x400);
-    board_map(&models, &cell_ops, "model sectors", MODELS, FLASH_MODEL_SIZE);
-    /* Around the model sectors, which are written to while busy. */
-    board_map(&guard, &guard_ops, "busy flash", FLASH_BASE, MODELS - FLASH_BASE);
-    board_map(&guard_alias, &guard_ops, "busy flash at 0", 0, FLASH_SIZE);
+    board_map(&models, &model_ops, "model sectors", MODELS, FLASH_MODEL_SIZE);
+    board_map(&journal, &journal_ops, "journal sectors", JOURNAL, FLASH_JOURNAL_SIZE);
+    /* Around the sectors that are written to while busy. */
+    board_map(&guards[0], &guard_ops, "busy flash", FLASH_BASE, JOURNAL - FLASH_BASE);
+    board_map(&guards[1], &guard_ops, "busy program", JOURNAL + FLASH_JOURNAL_SIZE,
+              MODELS - JOURNAL - FLASH_JOURNAL_SIZE);
+    board_map(&guards[2], &guard_ops, "busy flash at 0", 0, FLASH_SIZE);
     set_busy(false);
     timer_init_full(&end, NULL, CLOCK_VIRTUAL, SCALE_NS, 0, on_end, NULL);
 }

@@ -19,8 +19,8 @@ enum ask {
     ASK_WRITE,     /* bytes to the line */
     ASK_BAUD,      /* u32 */
     ASK_INJECT,    /* u32 what, u32 value */
-    ASK_FLASH,     /* -> both model sectors */
-    ASK_SET_FLASH, /* both model sectors */
+    ASK_FLASH,     /* -> the sectors that are kept */
+    ASK_SET_FLASH, /* the same */
     ASK_TRACE,     /* u64 capacity */
     ASK_TAKE_TRACE,
     ASK_CODES, /* -> u16 adc[3], u16 dac[3] of every tick since the last time */
@@ -161,7 +161,7 @@ static void obey(enum ask what, const uint8_t *bytes, size_t size)
         start_run(bytes);
         return;
     case ASK_FLASH:
-        answer(flash_models(), FLASH_MODEL_SIZE);
+        answer(flash_kept(), FLASH_KEPT_SIZE);
         return;
     case ASK_TAKE_TRACE:
         answer_trace();
@@ -191,7 +191,7 @@ static void obey(enum ask what, const uint8_t *bytes, size_t size)
         inject(u32_at(bytes, 0), u32_at(bytes, 4));
         break;
     case ASK_SET_FLASH:
-        memcpy(flash_models(), bytes, size < FLASH_MODEL_SIZE ? size : FLASH_MODEL_SIZE);
+        memcpy(flash_kept(), bytes, size < FLASH_KEPT_SIZE ? size : FLASH_KEPT_SIZE);
         break;
     case ASK_TRACE:
         memcpy(&trace_capacity, bytes, 8);
