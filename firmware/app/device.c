@@ -17,6 +17,7 @@ static const struct axis_config DEFAULT_IDLE = {
                   .adc_zero_code = 2341,            /* 10 um x 65536 / 280 um = 2340.57 */
                   .adc_um_per_code_q32 = 18350080 /* 280 um / 65536 */},
     .code_max = UINT16_MAX,
+    .oscillation_limit_q16 = 18350080 / MODEL_DEFAULT_OSCILLATION,
 };
 
 void device_lock(const struct device *device)

@@ -34,7 +34,8 @@ static void watch_loops(struct device *device, uint32_t moving, const int32_t er
                                      [WATCH_JUMPED] = WIRE_FAULT_SENSOR_JUMP,
                                      [WATCH_FROZEN] = WIRE_FAULT_SENSOR_FROZEN,
                                      [WATCH_ERROR] = WIRE_FAULT_TRACKING_ERROR,
-                                     [WATCH_LIMITED] = WIRE_FAULT_OUTPUT_LIMITED};
+                                     [WATCH_LIMITED] = WIRE_FAULT_OUTPUT_LIMITED,
+                                     [WATCH_OSCILLATION] = WIRE_FAULT_OSCILLATION};
     struct control *control = &device->control;
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &control->axis[axis];

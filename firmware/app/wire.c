@@ -275,6 +275,7 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
         out = put_u32(out, (uint32_t)from->coupling_q28[i]);
     out = put_u32(out, (uint32_t)from->error_limit_q16);
     out = put_u32(out, from->error_ticks);
+    out = put_u32(out, (uint32_t)from->oscillation_limit_q16);
     return WIRE_AXIS_MODEL_SIZE;
 }
 
@@ -330,6 +331,7 @@ bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_
         to->coupling_q28[i] = (int32_t)get_u32(&in);
     to->error_limit_q16 = (int32_t)get_u32(&in);
     to->error_ticks = get_u32(&in);
+    to->oscillation_limit_q16 = (int32_t)get_u32(&in);
     return true;
 }
 

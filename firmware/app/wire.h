@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0x0921FE0Eu
+#define WIRE_FINGERPRINT 0x5CC41D0Au
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -116,8 +116,9 @@ enum wire_fault {
     WIRE_FAULT_SENSOR_JUMP = 11,
     WIRE_FAULT_OUTPUT_LIMITED = 12,
     WIRE_FAULT_POSITION_LIMIT = 13,
+    WIRE_FAULT_OSCILLATION = 14,
 };
-#define WIRE_FAULT_COUNT 14
+#define WIRE_FAULT_COUNT 15
 
 /* Why the device last started */
 enum wire_reset_cause {
@@ -237,7 +238,7 @@ struct wire_biquad {
 };
 
 /* One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes */
-#define WIRE_AXIS_MODEL_SIZE 896
+#define WIRE_AXIS_MODEL_SIZE 900
 struct wire_axis_model {
     uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are */
     int32_t u_min_q24; /* lower clamp, V */
@@ -271,10 +272,11 @@ struct wire_axis_model {
     int32_t coupling_q28[3]; /* what this axis sees of x, y, z; its own share is 1 */
     int32_t error_limit_q16; /* under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500 ticks */
     uint32_t error_ticks;
+    int32_t oscillation_limit_q16; /* under feedback, um rms above the loop's band: growing to more is a fault; 0: a 256th of the sensor's range */
 };
 
 /* The model blob that is uploaded, checked, persisted and read back */
-#define WIRE_MODEL_SIZE 2724
+#define WIRE_MODEL_SIZE 2736
 struct wire_model {
     uint32_t magic; /* 0x314C4850, 'PHL1' */
     uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */

@@ -14,6 +14,7 @@
 #include "core/compensation.h"
 #include "core/converter.h"
 #include "core/feedforward.h"
+#include "core/oscillation.h"
 #include "core/output.h"
 #include "core/path.h"
 #include "core/pid.h"
@@ -33,7 +34,9 @@ struct axis_config { /* fixed-size fields, explicit padding: read back as it lie
     struct output_config output;
     struct converter_config converter;
     uint32_t error_ticks;
-    uint32_t code_min, code_max; /* of the sensor: outside of them an axis that follows a path is a fault */
+    uint32_t code_min, code_max;   /* of the sensor: outside of them an axis that follows a path is a fault */
+    int32_t oscillation_limit_q16; /* under feedback, um rms above the loop's band: from here on it matters */
+    uint32_t padding;
 };
 
 struct axis_model {                          /* what came with the stage model and the path; each may be NULL */
@@ -68,11 +71,12 @@ struct axis_state {
     uint32_t drive;       /* enum axis_drive */
     uint32_t saturations; /* ticks in which at least one block saturated */
     struct watch_state watch;
+    struct oscillation_state oscillation;
 };
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
-_Static_assert(sizeof(struct axis_config) == 112 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 592 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
+_Static_assert(sizeof(struct axis_config) == 120 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
+_Static_assert(sizeof(struct axis_state) == 864 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
 
 struct axis_trace { /* what a tick did, for the recorder */
     int32_t reference;

@@ -28,7 +28,15 @@
 /* The slew limit or the clamp has cut every output for 0.5 s: the loop is open in effect. */
 #define WATCH_LIMITED_TICKS 2500
 
-enum watch_finding { WATCH_FINE, WATCH_RAIL, WATCH_JUMPED, WATCH_FROZEN, WATCH_ERROR, WATCH_LIMITED };
+enum watch_finding {
+    WATCH_FINE,
+    WATCH_RAIL,
+    WATCH_JUMPED,
+    WATCH_FROZEN,
+    WATCH_ERROR,
+    WATCH_LIMITED,
+    WATCH_OSCILLATION
+};
 
 struct watch_config {
     int32_t error_limit_q16; /* um, either way */

@@ -128,6 +128,8 @@ class AxisConfig(ct.Structure):
         ("error_ticks", ct.c_uint32),
         ("code_min", ct.c_uint32),
         ("code_max", ct.c_uint32),
+        ("oscillation_limit_q16", ct.c_int32),
+        ("padding", ct.c_uint32),
     ]
 
 
@@ -262,6 +264,28 @@ class WatchState(ct.Structure):
     ]
 
 
+class OscillationBlock(ct.Structure):
+    _fields_ = [
+        ("energy", ct.c_uint64),
+        ("reference_energy", ct.c_uint64),
+        ("before", ct.c_uint64),
+        ("parts", ct.c_uint32),
+        ("sign_changed", ct.c_uint32),
+        ("grown", ct.c_uint32),
+        ("sign_changed_before", ct.c_uint32),
+    ]
+
+
+class OscillationState(ct.Structure):
+    _fields_ = [
+        ("error_low", ct.c_int32 * 3),
+        ("reference_low", ct.c_int32 * 3),
+        ("blocks", OscillationBlock * 6),
+        ("last_q16", ct.c_int32),
+        ("primed", ct.c_uint32),
+    ]
+
+
 class WatchConfig(ct.Structure):
     _fields_ = [("error_limit_q16", ct.c_int32), ("error_ticks", ct.c_uint32), ("u_range_q24", ct.c_int32)]
 
@@ -285,6 +309,7 @@ class AxisState(ct.Structure):
         ("drive", ct.c_uint32),
         ("saturations", ct.c_uint32),
         ("watch", WatchState),
+        ("oscillation", OscillationState),
     ]
 
 
@@ -408,6 +433,7 @@ PROTOTYPES = {
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisState)]),
+    "oscillation_step": (ct.c_bool, [ct.POINTER(OscillationState), I32, I32, I32]),
     "watch_range": (ct.c_bool, [ct.POINTER(WatchState), U16, ct.c_uint32, ct.c_uint32]),
     "watch_step": (ct.c_int, [ct.POINTER(WatchConfig), ct.POINTER(WatchState), ct.POINTER(WatchTick)]),
     "axis_set_target": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0x0921FE0E
+FINGERPRINT = 0x5CC41D0A
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -166,6 +166,7 @@ class Fault(IntEnum):
     SENSOR_JUMP = 11
     OUTPUT_LIMITED = 12
     POSITION_LIMIT = 13
+    OSCILLATION = 14
 
 
 class ResetCause(IntEnum):
@@ -249,8 +250,8 @@ class AxisModel(Message):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
-    SIZE: ClassVar[int] = 896
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiI")
+    SIZE: ClassVar[int] = 900
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiIi")
     flags: int
     """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are."""
     u_min_q24: int
@@ -314,6 +315,8 @@ class AxisModel(Message):
     ticks.
     """
     error_ticks: int
+    oscillation_limit_q16: int
+    """under feedback, um rms above the loop's band: growing to more is a fault; 0: a 256th of the sensor's range."""
 
     def pack(self) -> bytes:
         if len(self.shape) != 6:
@@ -355,6 +358,7 @@ class AxisModel(Message):
             *self.coupling_q28,
             self.error_limit_q16,
             self.error_ticks,
+            self.oscillation_limit_q16,
         )
 
     @classmethod
@@ -394,6 +398,7 @@ class AxisModel(Message):
             v[163:166],
             v[166],
             v[167],
+            v[168],
         )
 
 
@@ -402,8 +407,8 @@ class Model(Message):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
-    SIZE: ClassVar[int] = 2724
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2688s")
+    SIZE: ClassVar[int] = 2736
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2700s")
     magic: int
     """0x314C4850, 'PHL1'."""
     stage_hash: bytes
@@ -425,7 +430,7 @@ class Model(Message):
     def unpack(cls, payload: bytes) -> Model:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
+        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 900]) for i in range(0, 2700, 900)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,89 @@
+#include "core/oscillation.h"
+
+#include "core/fixed.h"
+
+#define FIRST_PARTS 5u       /* ticks of the shortest block */
+#define PARTS 2u             /* blocks of each scale in one of the next */
+#define CORNER_SHIFT 3       /* 1 - exp(-2 pi f T) = 1/8: 106 Hz, where the band of a loop on a piezo stage ends */
+#define MOST_Q16 (512 << 16) /* three stages, each at most doubling, times 8, fit 32 bits */
+#define Q16_TO_Q8 8
+/* Growth counts from a thirty-second of the limit on, so that noise does not begin it: energy / 2^10. */
+#define LEAST_SHARE_LOG2 10
+
+/* What is left after OSCILLATION_ORDER high-passes of the first order. */
+static int32_t high_pass_q16(struct oscillation_filter *filter, int32_t x_q16)
+{
+    int32_t left_q16 = clamp_i32(x_q16, -MOST_Q16, MOST_Q16);
+    for (unsigned i = 0; i < OSCILLATION_ORDER; i++) {
+        left_q16 = sub_i32(left_q16, floor_shift_i32(filter->low[i], CORNER_SHIFT));
+        filter->low[i] = add_i32(filter->low[i], left_q16);
+    }
+    return left_q16;
+}
+
+static uint64_t square_q16(int32_t value_q16)
+{
+    int32_t value_q8 = round_shift_i32(value_q16, Q16_TO_Q8);
+    return (uint64_t)((int64_t)value_q8 * value_q8);
+}
+
+static bool grows(const struct oscillation_block *block, uint64_t least)
+{
+    uint64_t before = block->before > least ? block->before : least;
+    return (block->sign_changed | block->sign_changed_before) != 0 && block->energy >= 2 * before &&
+           block->energy > OSCILLATION_SENSITIVITY * OSCILLATION_SENSITIVITY * block->reference_energy;
+}
+
+/* The block is over. `matters`: its energy at the limit. */
+static bool judge(struct oscillation_block *block, uint64_t matters)
+{
+    block->grown = grows(block, matters >> LEAST_SHARE_LOG2) ? block->grown + 1 : 0;
+    return block->grown >= OSCILLATION_BLOCKS && block->energy > matters;
+}
+
+static void begin(struct oscillation_block *block)
+{
+    block->before = block->energy;
+    block->sign_changed_before = block->sign_changed;
+    block->energy = block->reference_energy = 0;
+    block->sign_changed = block->parts = 0;
+}
+
+static void add(struct oscillation_block *to, uint64_t energy, uint64_t reference_energy, uint32_t sign_changed)
+{
+    to->energy += energy;
+    to->reference_energy += reference_energy;
+    to->sign_changed |= sign_changed;
+    to->parts++;
+}
+
+static void prime(struct oscillation_state *state, int32_t error_q16, int32_t reference_q16)
+{
+    state->primed = 1;
+    state->error.low[0] = clamp_i32(error_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
+    state->reference.low[0] = clamp_i32(reference_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
+}
+
+bool oscillation_step(struct oscillation_state *state, int32_t limit_q16, int32_t error_q16, int32_t reference_q16)
+{
+    if (state->primed == 0)
+        prime(state, error_q16, reference_q16);
+    int32_t error = high_pass_q16(&state->error, error_q16);
+    int32_t reference = high_pass_q16(&state->reference, reference_q16);
+    uint64_t matters = square_q16(limit_q16);
+    uint32_t parts = FIRST_PARTS;
+    bool found = false;
+    add(&state->blocks[0], square_q16(error), square_q16(reference), (error ^ state->last_q16) < 0);
+    state->last_q16 = error;
+    for (unsigned i = 0; i < OSCILLATION_SCALES && state->blocks[i].parts == parts; i++) {
+        struct oscillation_block *block = &state->blocks[i];
+        matters *= parts;
+        parts = PARTS;
+        if (judge(block, matters))
+            found = true;
+        if (i + 1 < OSCILLATION_SCALES)
+            add(&state->blocks[i + 1], block->energy, block->reference_energy, block->sign_changed);
+        begin(block);
+    }
+    return found;
+}
