@@ -76,7 +76,7 @@ struct axis_state {
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
 _Static_assert(sizeof(struct axis_config) == 120 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 864 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
+_Static_assert(sizeof(struct axis_state) == 720 && offsetof(struct axis_state, u_q24) == 536, "axis_state is padded");
 
 struct axis_trace { /* what a tick did, for the recorder */
     int32_t reference;

@@ -266,13 +266,13 @@ class WatchState(ct.Structure):
 
 class OscillationBlock(ct.Structure):
     _fields_ = [
-        ("energy", ct.c_uint64),
-        ("reference_energy", ct.c_uint64),
-        ("before", ct.c_uint64),
-        ("parts", ct.c_uint32),
-        ("sign_changed", ct.c_uint32),
-        ("grown", ct.c_uint32),
-        ("sign_changed_before", ct.c_uint32),
+        ("energy", ct.c_uint32),
+        ("reference_energy", ct.c_uint32),
+        ("before", ct.c_uint32),
+        ("parts", ct.c_uint8),
+        ("sign_changed", ct.c_uint8),
+        ("grown", ct.c_uint8),
+        ("weight", ct.c_uint8),
     ]
 
 
