@@ -12,6 +12,7 @@
 #include "app/model_store.h"
 #include "app/recorder.h"
 #include "app/supervisor.h"
+#include "app/transient.h"
 #include "core/axis.h"
 
 #define AXES 3
@@ -84,6 +85,7 @@ struct device {
     bool latched_valid;
     struct events events;
     struct recorder recorder;
+    struct transient transient;
     struct line line;
     struct {
         uint32_t axis, detail;

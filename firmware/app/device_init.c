@@ -17,6 +17,7 @@ void device_init(struct device *device, const struct device_port *port)
     device_reset_axes(device);
     device_rest(device);
     line_init(&device->line);
+    transient_reset(&device->transient);
     for (unsigned axis = 0; axis < AXES; axis++) {
         bool saturated = false;
         device->dac_codes[axis] = converter_dac_code(&device->control.config[axis].converter, 0, &saturated);

@@ -78,6 +78,7 @@ static void record(struct device *device)
     enum recorder_took took = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces);
     if (took != RECORDER_TOOK)
         device->rare = true;
+    transient_tick(&device->transient, tick, device->adc_codes, device->traces, device->control.config);
     if (took == RECORDER_DROPS)
         events_put(&device->events, tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
 }
@@ -103,6 +104,11 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     record(device);
     device->control.tick++;
     axes_set_targets(device);
+}
+
+void device_input(struct device *device)
+{
+    transient_trigger(&device->transient, WIRE_TRIGGER_INPUT, device->control.tick, device->control.config);
 }
 
 void device_put_path_events(struct device *device)

@@ -115,6 +115,10 @@ static const struct {
     {"limits_read", {46, false}, 0xA1},
     {"fault_log", {0, false}, 0x22},
     {"fault_log", {318, false}, 0xA2},
+    {"transient_arm", {12, false}, 0x23},
+    {"transient_arm", {11, false}, 0xA3},
+    {"transient_read", {6, false}, 0x24},
+    {"transient_read", {28, true}, 0xA4},
     {"samples", {20, true}, 0x70},
     {"event", {13, false}, 0x71},
 };
@@ -1072,6 +1076,106 @@ bool wire_unpack_fault_log_reply(struct wire_fault_log_reply *to, const uint8_t 
         wire_unpack_logged_fault(&to->faults[i], in, WIRE_LOGGED_FAULT_SIZE);
         in += WIRE_LOGGED_FAULT_SIZE;
     }
+    return true;
+}
+
+int32_t wire_pack_transient_arm_request(const struct wire_transient_arm_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRANSIENT_ARM_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->trigger);
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->channel);
+    out = put_u8(out, from->falling);
+    out = put_u32(out, (uint32_t)from->level);
+    out = put_u16(out, from->decimation);
+    out = put_u16(out, from->after);
+    return WIRE_TRANSIENT_ARM_REQUEST_SIZE;
+}
+
+bool wire_unpack_transient_arm_request(struct wire_transient_arm_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRANSIENT_ARM_REQUEST_SIZE)
+        return false;
+    to->trigger = get_u8(&in);
+    to->axis = get_u8(&in);
+    to->channel = get_u8(&in);
+    to->falling = get_u8(&in);
+    to->level = (int32_t)get_u32(&in);
+    to->decimation = get_u16(&in);
+    to->after = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_transient_arm_reply(const struct wire_transient_arm_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRANSIENT_ARM_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u16(out, from->entries);
+    return WIRE_TRANSIENT_ARM_REPLY_SIZE;
+}
+
+bool wire_unpack_transient_arm_reply(struct wire_transient_arm_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRANSIENT_ARM_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->entries = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_transient_read_request(const struct wire_transient_read_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRANSIENT_READ_REQUEST_SIZE)
+        return -1;
+    out = put_u32(out, from->offset);
+    out = put_u16(out, from->length);
+    return WIRE_TRANSIENT_READ_REQUEST_SIZE;
+}
+
+bool wire_unpack_transient_read_request(struct wire_transient_read_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRANSIENT_READ_REQUEST_SIZE)
+        return false;
+    to->offset = get_u32(&in);
+    to->length = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_transient_read_reply(const struct wire_transient_read_reply *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_TRANSIENT_READ_REPLY_SIZE ||
+        capacity < WIRE_TRANSIENT_READ_REPLY_SIZE + from->data_size)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->state);
+    out = put_u8(out, from->cause);
+    out = put_u64(out, from->trigger_tick);
+    out = put_u16(out, from->decimation);
+    out = put_bytes(out, from->modes, 3);
+    out = put_u32(out, from->size);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_TRANSIENT_READ_REPLY_SIZE + from->data_size);
+}
+
+bool wire_unpack_transient_read_reply(struct wire_transient_read_reply *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_TRANSIENT_READ_REPLY_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->state = get_u8(&in);
+    to->cause = get_u8(&in);
+    to->trigger_tick = get_u64(&in);
+    to->decimation = get_u16(&in);
+    get_bytes(&in, to->modes, 3);
+    to->size = get_u32(&in);
+    to->data = in;
+    to->data_size = size - WIRE_TRANSIENT_READ_REPLY_SIZE;
     return true;
 }
 

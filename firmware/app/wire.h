@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0x5CC41D0Au
+#define WIRE_FINGERPRINT 0x33DBC605u
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -42,6 +42,8 @@ enum wire_type {
     WIRE_LIMITS_SET = 0x20,
     WIRE_LIMITS_READ = 0x21,
     WIRE_FAULT_LOG = 0x22,
+    WIRE_TRANSIENT_ARM = 0x23,
+    WIRE_TRANSIENT_READ = 0x24,
     WIRE_SAMPLES = 0x70,
     WIRE_EVENT = 0x71,
 };
@@ -173,6 +175,23 @@ enum wire_event_kind {
 };
 #define WIRE_EVENT_KIND_COUNT 4
 
+/* What freezes the transient recorder; a fault always does */
+enum wire_trigger {
+    WIRE_TRIGGER_FAULT = 0,
+    WIRE_TRIGGER_SET_POINT = 1,
+    WIRE_TRIGGER_THRESHOLD = 2,
+    WIRE_TRIGGER_INPUT = 3,
+};
+#define WIRE_TRIGGER_COUNT 4
+
+/* What the transient recorder does */
+enum wire_transient_state {
+    WIRE_TRANSIENT_STATE_WAITING = 0,
+    WIRE_TRANSIENT_STATE_TRIGGERED = 1,
+    WIRE_TRANSIENT_STATE_FROZEN = 2,
+};
+#define WIRE_TRANSIENT_STATE_COUNT 3
+
 /* Every command as COMMAND(name, number, mask of the states it is allowed in, whether it locks the device
  * itself); app/commands.c makes its table of them. */
 #define WIRE_ANY_STATE ((1u << WIRE_STATE_COUNT) - 1)
@@ -200,7 +219,9 @@ enum wire_event_kind {
     COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false) \
     COMMAND(limits_set, WIRE_LIMITS_SET, 1u << WIRE_STATE_PARKED, true) \
     COMMAND(limits_read, WIRE_LIMITS_READ, WIRE_ANY_STATE, false) \
-    COMMAND(fault_log, WIRE_FAULT_LOG, WIRE_ANY_STATE, false)
+    COMMAND(fault_log, WIRE_FAULT_LOG, WIRE_ANY_STATE, false) \
+    COMMAND(transient_arm, WIRE_TRANSIENT_ARM, WIRE_ANY_STATE, false) \
+    COMMAND(transient_read, WIRE_TRANSIENT_READ, WIRE_ANY_STATE, true)
 
 /* Before every payload */
 #define WIRE_HEADER_SIZE 11
@@ -563,6 +584,48 @@ struct wire_fault_log_reply {
     struct wire_logged_fault faults[16]; /* oldest first */
 };
 
+/* 0x23: Chooses the transient recorder's trigger beside a fault, empties it and lets it wait */
+#define WIRE_TRANSIENT_ARM_REQUEST_SIZE 12
+struct wire_transient_arm_request {
+    uint8_t trigger;
+    uint8_t axis; /* threshold: whose channel */
+    uint8_t channel; /* threshold: reference, adc or dac */
+    uint8_t falling; /* threshold: 0: from below, 1: from above */
+    int32_t level; /* threshold: in the unit of the channel */
+    uint16_t decimation; /* 1: every tick */
+    uint16_t after; /* entries after the one of the trigger */
+};
+
+/* 0xA3: Chooses the transient recorder's trigger beside a fault, empties it and lets it wait */
+#define WIRE_TRANSIENT_ARM_REPLY_SIZE 11
+struct wire_transient_arm_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint16_t entries; /* so many it holds */
+};
+
+/* 0x24: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the fields of [tick] */
+#define WIRE_TRANSIENT_READ_REQUEST_SIZE 6
+struct wire_transient_read_request {
+    uint32_t offset;
+    uint16_t length;
+};
+
+/* 0xA4: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the fields of [tick] */
+#define WIRE_TRANSIENT_READ_REPLY_SIZE 28
+struct wire_transient_read_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t state;
+    uint8_t cause;
+    uint64_t trigger_tick;
+    uint16_t decimation;
+    uint8_t modes[3]; /* at the trigger */
+    uint32_t size; /* bytes that it holds; 0 as long as it is not frozen */
+    const uint8_t *data; /* may be less than was asked for */
+    size_t data_size;
+};
+
 /* 0x70: A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of [tick] that `channels` asks for, in their order */
 #define WIRE_SAMPLES_SIZE 20
 struct wire_samples {
@@ -693,6 +756,14 @@ int32_t wire_pack_limits_read_reply(const struct wire_limits_read_reply *from, u
 bool wire_unpack_limits_read_reply(struct wire_limits_read_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_fault_log_reply(const struct wire_fault_log_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_fault_log_reply(struct wire_fault_log_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_arm_request(const struct wire_transient_arm_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_arm_request(struct wire_transient_arm_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_arm_reply(const struct wire_transient_arm_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_arm_reply(struct wire_transient_arm_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_read_request(const struct wire_transient_read_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_read_request(struct wire_transient_read_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_read_reply(const struct wire_transient_read_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_read_reply(struct wire_transient_read_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity);
 bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size);
 int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity);

@@ -34,6 +34,8 @@ COUNTERPARTS = {
     "log record": "Controller.record",
     "limits": "Controller.set_limits",
     "log faults": "Controller.fault_log",
+    "log trigger": "Controller.trigger",
+    "log pull": "Controller.pull",
     "log info": "Recording.facts",
     "log export": "export",
     "log recover": "recover",

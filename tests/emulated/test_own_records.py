@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from talker import Talker, V
 
@@ -64,3 +65,22 @@ def test_a_full_sector_moves_on_and_the_board_still_starts_in_time(start):
     ns, ticks = board.time()
     assert ns - ticks * 200_000 < 20_000_000
     assert answered(board).ok(wire.LimitsReadRequest()).limits[0] == EIGHT_V
+
+
+def test_the_recorder_that_is_always_on_shows_the_ticks_that_flash_took(start):
+    """Its trigger is the interlock's first open tick, some before the fault."""
+    talker = answered(start())
+    talker.ok(wire.TransientArmRequest(wire.Trigger.INPUT, 0, wire.Channel.ADC, 0, 0, 1, 50))
+    talker.ok(limits(EIGHT_V))
+    talker.run(100)
+    talker.device.inject(Injection.INTERLOCK)
+    talker.run(100)
+    head = talker.ok(wire.TransientReadRequest(0, 0))
+    assert (head.state, head.cause) == (wire.TransientState.FROZEN, wire.Trigger.INPUT)
+    assert talker.ok(wire.StatusRequest()).fault_tick - head.trigger_tick in (2, 3)
+    data = b"".join(talker.ok(wire.TransientReadRequest(at, 1000)).data for at in range(0, head.size, 1000))
+    ticks = np.frombuffer(data, np.uint32).reshape(-1, 10)[:, 0].astype(int)
+    steps = np.diff(ticks)
+    assert (ticks > head.trigger_tick).sum() == 50
+    assert max(steps) > 3  # 72 bytes of 16 us each
+    assert (steps == 1).sum() >= len(steps) - 3

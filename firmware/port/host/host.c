@@ -300,6 +300,8 @@ void host_inject(struct host_device *host, uint32_t fault, uint32_t axis)
         host->port.reset_cause = WIRE_RESET_CAUSE_WATCHDOG;
         device_init(&host->device, &host->port);
     } else {
+        if (fault == WIRE_FAULT_INTERLOCK)
+            device_input(&host->device);
         device_raise(&host->device, (enum wire_fault)fault, axis, 0);
     }
 }

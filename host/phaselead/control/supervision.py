@@ -1,9 +1,22 @@
-"""What a device watches over and keeps by itself, from Python: hard limits, the fault log."""
+"""What a device watches over and keeps by itself: hard limits, the fault log, the recorder that is always on."""
 
 from __future__ import annotations
 
-from phaselead.device import AxisLimits, Device, FaultLog, Limits, read_fault_log, read_limits, set_limits
+from phaselead.device import (
+    AxisLimits,
+    Device,
+    FaultLog,
+    Limits,
+    Trigger,
+    pull,
+    read_fault_log,
+    read_limits,
+    set_limits,
+    set_trigger,
+)
 from phaselead.errors import BadInput
+from phaselead.record import Recording
+from phaselead.result import Facts
 
 
 class Supervision:
@@ -52,3 +65,35 @@ class Supervision:
         power cycle 1; no fault so far
         """
         return read_fault_log(self.device)
+
+    def trigger(
+        self,
+        on: str = "fault",
+        *,
+        axis: str = "x",
+        above_um: float | None = None,
+        below_um: float | None = None,
+        every: int = 1,
+        after: float = 0.25,
+    ) -> Facts:
+        """Chooses what freezes the transient recorder, which keeps the last 80 ms of all axes at any time.
+
+        A fault always does. ``on``: "fault" (nothing else), "set_point" (a path is started), "input" (the interlock's
+        line opens), or "threshold": the position of ``axis`` rises above ``above_um`` or falls below ``below_um``.
+        ``every=10`` keeps each tenth tick, and so 0.8 s; ``after`` is the share of it after the trigger. Gives
+        ``before_s`` and ``after_s``. Raises BadInput for what makes no sense.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     facts = dev.trigger("threshold", axis="x", above_um=30)
+        ...     run = dev.track("sine:60um@5Hz", mode="pid", duration=0.4)
+        ...     seen = dev.pull()
+        >>> bool(seen.ux_V.shape == (400,))
+        True
+        """
+        return set_trigger(self.device, Trigger(on, axis, above_um, below_um, every, after))
+
+    def pull(self, *, keep: bool = False) -> Recording:
+        """What the transient recorder froze, all axes; t_s = 0 is the trigger. It then waits for the next fault, unless
+        ``keep``. Raises DeviceRefused when nothing is frozen."""
+        return pull(self.device, keep=keep)

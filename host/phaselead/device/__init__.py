@@ -16,6 +16,7 @@ from phaselead.device.run_file import channels_of, read_capture, recording_of, r
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
+from phaselead.device.transient import Trigger, pull, set_trigger
 from phaselead.device.wire import Channel, Mode
 from phaselead.serial_ports import BAUD
 
@@ -39,6 +40,7 @@ __all__ = [
     "Spool",
     "Standing",
     "Stream",
+    "Trigger",
     "axes_of",
     "channels_of",
     "check_letters",
@@ -50,6 +52,7 @@ __all__ = [
     "held_back",
     "inverse_refusal",
     "park_quietly",
+    "pull",
     "read_capture",
     "read_fault_log",
     "read_limits",
@@ -57,6 +60,7 @@ __all__ = [
     "replay_facts",
     "selftest",
     "set_limits",
+    "set_trigger",
     "standings",
     "wire",
     "write_run",

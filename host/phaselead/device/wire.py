@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0x5CC41D0A
+FINGERPRINT = 0x33DBC605
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -220,6 +220,23 @@ class EventKind(IntEnum):
     FAULT = 1
     STREAM_OVERFLOW = 2
     PATH_DONE = 3
+
+
+class Trigger(IntEnum):
+    """What freezes the transient recorder; a fault always does."""
+
+    FAULT = 0
+    SET_POINT = 1
+    THRESHOLD = 2
+    INPUT = 3
+
+
+class TransientState(IntEnum):
+    """What the transient recorder does."""
+
+    WAITING = 0
+    TRIGGERED = 1
+    FROZEN = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -1876,6 +1893,144 @@ class FaultLogRequest(Command[FaultLogReply]):
 
 
 @dataclass(frozen=True, slots=True)
+class TransientArmReply(Reply):
+    """The answer to transient_arm."""
+
+    NAME: ClassVar[str] = "transient_arm reply"
+    NUMBER: ClassVar[int] = 0xA3
+    SIZE: ClassVar[int] = 11
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQH")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    entries: int
+    """so many it holds."""
+
+    def pack(self) -> bytes:
+        return _pack(TransientArmReply.NAME, TransientArmReply.LAYOUT, self.status, self.tick, self.entries)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientArmReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+@dataclass(frozen=True, slots=True)
+class TransientArmRequest(Command[TransientArmReply]):
+    """Chooses the transient recorder's trigger beside a fault, empties it and lets it wait."""
+
+    NAME: ClassVar[str] = "transient_arm"
+    NUMBER: ClassVar[int] = 0x23
+    REPLY: ClassVar[type[Any]] = TransientArmReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "no such trigger, axis or channel, decimation 0, or more after the trigger than it holds",
+    }
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBiHH")
+    trigger: int
+    axis: int
+    """threshold: whose channel."""
+    channel: int
+    """threshold: reference, adc or dac."""
+    falling: int
+    """threshold: 0: from below, 1: from above."""
+    level: int
+    """threshold: in the unit of the channel."""
+    decimation: int
+    """1: every tick."""
+    after: int
+    """entries after the one of the trigger."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            TransientArmRequest.NAME,
+            TransientArmRequest.LAYOUT,
+            self.trigger,
+            self.axis,
+            self.channel,
+            self.falling,
+            self.level,
+            self.decimation,
+            self.after,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientArmRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6])
+
+
+@dataclass(frozen=True, slots=True)
+class TransientReadReply(Reply):
+    """The answer to transient_read."""
+
+    NAME: ClassVar[str] = "transient_read reply"
+    NUMBER: ClassVar[int] = 0xA4
+    SIZE: ClassVar[int] = 28
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBQH3BI")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    state: int
+    cause: int
+    trigger_tick: int
+    decimation: int
+    modes: tuple[int, ...]
+    """at the trigger."""
+    size: int
+    """bytes that it holds; 0 as long as it is not frozen."""
+    data: bytes
+    """may be less than was asked for."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            TransientReadReply.NAME,
+            TransientReadReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.state,
+            self.cause,
+            self.trigger_tick,
+            self.decimation,
+            *self.modes,
+            self.size,
+        ) + _tail(TransientReadReply, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientReadReply:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6:9], v[9], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class TransientReadRequest(Command[TransientReadReply]):
+    """What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32,
+    its low half) and for each axis the fields of [tick].
+    """
+
+    NAME: ClassVar[str] = "transient_read"
+    NUMBER: ClassVar[int] = 0x24
+    REPLY: ClassVar[type[Any]] = TransientReadReply
+    SIZE: ClassVar[int] = 6
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IH")
+    offset: int
+    length: int
+
+    def pack(self) -> bytes:
+        return _pack(TransientReadRequest.NAME, TransientReadRequest.LAYOUT, self.offset, self.length)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientReadRequest:
+        cls.check_length(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
 class Samples(Message):
     """A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of
     [tick] that `channels` asks for, in their order.
@@ -1986,6 +2141,10 @@ MESSAGES: dict[int, type[Message]] = {
     0xA1: LimitsReadReply,
     0x22: FaultLogRequest,
     0xA2: FaultLogReply,
+    0x23: TransientArmRequest,
+    0xA3: TransientArmReply,
+    0x24: TransientReadRequest,
+    0xA4: TransientReadReply,
     0x70: Samples,
     0x71: Event,
 }
