@@ -24,6 +24,9 @@ CALLS_NO_COMMAND = (
     "journal_",
     "fault_log_",
     "read_sector",
+    "move_on",
+    "append",
+    "put",
 )
 """Who begins so calls nothing else through a pointer; others may be where a command is called. A guess that is wrong
 ends in a recursion, which is an error."""
