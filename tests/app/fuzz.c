@@ -263,16 +263,19 @@ static void send_wave(void)
     send(WIRE_WAVE_COMMIT, SESSION, payload, WIRE_WAVE_COMMIT_REQUEST_SIZE);
 }
 
+/* Now and then none, so that all of the range is tried as well. */
 static void send_limits(void)
 {
     uint8_t payload[WIRE_LIMITS_SET_REQUEST_SIZE];
     struct wire_limits_set_request set;
+    bool none = below(2) == 0;
     for (unsigned axis = 0; axis < AXES; axis++)
-        set.limits[axis] = (struct wire_axis_limits){.dac_min = (uint16_t)below(34000),
-                                                     .dac_max = (uint16_t)(65535 - below(34000)),
-                                                     .slew_codes_q16 = below(2) ? UINT32_MAX : (uint32_t)random_value(),
-                                                     .adc_min = (uint16_t)below(1000),
-                                                     .adc_max = (uint16_t)(65535 - below(1000))};
+        set.limits[axis] =
+            (struct wire_axis_limits){.dac_min = (uint16_t)(none ? 0 : below(32000)),
+                                      .dac_max = (uint16_t)(65535 - (none ? 0 : below(8000))),
+                                      .slew_codes_q16 = none || below(2) ? UINT32_MAX : (uint32_t)random_value(),
+                                      .adc_min = (uint16_t)(none ? 0 : below(1500)),
+                                      .adc_max = (uint16_t)(65535 - (none ? 0 : below(1500)))};
     wire_pack_limits_set_request(&set, payload, sizeof payload);
     send(WIRE_LIMITS_SET, SESSION, payload, sizeof payload);
 }
@@ -338,7 +341,7 @@ static void noise(void)
 
 static void round_trip(void)
 {
-    if (below(200) == 0)
+    if (below(600) == 0)
         send_limits();
     switch (below(13)) {
     case 0:
