@@ -1,4 +1,6 @@
 /* The model transaction, its read-back and its place in flash. */
+#include <string.h>
+
 #include "app/command.h"
 #include "app/model_fields.h"
 #include "app/reaction.h"
@@ -37,6 +39,15 @@ static uint16_t would_jump(const struct device *device, const struct axis_config
     return 0;
 }
 
+static uint8_t held_back(const struct model_slot *slot, const struct axis_config idle[AXES])
+{
+    unsigned mask = 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (memcmp(&idle[axis].output, &slot->idle[axis].output, sizeof idle[axis].output) != 0)
+            mask |= 1u << axis;
+    return (uint8_t)mask;
+}
+
 enum wire_status command_model_commit(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_model_commit_reply reply = {0};
@@ -48,6 +59,7 @@ enum wire_status command_model_commit(struct device *device, const struct reques
         return status;
     }
     device_make_idle(model_store_prepared(&device->models), device->journal.newest.limits, idle);
+    reply.held_back = held_back(model_store_prepared(&device->models), idle);
     device_lock(device);
     if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
         status = WIRE_STATUS_FAULT_LATCHED;

@@ -94,7 +94,7 @@ static const struct {
     {"model_chunk", {4, true}, 0x0D},
     {"model_chunk", {9, false}, 0x8D},
     {"model_commit", {0, false}, 0x0E},
-    {"model_commit", {11, false}, 0x8E},
+    {"model_commit", {12, false}, 0x8E},
     {"model_read", {6, false}, 0x0F},
     {"model_read", {17, true}, 0x8F},
     {"model_persist", {0, false}, 0x10},
@@ -756,6 +756,7 @@ int32_t wire_pack_model_commit_reply(const struct wire_model_commit_reply *from,
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u16(out, from->invalid_field);
+    out = put_u8(out, from->held_back);
     return WIRE_MODEL_COMMIT_REPLY_SIZE;
 }
 
@@ -766,6 +767,7 @@ bool wire_unpack_model_commit_reply(struct wire_model_commit_reply *to, const ui
     to->status = get_u8(&in);
     to->tick = get_u64(&in);
     to->invalid_field = get_u16(&in);
+    to->held_back = get_u8(&in);
     return true;
 }
 

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0x33DBC605u
+#define WIRE_FINGERPRINT 0xF5558444u
 #define WIRE_VERSION 1
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
@@ -458,11 +458,12 @@ struct wire_model_chunk_request {
 };
 
 /* 0x8E: Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked */
-#define WIRE_MODEL_COMMIT_REPLY_SIZE 11
+#define WIRE_MODEL_COMMIT_REPLY_SIZE 12
 struct wire_model_commit_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
     uint16_t invalid_field; /* with model_invalid: 100 * axis + number of the offending field */
+    uint8_t held_back; /* mask of axes for which the device's hard limits are tighter than the model's */
 };
 
 /* 0x0F: Reads the active model back */

@@ -43,7 +43,8 @@ def test_they_survive_a_power_cycle_without_a_model():
 
 def test_a_model_that_asks_for_more_is_held_to_them():
     bench = limited(EIGHT_V)
-    assert bench.upload(model()).status == wire.Status.OK  # -2..10 V
+    commit = bench.upload(model())  # -2..10 V
+    assert (commit.status, commit.held_back) == (wire.Status.OK, 1)
     bench.set_axis()
     assert bench.set_path(swing=9 * V) == wire.Status.OUTSIDE_LIMITS
     assert bench.set_path(swing=8 * V) == wire.Status.OK
@@ -51,7 +52,7 @@ def test_a_model_that_asks_for_more_is_held_to_them():
 
 def test_a_tighter_model_stays_tighter():
     bench = limited(EIGHT_V)
-    bench.upload(model(u_max_q24=5 * V))
+    assert bench.upload(model(u_min_q24=0, u_max_q24=5 * V)).held_back == 0
     bench.set_axis()
     assert bench.set_path(swing=6 * V) == wire.Status.OUTSIDE_LIMITS
 

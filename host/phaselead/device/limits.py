@@ -180,6 +180,8 @@ def _of_both(now: wire.AxisLimits, wanted: wire.AxisLimits, given: AxisLimits) -
 
 def held_back(device: Device, stage: Stage) -> list[str]:
     """Where a model asks for more than the device's hard limits allow, a line for each axis: what holds instead."""
+    if not device.held_back:
+        return []
     hard = read_limits(device)
     said = {axis: looser_than(model, hard[axis]) for axis, model in stage.axes.items()}
     return [

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0x33DBC605
+FINGERPRINT = 0xF5558444
 VERSION = 1
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -1298,22 +1298,31 @@ class ModelCommitReply(Reply):
 
     NAME: ClassVar[str] = "model_commit reply"
     NUMBER: ClassVar[int] = 0x8E
-    SIZE: ClassVar[int] = 11
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQH")
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQHB")
     status: int
     tick: int
     """the tick before which the command took effect."""
     invalid_field: int
     """with model_invalid: 100 * axis + number of the offending field."""
+    held_back: int
+    """mask of axes for which the device's hard limits are tighter than the model's."""
 
     def pack(self) -> bytes:
-        return _pack(ModelCommitReply.NAME, ModelCommitReply.LAYOUT, self.status, self.tick, self.invalid_field)
+        return _pack(
+            ModelCommitReply.NAME,
+            ModelCommitReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.invalid_field,
+            self.held_back,
+        )
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitReply:
         cls.check_length(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2])
+        return cls(v[0], v[1], v[2], v[3])
 
 
 @dataclass(frozen=True, slots=True)
