@@ -14,10 +14,13 @@ from pathlib import Path
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 from setuptools.errors import CompileError
 
 ROOT = Path(__file__).parent
 build_id = runpy.run_path(str(ROOT / "firmware" / "build_id.py"))["build_id"]
+
+PAGES = {"docs/faults.md": "phaselead/device"}
 
 SUFFIX = EXTENSION_SUFFIXES[-1]
 """The plain one, .so or .pyd; phaselead/compiled.py looks for the same."""
@@ -60,6 +63,16 @@ class BuildLibraries(build_ext):
         return ext.libraries  # not Python's
 
 
+class WithPages(build_py):
+    """Puts the pages of the manual that commands print beside the modules that read them."""
+
+    def run(self):
+        super().run()
+        if not self.editable_mode:
+            for page, folder in PAGES.items():
+                self.copy_file(str(ROOT / page), str(Path(self.build_lib) / folder))
+
+
 class AnyPython3(bdist_wheel):
     """Tags the wheel py3-none-PLATFORM."""
 
@@ -82,7 +95,7 @@ EMULATOR = Extension(
 )
 
 setup(
-    cmdclass={"build_ext": BuildLibraries, "bdist_wheel": AnyPython3},
+    cmdclass={"build_ext": BuildLibraries, "build_py": WithPages, "bdist_wheel": AnyPython3},
     ext_modules=[
         Extension(
             "phaselead.sim._firmware",

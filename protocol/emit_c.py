@@ -17,6 +17,7 @@ def header(schema: Schema) -> str:
         "/* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */",
         f"#define WIRE_FINGERPRINT 0x{schema.fingerprint:08X}u",
         f"#define WIRE_VERSION {schema.version}",
+        f"#define WIRE_REVISION {schema.revision}",
         f"#define WIRE_MAX_PAYLOAD {schema.max_payload}",
         f"#define WIRE_HEADER_SIZE {head}",
         f"#define WIRE_CRC_SIZE {CRC_SIZE}",
@@ -27,8 +28,8 @@ def header(schema: Schema) -> str:
         *_enums(schema),
         *_commands(schema),
         *_structs(schema),
-        "/* Exact size, or the least for a message that ends in bytes. */",
-        "struct wire_message_size {\n    uint16_t fixed;\n    bool has_tail;\n};\n",
+        "/* Size without what revisions added, and with it; bytes may follow a message with a tail. */",
+        "struct wire_message_size {\n    uint16_t least;\n    uint16_t fixed;\n    bool has_tail;\n};\n",
         "/* NULL for a number that is no message. */",
         "const struct wire_message_size *wire_message_size(uint8_t type);",
         "/* For messages; NULL for a number that is no message. A reply has its command's name. */",
@@ -206,7 +207,9 @@ def source(schema: Schema) -> str:
     out += ["    uint8_t type;", "} MESSAGES[] = {"]
     for m in schema.messages:
         tail = "true" if m.tail else "false"
-        out.append(f'    {{"{m.name}", {{{schema.size(m.fields)}, {tail}}}, 0x{m.number:02X}}},')
+        out.append(
+            f'    {{"{m.name}", {{{schema.least(m.fields)}, {schema.size(m.fields)}, {tail}}}, 0x{m.number:02X}}},'
+        )
     out += ["};\n", LOOKUP, *_tick(schema)]
     for name, _, fields in _struct_list(schema):
         if name != "tick":

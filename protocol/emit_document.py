@@ -18,8 +18,26 @@ CRC-32/ISO-HDLC (polynomial 0x04C11DB7 reflected, initial value and final exclus
 0xCBF43926) over header and payload, appended little-endian. A frame that fails COBS, CRC or length is counted
 and dropped without an answer.
 
-A payload has at most {max_payload} bytes. The fingerprint of this layout is `0x{fingerprint:08X}`; HELLO's
-reply begins with it, and a host refuses a device whose fingerprint is another.
+A payload has at most {max_payload} bytes.
+
+## Versions
+
+This is version {version}, revision {revision}, of the wire; its fingerprint is `0x{fingerprint:08X}`. HELLO's reply
+begins with fingerprint, version and revision, in every version from 2 on.
+
+A **revision** adds to the version: commands, stream messages, values of an enumeration, fields at the end of a message.
+What is added is no part of the fingerprint, and zero in an added field means what there was before it. Host and device
+with the same fingerprint are neighbours and talk, whichever is newer:
+
+- a message that is shorter than its reader knows it is filled up with zeros;
+- of a reply or a stream message that is longer, the reader leaves out what it does not know;
+- of a request that is longer, the device obeys what it knows if the rest is zero, else it answers `bad_length`: a
+  command that asks for more than the device knows is refused and not obeyed in part;
+- a command that the device does not know is answered with `unknown_command`.
+
+Anything else makes another **version**, with another fingerprint, and the host refuses it at HELLO: it says to flash
+the firmware when the device's version is the lower one, and to update phaselead when it is the higher one. The model is
+a record: its layout only changes with the version.
 
 ## Sessions, commands and retries
 
@@ -58,6 +76,8 @@ def document(schema: Schema) -> str:
         INTRODUCTION.format(
             max_payload=schema.max_payload,
             fingerprint=schema.fingerprint,
+            version=schema.version,
+            revision=schema.revision,
             header=_table(schema, schema.header),
             index="\n".join(index),
         )
@@ -107,6 +127,8 @@ def _table(schema: Schema, fields: tuple[Field, ...]) -> str:
             notes.append(f"[{f.enum}](#{f.enum})")
         if f.platform:
             notes.append("differs between builds")
+        if f.since:
+            notes.append(f"since revision {f.since}")
         is_record = f.base in schema.records
         base = f"[{f.base}](#{f.base}){f.type_text[len(f.base) :]}" if is_record else f.type_text
         out.append(f"| {at} | `{f.name}` | {base} | {'; '.join(notes)} |")

@@ -26,6 +26,8 @@ from phaselead.errors import LinkError
 
 FINGERPRINT = 0x{fingerprint:08X}
 VERSION = {version}
+REVISION = {revision}
+"""Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = {max_payload}
 REPLY_BIT = 0x{reply_bit:02X}
 HEADER = struct.Struct("{header}")
@@ -47,6 +49,8 @@ class Message:
     NAME: ClassVar[str]
     NUMBER: ClassVar[int]
     SIZE: ClassVar[int]
+    LEAST: ClassVar[int | None] = None
+    """SIZE without the fields that revisions added, where there are such."""
     TAIL: ClassVar[bool] = False
     PLATFORM: ClassVar[frozenset[str]] = frozenset()
     """Fields that may differ between builds of the same source."""
@@ -61,11 +65,25 @@ class Message:
         raise NotImplementedError
 
     @classmethod
-    def check_length(cls, payload: bytes) -> None:
-        size = len(payload)
-        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or (cls.TAIL and size > MAX_PAYLOAD):
-            at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
-            raise WireError(f"{{cls.NAME}}: {{at_least}}{{cls.SIZE}} bytes expected, got {{size}}")
+    def fitted(cls, payload: bytes) -> bytes:
+        """As long as this revision knows it: what is missing is zero, what is beyond is left out. Raises WireError."""
+        size, least = len(payload), cls.SIZE if cls.LEAST is None else cls.LEAST
+        if size < least or (cls.TAIL and size > MAX_PAYLOAD):
+            at_least = "at least " if size < least else ""
+            raise WireError(f"{{cls.NAME}}: {{at_least}}{{least}} bytes expected, got {{size}}")
+        return payload if cls.TAIL else payload[: cls.SIZE].ljust(cls.SIZE, bytes(1))
+
+
+class Record(Message):
+    """A part of a message: always of its full size."""
+
+    __slots__ = ()
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        if len(payload) != cls.SIZE:
+            raise WireError(f"{{cls.NAME}}: {{cls.SIZE}} bytes expected, got {{len(payload)}}")
+        return payload
 
 
 class Reply(Message):
@@ -85,6 +103,13 @@ class Command(Message, Generic[R]):
     __slots__ = ()
     REPLY: ClassVar[type[Any]]
     REFUSALS: ClassVar[dict[int, str]] = {{}}
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        """As of every message, but what is beyond must be zero: it would be obeyed in part."""
+        if not cls.TAIL and any(payload[cls.SIZE :]):
+            raise WireError(f"{{cls.NAME}}: {{cls.SIZE}} bytes expected, got {{len(payload)}}")
+        return super().fitted(payload)
 
 
 def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
@@ -112,6 +137,7 @@ def module(schema: Schema) -> str:
     preamble = PREAMBLE.format(
         fingerprint=schema.fingerprint,
         version=schema.version,
+        revision=schema.revision,
         max_payload=schema.max_payload,
         reply_bit=REPLY_BIT,
         header=_struct_text(schema, schema.header),
@@ -123,7 +149,7 @@ def module(schema: Schema) -> str:
     blocks = [preamble.rstrip()]
     blocks += [_enum(e) for e in schema.enums.values()]
     for r in schema.records.values():
-        blocks.append(_dataclass(schema, class_name(r.name), "Message", r.name, r.doc, r.fields, []))
+        blocks.append(_dataclass(schema, class_name(r.name), "Record", r.name, r.doc, r.fields, []))
     replies = {m.name: m for m in schema.messages if m.kind == "reply"}
     for m in schema.messages:
         if m.kind == "request":
@@ -165,6 +191,8 @@ def _dataclass(
 ) -> str:
     fixed = tuple(f for f in fields if not f.is_tail)
     constants = [f'NAME: ClassVar[str] = "{name}"', *extra, f"SIZE: ClassVar[int] = {schema.size(fields)}"]
+    if schema.least(fields) != schema.size(fields):
+        constants.append(f"LEAST: ClassVar[int | None] = {schema.least(fields)}")
     if fields and fields[-1].is_tail:
         constants.append("TAIL: ClassVar[bool] = True")
     platform = [f'"{f.name}"' for f in fields if f.platform]
@@ -247,7 +275,7 @@ def _call(function: str, arguments: list[str], tail: str = "") -> list[str]:
 
 
 def _unpack(schema: Schema, cls: str, fields: tuple[Field, ...]) -> list[str]:
-    out = ["@classmethod", f"def unpack(cls, payload: bytes) -> {cls}:", "    cls.check_length(payload)"]
+    out = ["@classmethod", f"def unpack(cls, payload: bytes) -> {cls}:", "    payload = cls.fitted(payload)"]
     if not fields:
         return [*out, "    return cls()"]
     if schema.size(fields):

@@ -12,7 +12,7 @@ from typing import Any
 
 SCALARS = {"u8": 1, "i8": 1, "u16": 2, "i16": 2, "u32": 4, "i32": 4, "u64": 8, "i64": 8}
 REPLY_BIT = 0x80
-NOT_ON_THE_LINE = ("doc", "platform", "states", "locks_itself", "refusals")
+NOT_ON_THE_LINE = ("doc", "platform", "states", "locks_itself", "refusals", "since")
 """Keys that do not change what the bytes mean."""
 LONGEST_REFUSAL = 90
 CRC_SIZE = 4
@@ -32,6 +32,8 @@ class Field:
     doc: str
     enum: str
     platform: bool
+    since: int = 0
+    """The revision that added it; 0: the version began with it."""
 
     @property
     def is_tail(self) -> bool:
@@ -61,6 +63,7 @@ class Message:
     locks_itself: bool = False
     """Of a request: it is slow, and the device's tick runs on meanwhile."""
     refusals: tuple[tuple[str, str], ...] = ()
+    since: int = 0
     """Of a request: status and what it means for this one, where more can be said than for all."""
 
     @property
@@ -81,6 +84,7 @@ class Enum:
     name: str
     doc: str
     values: dict[str, int]
+    since: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,17 @@ class Schema:
     records: dict[str, Record]
     messages: tuple[Message, ...]
     fingerprint: int
+
+    @property
+    def revision(self) -> int:
+        """The newest of all that was added."""
+        fields = [f.since for m in self.messages for f in m.fields] + [f.since for f in self.tick]
+        values = [since for enum in self.enums.values() for since in enum.since.values()]
+        return max([0, *fields, *values, *(m.since for m in self.messages)])
+
+    def least(self, fields: tuple[Field, ...]) -> int:
+        """``size`` without what was added."""
+        return self.size(tuple(f for f in fields if f.since == 0))
 
     def size(self, fields: tuple[Field, ...]) -> int:
         """Bytes of the fixed fields among these."""
@@ -133,17 +148,19 @@ def load(path: Path) -> Schema:
         SchemaError: a duplicate, an unknown type, a tail that is not last, a payload over the limit.
     """
     raw = tomllib.loads(path.read_text())
-    enums = {n: Enum(n, e["doc"], e["values"]) for n, e in raw["enums"].items()}
+    enums = {n: Enum(n, e["doc"], e["values"], e.get("since", {})) for n, e in raw["enums"].items()}
     records = {n: Record(n, r["doc"], _fields(r["fields"])) for n, r in raw["records"].items()}
     reply_head = _fields(raw["reply"]["fields"])
     messages = []
     for c in raw["commands"]:
         how = tuple(c.get("states", ())), c.get("locks_itself", False), tuple(c.get("refusals", {}).items())
-        messages.append(Message(c["name"], "request", c["number"], c["doc"], _fields(c["request"]), *how))
+        since = c.get("since", 0)
+        messages.append(Message(c["name"], "request", c["number"], c["doc"], _fields(c["request"]), *how, since))
         reply = reply_head + _fields(c["reply"])
-        messages.append(Message(c["name"], "reply", c["number"] + REPLY_BIT, c["doc"], reply))
+        messages.append(Message(c["name"], "reply", c["number"] + REPLY_BIT, c["doc"], reply, since=since))
     for s in raw["streams"]:
-        messages.append(Message(s["name"], "stream", s["number"], s["doc"], _fields(s["fields"])))
+        since = s.get("since", 0)
+        messages.append(Message(s["name"], "stream", s["number"], s["doc"], _fields(s["fields"]), since=since))
     schema = Schema(
         raw["name"],
         raw["version"],
@@ -166,18 +183,28 @@ def _fields(raw: list[dict[str, Any]]) -> tuple[Field, ...]:
         match = re.fullmatch(r"(\w+?)(?:\[(\d+)\])?", f["type"])
         if match is None:
             raise SchemaError(f"field {f['name']}: cannot read type {f['type']!r}")
-        words = f.get("doc", ""), f.get("enum", ""), f.get("platform", False)
+        words = f.get("doc", ""), f.get("enum", ""), f.get("platform", False), f.get("since", 0)
         out.append(Field(f["name"], match[1], int(match[2] or 0), *words))
     return tuple(out)
 
 
 def _fingerprint(raw: dict[str, Any]) -> int:
-    """CRC-32 of all that gives the bytes on the line their meaning: names, numbers, types, order."""
+    """CRC-32 of all that gives the bytes on the line their meaning: names, numbers, types, order; of what the version
+    began with, so that its revisions share it."""
+
+    def is_added(node: Any) -> bool:
+        return isinstance(node, dict) and isinstance(node.get("since"), int)
 
     def layout(node: Any) -> Any:
         if isinstance(node, dict):
             return {k: layout(v) for k, v in node.items() if k not in NOT_ON_THE_LINE}
-        return [layout(v) for v in node] if isinstance(node, list) else node
+        return [layout(v) for v in node if not is_added(v)] if isinstance(node, list) else node
+
+    enums = {
+        name: enum | {"values": {k: v for k, v in enum["values"].items() if k not in enum.get("since", {})}}
+        for name, enum in raw["enums"].items()
+    }
+    raw = raw | {"enums": enums}
 
     return zlib.crc32(json.dumps(layout(raw), sort_keys=True).encode())
 
@@ -194,8 +221,14 @@ def _check(schema: Schema) -> None:
                 raise SchemaError(f"{where}: field {f.name} has unknown type {f.base}")
             if f.is_tail and (f is not fields[-1] or where.startswith("record")):
                 raise SchemaError(f"{where}: bytes field {f.name} must be the last of a message")
+            if f.since and (where.startswith("record") or fields[-1].is_tail):
+                raise SchemaError(
+                    f"{where}: {f.name} cannot be added: only to messages, and not to one that ends in bytes"
+                )
             if f.enum and f.enum not in schema.enums:
                 raise SchemaError(f"{where}: field {f.name} names unknown enum {f.enum}")
+        if [f.since for f in fields] != sorted(f.since for f in fields):
+            raise SchemaError(f"{where}: fields that were added stand at the end, in the order of their revisions")
         if where.startswith("message") and schema.size(fields) > schema.max_payload:
             raise SchemaError(f"{where}: {schema.size(fields)} bytes exceed max_payload {schema.max_payload}")
     for m in schema.messages:

@@ -63,6 +63,8 @@ enum wire_status command_hello(struct device *device, const struct request *requ
     if (status == WIRE_STATUS_OK)
         device->control.heard_tick = control->tick;
     struct wire_hello_reply reply = {.schema_fingerprint = WIRE_FINGERPRINT,
+                                     .wire_version = WIRE_VERSION,
+                                     .wire_revision = WIRE_REVISION,
                                      .tick_rate_Hz = TICK_RATE_HZ,
                                      .baud = device->port.baud,
                                      .axis_count = AXES,

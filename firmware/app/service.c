@@ -54,17 +54,35 @@ static void keep(struct line *line, const struct wire_header *header, uint32_t r
     note_done(line, header->id);
 }
 
+/* Makes a request of another revision as long as this one knows it: what is missing is zero, and what is beyond may be
+ * nothing else. False when it cannot be done. The payload lies in the line's buffer, which has room for any. */
+static bool fit_request(struct line *line, struct request *request)
+{
+    const struct wire_message_size *size = wire_message_size(request->header->type);
+    uint8_t *payload = line->rx + WIRE_HEADER_SIZE;
+    if (request->size < size->least)
+        return false;
+    if (size->has_tail)
+        return true;
+    for (size_t i = size->fixed; i < request->size; i++)
+        if (payload[i] != 0)
+            return false;
+    for (size_t i = request->size; i < size->fixed; i++)
+        payload[i] = 0;
+    request->size = size->fixed;
+    return true;
+}
+
 /* What stands in the way of a command, ok when nothing does. */
-static enum wire_status admit(const struct device *device, const struct command *command, bool in_session,
-                              const struct request *request)
+static enum wire_status admit(struct device *device, const struct command *command, bool in_session,
+                              struct request *request)
 {
     uint8_t type = request->header->type;
     if (!in_session && type != WIRE_HELLO && type != WIRE_STOP)
         return WIRE_STATUS_NO_SESSION;
     if (!command->handler)
         return WIRE_STATUS_UNKNOWN_COMMAND;
-    const struct wire_message_size *size = wire_message_size(type);
-    if (request->size < size->fixed || (request->size > size->fixed && !size->has_tail))
+    if (!fit_request(&device->line, request))
         return WIRE_STATUS_BAD_LENGTH;
     if (!(command->states >> device->control.state & 1u))
         return device->control.state == WIRE_STATE_FAULT ? WIRE_STATUS_FAULT_LATCHED : WIRE_STATUS_WRONG_STATE;
@@ -85,7 +103,7 @@ static enum wire_status perform(struct device *device, const struct command *com
     return status;
 }
 
-static void obey(struct device *device, const struct request *request, bool in_session)
+static void obey(struct device *device, struct request *request, bool in_session)
 {
     struct line *line = &device->line;
     const struct command *command = command_find(request->header->type);

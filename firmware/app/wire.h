@@ -9,8 +9,9 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xF5558444u
-#define WIRE_VERSION 1
+#define WIRE_FINGERPRINT 0x3F41B346u
+#define WIRE_VERSION 2
+#define WIRE_REVISION 0
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
 #define WIRE_CRC_SIZE 4
@@ -337,11 +338,13 @@ struct wire_device_record {
 };
 
 /* 0x81: Opens a session: the header's session becomes the device's. Needs no session. */
-#define WIRE_HELLO_REPLY_SIZE 75
+#define WIRE_HELLO_REPLY_SIZE 79
 struct wire_hello_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
     uint32_t schema_fingerprint;
+    uint16_t wire_version; /* these three stand here in every version from 2 on */
+    uint16_t wire_revision; /* what has been added to the version */
     uint8_t build_id[20]; /* hash of the firmware source */
     uint8_t target[24]; /* ASCII, zero padded: host, nucleo_f446re, ... */
     uint32_t tick_rate_Hz;
@@ -671,8 +674,9 @@ struct wire_event {
 #define WIRE_LIMITS_READ_REQUEST_SIZE 0 /* The hard limits in force */
 #define WIRE_FAULT_LOG_REQUEST_SIZE 0 /* The last 16 faults, those before the last resets included */
 
-/* Exact size, or the least for a message that ends in bytes. */
+/* Size without what revisions added, and with it; bytes may follow a message with a tail. */
 struct wire_message_size {
+    uint16_t least;
     uint16_t fixed;
     bool has_tail;
 };

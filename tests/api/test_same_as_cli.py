@@ -38,6 +38,7 @@ COUNTERPARTS = {
     "log pull": "Controller.pull",
     "log info": "Recording.facts",
     "log export": "export",
+    "log import": "import_recordings",
     "log recover": "recover",
     "replay": "replay",
     "gap": "gap",
@@ -46,6 +47,9 @@ COUNTERPARTS = {
     "sim": "sim",
     "flash": "flash",
     "selftest": "Controller.selftest",
+    "explain": "explain",
+    "doctor": "Controller.doctor",
+    "plot": "plot",
 }
 
 
@@ -62,7 +66,7 @@ def commands() -> set[str]:
 
 
 def test_every_command_has_its_counterpart() -> None:
-    assert commands() == set(COUNTERPARTS)
+    assert commands() == {*COUNTERPARTS, "completion"}
     for path in COUNTERPARTS.values():
         thing: Any = pl
         for name in path.split("."):
@@ -164,7 +168,7 @@ def test_device(folder: Path) -> None:
     printed = cli("upload", folder / "stage.toml", "--persist")
     assert plain(uploaded.as_dict()) == {key: value for key, value in printed.items() if key != "model"}
     with pl.connect() as dev:
-        assert plain(dev.selftest("x").as_dict()) == cli("selftest", "--axis", "x")
+        assert plain(dev.selftest("x").as_dict()) == cli("selftest", "--axis", "x", "--yes")
     assert plain({"ports": [{"url": p.url, "description": p.description} for p in pl.ports()]}) == cli("ports")
     with pl.connect() as dev:
         assert dev.arm().state == cli("arm")["state"] == "armed"

@@ -14,13 +14,13 @@ from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.session import Refused, Session
 from phaselead.model.axis import AxisModel
-from phaselead.model.stage_file import Stage, save_stage
+from phaselead.model.stage_file import Stage, load_stage, save_stage
 from phaselead.record import Recording, read_recording
 from phaselead.sim import protocol_sim
 from phaselead.sim.device import VirtualDevice
 from phaselead.sim.plant import load_any, plant_parameters
 
-MOMENTS = 12
+MOMENTS, MOMENTS_OF_A_LONG_ONE = 12, 2
 """Of each command; their places come from a seed."""
 ZERO_V_CODE = 32768
 COMMANDS = {
@@ -31,8 +31,9 @@ COMMANDS = {
     "track with a model": ["track", "sine:2V@10Hz", "--mode", "open", "--model", "STAGE", "--duration", "0.3"],
     "log record": ["log", "record", "--drive", "sine:3V@10Hz", "--duration", "0.4", "-o", "RUN"],
     "log record, listening": ["log", "record", "--duration", "0.3", "-o", "RUN"],
-    "selftest": ["selftest", "--axis", "x"],
+    "selftest": ["selftest", "--axis", "x", "--yes"],
     "status": ["status"],
+    "identify": ["identify", "-o", "OUT"],
 }
 
 
@@ -93,8 +94,7 @@ def state_of(device: Watched) -> wire.StatusReply | None:
     session = Session(Quiet(device))
     try:
         session.hello()
-    except Refused as refusal:  # it is held by its last host: neither parked nor in a fault
-        assert refusal.status == wire.Status.BUSY
+    except Refused:  # it is held by its last host: neither parked nor in a fault
         return None
     return session.request(wire.StatusRequest())
 
@@ -117,18 +117,26 @@ def words(name, folder):
     stage = folder / "stage.toml"
     if not stage.exists():
         save_stage(stage, Stage(name="mine", axes={"x": AxisModel()}))
-    places = {"STAGE": str(stage), "RUN": str(folder / "run.h5")}
+    places = {"STAGE": str(stage), "RUN": str(folder / "run.h5"), "OUT": str(folder / "run.toml")}
     return [*(places.get(word, word) for word in COMMANDS[name]), "--port", "sim://xyz250"]
+
+
+CALLS: dict[str, int] = {}
+"""That a command makes when nothing happens to it."""
 
 
 def moments(run, device, name, folder):
     """Calls at which to interrupt it, spread over all that it makes."""
-    outcome = run(*words(name, folder))
-    assert outcome.status in (0, 1), outcome.err
-    for left in folder.glob("run.*"):
-        left.unlink()
-    random, calls = Random(name), device.calls
-    return sorted({1, 2, calls - 2} | {random.randint(1, calls - 2) for _ in range(MOMENTS)})
+    if name not in CALLS:
+        outcome = run(*words(name, folder))
+        assert outcome.status in (0, 1), outcome.err
+        CALLS[name] = device.calls - 2
+        for left in folder.glob("run.*"):
+            left.unlink()
+    random, calls = Random(name), CALLS[name]
+    if name == "identify":
+        return sorted(random.randint(1, calls) for _ in range(MOMENTS_OF_A_LONG_ONE))
+    return sorted({1, 2, calls} | {random.randint(1, calls) for _ in range(MOMENTS)})
 
 
 def whole_or_none(folder):
@@ -137,6 +145,8 @@ def whole_or_none(folder):
     if (folder / "run.h5").exists():
         read_recording(str(folder / "run.h5"))
         assert not (folder / "run.h5.journal").exists()
+    if (folder / "run.toml").exists():
+        load_stage(folder / "run.toml")
 
 
 def recovered(run, folder) -> Recording | None:

@@ -44,7 +44,7 @@ def test_listing_imports_no_command():
         "print(*[m for m in sys.modules if m.startswith('phaselead.') or m == 'numpy'])"
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    light = {"cli", "cli.listing", "errors", "interrupt", "version"}
+    light = {"cli", "cli.examples", "cli.listing", "cli.output_level", "errors", "interrupt", "version"}
     assert set(loaded) == {f"phaselead.{name}" for name in light}
 
 
@@ -57,4 +57,4 @@ def test_marks_are_read_as_they_are_written(tmp_path):
     (tmp_path / "none.py").write_text("def early(): ...\n")
     found = listing.listed((str(tmp_path),))
     assert list(found) == ["early", "late-one"]
-    assert found["late-one"] == (listing.LAST, "late_one", "two", "Late. Very.")
+    assert found["late-one"] == (listing.LAST, "late_one", "two", "Late. Very.", listing.USUAL_GROUP)

@@ -14,7 +14,8 @@ from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model
 from phaselead.device.standing import LARGEST_STEP, Standing, standings
 from phaselead.errors import BadInput
-from phaselead.identify.experiment import Experiment, identify_device
+from phaselead.identify.experiment import identify_device
+from phaselead.identify.plan import Experiment
 from phaselead.model.axis import AxisModel, Gains, Limits, Sensor
 from phaselead.model.stage_file import Stage, save_stage
 from phaselead.waveforms.catalogue import parse_wave

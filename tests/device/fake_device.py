@@ -32,6 +32,7 @@ class FakeDevice:
     on_frame: Faults = deliver
     on_command: Faults = deliver
     fingerprint: int = wire.FINGERPRINT
+    version: int = wire.VERSION
     status_of: dict[type[Any], wire.Status] = field(default_factory=dict)
     fault_tick: int | None = None
     tick: int = 0
@@ -115,7 +116,15 @@ class FakeDevice:
             case wire.HelloRequest():
                 state = (3, self.state, 0, 0, 0, wire.MAX_PAYLOAD)
                 return wire.HelloReply(
-                    *head, self.fingerprint, bytes(20), b"fake".ljust(24, b"\0"), 5000, 2000000, *state
+                    *head,
+                    self.fingerprint,
+                    self.version,
+                    wire.REVISION,
+                    bytes(20),
+                    b"fake".ljust(24, b"\0"),
+                    5000,
+                    2000000,
+                    *state,
                 )
             case wire.StatusRequest():
                 fault = (3, 0) if self.state == wire.State.FAULT else (0, 255)

@@ -140,7 +140,7 @@ def test_lost_and_repeated_replies_cost_nothing(fates: list[str]) -> None:
 
 def test_a_fault_ends_the_capture_and_brings_what_was_recorded() -> None:
     fake = FakeDevice(fault_tick=1500)
-    with pytest.raises(DeviceFault, match=r"fault adc_rail on axis x at tick 1500; docs/faults.md") as caught:
+    with pytest.raises(DeviceFault, match=r"adc_rail on axis x at tick 1500; `phaselead explain adc_rail`") as caught:
         take(fake, 100_000)
     taken = caught.value.capture
     assert taken.ticks[-1] == 1499

@@ -172,20 +172,34 @@ def test_garbage_is_said_to_be_garbage(text: bytes) -> None:
         session.hello()
 
 
-def test_another_schema_is_named() -> None:
-    session = Session(FakePort(FakeDevice(fingerprint=0x12345678)), "fake")
-    with pytest.raises(LinkError, match=r"speaks another version of the wire \(0x12345678, this phaselead 0x"):
+@pytest.mark.parametrize(
+    ("version", "remedy"),
+    [
+        (wire.VERSION - 1, "flash the firmware of this version"),
+        (wire.VERSION, "one of them is no release"),
+        (wire.VERSION + 1, "update phaselead"),
+    ],
+)
+def test_another_version_of_the_wire_says_which_side_to_update(version: int, remedy: str) -> None:
+    session = Session(FakePort(FakeDevice(fingerprint=0x12345678, version=version)), "fake")
+    with pytest.raises(LinkError, match=rf"another version of the wire \({version}, 0x12345678; this .*; {remedy}"):
         session.hello()
 
 
-def test_another_schema_with_another_length_is_named_too() -> None:
-    def other(frame: bytes) -> list[bytes]:
+def hello_reply(size: int) -> Callable[[bytes], list[bytes]]:
+    def reply(frame: bytes) -> list[bytes]:
         (body,) = FrameReader().feed(frame)
-        payload = wire.REPLY_HEAD.pack(0, 5) + (0xABCD).to_bytes(4, "little")
+        payload = wire.REPLY_HEAD.pack(0, 5) + (0xABCD).to_bytes(4, "little") + bytes([0xEE]) * (size - 13)
         return [encode_frame(body[: wire.HEADER.size] + payload)]
 
-    session = Session(FakePort(FakeDevice(on_frame=other)), "fake")
-    with pytest.raises(LinkError, match=r"another version of the wire \(0x0000ABCD"):
+    return reply
+
+
+@pytest.mark.parametrize(("size", "version"), [(13, "1"), (75, "1"), (120, "61166")])
+def test_a_hello_of_any_length_is_understood_so_far(size: int, version: str) -> None:
+    """75 bytes are those of version 1, which did not tell its number."""
+    session = Session(FakePort(FakeDevice(on_frame=hello_reply(size))), "fake")
+    with pytest.raises(LinkError, match=rf"another version of the wire \({version}, 0x0000ABCD"):
         session.hello()
 
 
@@ -258,3 +272,25 @@ def test_endless_noise_does_not_fill_the_memory() -> None:
     assert reader.errors > 10
     assert len(reader._rest) <= reader.max_frame
     assert reader.feed(b"\0" + encode_frame(b"whole")) == [b"whole"]
+
+
+def test_a_host_that_slept_looks_at_what_came_meanwhile() -> None:
+    """A jump of the clock over every deadline, with the reply already there."""
+
+    class SleepyPort(FakePort):
+        slept_s = 0.0
+
+        @property
+        def clock_s(self) -> float:
+            return super().clock_s + self.slept_s
+
+        def read(self, size: int = 1) -> bytes:
+            if self.device.out and self.slept_s == 0:
+                self.slept_s = 3600.0
+                return b""
+            return super().read(size)
+
+    session = Session(SleepyPort(FakeDevice()), "fake")
+    session.hello()
+    assert session.retries == 0
+    assert session.now_s() >= 3600

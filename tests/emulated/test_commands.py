@@ -84,10 +84,10 @@ def test_the_board_is_known_to_run_this_source():
 
 
 def test_a_looped_board_passes_its_self_test_and_a_stage_does_not(wire_stage):
-    code, output = run("selftest", "--port", f"{URL}?stage={wire_stage}", "--axis", "x", "--json", "-")
+    code, output = run("selftest", "--port", f"{URL}?stage={wire_stage}", "--axis", "x", "--yes", "--json", "-")
     assert code == 0, output
     assert json.loads(output)["axes"]["x"]["passed"]
-    code, output = run("selftest", "--port", URL, "--axis", "x")
+    code, output = run("selftest", "--port", URL, "--axis", "x", "--yes")
     assert code == 1
 
 

@@ -10,8 +10,8 @@ import pytest
 from bench_stage import BenchStage, Grid, record, rising_sine, sine_record
 
 from phaselead.errors import BadInput
-from phaselead.identify.experiment import HELD_OUT, plan_grid, plan_seconds
 from phaselead.identify.fitting import FitReport, fit
+from phaselead.identify.plan import HELD_OUT, plan_grid, plan_seconds
 from phaselead.identify.table import grid_table
 from phaselead.identify.verification import verification_dict, verify
 from phaselead.model.prediction import predict

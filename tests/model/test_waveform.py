@@ -87,7 +87,7 @@ def test_a_move_without_a_duration_is_no_faster_than_parking() -> None:
         ("0\n1\n2\n1\n", "um", 0, 2),
         ("x_um\n-1\n3\n", "um", -1, 3),
         ("u_V\n0\n2.5\n", "V", 0, 2.5),
-        ("t_s,r_um\n0,5\n0.1,6\n0.3,5\n", "um", 5, 6),
+        ("t_s,r_um\n0,5\n0.03,6\n0.1,5\n", "um", 5, 6),
         ("# one period\n0;5\n1;6\n\n", "um", 5, 6),
         ("0\t5\r\n1\t6\r\n", "um", 5, 6),
     ],

@@ -149,6 +149,7 @@ def test_the_package_is_imported_from_where_it_was_installed(bare, folder):
 
 def test_help_and_ports(bare, folder):
     assert "selftest" in run(bare / "phaselead", "--help", cwd=folder).stdout
+    assert "Cause: " in run(bare / "phaselead", "explain", "host_timeout", cwd=folder).stdout
     assert "ports" in json.loads(run(bare / "phaselead", "ports", "--json", "-", cwd=folder).stdout)
 
 

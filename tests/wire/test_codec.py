@@ -154,7 +154,8 @@ def test_codecs_accept_the_same_of_any_payload(number: int, payload: bytes, know
         size = wire.MESSAGES[kind].SIZE if kind in wire.MESSAGES else 0
         for cut in (payload, (payload * 2 + bytes(size))[:size], bytes(size + 1), bytes(max(size - 1, 0))):
             line = encode_frame(wire.HEADER.pack(kind, 1, 2) + cut)
-            assert line_c.accepted(line) == accepted(line)
+            longer = kind in wire.MESSAGES and not wire.MESSAGES[kind].TAIL and len(cut) > size
+            assert line_c.accepted(line) == ([] if longer else accepted(line))  # the device shortens it before
 
 
 def test_both_refuse_a_payload_over_the_limit(line_c: Any) -> None:
@@ -198,10 +199,10 @@ def test_a_value_that_does_not_fit_is_named() -> None:
     with pytest.raises(wire.WireError, match="arm"):
         wire.ArmRequest(model_crc=1 << 32).pack()
     with pytest.raises(wire.WireError, match=r"hello reply\.build_id: 20 bytes expected, got 3"):
-        wire.HelloReply(0, 0, 0, b"abc", b"", 0, 0, 0, 0, 0, 0, 0, 0).pack()
+        wire.HelloReply(0, 0, 0, 2, 0, b"abc", b"", 0, 0, 0, 0, 0, 0, 0, 0).pack()
     with pytest.raises(wire.WireError, match="model: 3 axes expected, got 0"):
         wire.Model(0, bytes(32), ()).pack()
-    with pytest.raises(wire.WireError, match="status reply: 65 bytes expected, got 64"):
+    with pytest.raises(wire.WireError, match="status reply: at least 65 bytes expected, got 64"):
         wire.StatusReply.unpack(bytes(64))
     with pytest.raises(wire.WireError, match="do not fit, at most 1148"):
         wire.ModelChunkRequest(0, bytes(1149)).pack()

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from phaselead.api.devices import flash, ports, replay, sim, stop
+from phaselead.api.devices import explain, flash, ports, replay, sim, stop
 from phaselead.api.gaps import gap, gap_next, write_report
 from phaselead.api.models import fit, load, loop, predict, verify
-from phaselead.api.recordings import export, read, recording, recover
+from phaselead.api.recordings import export, import_recordings, plot, read, recording, recover
 from phaselead.api.trials import campaign, demo
 
 __all__ = [
     "campaign",
     "demo",
+    "explain",
     "export",
     "fit",
     "flash",
     "gap",
     "gap_next",
+    "import_recordings",
     "load",
     "loop",
+    "plot",
     "ports",
     "predict",
     "read",

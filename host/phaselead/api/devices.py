@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from phaselead.control import Run
+    from phaselead.device import FaultPage
     from phaselead.result import Facts
     from phaselead.serial_ports import Ports
     from phaselead.sim import Replay
@@ -40,6 +42,21 @@ def stop(port: str | None = None) -> int:
     return Device.stop_now(port or default_port()).tick
 
 
+def explain(fault: str) -> FaultPage:
+    """What the manual says of a fault: why it stops the device, and what to do. Raises BadInput for a name of none.
+
+    >>> import phaselead as pl
+    >>> pl.explain("adc_rail").text[:30]
+    'Cause: on an axis that follows'
+    >>> pl.explain("rail")
+    Traceback (most recent call last):
+    phaselead.errors.BadInput: 'rail' is no fault of the device; did you mean adc_rail?
+    """
+    from phaselead.device import explain_fault
+
+    return explain_fault(fault)
+
+
 def replay(run: Run | str | os.PathLike[str]) -> Replay:
     """Executes a run again, from its converter codes, commands, model and first state, and compares every DAC code.
 
@@ -63,8 +80,14 @@ def replay(run: Run | str | os.PathLike[str]) -> Replay:
     return Replay(name, len(capture.ticks), replay_capture(capture))
 
 
-def sim(url: str = "sim://xyz250", *, link: str | os.PathLike[str] | None = None) -> None:
-    """Serves a virtual stage on a pseudo-terminal, at real time, until Ctrl-C or SIGTERM; prints the terminal's path.
+def sim(
+    url: str = "sim://xyz250",
+    *,
+    link: str | os.PathLike[str] | None = None,
+    say: Callable[[str], None] | None = None,
+) -> None:
+    """Serves a virtual stage on a pseudo-terminal, at real time, until Ctrl-C or SIGTERM; prints the terminal's path,
+    or gives it to ``say``.
 
     ``url`` is sim://xyz250, sim://FILE.toml or a stage file; ``link`` a symbolic link to the terminal. In this process
     a virtual stage needs no server: ``connect("sim://xyz250")``. Raises BadInput for a stage that cannot be used.
@@ -76,7 +99,7 @@ def sim(url: str = "sim://xyz250", *, link: str | os.PathLike[str] | None = None
     """
     from phaselead.sim import serve
 
-    serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link)
+    serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link, say=say)
 
 
 def flash(port: str | None = None, *, env: str | None = None, check_only: bool = False) -> Facts:

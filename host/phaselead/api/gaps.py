@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 from phaselead.errors import BadInput
 
 if TYPE_CHECKING:
+    from phaselead.control import Run
     from phaselead.gap import GapResult
+    from phaselead.identify import FitResult, Verifications
     from phaselead.model import StageLike
     from phaselead.record import MapLike, Recording, RecordsLike
 
@@ -68,13 +70,14 @@ def gap_next(
     output: str | os.PathLike[str],
     axis: str = "x",
     model: StageLike | None = None,
+    overwrite: bool = False,
     on_progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """Runs the experiment that a tie asks for, open loop, and keeps the record in ``output`` (.h5).
 
     ``proposal`` is the result of ``gap`` or a gap.json. ``axis`` counts where the proposal names none. ``model`` has
-    limits and calibration; it is uploaded first. Raises BadInput when no experiment is proposed, and what the device
-    says.
+    limits and calibration; it is uploaded first. Raises BadInput when no experiment is proposed, and for an output that
+    exists unless ``overwrite``, and what the device says.
 
     >>> import phaselead as pl
     >>> pl.gap_next("gap.json", output="more.h5")
@@ -87,7 +90,7 @@ def gap_next(
     from phaselead.serial_ports import default_port
 
     inputs = [one for one in (proposal, model) if isinstance(one, str | os.PathLike)]
-    check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs)
+    check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite)
     if isinstance(proposal, str | os.PathLike):
         proposed = read_proposal(os.fspath(proposal))
     else:
@@ -97,8 +100,11 @@ def gap_next(
     return gather_one(output)
 
 
-def write_report(result: GapResult, path: str | os.PathLike[str], *, model_name: str = "") -> None:
-    """Writes the page of a gap result: where, what, why not the runner-up, before and after. One file, no network.
+def write_report(
+    result: GapResult | FitResult | Verifications | Run, path: str | os.PathLike[str], *, model_name: str = ""
+) -> None:
+    """Writes the page of a result: of a gap where, what, why not the runner-up, before and after; of a fit, a
+    verification or a run its figures and tables. One file, no network.
 
     ``model_name`` is what the page calls the model; default its name. Raises BadInput for a result that ``gap`` did
     not make, OSError where the file cannot be written.
@@ -114,9 +120,13 @@ def write_report(result: GapResult, path: str | os.PathLike[str], *, model_name:
     >>> gap = pl.gap(model, train=made(2, seed=1), holdout=made(3, seed=2))
     >>> pl.write_report(gap, "gap.html")
     """
+    from phaselead.gap import GapResult
     from phaselead.record import write_text
-    from phaselead.report import gap_page
+    from phaselead.report import gap_page, result_page
 
+    if not isinstance(result, GapResult):
+        write_text(os.fspath(path), result_page(result))
+        return
     if result.base is None:
         raise BadInput("this result does not say which model was compared; make it with phaselead.gap")
     name = model_name or PurePath(result.base.name).name

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import sys
-from collections.abc import Mapping
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from phaselead import __version__, interrupt
-from phaselead.cli.listing import Listed, listed
+from phaselead.cli.examples import START, show_examples
+from phaselead.cli.listing import GROUPS, listed
+from phaselead.cli.output_level import QUIET, quiet
 from phaselead.errors import PhaseleadError
 
 
@@ -25,11 +28,46 @@ class CommandLine(click.Group):
         if found is None:
             return None
         command: click.Command = getattr(importlib.import_module(f"{__name__}.{found.module}"), found.name)
+        show_examples(cmd_name, command)
         return command
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """--quiet may stand anywhere."""
+        end = args.index("--") if "--" in args else len(args)
+        quiet.set(QUIET in args[:end])
+        return super().parse_args(ctx, [word for i, word in enumerate(args) if word != QUIET or i > end])
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is meant; of a word that is none, the one like it."""
+        names = self.list_commands(ctx)
+        if args and args[0] not in names and not args[0].startswith("-") and not ctx.resilient_parsing:
+            close = difflib.get_close_matches(args[0], names, n=1, cutoff=0.5)
+            ctx.fail(f"No such command {args[0]!r}." + (f" Did you mean {close[0]}?" if close else ""))
+        return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The names of the commands without importing them; options as ever."""
+        if incomplete.startswith("-"):
+            return super().shell_complete(ctx, incomplete)
+        found = listed(tuple(__path__))
+        short = {name: click.Command(name, help=one.help).get_short_help_str() for name, one in found.items()}
+        return [CompletionItem(name, help=short[name]) for name in found if name.startswith(incomplete)]
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of `phaselead --help`, without importing the commands."""
-        Contents(listed(tuple(__path__))).format_commands(ctx, formatter)
+        """The list of `phaselead --help`, by what the commands are about, without importing them."""
+        found = listed(tuple(__path__))
+        width = max(map(len, found))
+        for group, heading in GROUPS.items():
+            lines = [
+                (name.ljust(width), click.Command(name, help=one.help).get_short_help_str(formatter.width - width - 6))
+                for name, one in found.items()
+                if one.group == group
+            ]
+            if lines:
+                with formatter.section(heading):
+                    formatter.write_dl(lines)
 
     def invoke(self, ctx: click.Context) -> Any:
         interrupt.install()
@@ -45,23 +83,14 @@ class CommandLine(click.Group):
             fail(f"{error.filename or 'output'}: {error.strerror or error}; check the path and the space left", 2)
 
 
-class Contents(click.Group):
-    """Commands that only say what they are, in their order."""
-
-    def __init__(self, found: Mapping[str, Listed]) -> None:
-        super().__init__(commands={name: click.Command(name, help=one.help) for name, one in found.items()})
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
-
-
 def fail(line: str, status: int) -> None:
     """Prints one line on stderr and leaves with this status."""
     click.echo(f"phaselead: {' '.join(line.split())}", err=True)
     sys.exit(status)
 
 
-@click.group(cls=CommandLine, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=CommandLine, context_settings={"help_option_names": ["-h", "--help"]}, epilog=START)
+@click.option(QUIET, is_flag=True, expose_value=False, help="Print nothing but warnings, errors and --json -.")
 @click.version_option(__version__, prog_name="phaselead")
 def main() -> None:
     """Identify, drive and understand piezo stages.

@@ -6,16 +6,18 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as TerminalTable
 
+from phaselead.cli.output_level import quiet
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
@@ -66,6 +68,15 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
 
 
 force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
+overwrite_option = click.option(
+    "--overwrite", "--force", "overwrite", is_flag=True, help="Write over the output if it exists."
+)
+own_overwrite_option = click.option(
+    "--overwrite", is_flag=True, help="Write over the output if it exists (as --force does, which takes more risks)."
+)
+"""For commands whose --force also takes a risk with the stage."""
+report_option = click.option("--report", metavar="F.html", help="Also write a page with figures.")
+verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
     "--map",
@@ -74,6 +85,25 @@ map_option = click.option(
     help="1-based columns of a file without our header, e.g. u_V=1,x_um=5 or x_um=3*1e6 for metres.",
 )
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
+
+
+def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
+    """``1,2V,500mV`` as numbers in the first of ``units``; None stays None. Raises BadInput."""
+    return None if text is None else [_number(option, part.strip(), units) for part in text.split(",")]
+
+
+def number(option: str, text: str | None, units: Mapping[str, float]) -> float | None:
+    """One of them. Raises BadInput."""
+    return None if text is None else _number(option, text.strip(), units)
+
+
+def _number(option: str, text: str, units: Mapping[str, float]) -> float:
+    match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", text)
+    try:
+        return float(match[1]) * units[match[2]] if match else math.nan
+    except (ValueError, KeyError):
+        known = ", ".join(filter(None, units))
+        raise BadInput(f"{option}: {text!r} is no number with a unit of {known}") from None
 
 
 def warn(lines: Iterable[str]) -> None:
@@ -122,6 +152,54 @@ def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
     show(figures, json_to, parts)
 
 
+def asked_of_a_person() -> bool:
+    """Whether somebody can answer."""
+    return sys.stdin.isatty()
+
+
+def confirmed(question: str, yes: bool) -> None:
+    """Asks before something moves that may do harm. Raises BadInput when the answer is no, and where nobody can be
+    asked, unless ``yes``."""
+    if yes:
+        return
+    if not asked_of_a_person():
+        raise BadInput(f"{question} Nobody can be asked here: give --yes if it may")
+    if not click.confirm(question, err=True):
+        raise BadInput("nothing was moved, as you answered")
+
+
+yes_option = click.option("-y", "--yes", is_flag=True, help="Do not ask first.")
+
+
+class Printed(Protocol):
+    """A result that is figures to a program and tables to a person."""
+
+    def as_dict(self) -> dict[str, Any]: ...
+    def tables(self) -> Sequence[Table | str]: ...
+
+
+def emit_result(result: Printed, json_to: str | None) -> None:
+    """A result as it prints itself, or as JSON."""
+    emit(result.as_dict(), json_to, result.tables())
+
+
+def check_report(path: str | None, inputs: Sequence[str] = ()) -> None:
+    """Raises BadInput, before any work, for a page that could not be written."""
+    from phaselead.record import check_output
+
+    check_output(path, suffixes=(".html", ".htm"), inputs=inputs)
+
+
+def write_page(result: Any, path: str | None) -> list[str]:
+    """The page of a result where one is asked for, and the line that says so."""
+    if path is None:
+        return []
+    from phaselead.api import write_report
+
+    write_report(result, path)
+    return [f"wrote {path}"]
+
+
 def emit_pairs(figures: dict[str, Any], json_to: str | None) -> None:
     """Figures as they are: one line each for a person, or JSON."""
     emit(figures, json_to, [pairs_table(figures)])
@@ -131,6 +209,7 @@ def show(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
     """Prints ``parts``, or JSON alone when ``--json -``; files are the caller's."""
     if json_to == "-":
         click.echo(json_text(figures), nl=False)
+    if json_to == "-" or quiet.get():
         return
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
     for part in parts:
@@ -157,7 +236,7 @@ def progress(description: str, total: float) -> Iterator[Callable[[float], None]
         TextColumn("{task.percentage:3.0f}%"),
         TimeRemainingColumn(),
         console=console,
-        disable=not console.is_terminal,
+        disable=not console.is_terminal or quiet.get(),
         transient=True,
     )
     with bar:

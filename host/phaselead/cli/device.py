@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 
 import click
 
-from phaselead.cli.common import emit_pairs, force_option, json_option, port_option, warn
+from phaselead.cli.common import emit_pairs, emit_result, force_option, json_option, port_option, warn
 from phaselead.cli.listing import top_level
 from phaselead.control import connect, own_loop_warnings
 from phaselead.device import Device, device_model
@@ -21,7 +22,7 @@ from phaselead.model import load_stage
 def arm(port: str, model_crc: str, json_to: str | None) -> None:
     """Arm the device: its output is live and at the safe value until a path is started."""
     with connect(port, park_on_exit=False) as device:
-        emit_pairs(device.arm(parse_crc(model_crc)).as_dict(), json_to)
+        emit_result(device.arm(parse_crc(model_crc)), json_to)
 
 
 def parse_crc(text: str) -> int:
@@ -41,7 +42,7 @@ def parse_crc(text: str) -> int:
 def park(port: str, json_to: str | None) -> None:
     """Ramp every axis to its safe value and disarm."""
     with connect(port) as device:
-        emit_pairs(device.park().as_dict(), json_to)
+        emit_result(device.park(), json_to)
 
 
 @top_level(order=100)
@@ -62,9 +63,9 @@ def stop(port: str, json_to: str | None) -> None:
 @port_option
 @json_option
 def status(port: str, json_to: str | None) -> None:
-    """Print what the device is doing."""
+    """Print what the device is doing, and where its axes stand."""
     with connect(port, park_on_exit=False) as device:
-        emit_pairs(device.status().as_dict(), json_to)
+        emit_result(device.status(), json_to)
 
 
 @top_level(order=120)
@@ -75,6 +76,22 @@ def info(port: str, json_to: str | None) -> None:
     """Print what the device is: build, schema, model, timing of its tick, last fault."""
     with connect(port, park_on_exit=False) as device:
         emit_pairs(device.info(), json_to)
+
+
+@top_level(order=115)
+@click.command()
+@port_option
+@json_option
+def doctor(port: str, json_to: str | None) -> None:
+    """Go through link, timing, faults, model, limits and sensors, and say in words what is wrong.
+
+    Nothing moves. Exit status 1 when something wants a look.
+    """
+    with connect(port, park_on_exit=False) as device:
+        found = device.doctor()
+    emit_result(found, json_to)
+    if not found.healthy:
+        sys.exit(1)
 
 
 @top_level(order=60)

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from phaselead.cli.common import json_option, overwrite_option, yes_option
 from phaselead.cli.gap_campaign import campaign
 from phaselead.cli.listing import top_level
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
@@ -43,7 +44,7 @@ def spread(args: list[str]) -> list[str]:
     return found
 
 
-@top_level(order=160)
+@top_level(order=160, group="gap")
 @click.group(cls=GapGroup, invoke_without_command=True, subcommand_metavar="[next ...]")
 @click.option("--model", "model_path", metavar="M", help="Stage file.")
 @click.option("--train", multiple=True, metavar="REC...", help="Records to learn from.")
@@ -81,11 +82,26 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 @click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 @click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("-o", "--output", metavar="more.h5", required=True)
-def next_experiment(gap_json: str, port: str, axis: str, model_path: str | None, output: str) -> None:
-    """Run the experiment that would decide a tie, in open loop, and keep the record."""
+@overwrite_option
+@yes_option
+@json_option
+def next_experiment(
+    gap_json: str,
+    port: str,
+    axis: str,
+    model_path: str | None,
+    output: str,
+    overwrite: bool,
+    yes: bool,
+    json_to: str | None,
+) -> None:
+    """Run the experiment that would decide a tie, in open loop, and keep the record.
+
+    It asks first where --model shows a mode that the experiment drives.
+    """
     from phaselead.cli.gap_run import run_next
 
-    run_next(gap_json, port, axis, output, model_path)
+    run_next(gap_json, port, axis, output, model_path, overwrite, yes, json_to)
 
 
 gap.add_command(campaign)

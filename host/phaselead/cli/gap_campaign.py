@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from phaselead.cli.common import json_option
+
 
 def _sizes(_context: click.Context, option: click.Parameter, text: str) -> tuple[float, ...]:
     from phaselead.errors import BadInput
@@ -45,6 +47,7 @@ def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -
 @click.option("--mix", is_flag=True, help="Keep cases in the folder that were run with other code.")
 @click.option("--table", metavar="PAGE.md", help="Also put the table between the marks of this page.")
 @click.option("-o", "--output", metavar="DIR", required=True, help="Folder of cases.jsonl, campaign.json and .html.")
+@json_option
 def campaign(
     folder: str,
     set_name: str,
@@ -57,15 +60,14 @@ def campaign(
     mix: bool,
     table: str | None,
     output: str,
+    json_to: str | None,
 ) -> None:
     """Hide effects in independently simulated stages and count how often the gap workflow names them.
 
     Finished cases are kept in DIR/cases.jsonl; after an interrupt, the same command continues.
     """
-    from rich.console import Console
-
     from phaselead.api import campaign as run_campaign
-    from phaselead.cli.common import progress
+    from phaselead.cli.common import emit, progress
     from phaselead.validation import reached
 
     with progress("trying", 1.0) as advance:
@@ -84,7 +86,5 @@ def campaign(
             on_progress=advance,
         )
     written = [Path(output) / name for name in ("cases.jsonl", "campaign.json", "campaign.html")]
-    console = Console(highlight=False)
-    for row in result["numbers"]:
-        console.print(f"{row['what']}: {reached(row)}; target {row['target']}")
-    console.print(f"wrote {', '.join(map(str, written))}")
+    said = [f"{row['what']}: {reached(row)}; target {row['target']}" for row in result["numbers"]]
+    emit(dict(result), json_to, [*said, f"wrote {', '.join(map(str, written))}"])

@@ -6,14 +6,20 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from phaselead.api import gap_next
-from phaselead.cli.common import progress, read_recordings, record_files, show
+from phaselead.cli.common import confirmed, emit, progress, read_recordings, record_files, show
 from phaselead.errors import BadInput
-from phaselead.gap import GapResult, check_port, keep_freed_memory, run_gap, verified_on
+from phaselead.gap import (
+    GapResult,
+    check_port,
+    keep_freed_memory,
+    modes_crossed_Hz,
+    read_proposal,
+    run_gap,
+    verified_on,
+)
 from phaselead.model import load_stage, stage_text
-from phaselead.record import check_output, is_special, write_texts
+from phaselead.record import RUN_SUFFIXES, check_output, is_special, write_texts
 from phaselead.result import Table, json_text
 
 
@@ -71,11 +77,33 @@ def check_outputs(output: str | None, report: str | None, json_to: str | None, i
         raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
-def run_next(gap_json: str, port: str, axis: str, output: str, model_path: str | None) -> None:
-    """Record the experiment that gap.json proposes."""
+def run_next(
+    gap_json: str,
+    port: str,
+    axis: str,
+    output: str,
+    model_path: str | None,
+    overwrite: bool,
+    yes: bool,
+    json_to: str | None,
+) -> None:
+    """Record the experiment that gap.json proposes, once somebody has agreed to what it does to a known mode."""
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[gap_json], overwrite=overwrite)
+    proposed = read_proposal(gap_json)
+    stage = load_stage(model_path) if model_path else None
+    driven = proposed.get("axis") or axis
+    modes_Hz = modes_crossed_Hz(proposed, stage, driven)
+    if modes_Hz:
+        low, high = proposed["band"]
+        where = " and ".join(f"{f_Hz:.4g} Hz" for f_Hz in modes_Hz)
+        drive = f"{proposed['level']:g} V from {low:g} to {high:g} Hz"
+        confirmed(f"This drives {driven} with {drive}, across its mode at {where}. May it?", yes)
     with progress("recording", 1.0) as advance:
-        recording = gap_next(gap_json, port, output=output, axis=axis, model=model_path, on_progress=advance)
-    Console(highlight=False).print(
+        recording = gap_next(
+            gap_json, port, output=output, axis=axis, model=stage, overwrite=overwrite, on_progress=advance
+        )
+    said = (
         f"wrote {output}, {len(recording.t_s)} samples; add it to --train (to --reference if the stage was as before), "
         "run gap again"
     )
+    emit(recording.facts() | {"output": output}, json_to, [said])

@@ -16,10 +16,14 @@ import click
 C = TypeVar("C", bound=click.Command)
 LAST = 1000
 MARK = "top_level"
+GROUPS = {"start": "Start", "model": "Model", "device": "Device", "records": "Records", "gap": "Gap"}
+"""Of the list in `phaselead --help`, in its order, with their headings."""
+USUAL_GROUP = "device"
 
 
-def top_level(order: int = LAST) -> Callable[[C], C]:
-    """Marks a command as one of ``phaselead`` itself. ``order`` is its place in the list, the last by default."""
+def top_level(order: int = LAST, group: str = USUAL_GROUP) -> Callable[[C], C]:
+    """Marks a command as one of ``phaselead`` itself. ``order`` is its place in the list, the last by default,
+    ``group`` one of ``GROUPS``."""
     return lambda command: command
 
 
@@ -31,6 +35,7 @@ class Listed(NamedTuple):
     """The function's."""
     module: str
     help: str
+    group: str = USUAL_GROUP
 
 
 @cache
@@ -46,7 +51,13 @@ def read_commands(path: Path) -> list[Listed]:
     if f"@{MARK}" not in text:
         return []
     return [
-        Listed(_order(mark), node.name, path.stem, ast.get_docstring(node) or "")
+        Listed(
+            int(_given(mark, 0, "order", LAST)),
+            node.name,
+            path.stem,
+            ast.get_docstring(node) or "",
+            str(_given(mark, 1, "group", USUAL_GROUP)),
+        )
         for node in ast.parse(text).body
         if isinstance(node, ast.FunctionDef)
         for mark in node.decorator_list
@@ -54,6 +65,8 @@ def read_commands(path: Path) -> list[Listed]:
     ]
 
 
-def _order(mark: ast.Call) -> int:
-    values = [*mark.args, *(keyword.value for keyword in mark.keywords)]
-    return int(ast.literal_eval(values[0])) if values else LAST
+def _given(mark: ast.Call, place: int, name: str, default: int | str) -> int | str:
+    """An argument of a mark, by place or by name."""
+    named = {keyword.arg: keyword.value for keyword in mark.keywords}
+    value = mark.args[place] if place < len(mark.args) else named.get(name)
+    return default if value is None else ast.literal_eval(value)

@@ -13,6 +13,7 @@ from phaselead.cli.common import (
     emit_pairs,
     json_option,
     map_option,
+    overwrite_option,
     port_option,
     progress,
     rate_option,
@@ -26,7 +27,7 @@ from phaselead.record import RUN_SUFFIXES, check_output
 TRIGGERS = ("fault", "set_point", "threshold", "input")
 
 
-@top_level(order=140)
+@top_level(order=140, group="records")
 @click.group()
 def log() -> None:
     """Take recordings, look into them, convert them; what the device remembers."""
@@ -38,14 +39,17 @@ def log() -> None:
 @duration_option("ten periods, or 1 s when only listening")
 @click.option("-o", "--output", metavar="RUN.h5", required=True)
 @axis_option
+@overwrite_option
 @json_option
-def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
+def record(
+    port: str, drive: str | None, duration: float | None, output: str, axis: str, overwrite: bool, json_to: str | None
+) -> None:
     """Record what the device does, open loop; needs no model."""
     from phaselead.control import record_to_file
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
-    check_output(output, suffixes=RUN_SUFFIXES)
+    check_output(output, suffixes=RUN_SUFFIXES, overwrite=overwrite)
     waveforms = parse_waves(drive, axis) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
         facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
@@ -127,14 +131,14 @@ def info(recording_path: str, column_map: str | None, rate: str | None, json_to:
 @log.command()
 @click.argument("recording_path", metavar="REC")
 @click.argument("output", metavar="OUT")
-@click.option("--force", is_flag=True, help="Write over OUT if it exists.")
+@overwrite_option
 @map_option
 @rate_option
 @json_option
 def export(
     recording_path: str,
     output: str,
-    force: bool,
+    overwrite: bool,
     column_map: str | None,
     rate: str | None,
     json_to: str | None,
@@ -143,24 +147,68 @@ def export(
     from phaselead.record import SUFFIXES
     from phaselead.record import export as export_recording
 
-    check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=force)
+    check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=overwrite)
     (recording,) = read_recordings([recording_path], column_map, rate)
-    export_recording(recording, output, overwrite=force)
+    export_recording(recording, output, overwrite=overwrite)
     emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
+
+
+@log.command("import")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("-o", "--output", metavar="OUT", help="Where to: .h5, .csv, .mat, .parquet; without it a preview.")
+@click.option(
+    "--map",
+    "column_map",
+    metavar="COLUMNS",
+    help="Columns by label or 1-based number, e.g. u_V=drive,x_um=5*1e6; default: a guess that says what it assumed.",
+)
+@rate_option
+@click.option("--flip", is_flag=True, help="Turn the sign of positions: the sensor counts backwards.")
+@overwrite_option
+@json_option
+def import_(
+    files: tuple[str, ...],
+    output: str | None,
+    column_map: str | None,
+    rate: str | None,
+    flip: bool,
+    overwrite: bool,
+    json_to: str | None,
+) -> None:
+    """Make a recording of files that other programs wrote: text, .npy, .npz, .mat, HDF5.
+
+    Prints which column became what and why, and the first rows. Several files stand side by side: voltages in one,
+    positions in another. Arrays of more dimensions give several recordings, OUT-1, OUT-2 ...
+    """
+    from phaselead.api import import_recordings
+    from phaselead.record import SUFFIXES, import_names
+    from phaselead.record import export as export_recording
+
+    check_output(output, suffixes=SUFFIXES, inputs=files)
+    found = import_recordings(files, map=column_map, rate=rate, flip=flip)
+    names = [] if output is None else import_names(output, len(found.recordings))
+    for name in names:
+        check_output(name, inputs=files, overwrite=overwrite)
+    for name, recording in zip(names, found.recordings, strict=bool(names)):
+        export_recording(recording, name, overwrite=overwrite)
+    said = [f"wrote {', '.join(names)}"] if names else ["nothing was written: give -o OUT.h5"]
+    emit(found.as_dict() | {"output": names}, json_to, [*found.tables(), *said])
 
 
 @log.command()
 @click.argument("journal", metavar="JOURNAL")
 @click.option("-o", "--output", metavar="RUN.h5", required=True)
+@overwrite_option
 @json_option
-def recover(journal: str, output: str, json_to: str | None) -> None:
+def recover(journal: str, output: str, overwrite: bool, json_to: str | None) -> None:
     """Finish a capture whose program was killed: turn its journal into a recording."""
     from phaselead.control import recover_run
 
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal], overwrite=overwrite)
     emit_pairs(recover_run(journal, output), json_to)
 
 
-@top_level(order=150)
+@top_level(order=150, group="records")
 @click.command()
 @click.argument("run", metavar="RUN")
 @json_option

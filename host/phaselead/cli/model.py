@@ -10,25 +10,35 @@ import click
 from phaselead.api import fit as fit_stage
 from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
+    check_report,
     emit,
     json_option,
     map_option,
+    number,
+    numbers,
+    overwrite_option,
     port_option,
     progress,
     rate_option,
     read_recordings,
     record_files,
+    report_option,
+    verbose_option,
     warn,
+    write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.control import describe_gains, with_gains
-from phaselead.identify import Base, Verifications, View
+from phaselead.identify import Base, FitResult, Verifications, View
 from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
-from phaselead.record import check_output, write_csv
+from phaselead.record import check_output, parse_axes, write_csv
 from phaselead.result import Table
 
 STAGE_SUFFIXES = (".toml",)
+VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
+HERTZ = {"": 1.0, "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3}
+SECONDS = {"": 1.0, "s": 1.0, "min": 60.0}
 records_argument = click.argument("records", metavar="REC...", nargs=-1, required=True)
 model_option = click.option("--model", "model_path", metavar="M", required=True, help="Stage file.")
 
@@ -40,13 +50,21 @@ def verification_table(found: Verifications, title: str) -> Table:
     return replace(table.without("axis"), title=title)
 
 
-@top_level(order=30)
+def said_of(fitted: FitResult, verbose: bool) -> list[str]:
+    """A fit in words, with every parameter and record where that is asked for."""
+    details = fitted.report.lines() if verbose else fitted.report.remarks()
+    return [*fitted.summary(), *details, *describe_gains(fitted.model)]
+
+
+@top_level(order=30, group="model")
 @click.command()
 @records_argument
 @click.option("--base", type=click.Choice(["operator", "linear"]), default="operator", show_default=True)
 @click.option("-o", "--output", metavar="STAGE.toml", required=True)
 @map_option
 @rate_option
+@verbose_option
+@report_option
 @json_option
 def fit(
     records: tuple[str, ...],
@@ -54,6 +72,8 @@ def fit(
     output: str,
     column_map: str | None,
     rate: str | None,
+    verbose: bool,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Fit a stage file to recordings (CSV or HDF5, any sampling rate).
@@ -61,19 +81,24 @@ def fit(
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
     check_output(output, suffixes=STAGE_SUFFIXES, inputs=record_files(records))
+    check_report(report, record_files(records))
     fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
     fitted.save(output)
-    said = [*fitted.tables(), *describe_gains(fitted.model), f"wrote {output}"]
-    emit(fitted.as_dict() | {"output": output}, json_to, said)
+    emit(
+        fitted.as_dict() | {"output": output},
+        json_to,
+        [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report)],
+    )
 
 
-@top_level(order=40)
+@top_level(order=40, group="model")
 @click.command()
 @records_argument
 @model_option
 @click.option("--view", type=click.Choice(["time", "table"]), default="time", show_default=True)
 @map_option
 @rate_option
+@report_option
 @json_option
 def verify(
     records: tuple[str, ...],
@@ -81,15 +106,18 @@ def verify(
     view: View,
     column_map: str | None,
     rate: str | None,
+    report: str | None,
     json_to: str | None,
 ) -> None:
     """Judge a stage file on recordings that it was not fitted on."""
+    check_report(report, [model_path, *record_files(records)])
     stage = load_stage(model_path)
     found = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
-    emit(found.as_dict(), json_to, [verification_table(found, f"{view} view of {Path(model_path).name}")])
+    table = verification_table(found, f"{view} view of {Path(model_path).name}")
+    emit(found.as_dict(), json_to, [table, *write_page(found, report)])
 
 
-@top_level(order=50)
+@top_level(order=50, group="model")
 @click.command()
 @click.argument("record", metavar="REC")
 @model_option
@@ -110,35 +138,69 @@ def predict(
     emit(figures, json_to, [f"wrote {output}, {len(predicted.t_s)} samples"])
 
 
-@top_level(order=20)
+@top_level(order=20, group="model")
 @click.command()
 @port_option
 @click.option("-o", "--output", metavar="STAGE.toml", required=True)
 @click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
+@click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10.")
+@click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20.")
+@click.option("--u-max", metavar="V", help="Scale the levels so that the largest is this.")
+@click.option("--duration", metavar="S", help="Thin the grid evenly until it takes no longer than this.")
 @click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
+@click.option("--resume", is_flag=True, help="Go on with the recordings that are there.")
+@overwrite_option
+@verbose_option
+@report_option
 @json_option
 def identify(
-    port: str, output: str, model_path: str | None, axes: str, save_to: str | None, json_to: str | None
+    port: str,
+    output: str,
+    model_path: str | None,
+    axes: str,
+    levels: str | None,
+    frequencies: str | None,
+    u_max: str | None,
+    duration: str | None,
+    save_to: str | None,
+    resume: bool,
+    overwrite: bool,
+    verbose: bool,
+    report: str | None,
+    json_to: str | None,
 ) -> None:
     """Run the identification experiment on a device, fit both views, verify on held-out inputs.
 
     Sines of 0.5-10 V peak-to-peak at 1-20 Hz, open loop, rising level by level; 5 V at 5 Hz and 3 V at 15 Hz are
     recorded but not used for the fit. Limits and calibration are those of --model, else of the model the device holds.
+
+    Each recording is on disk as soon as it is there: in --save DIR, else in STAGE.toml.records until the stage file is
+    written. After an interruption --resume goes on.
     """
     from phaselead.control import assumed_limits
     from phaselead.device import Device
-    from phaselead.identify import identify_device, parse_axes
+    from phaselead.identify import identify_device, keeping, plan_of
 
-    check_output(output, suffixes=STAGE_SUFFIXES)
-    axis_names = parse_axes(axes)
+    check_output(output, suffixes=STAGE_SUFFIXES, inputs=[model_path] if model_path else [], overwrite=overwrite)
+    check_report(report)
+    axis_names = parse_axes(axes, "--axis")
+    plan = plan_of(
+        axis_names,
+        levels_V=numbers("--levels", levels, VOLTS),
+        f_Hz=numbers("--frequencies", frequencies, HERTZ),
+        u_max_V=number("--u-max", u_max, VOLTS),
+        duration_s=number("--duration", duration, SECONDS),
+    )
     stage = load_stage(model_path) if model_path else None
-    with Device.open(port) as device, progress("identifying", 1.0) as advance:
+    folder = save_to or f"{output}.records"
+    keep = keeping(folder, plan, resume=resume, overwrite=overwrite, only_until_done=save_to is None)
+    with keep as kept, Device.open(port) as device, progress("identifying", 1.0) as advance:
         if stage is None and (warning := assumed_limits(device)) is not None:
             warn([warning])
-        fitted = identify_device(device, axis_names, advance, save_to=save_to, stage=stage).as_fit()
-    fitted = replace(fitted, model=with_gains(fitted.model))
-    fitted.save(output)
+        fitted = identify_device(device, axis_names, advance, plan=plan, kept=kept, stage=stage).as_fit()
+        fitted = replace(fitted, model=with_gains(fitted.model))
+        fitted.save(output)
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
-    emit(figures, json_to, [*fitted.report.lines(), *describe_gains(fitted.model), f"wrote {output}", *held_out])
+    emit(figures, json_to, [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report), *held_out])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.control.controller import Controller, connect
+from phaselead.control.doctor import Diagnosis
 from phaselead.control.errors import TrackingError, tracking_error
 from phaselead.control.feedback_loop import Loop, loop_of
 from phaselead.control.gains import (
@@ -14,6 +15,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
+from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
@@ -22,6 +24,7 @@ __all__ = [
     "MODES",
     "PAPER_GAINS",
     "Controller",
+    "Diagnosis",
     "GainsLike",
     "Loop",
     "Run",
@@ -30,6 +33,8 @@ __all__ = [
     "connect",
     "describe_gains",
     "gains_of",
+    "held_stage",
+    "held_warning",
     "loop_of",
     "loop_warnings",
     "own_loop_warnings",

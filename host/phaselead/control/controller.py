@@ -6,21 +6,33 @@ import atexit
 import contextlib
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from phaselead import interrupt
+from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
+from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.run import Run
 from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
-from phaselead.device import BAUD, Device, DeviceStatus, SelfTest, device_model, held_back, park_quietly, selftest
+from phaselead.device import (
+    BAUD,
+    Device,
+    SelfTest,
+    StatusInUnits,
+    device_model,
+    held_back,
+    park_quietly,
+    selftest,
+    status_in_units,
+)
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import Stage, StageLike, as_stage
-from phaselead.record import RUN_SUFFIXES, Recording, check_output
+from phaselead.record import RUN_SUFFIXES, Recording, check_output, parse_axes
 from phaselead.result import Facts, Result, Table, pairs_table
 from phaselead.serial_ports import default_port
 from phaselead.waveforms import Waveform, parse_wave, parse_waves
@@ -134,15 +146,19 @@ class Controller(Supervision):
 
     # ---------------------------------------------------------------- what it is and does
 
-    def status(self) -> DeviceStatus:
-        """What the device is doing; prints as a table."""
-        return self.device.status()
+    def status(self) -> StatusInUnits:
+        """What the device is doing, and where its axes stand in um and V; prints as a table."""
+        return status_in_units(self.device)
 
     def info(self) -> Facts:
         """What the device is: build, wire, model, timing of its tick, last fault."""
         return Facts(self.device.info())
 
-    def arm(self, model_crc: int | str = 0) -> DeviceStatus:
+    def doctor(self) -> Diagnosis:
+        """What is wrong, in words: link, timing, faults, model, limits, sensors. Nothing moves; takes half a second."""
+        return diagnose(self.device)
+
+    def arm(self, model_crc: int | str = 0) -> StatusInUnits:
         """Output live at the safe value, until another command. A fallback model must be named by its CRC, as ``info``
         gives it."""
         try:
@@ -152,15 +168,15 @@ class Controller(Supervision):
         try:
             self.device.set_timeout(0)
             self.device.arm(crc)
-            return self.device.status()
+            return status_in_units(self.device)
         except (KeyboardInterrupt, LinkError):
             park_quietly(self.device.session)
             raise
 
-    def park(self) -> DeviceStatus:
+    def park(self) -> StatusInUnits:
         """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""
         self.device.park()
-        return self.device.status()
+        return status_in_units(self.device)
 
     def stop(self) -> int:
         """Begins the ramp to the safe value at once and does not wait for it. Returns the device's tick."""
@@ -213,25 +229,38 @@ class Controller(Supervision):
         axes: str = "x",
         *,
         model: StageLike | None = None,
+        levels: Sequence[float] | None = None,
+        frequencies: Sequence[float] | None = None,
+        u_max: float | None = None,
+        duration: float | None = None,
         save: str | os.PathLike[str] | None = None,
+        resume: bool = False,
+        overwrite: bool = False,
         on_progress: Progress | None = None,
     ) -> FitResult:
         """Runs the identification experiment, fits both views, designs gains, and verifies on held-out inputs.
 
         ``axes`` are letters, with or without commas ("xyz", "x,y"). Limits and calibration are those of ``model``,
-        which is uploaded first, else of the model the device holds. ``save`` is a folder that keeps every recording.
+        which is uploaded first, else of the model the device holds.
+
+        The sines: ``levels`` in V, peak-to-peak, and ``frequencies`` in Hz, by default the paper's 8 of each;
+        ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
+        evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
+        ``resume`` goes on with those that it has, ``overwrite`` measures them again.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import identify_device  # slow to load, needed here only
+        from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
 
-        letters = tuple(axes.replace(",", "").replace(" ", ""))
-        if not letters or not set(letters) <= set("xyz") or len(set(letters)) != len(letters):
-            raise BadInput(f"axes {axes!r}: name each of x, y, z at most once, e.g. x or xyz")
+        letters = parse_axes(axes)
         stage = None if model is None else as_stage(model)
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
-        folder = None if save is None else os.fspath(save)
-        found = identify_device(self.device, letters, on_progress, save_to=folder, stage=stage).as_fit()
+        plan = plan_of(letters, levels_V=levels, f_Hz=frequencies, u_max_V=u_max, duration_s=duration)
+        with contextlib.ExitStack() as stack:
+            kept = None
+            if save is not None:
+                kept = stack.enter_context(keeping(save, plan, resume=resume, overwrite=overwrite))
+            found = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage).as_fit()
         return replace(found, model=with_gains(found.model))
 
     # ---------------------------------------------------------------- running
@@ -250,6 +279,7 @@ class Controller(Supervision):
         duration: float | None = None,
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
         on_progress: Progress | None = None,
     ) -> Run:
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
@@ -258,12 +288,13 @@ class Controller(Supervision):
         open; amplitudes are peak-to-peak. It is for ``axis``; several axes run together as ``track(x="...", y="...")``
         or ``track({"x": "...", "y": "..."})``.
 
-        ``mode``: open, pid, ff, ff+pid, inverse, inverse+pid. ``model``: default is the one last uploaded; one that the
-        device does not hold is uploaded. ``gains``: "paper", (KP, KI, KD) in V/um, V/(um s), V s/um, or these by axis;
-        default the model's own, else those designed for it, without a model the paper's. Where the model's loop has a
-        peak sensitivity above 3 it warns, above 6 it refuses unless ``force``. ``duration`` in s; default ten periods,
-        or a move and a second.
-        ``output`` (.h5) keeps the run on disk from the first tick on.
+        ``mode``: open, pid, ff, ff+pid, inverse, inverse+pid. ``model``: default is the one last uploaded, else what
+        the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD) in V/um, V/(um s),
+        V s/um, or these by axis; default the model's own, else those designed for it, without a model the paper's.
+        Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
+        ``duration`` in s; default ten periods, or a move and a second.
+        ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
+        ``overwrite``.
 
         The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
         allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
@@ -271,9 +302,14 @@ class Controller(Supervision):
         """
         waveforms = _waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
-        path = _output(output)
-        chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms, stage)]:
+        path = _output(output, overwrite)
+        held = held_stage(self.device) if stage is None else None
+        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
+        for line in [
+            *held_warning(held, mode, chosen),
+            *loop_warnings(stage, mode, chosen, force=force),
+            *path_warnings(waveforms, stage),
+        ]:
             warnings.warn(line, stacklevel=2)
         run = track_to_file(
             self.device,
@@ -300,15 +336,16 @@ class Controller(Supervision):
         axis: str = "x",
         duration: float | None = None,
         output: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
         on_progress: Progress | None = None,
     ) -> Recording:
         """Records what the device does, open loop; needs no model.
 
         ``drive`` is played in volts meanwhile ("sine:5V@5Hz"); without one it only listens on ``axis``. ``duration`` in
         s; default ten periods, or 1 s when only listening. ``output`` (.h5) keeps the record on disk, with the raw
-        codes that a replay needs. Raises as ``track`` does.
+        codes that a replay needs; one that exists is written over only with ``overwrite``. Raises as ``track`` does.
         """
-        path = _output(output)
+        path = _output(output, overwrite)
         waveforms = None if drive is None else _waves(drive, axis, {})
         recording = record_open_loop(
             self.device,
@@ -333,9 +370,9 @@ def _text(*waves: WavesLike | None) -> str:
     return ",".join(wave if isinstance(wave, str) else getattr(wave, "kind", "run") for wave in parts)
 
 
-def _output(output: str | os.PathLike[str] | None) -> str | None:
+def _output(output: str | os.PathLike[str] | None, overwrite: bool) -> str | None:
     path = None if output is None else os.fspath(output)
-    check_output(path, suffixes=RUN_SUFFIXES)
+    check_output(path, suffixes=RUN_SUFFIXES, overwrite=overwrite)
     return path
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
+from phaselead.control.run_away import run_away
 from phaselead.control.tracking import run_recording, set_up, track
 from phaselead.device import (
     TICK_HZ,
@@ -17,6 +18,7 @@ from phaselead.device import (
     Device,
     DeviceFault,
     FrameReader,
+    after_interrupt,
     device_model,
     recording_of,
     wire,
@@ -145,14 +147,6 @@ def run_file(output: str | None, device: Device, mode: str, stage: Stage | None,
         raise
 
 
-def after_interrupt(device: Device) -> str:
-    """What has become of the output: the capture parks it on Ctrl-C, which a broken line can prevent."""
-    with suppress(PhaseleadError, OSError):
-        if device.status().state == "parked":
-            return "the output is parked"
-    return "whether the output is parked is not known: look with phaselead status"
-
-
 def journal_header(device: Device, mode: str, stage: Stage | None) -> dict[str, Any]:
     """What is needed, besides the received bytes, to turn them into a recording."""
     return {
@@ -197,10 +191,19 @@ def track_to_file(
                 sink=file.sink,
             )
         except DeviceFault as fault:
-            file.write(fault.capture, run_recording(fault.capture, mode, stage))
+            recording = run_recording(fault.capture, mode, stage)
+            file.write(fault.capture, recording)
+            kept = None if output is None else f"the recording is kept in {output}"
+            said = (str(fault), run_away(recording, _rows_until(fault.capture)), kept)
+            fault.args = ("; ".join(part for part in said if part),)
             raise
         file.write(run.capture, run.recording)
     return run
+
+
+def _rows_until(capture: Capture) -> int:
+    """Rows of its recording until the fault."""
+    return max(capture.status.fault_tick - max(capture.start_tick, capture.first_tick), 0)
 
 
 def record_to_file(

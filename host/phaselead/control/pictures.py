@@ -20,10 +20,10 @@ def tracking_figure(recording: Recording) -> Figure:
         for axis, record in recording.axes.items():
             if record.r_um is None or record.x_um is None:
                 continue
-            t, r, x = thin(recording.t_s, record.r_um, record.x_um)
+            t, r, x, error = thin(recording.t_s, record.r_um, record.x_um, record.r_um - record.x_um)
             upper.plot(t, r, color=GREY, linewidth=2.4, alpha=0.6, label=f"{axis}, reference")
             upper.plot(t, x, color=AXIS_COLOURS[axis], linewidth=1.0, label=f"{axis}, measured")
-            lower.plot(t, r - x, color=AXIS_COLOURS[axis], linewidth=0.9)
+            lower.plot(t, error, color=AXIS_COLOURS[axis], linewidth=0.9)
         upper.set(ylabel="position (µm)")
         lower.set(xlabel="time (s)", ylabel="reference − measured (µm)")
         if upper.lines:

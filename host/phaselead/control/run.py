@@ -21,7 +21,8 @@ class Run(SampledResult):
     """One tracking run: the recording, the capture behind it, and its figures.
 
     ``figures`` are those of ``phaselead track --json``: ``mode``, ``max_um``, ``rms_um``, ``range_um``, ``max_pct``,
-    ``max_um_mean_removed`` over the last four periods, ``from_rest`` over every sample, ``ticks``, ``dropped``; with
+    ``max_um_mean_removed`` over the rows that ``judged`` names (the last four periods; of a move the whole record),
+    ``from_rest`` over every sample, ``ticks``, ``dropped``; with
     several axes they are under ``axes``. Error = reference - measured position.
 
     The columns of the recording are attributes, float64 arrays of shape (n,): ``t_s``, ``u_V``, ``x_um``, ``r_um``
@@ -75,7 +76,10 @@ class Run(SampledResult):
                 moved = f"{figures['measured_range_um']:.4g} µm peak-to-peak"
                 said.append(f"{axis} moved {moved} (open loop: no error to judge)")
                 continue
-            for label, part in (("last four periods", figures), ("from rest", figures["from_rest"])):
+            parts = [(figures["judged"], figures)]
+            if any(figures[name] != value for name, value in figures["from_rest"].items()):
+                parts.append(("from rest", figures["from_rest"]))
+            for label, part in parts:
                 numbers = (f"{part[name]:.4g}" for name in ("rms_um", "max_um_mean_removed"))
                 rows.append((axis, label, f"{part['max_um']:.4g}", f"{part['max_pct']:.2f}", *numbers))
         counted = f"{self.figures['ticks']} ticks, {self.figures['dropped']} dropped"

@@ -10,6 +10,7 @@ import numpy as np
 from phaselead.control.approach import approach_slew_V_per_s, jumps, with_gentle_approach
 from phaselead.control.errors import tracking_error
 from phaselead.control.gains import check_loop
+from phaselead.control.held import held_stage
 from phaselead.control.run import Run
 from phaselead.device import (
     LARGEST_STEP,
@@ -33,6 +34,8 @@ INVERTS = ("inverse", "inverse+pid")
 NEEDS_MODEL = (*USES_TABLES, *INVERTS)
 LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
+LAST_PERIODS, WHOLE_RECORD = "last four periods", "whole record"
+"""What the figures of a run are over."""
 REMANENCE_um = 15.0
 """How far off zero a stage may stand at 0 V: its own memory of earlier swings."""
 
@@ -54,7 +57,10 @@ def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | Non
         if mode != "open" and waveform.unit == "V":
             raise BadInput(f"{axis}: volts need --mode open; mode {mode} takes micrometres, e.g. sine:60um@5Hz")
         if mode in NEEDS_MODEL and stage is None:
-            raise BadInput(f"mode {mode} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
+            raise BadInput(
+                f"mode {mode} needs a model and the device holds none: --model STAGE.toml (`phaselead identify` makes "
+                "one; `phaselead upload --persist` keeps it on the device)"
+            )
         check_path(axis, waveform, mode, stage.axis(axis) if stage is not None else AxisModel())
 
 
@@ -62,9 +68,24 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
     """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
     if mode in USES_TABLES and model.table is None:
         raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, or use mode pid")
-    refuse_out_of_range(waveform, model, table=mode in USES_TABLES)
+    refuse_out_of_range(waveform, model)
+    if mode in USES_TABLES:
+        try:
+            refuse_out_of_range(waveform, model, table=True)
+        except BadInput as error:
+            raise BadInput(f"{axis}: {error}, {_beyond_tables(axis, waveform, mode, model)}") from None
     if mode in INVERTS:
         _refuse_without_inverse(axis, waveform, mode, model)
+
+
+def _beyond_tables(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> str:
+    """What follows a path that the tables do not cover: another mode where one can."""
+    inverse = "inverse+pid" if mode.endswith("pid") else "inverse"
+    try:
+        _refuse_without_inverse(axis, waveform, inverse, model)
+    except BadInput:
+        return "or use --mode pid, which needs no tables"
+    return f"or use --mode {inverse}, which needs no tables"
 
 
 def _refuse_without_inverse(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
@@ -126,7 +147,7 @@ def set_up(
 ) -> tuple[dict[str, Waveform], int]:
     """Gives the device its paths; the paths as they begin where the axes stand, and the ticks to run. Raises BadInput
     as ``track``."""
-    check_paths(waveforms, mode, stage)
+    check_paths(waveforms, mode, held_stage(device) if stage is None and mode in NEEDS_MODEL else stage)
     loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
         device.upload_if_other(device_model(with_gentle_approach(stage, waveforms)))
@@ -253,8 +274,9 @@ def axis_figures(recording: Recording, axis: str, waveform: Waveform, mode: str)
     begun = arrival(meant_um, record.x_um) if waveform.goes_to_start else 0
     whole = tracking_error(meant_um[begun:], record.x_um[begun:])
     approach = {"approach_s": begun / TICK_HZ} if waveform.goes_to_start else {}
+    part = {"judged": LAST_PERIODS if len(meant_um[judged]) < len(meant_um) else WHOLE_RECORD}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
-    return steady.as_dict() | unplayed | approach | {"from_rest": whole.as_dict()}
+    return steady.as_dict() | part | unplayed | approach | {"from_rest": whole.as_dict()}
 
 
 def arrival(r_um: Samples, x_um: Samples) -> int:

@@ -6,14 +6,22 @@ from phaselead.device import wire
 from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
+from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
 from phaselead.device.fault_log import FaultLog, read_fault_log
 from phaselead.device.flash import flash_board
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.limits import AxisLimits, Limits, held_back, read_limits, set_limits, written_limit
-from phaselead.device.loop_test import SelfTest, check_letters, selftest
+from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
-from phaselead.device.standing import LARGEST_STEP, Standing, standings
+from phaselead.device.standing import (
+    LARGEST_STEP,
+    Standing,
+    StatusInUnits,
+    after_interrupt,
+    standings,
+    status_in_units,
+)
 from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
 from phaselead.device.transient import Trigger, pull, set_trigger
@@ -32,6 +40,7 @@ __all__ = [
     "DeviceFault",
     "DeviceStatus",
     "FaultLog",
+    "FaultPage",
     "FrameReader",
     "Gap",
     "Limits",
@@ -39,14 +48,17 @@ __all__ = [
     "SelfTest",
     "Spool",
     "Standing",
+    "StatusInUnits",
     "Stream",
     "Trigger",
+    "after_interrupt",
     "axes_of",
     "channels_of",
-    "check_letters",
     "decode_samples",
     "device_model",
     "encode_frame",
+    "explain_fault",
+    "fault_names",
     "flash_board",
     "from_device_model",
     "held_back",
@@ -62,6 +74,7 @@ __all__ = [
     "set_limits",
     "set_trigger",
     "standings",
+    "status_in_units",
     "wire",
     "write_run",
     "written_limit",

@@ -52,7 +52,7 @@ class DeviceFault(DeviceRefused):
     ...         dev.track("sine:20um@5Hz", mode="pid", gains=(0.017, 8.62, 0))  # unstable without its derivative
     ...     except pl.DeviceFault as fault:
     ...         print(fault, len(fault.capture.ticks) > 0)
-    fault adc_rail on axis x at tick ...; docs/faults.md says why, `phaselead park` clears it True
+    fault oscillation on axis x at tick ...; the loop of x is unstable: ... True
     """
 
     def __init__(self, message: str, capture: Capture) -> None:
@@ -357,7 +357,8 @@ def fault_text(status: wire.StatusReply) -> str:
     known = status.fault in list(wire.Fault)
     name = wire.Fault(status.fault).name.lower() if known else f"number {status.fault}"
     axis = f" on axis {axes_of(1 << status.fault_axis)}" if status.fault_axis < 3 else ""
-    return f"fault {name}{axis} at tick {status.fault_tick}; docs/faults.md says why, `phaselead park` clears it"
+    why = f"`phaselead explain {name}` says why, " if known else ""
+    return f"fault {name}{axis} at tick {status.fault_tick}; {why}`phaselead park` clears it"
 
 
 def park_quietly(session: Session) -> None:

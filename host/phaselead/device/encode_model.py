@@ -15,6 +15,7 @@ import numpy as np
 from phaselead.device import wire
 from phaselead.device.encode_compensation import (
     NO_COMPENSATION,
+    UNUSED,
     CompensationFields,
     encode_compensation,
     encode_coupling,
@@ -30,6 +31,7 @@ from phaselead.model import (
     Sensor,
     Stage,
     TableView,
+    TimeView,
     compensation,
     coupling,
     explained,
@@ -52,7 +54,7 @@ LARGEST_OFFSET_um = 65536.0
 
 @dataclass(frozen=True)
 class DeviceModel:
-    """What a model blob says, back in units: limits, converters and table of each axis."""
+    """What a model blob says, back in units: limits, converters, table and operator of each axis."""
 
     stage_sha256: str
     axes: dict[str, AxisModel]
@@ -316,10 +318,11 @@ def _decode_axis(axis: wire.AxisModel) -> AxisModel:
             b_deg=tuple(value * 360 / 2**40 for value in axis.b_q40),
             c_um=tuple(value / 2**32 for value in axis.c_q32),
         )
+    limits_V = (axis.u_min_q24 / 2**24, axis.u_max_q24 / 2**24)
     return AxisModel(
         limits=Limits(
-            u_min_V=axis.u_min_q24 / 2**24,
-            u_max_V=axis.u_max_q24 / 2**24,
+            u_min_V=limits_V[0],
+            u_max_V=limits_V[1],
             u_park_V=axis.u_park_q24 / 2**24,
             slew_V_per_s=axis.slew_q24 * TICK_HZ / 2**24,
             ramp_V_per_s=axis.ramp_q24 * TICK_HZ / 2**24,
@@ -330,6 +333,28 @@ def _decode_axis(axis: wire.AxisModel) -> AxisModel:
         actuator=Actuator(u_min_V=-axis.dac_zero_code * u_lsb, u_max_V=(CODES - axis.dac_zero_code) * u_lsb, bits=16),
         sensor=Sensor(x_min_um=-axis.adc_zero_code * x_lsb, x_max_um=(CODES - axis.adc_zero_code) * x_lsb, bits=16),
         table=table,
+        time=_decode_operator(axis, limits_V) if axis.flags & FLAG_INVERSE else None,
+    )
+
+
+def _decode_operator(axis: wire.AxisModel, u_range_V: tuple[float, float]) -> TimeView:
+    """The operator that mode inverse undoes. Modes, lags and creep are in the sections only, and in the preview, which
+    stands for the delay here."""
+    held = held_values(axis)
+    unused = UNUSED / 2**24
+    plays = [(r, w) for r, w in zip(held["play_r_V"], held["play_w_um_per_V"], strict=True) if r < unused and w]
+    knots = [(d, s) for d, s in zip(held["deadzone_d_V"], held["deadzone_s_um_per_V"], strict=True) if d < unused]
+    return TimeView(
+        gain_um_per_V=held["gain_um_per_V"][0],
+        play_r_V=tuple(r for r, _ in plays),
+        play_w_um_per_V=tuple(w for _, w in plays),
+        deadzone_d_V=tuple(d for d, _ in knots),
+        deadzone_s_um_per_V=tuple(s for _, s in knots),
+        offset_um=held["offset_um"][0],
+        delay_s=held["preview_s"][0],
+        rest_fraction=held["rest_fraction"][0],
+        u_range_V=u_range_V,
+        rate_Hz=TICK_HZ,
     )
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from phaselead.device import wire
 from phaselead.device.device import Device
 from phaselead.device.stream import AXES
-from phaselead.errors import BadInput, PhaseleadError
+from phaselead.errors import PhaseleadError
+from phaselead.record import parse_axes
 from phaselead.result import Result, Table
 
 LEVELS_V = (0.0, 2.0, 4.0, 6.0, 8.0, 9.5, 0.0)
@@ -23,6 +24,8 @@ MOST_GAIN_ERROR = 0.01
 MOST_OFFSET_V = 0.02
 MOST_MISFIT_V = 0.005
 MOST_NOISE_CODES = 4.0
+FOLLOWS_FROM = 0.1
+"""Gain from which an input follows its output at all: an open one picks up a few per cent of its neighbours."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,19 @@ class LoopResult:
             and self.misfit_V <= MOST_MISFIT_V
             and self.noise_codes <= MOST_NOISE_CODES
         )
+
+    def advice(self) -> str | None:
+        """What is likely wrong and what to do, None where nothing is."""
+        if self.passed:
+            return None
+        if abs(self.gain) < FOLLOWS_FROM:
+            return f"{self.axis}: its input does not follow its output: no wire joins them; wire DAC to ADC, try again"
+        if self.misfit_V > MOST_MISFIT_V or self.noise_codes > MOST_NOISE_CODES:
+            return (
+                f"{self.axis}: what comes back is bent or noisy, as no wire makes it: a stage or an amplifier is "
+                "connected, or a contact is loose; leave only the wire from DAC to ADC, try again"
+            )
+        return f"{self.axis}: the line is straight but gain or offset is off: check references, dividers and grounds"
 
     def as_dict(self) -> dict[str, object]:
         return {
@@ -66,6 +82,10 @@ class SelfTest(Result, dict[str, LoopResult]):
         """As ``phaselead selftest --json`` writes it."""
         return {"axes": {axis: result.as_dict() for axis, result in self.items()}}
 
+    def advice(self) -> list[str]:
+        """What is likely wrong, a line for each axis that has not passed."""
+        return [line for result in self.values() if (line := result.advice()) is not None]
+
     @property
     def columns(self) -> dict[str, list[Any]]:
         """One entry for each axis: axis, passed, gain, offset_mV, misfit_mV, noise_codes."""
@@ -74,7 +94,8 @@ class SelfTest(Result, dict[str, LoopResult]):
 
     def tables(self) -> list[Table | str]:
         headings = tuple(name.replace("_", " ") for name in self.columns)
-        return [Table(headings, tuple(tuple(map(str, row)) for row in zip(*self.columns.values(), strict=True)))]
+        rows = tuple(tuple(map(str, row)) for row in zip(*self.columns.values(), strict=True))
+        return [Table(headings, rows), *self.advice()]
 
     def __repr__(self) -> str:
         return f"<SelfTest: {'passed' if self.passed else 'not passed'}, axes {''.join(self)}>"
@@ -89,12 +110,6 @@ def loop_result(axis: str, dac_codes: list[float], adc_codes: list[float], noise
     return LoopResult(axis, float(gain), float(offset_V), misfit_V, noise_codes)
 
 
-def check_letters(axes: str, name: str = "axes") -> None:
-    """Raises BadInput, which calls them ``name``, for axes that are not letters of x, y and z, each once."""
-    if not axes or any(axis not in AXES for axis in axes) or len(set(axes)) != len(axes):
-        raise BadInput(f"{name} {axes!r}: letters of x, y and z, each once")
-
-
 def selftest(device: Device, axes: str = AXES) -> SelfTest:
     """Drives each axis through some voltages and reads each back. The device is parked afterwards.
 
@@ -102,8 +117,7 @@ def selftest(device: Device, axes: str = AXES) -> SelfTest:
         BadInput: axes that make no sense.
         PhaseleadError: the device has a model, whose limits are for a stage and not for a wire.
     """
-    check_letters(axes)
-    return SelfTest({axis: measure_loop(device, axis) for axis in axes})
+    return SelfTest({axis: measure_loop(device, axis) for axis in parse_axes(axes)})
 
 
 def measure_loop(device: Device, axis: str) -> LoopResult:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -34,13 +35,17 @@ LEFT_ARMED_S = 1.5
 HELLO_AGAIN_S = 0.1
 FLASH_WAITS_S = (6.0, 6.0)
 """An erase stalls the device for up to 2.6 s."""
+OLDEST_HELLO = struct.Struct("<BQIH")
+"""How the reply to a hello begins in every version from 2 on: status, tick, fingerprint, version."""
+VERSION_1_HELLO = 75
+"""Bytes of that reply in version 1, which did not tell its number."""
 SHORTEST_REPLY = wire.HEADER.size + wire.REPLY_HEAD.size + CRC_SIZE + 2
 """Bytes on the line: every reply has at least these, so asking for them at once never waits in vain."""
 
 ADVICE = {
     wire.Status.NO_SESSION: "the device has restarted or another host has taken it; run the command again",
-    wire.Status.UNKNOWN_COMMAND: "its firmware does not know it; flash the firmware of this version",
-    wire.Status.BAD_LENGTH: "its firmware expects another layout; flash the firmware of this version",
+    wire.Status.UNKNOWN_COMMAND: "its firmware is older than this command; flash the firmware of this version",
+    wire.Status.BAD_LENGTH: "its firmware is older than a part of this command; flash the firmware of this version",
     wire.Status.WRONG_STATE: "not in this state; `phaselead status` shows it, `phaselead park` ends it",
     wire.Status.BAD_VALUE: "a value it cannot use",
     wire.Status.NO_MODEL: "it holds no model; `phaselead upload` one first",
@@ -148,15 +153,29 @@ class Session:
             self._listen(HELLO_AGAIN_S)
             pending = self._say_hello()
         payload = _payload(pending)
-        fingerprint = payload[wire.REPLY_HEAD.size : wire.REPLY_HEAD.size + 4]
-        if len(fingerprint) == 4 and int.from_bytes(fingerprint, "little") != wire.FINGERPRINT:
-            raise LinkError(
-                f"the device on {self.name} speaks another version of the wire "
-                f"(0x{int.from_bytes(fingerprint, 'little'):08X}, this phaselead 0x{wire.FINGERPRINT:08X}); "
-                "flash the firmware of this version"
-            )
+        if payload[:1] == bytes([wire.Status.OK]) and (why := self._why_another_wire(payload)):
+            raise LinkError(why)
         reply: wire.HelloReply = self._reply(pending)
         return reply
+
+    def _why_another_wire(self, payload: bytes) -> str:
+        """What to update when the device of this hello speaks a wire that is no neighbour of ours; else nothing."""
+        numbered = len(payload) >= OLDEST_HELLO.size and len(payload) != VERSION_1_HELLO
+        _, _, fingerprint, version = OLDEST_HELLO.unpack_from(payload.ljust(OLDEST_HELLO.size, b"\0"))
+        if fingerprint == wire.FINGERPRINT:
+            return ""
+        version = version if numbered else 1
+        remedy = (
+            "update phaselead"
+            if version > wire.VERSION
+            else "flash the firmware of this version (`phaselead flash`)"
+            if version < wire.VERSION
+            else "one of them is no release: flash the firmware of this version (`phaselead flash`)"
+        )
+        return (
+            f"the device on {self.name} speaks another version of the wire ({version}, 0x{fingerprint:08X}; this "
+            f"phaselead {wire.VERSION}, 0x{wire.FINGERPRINT:08X}); {remedy}"
+        )
 
     def _say_hello(self) -> Pending:
         pending = self.submit(wire.HelloRequest())

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from phaselead.device.device import Device
+from phaselead.device.status import DeviceStatus
+from phaselead.errors import PhaseleadError
+from phaselead.result import Table
 
 LARGEST_STEP = {"um": 2.0, "V": 0.1}
 """Between where an axis stands and where its path begins; the device would take it at the slew limit."""
+COUNTERS = ("overruns", "stream_dropped", "rx_errors")
 
 
 @dataclass(frozen=True)
@@ -20,12 +26,60 @@ class Standing:
     x_um: float
 
 
-def standings(device: Device) -> dict[str, Standing]:
-    """Where every axis is now."""
+@dataclass(frozen=True)
+class StatusInUnits(DeviceStatus):
+    """The status of a device, and ``axes``: where each axis stands, by the calibration of the model it holds."""
+
+    axes: Mapping[str, Standing] = field(default_factory=dict)
+
+    def tables(self) -> list[Table | str]:
+        headings = ("axis", "position (µm)", "output (V)", "mode", "")
+        rows = [
+            (axis, f"{at.x_um:.2f}", f"{at.u_V:.3f}", self.modes[i], self._doing(axis))
+            for i, (axis, at) in enumerate(self.axes.items())
+        ]
+        counted = [f"{getattr(self, name)} {name.replace('_', ' ')}" for name in COUNTERS if getattr(self, name)]
+        counted += [
+            f"{count} saturations of {axis}" for axis, count in zip("xyz", self.saturations, strict=True) if count
+        ]
+        said = [f"since power-on: {', '.join(counted)}"] if counted else []
+        return [self.sentence(), Table(headings, tuple(rows)), *said]
+
+    def sentence(self) -> str:
+        """State, fault and model in words."""
+        model = "no model" if int(self.model_crc, 16) == 0 else f"model {self.model_crc}"
+        if self.fault == "none":
+            return f"{self.state}, no fault, {model}"
+        where = f" on axis {self.fault_axis}" if self.fault_axis else ""
+        return (
+            f"{self.state}: {self.fault}{where} at tick {self.fault_tick}, {model}; `phaselead explain {self.fault}` "
+            "says why, `phaselead park` clears it"
+        )
+
+    def _doing(self, axis: str) -> str:
+        return "running" if axis in self.running_axes else "at rest" if axis in self.at_rest else ""
+
+
+def status_in_units(device: Device) -> StatusInUnits:
+    """The status of the device with positions in um and outputs in V."""
     status, calibration = device.status(), device.converters()
 
     def standing(index: int, axis: str) -> Standing:
         codes = np.array([status.dac_codes[index], status.adc_codes[index]], np.uint16)
         return Standing(float(calibration[axis].u_V(codes)[0]), float(calibration[axis].x_um(codes)[1]))
 
-    return {axis: standing(index, axis) for index, axis in enumerate("xyz")}
+    axes = {axis: standing(index, axis) for index, axis in enumerate("xyz")}
+    return StatusInUnits(**{one.name: getattr(status, one.name) for one in fields(DeviceStatus)}, axes=axes)
+
+
+def after_interrupt(device: Device) -> str:
+    """What has become of the output: a capture parks it on Ctrl-C, which a broken line can prevent."""
+    with suppress(PhaseleadError, OSError):
+        if device.status().state == "parked":
+            return "the output is parked"
+    return "whether the output is parked is not known: look with phaselead status"
+
+
+def standings(device: Device) -> Mapping[str, Standing]:
+    """Where every axis is now."""
+    return status_in_units(device).axes

@@ -13,8 +13,10 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xF5558444
-VERSION = 1
+FINGERPRINT = 0x3F41B346
+VERSION = 2
+REVISION = 0
+"""Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
 HEADER = struct.Struct("<BHQ")
@@ -36,6 +38,8 @@ class Message:
     NAME: ClassVar[str]
     NUMBER: ClassVar[int]
     SIZE: ClassVar[int]
+    LEAST: ClassVar[int | None] = None
+    """SIZE without the fields that revisions added, where there are such."""
     TAIL: ClassVar[bool] = False
     PLATFORM: ClassVar[frozenset[str]] = frozenset()
     """Fields that may differ between builds of the same source."""
@@ -50,11 +54,25 @@ class Message:
         raise NotImplementedError
 
     @classmethod
-    def check_length(cls, payload: bytes) -> None:
-        size = len(payload)
-        if size < cls.SIZE or (size > cls.SIZE and not cls.TAIL) or (cls.TAIL and size > MAX_PAYLOAD):
-            at_least = "at least " if cls.TAIL and size < cls.SIZE else ""
-            raise WireError(f"{cls.NAME}: {at_least}{cls.SIZE} bytes expected, got {size}")
+    def fitted(cls, payload: bytes) -> bytes:
+        """As long as this revision knows it: what is missing is zero, what is beyond is left out. Raises WireError."""
+        size, least = len(payload), cls.SIZE if cls.LEAST is None else cls.LEAST
+        if size < least or (cls.TAIL and size > MAX_PAYLOAD):
+            at_least = "at least " if size < least else ""
+            raise WireError(f"{cls.NAME}: {at_least}{least} bytes expected, got {size}")
+        return payload if cls.TAIL else payload[: cls.SIZE].ljust(cls.SIZE, bytes(1))
+
+
+class Record(Message):
+    """A part of a message: always of its full size."""
+
+    __slots__ = ()
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        if len(payload) != cls.SIZE:
+            raise WireError(f"{cls.NAME}: {cls.SIZE} bytes expected, got {len(payload)}")
+        return payload
 
 
 class Reply(Message):
@@ -74,6 +92,13 @@ class Command(Message, Generic[R]):
     __slots__ = ()
     REPLY: ClassVar[type[Any]]
     REFUSALS: ClassVar[dict[int, str]] = {}
+
+    @classmethod
+    def fitted(cls, payload: bytes) -> bytes:
+        """As of every message, but what is beyond must be zero: it would be obeyed in part."""
+        if not cls.TAIL and any(payload[cls.SIZE :]):
+            raise WireError(f"{cls.NAME}: {cls.SIZE} bytes expected, got {len(payload)}")
+        return super().fitted(payload)
 
 
 def _pack(name: str, layout: struct.Struct, *values: Any) -> bytes:
@@ -240,7 +265,7 @@ class TransientState(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Biquad(Message):
+class Biquad(Record):
     """One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2."""
 
     NAME: ClassVar[str] = "biquad"
@@ -257,13 +282,13 @@ class Biquad(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Biquad:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
 
 @dataclass(frozen=True, slots=True)
-class AxisModel(Message):
+class AxisModel(Record):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
@@ -380,7 +405,7 @@ class AxisModel(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> AxisModel:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -420,7 +445,7 @@ class AxisModel(Message):
 
 
 @dataclass(frozen=True, slots=True)
-class Model(Message):
+class Model(Record):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
@@ -445,13 +470,13 @@ class Model(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Model:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 900]) for i in range(0, 2700, 900)))
 
 
 @dataclass(frozen=True, slots=True)
-class AxisLimits(Message):
+class AxisLimits(Record):
     """Hard limits of one axis, in converter codes, so that no model's calibration moves them; 0, 65535 and
     0xffffffff limit nothing.
     """
@@ -481,13 +506,13 @@ class AxisLimits(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> AxisLimits:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
 
 @dataclass(frozen=True, slots=True)
-class LoggedFault(Message):
+class LoggedFault(Record):
     """One fault of the log."""
 
     NAME: ClassVar[str] = "logged_fault"
@@ -520,13 +545,13 @@ class LoggedFault(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> LoggedFault:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
 
 @dataclass(frozen=True, slots=True)
-class DeviceRecord(Message):
+class DeviceRecord(Record):
     """One record of the journal, never sent: its limits and power cycle hold from then on, a fault is added to the
     log; a CRC-32 follows.
     """
@@ -562,7 +587,7 @@ class DeviceRecord(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> DeviceRecord:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -580,13 +605,17 @@ class HelloReply(Reply):
 
     NAME: ClassVar[str] = "hello reply"
     NUMBER: ClassVar[int] = 0x81
-    SIZE: ClassVar[int] = 75
-    PLATFORM: ClassVar[frozenset[str]] = frozenset({"build_id", "target", "baud", "reset_cause"})
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQI20s24sIIBBBBIH")
+    SIZE: ClassVar[int] = 79
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"wire_revision", "build_id", "target", "baud", "reset_cause"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQIHH20s24sIIBBBBIH")
     status: int
     tick: int
     """the tick before which the command took effect."""
     schema_fingerprint: int
+    wire_version: int
+    """these three stand here in every version from 2 on."""
+    wire_revision: int
+    """what has been added to the version."""
     build_id: bytes
     """hash of the firmware source."""
     target: bytes
@@ -608,6 +637,8 @@ class HelloReply(Reply):
             self.status,
             self.tick,
             self.schema_fingerprint,
+            self.wire_version,
+            self.wire_revision,
             _exactly("hello reply.build_id", self.build_id, 20),
             _exactly("hello reply.target", self.target, 24),
             self.tick_rate_Hz,
@@ -622,9 +653,9 @@ class HelloReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12])
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12], v[13], v[14])
 
 
 @dataclass(frozen=True, slots=True)
@@ -642,7 +673,7 @@ class HelloRequest(Command[HelloReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -663,7 +694,7 @@ class StopReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StopReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -683,7 +714,7 @@ class StopRequest(Command[StopReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StopRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -744,7 +775,7 @@ class StatusReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(
             v[0],
@@ -781,7 +812,7 @@ class StatusRequest(Command[StatusReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -802,7 +833,7 @@ class ArmReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ArmReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -823,7 +854,7 @@ class ArmRequest(Command[ArmReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ArmRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -847,7 +878,7 @@ class StartReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -871,7 +902,7 @@ class StartRequest(Command[StartReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StartRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -893,7 +924,7 @@ class ParkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -913,7 +944,7 @@ class ParkRequest(Command[ParkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -934,7 +965,7 @@ class ClearFaultReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ClearFaultReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -954,7 +985,7 @@ class ClearFaultRequest(Command[ClearFaultReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ClearFaultRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -975,7 +1006,7 @@ class SetAxisReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1017,7 +1048,7 @@ class SetAxisRequest(Command[SetAxisReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -1050,7 +1081,7 @@ class SetPathReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetPathReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -1095,7 +1126,7 @@ class SetPathRequest(Command[SetPathReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetPathRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
@@ -1117,7 +1148,7 @@ class WaveChunkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveChunkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1150,7 +1181,7 @@ class WaveChunkRequest(Command[WaveChunkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveChunkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], payload[cls.SIZE :])
 
@@ -1172,7 +1203,7 @@ class WaveCommitReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1194,7 +1225,7 @@ class WaveCommitRequest(Command[WaveCommitReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1216,7 +1247,7 @@ class ModelBeginReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelBeginReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1238,7 +1269,7 @@ class ModelBeginRequest(Command[ModelBeginReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelBeginRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1260,7 +1291,7 @@ class ModelChunkReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelChunkReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1287,7 +1318,7 @@ class ModelChunkRequest(Command[ModelChunkReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelChunkRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], payload[cls.SIZE :])
 
@@ -1320,7 +1351,7 @@ class ModelCommitReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -1345,7 +1376,7 @@ class ModelCommitRequest(Command[ModelCommitReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1377,7 +1408,7 @@ class ModelReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], payload[cls.SIZE :])
 
@@ -1399,7 +1430,7 @@ class ModelReadRequest(Command[ModelReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1423,7 +1454,7 @@ class ModelPersistReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelPersistReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1443,7 +1474,7 @@ class ModelPersistRequest(Command[ModelPersistReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelPersistRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1479,7 +1510,7 @@ class StreamStartReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStartReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4])
 
@@ -1505,7 +1536,7 @@ class StreamStartRequest(Command[StreamStartReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStartRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1536,7 +1567,7 @@ class StreamStopReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStopReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3])
 
@@ -1556,7 +1587,7 @@ class StreamStopRequest(Command[StreamStopReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> StreamStopRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1586,7 +1617,7 @@ class SnapshotReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SnapshotReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], payload[cls.SIZE :])
 
@@ -1609,7 +1640,7 @@ class SnapshotReadRequest(Command[SnapshotReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SnapshotReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1631,7 +1662,7 @@ class SetTimeoutReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetTimeoutReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1654,7 +1685,7 @@ class SetTimeoutRequest(Command[SetTimeoutReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetTimeoutRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0])
 
@@ -1717,7 +1748,7 @@ class InfoReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24], v[25], v[26])
 
@@ -1737,7 +1768,7 @@ class InfoRequest(Command[InfoReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1758,7 +1789,7 @@ class LimitsSetReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> LimitsSetReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -1786,7 +1817,7 @@ class LimitsSetRequest(Command[LimitsSetReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> LimitsSetRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(tuple(AxisLimits.unpack(v[0][i : i + 12]) for i in range(0, 36, 12)))
 
@@ -1820,7 +1851,7 @@ class LimitsReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> LimitsReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], tuple(AxisLimits.unpack(v[3][i : i + 12]) for i in range(0, 36, 12)))
 
@@ -1840,7 +1871,7 @@ class LimitsReadRequest(Command[LimitsReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> LimitsReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1877,7 +1908,7 @@ class FaultLogReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> FaultLogReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], tuple(LoggedFault.unpack(v[4][i : i + 19]) for i in range(0, 304, 19)))
 
@@ -1897,7 +1928,7 @@ class FaultLogRequest(Command[FaultLogReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> FaultLogRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         return cls()
 
 
@@ -1920,7 +1951,7 @@ class TransientArmReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> TransientArmReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 
@@ -1966,7 +1997,7 @@ class TransientArmRequest(Command[TransientArmReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> TransientArmRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6])
 
@@ -2010,7 +2041,7 @@ class TransientReadReply(Reply):
 
     @classmethod
     def unpack(cls, payload: bytes) -> TransientReadReply:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6:9], v[9], payload[cls.SIZE :])
 
@@ -2034,7 +2065,7 @@ class TransientReadRequest(Command[TransientReadReply]):
 
     @classmethod
     def unpack(cls, payload: bytes) -> TransientReadRequest:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1])
 
@@ -2073,7 +2104,7 @@ class Samples(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Samples:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], v[3], v[4], v[5], payload[cls.SIZE :])
 
@@ -2096,7 +2127,7 @@ class Event(Message):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Event:
-        cls.check_length(payload)
+        payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2])
 

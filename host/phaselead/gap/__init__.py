@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design import excitation_of, proposal_of, read_proposal, run_proposal
+from phaselead.gap.design import excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
 from phaselead.gap.findings import (
     NAMED,
     Bound,
@@ -35,6 +35,7 @@ __all__ = [
     "excludes",
     "headline",
     "keep_freed_memory",
+    "modes_crossed_Hz",
     "parameter_rows",
     "percent",
     "proposal_of",

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from phaselead.identify.experiment import (
-    HELD_OUT,
-    Experiment,
-    Identified,
-    identify_device,
-    parse_axes,
-    run_experiment,
-)
+from phaselead.identify.experiment import Identified, identify_device, run_experiment
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, fit
 from phaselead.identify.gauss_newton import descend
+from phaselead.identify.kept import Kept, keeping
 from phaselead.identify.modal import (
     Drive,
     Drives,
@@ -27,6 +21,7 @@ from phaselead.identify.modal import (
     score_test,
 )
 from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
+from phaselead.identify.plan import HELD_OUT, Experiment, plan_of, plan_seconds
 from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verify
@@ -44,6 +39,7 @@ __all__ = [
     "FitResult",
     "Identified",
     "JointExperiment",
+    "Kept",
     "ModalFit",
     "ModalModel",
     "Shaping",
@@ -60,7 +56,9 @@ __all__ = [
     "fit_plays",
     "frequency_response",
     "identify_device",
-    "parse_axes",
+    "keeping",
+    "plan_of",
+    "plan_seconds",
     "play_thresholds",
     "run_experiment",
     "score_test",

@@ -6,12 +6,8 @@ This is what `phaselead identify` does.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-
-import numpy as np
 
 from phaselead.device import (
     LARGEST_STEP,
@@ -20,86 +16,26 @@ from phaselead.device import (
     Channel,
     Device,
     Mode,
+    after_interrupt,
     device_model,
     from_device_model,
     recording_of,
     standings,
-    write_run,
 )
 from phaselead.errors import BadInput
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import FitReport, fit
+from phaselead.identify.kept import Kept
+from phaselead.identify.plan import Experiment, plan_grid, plan_seconds
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
 from phaselead.model import AxisModel, Stage
 from phaselead.record import AXES, Recording, refuse_gapped
 from phaselead.waveforms import Sine, refuse_out_of_range
 
-LEVELS_V = (0.5, 1.0, 2.0, 3.5, 4.5, 6.0, 8.0, 10.0)
-FREQUENCIES_HZ = (1.0, 2.0, 4.0, 7.0, 10.0, 13.0, 17.0, 20.0)
-HELD_OUT = ((3.0, 15.0), (5.0, 5.0))
-"""The inputs on which Xu & Li 2010 verify, as (swing in V, frequency in Hz)."""
 CHANNELS = Channel.ADC | Channel.DAC
 FIT_SHARE = 0.1
 """Of the progress bar, for what comes after the last record."""
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """A sine from 0 V to ``swing_V`` on one axis, the others at 0 V."""
-
-    axis: str
-    swing_V: float
-    f_Hz: float
-    settle_periods: int
-    measure_periods: int
-    held_out: bool = False
-    rest_s: float = 0.0
-    """Still at 0 V before it starts."""
-
-    @property
-    def seconds(self) -> float:
-        return self.rest_s + (self.settle_periods + self.measure_periods) / self.f_Hz
-
-
-def plan_grid(
-    axes: Sequence[str] = ("x",),
-    *,
-    levels_V: Sequence[float] = LEVELS_V,
-    f_Hz: Sequence[float] = FREQUENCIES_HZ,
-    held_out: Sequence[tuple[float, float]] = HELD_OUT,
-    settle_periods: int = 1,
-    measure_periods: int = 4,
-    rest_s: float = 3.0,
-) -> list[Experiment]:
-    """The paper's grid for each axis in turn, and the inputs kept for verification.
-
-    Levels only rise, the held-out ones at their place among them: a steady loop that grows past every earlier
-    one leaves the memory above it as it was at rest, so each settled record is what a stage fresh from rest
-    would come to. Only its first rise differs, so a figure *from rest* needs a device that was just opened.
-    Within a level the slow sines come last, and every sine waits ``rest_s`` at 0 V: else the creep of one is
-    the offset of the next, by half a per cent of the range. Raises BadInput.
-    """
-    if len(set(axes)) != len(axes) or not set(axes) <= set(AXES):
-        raise BadInput(f"axes {','.join(axes)}: name each of x, y, z at most once")
-    if not all(v > 0 for v in (*levels_V, *f_Hz)) or settle_periods < 0 or measure_periods < 2:
-        raise BadInput("the grid needs positive levels and frequencies, and at least 2 periods to measure")
-    grid = [(swing, f, False) for swing in levels_V for f in f_Hz]
-    kept = [(swing, f, True) for swing, f in held_out]
-    common = {(s, f) for s, f, _ in grid} & set(held_out)
-    if common:
-        swing, f = sorted(common)[0]
-        raise BadInput(f"{swing:g} V {f:g} Hz is held out and must not be in the grid; choose another point")
-    plan = []
-    for axis in axes:
-        for swing, f, held in sorted(kept + grid, key=lambda e: (e[0], not e[2], -e[1])):
-            plan.append(Experiment(axis, swing, f, settle_periods, measure_periods, held, rest_s))
-    return plan
-
-
-def plan_seconds(plan: Sequence[Experiment]) -> float:
-    """How long the device is driven, pauses included."""
-    return float(np.sum([e.seconds for e in plan]))
 
 
 @dataclass(frozen=True)
@@ -118,69 +54,69 @@ class Identified:
         return FitResult(self.stage, self.report, self.recordings, held_out)
 
 
-def parse_axes(text: str) -> tuple[str, ...]:
-    """ "x" or "x,y,z" as letters. Raises BadInput."""
-    axes = tuple(part.strip() for part in text.split(","))
-    if not set(axes) <= set(AXES) or len(set(axes)) != len(axes):
-        raise BadInput(f"--axis {text!r}: name each of x, y, z at most once, e.g. x or x,y,z")
-    return axes
-
-
 def identify_device(
     device: Device,
     axes: Sequence[str] = ("x",),
     on_progress: Callable[[float], None] | None = None,
     *,
     plan: Sequence[Experiment] | None = None,
-    save_to: str | None = None,
+    kept: Kept | None = None,
     stage: Stage | None = None,
 ) -> Identified:
     """Run the plan (default: the paper's grid on ``axes``), fit both views, and verify on what was held out.
 
     One axis is recorded alone; for several, all three are recorded while each is driven, which gives the
     cross-coupling. The held-out records of the table view are judged whole; those of the time view from
-    their second period on, because in a session no record but the first starts from rest. ``save_to`` keeps
-    every record there. Limits and calibration are those of ``stage``, which is uploaded first, else of the model
-    that the device holds, else its defaults; they go on into what is identified.
+    their second period on, because in a session no record but the first starts from rest. ``kept`` keeps every record
+    as soon as it is there, and has those of a session that was cut short. Limits and calibration are those of
+    ``stage``, which is uploaded first, else of the model that the device holds, else its defaults; they go on into what
+    is identified.
 
     Raises:
         BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
     """
     chosen = list(plan) if plan is not None else plan_grid(axes)
-    folder = _folder(save_to)
     if stage is not None:
         refuse_beyond_limits(chosen, stage)
         device.upload_if_other(device_model(stage))
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
     refuse_beyond_limits(chosen, parent)
     refuse_away_from_zero(device)
-    records = _recorded(device, chosen, len(set(axes)) == 1, folder, on_progress)
+    try:
+        records = _recorded(device, chosen, len(set(axes)) == 1, kept, on_progress)
+    except KeyboardInterrupt as ended:
+        ended.args = (after_interrupt(device),)
+        raise
     used = [r for r, e in zip(records, chosen, strict=True) if not e.held_out]
-    kept = [r for r, e in zip(records, chosen, strict=True) if e.held_out]
+    held_out = [r for r, e in zip(records, chosen, strict=True) if e.held_out]
     found, report = fit(used, name="identified", parent=parent)
     origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
     found = found.model_copy(update={"provenance": origin})
-    verifications: dict[View, list[Verification]] = {
-        "time": verify(found, [after_first_period(r, e) for r, e in _held_out(chosen, kept)], "time"),
-        "table": verify(found, kept, "table"),
-    }
-    return Identified(found, report, verifications, used, kept)
+    apart = [after_first_period(r, e) for r, e in _held_out(chosen, held_out)]
+    verifications: dict[View, list[Verification]] = {"time": verify(found, apart, "time")}
+    if all(found.axis(e.axis).table is not None for e in chosen):
+        verifications["table"] = verify(found, held_out, "table")
+    return Identified(found, report, verifications, used, held_out)
 
 
 def _recorded(
     device: Device,
     plan: Sequence[Experiment],
     alone: bool,
-    folder: Path | None,
+    kept: Kept | None,
     on_progress: Callable[[float], None] | None,
 ) -> list[Recording]:
-    """Every experiment of the plan run, and kept in the folder if there is one."""
+    """Every experiment of the plan, run now or found among what was kept."""
     total_s, done_s = plan_seconds(plan) / (1 - FIT_SHARE), 0.0
     records = []
     for experiment in plan:
-        capture, recording = run_experiment(device, experiment, alone=alone)
-        if folder is not None:
-            write_run(folder / f"{recording.source}.h5", capture, recording)
+        capture = kept.found(experiment.name, device) if kept is not None else None
+        known = capture is not None
+        if capture is None:
+            capture = run_experiment(device, experiment, alone=alone)[0]
+        recording = recording_of_experiment(capture, experiment)
+        if kept is not None and not known:
+            kept.add(capture, recording)
         records.append(recording)
         done_s += experiment.seconds
         if on_progress is not None:
@@ -231,19 +167,6 @@ def after_first_period(recording: Recording, experiment: Experiment) -> Recordin
     return replace(recording, scored=slice(round(TICK_HZ / experiment.f_Hz), None))
 
 
-def _folder(save_to: str | None) -> Path | None:
-    if save_to is None:
-        return None
-    folder = Path(save_to)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{save_to}: no folder can be made there ({error.strerror}); give another with --save") from None
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise BadInput(f"{save_to}: the folder cannot be written to; give another with --save")
-    return folder
-
-
 def run_experiment(device: Device, experiment: Experiment, *, alone: bool) -> tuple[Capture, Recording]:
     """One sine, open loop, recorded without a gap; scored after its settling periods.
 
@@ -261,12 +184,16 @@ def run_experiment(device: Device, experiment: Experiment, *, alone: bool) -> tu
         device.set_axis(other, Mode.OPEN)
         device.set_path(other, "hold")
     capture = device.capture(ticks, axes="".join(sorted((experiment.axis, *others))), channels=CHANNELS)
+    return capture, recording_of_experiment(capture, experiment)
+
+
+def recording_of_experiment(capture: Capture, experiment: Experiment) -> Recording:
+    """The capture in units, scored after its settling periods. Raises BadInput when it is gapped."""
     recording = recording_of(capture, meta={"mode": "open"})
     settle = round(experiment.settle_periods / experiment.f_Hz * TICK_HZ)
-    name = f"{experiment.axis}-{experiment.swing_V:g}V-{experiment.f_Hz:g}Hz"
-    recording = replace(recording, source=name, scored=slice(settle, None), sha256=_digest(recording))
+    recording = replace(recording, source=experiment.name, scored=slice(settle, None), sha256=_digest(recording))
     refuse_gapped(recording)
-    return capture, recording
+    return recording
 
 
 def _digest(recording: Recording) -> str:

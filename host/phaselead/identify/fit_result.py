@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from phaselead.identify.fitting import FitReport
 from phaselead.identify.verification import View
 from phaselead.identify.verifications import Verifications
+from phaselead.identify.words import describe_axis, describe_coupling
 from phaselead.model import AxisModel, Stage, predict
 from phaselead.record import Recording
 from phaselead.result import Result, Table
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class FitResult(Result):
-    """A fitted model. It is taken wherever a model is, and prints what was fitted and what the fit left.
+    """A fitted model. It is taken wherever a model is, and prints in words what was fitted and what the fit left;
+    ``report.lines()`` has every number.
 
     ``model`` is the ``Stage``, ``report`` has the standard errors and residuals, ``records`` are what was fitted,
     ``held_out`` are verifications by view ("time", "table"), after ``identify`` only.
@@ -33,8 +35,7 @@ class FitResult(Result):
     >>> fitted.model.axis("x").time.residual_um_rms < 1
     True
     >>> print(fitted)  # doctest: +ELLIPSIS
-    axis x, time view
-    gain ...
+    axis x: ... um/V, hysteresis ... % of the travel, ...
     >>> fitted.save("stage.toml")
     """
 
@@ -62,9 +63,14 @@ class FitResult(Result):
         held_out = {view: found.as_dict()["records"] for view, found in self.held_out.items()}
         return self.report.as_dict() | ({"held_out": held_out} if held_out else {})
 
+    def summary(self) -> list[str]:
+        """Each axis in a line of words."""
+        found = [describe_axis(axis, self.model.axis(axis), self.records) for axis in self.report.time]
+        return found if self.report.coupling is None else [*found, describe_coupling(self.report.coupling[0])]
+
     def tables(self) -> list[Table | str]:
         held_out = [part for found in self.held_out.values() for part in found.tables()]
-        return [*self.report.lines(), *held_out]
+        return [*self.summary(), *self.report.remarks(), *held_out]
 
     def _repr_html_(self) -> str:
         return self.model._repr_html_() + "".join(found._repr_html_() for found in self.held_out.values())

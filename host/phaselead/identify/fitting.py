@@ -15,10 +15,10 @@ from phaselead.identify.runs import (
     SAME_RATE,
     AxisRun,
     SineDrive,
-    counts_backwards,
     driven_axes,
     driven_runs,
     refuse_without_loop,
+    sensor_counts_backwards,
     turned,
     usable,
 )
@@ -62,7 +62,15 @@ class FitReport:
             found.append("cross-coupling (row: responding axis)")
             rows = zip(*self.coupling, strict=True)
             found += ["  ".join(f"{v:8.4f} +- {s:.4f}" for v, s in zip(*row, strict=True)) for row in rows]
-        return [*found, *self.messages, *(f"left out: {line}" for line in self.left_out)]
+        return [*found, *self.messages, *self._left_out()]
+
+    def remarks(self) -> list[str]:
+        """What is worth knowing of the fit beside its numbers."""
+        own = [f"axis {axis}: {message}" for axis, result in self.time.items() for message in result.messages]
+        return [*own, *self.messages, *self._left_out()]
+
+    def _left_out(self) -> list[str]:
+        return [f"left out: {line}" for line in self.left_out]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: numbers that are unknown are None."""
@@ -110,7 +118,7 @@ def fit(
     runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
     time, table, modes = {}, {}, {}
     for axis, axis_runs in runs.items():
-        backwards = counts_backwards(axis_runs)
+        backwards = sensor_counts_backwards(axis_runs)
         forward = [turned(run) for run in axis_runs] if backwards else axis_runs
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
             if base == "operator":

@@ -27,13 +27,13 @@ def error_bars(labels: Sequence[str], max_pct: Sequence[float], mean_pct: Sequen
 
 def against_model(name: str, t_s: Samples, measured_um: Samples, model_um: Samples) -> Figure:
     """Measurement and model above, what the model leaves below. Arrays of shape (n,)."""
-    t, measured, model = thin(t_s, measured_um, model_um)
+    t, measured, model, left = thin(t_s, measured_um, model_um, measured_um - model_um)
     with figure_style():
         figure = new_figure(9.4, 4.6)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1])
         upper.plot(t, measured, color=GREY, linewidth=2.4, alpha=0.6, label="measured")
         upper.plot(t, model, color=BLUE, linewidth=1.0, label="model")
-        lower.plot(t, measured - model, color=BLUE, linewidth=0.9)
+        lower.plot(t, left, color=BLUE, linewidth=0.9)
         upper.set_title(name, loc="right", fontsize=10)
         upper.set(ylabel="position (µm)")
         lower.set(xlabel="time (s)", ylabel="measured − model (µm)")

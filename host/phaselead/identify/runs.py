@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from phaselead.errors import BadInput
 from phaselead.model import plays
-from phaselead.record import Recording, Samples, refuse_clipped, refuse_gapped
+from phaselead.record import Recording, Samples, counts_backwards, refuse_clipped, refuse_gapped
 
 STILL_V = 1e-6
 """A voltage that spans less than this does not move (a 16-bit code of 20 V is 0.3 mV)."""
@@ -192,18 +192,9 @@ def turning_points(u: Samples) -> int:
     return int(np.count_nonzero(np.diff(directions)))
 
 
-def counts_backwards(runs: Sequence[AxisRun]) -> bool:
-    """Whether the position falls where the voltage rises, slowly.
-
-    Both are summed up first: every frequency then counts by one over its square, so that a resonance, behind which the
-    position runs against the voltage, is not mistaken for the sensor's direction.
-    """
-    slow = 0.0
-    for run in runs:
-        u, x = (np.cumsum(v - v.mean()) for v in (run.u_V[run.scored], run.x_um[run.scored]))
-        u, x = u - u.mean(), x - x.mean()
-        slow += float(u @ x) / (float(u @ u) or 1.0)
-    return slow < 0
+def sensor_counts_backwards(runs: Sequence[AxisRun]) -> bool:
+    """Whether the position falls where the voltage rises, slowly."""
+    return counts_backwards((run.u_V[run.scored], run.x_um[run.scored]) for run in runs)
 
 
 def turned(run: AxisRun) -> AxisRun:

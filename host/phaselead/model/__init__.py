@@ -65,6 +65,7 @@ from phaselead.model.stage_file import (
     save_stage,
     stage_text,
 )
+from phaselead.model.summary import steady_loop
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
@@ -138,5 +139,6 @@ __all__ = [
     "stage_text",
     "states",
     "states_and_slopes",
+    "steady_loop",
     "turned_view",
 ]

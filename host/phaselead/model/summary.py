@@ -103,10 +103,10 @@ def stage_figure(axes: Mapping[Any, AxisModel]) -> Figure:
     """The steady loop of every axis over the voltages it was fitted on, without the adopted effects."""
     from phaselead.drawing import loops_figure  # matplotlib is slow to load and is needed here only
 
-    return loops_figure([("model", {name: loop(model) for name, model in axes.items()})])
+    return loops_figure([("model", {name: steady_loop(model) for name, model in axes.items()})])
 
 
-def loop(model: AxisModel) -> AxisRecord:
+def steady_loop(model: AxisModel) -> AxisRecord:
     """One period of a slow sine through the time view, else through the table view; empty without either."""
     t_s = np.arange(2 * LOOP_ROWS) / (LOOP_Hz * LOOP_ROWS)
     rise = 0.5 * (1 - np.cos(2 * np.pi * LOOP_Hz * t_s))

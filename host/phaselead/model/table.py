@@ -96,7 +96,7 @@ class TableView(Part):
         if not extrapolate and outside.any():
             raise BadInput(
                 f"{name} {float(values[outside].flat[0]):g} {unit} lies outside the identified rectangle "
-                f"({low:g}..{high:g} {unit}); choose one inside, or identify a larger one"
+                f"({low:g}..{high:g} {unit}); choose one inside"
             )
         return values
 
@@ -134,7 +134,7 @@ class TableView(Part):
         if not low * (1 - EDGE) <= range_um <= high * (1 + EDGE):
             raise BadInput(
                 f"a range of {range_um:g} um is outside what was identified ({low:.4g}..{high:.4g} um); "
-                "choose one inside, or identify more levels"
+                "choose one inside"
             )
         from scipy.optimize import brentq  # slow to load, and needed by table feed-forward alone
 

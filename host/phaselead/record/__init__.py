@@ -5,11 +5,13 @@ from __future__ import annotations
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.checks import refuse_clipped, refuse_gapped
-from phaselead.record.columns import AXES, parse_column_map, parse_rate
+from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
+from phaselead.record.direction import counts_backwards
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
+from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.read import read_recording, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
@@ -22,6 +24,7 @@ __all__ = [
     "AxisRecord",
     "Entry",
     "Hdf5Parts",
+    "Imported",
     "JournalReader",
     "JournalWriter",
     "MapLike",
@@ -33,13 +36,17 @@ __all__ = [
     "Samples",
     "atomic_path",
     "check_output",
+    "counts_backwards",
     "export",
     "facts_of",
     "from_columns",
     "gather",
     "gather_one",
     "hdf5_in_parts",
+    "import_files",
+    "import_names",
     "is_special",
+    "parse_axes",
     "parse_column_map",
     "parse_rate",
     "read_hdf5",

@@ -11,6 +11,7 @@ from pathlib import Path
 from phaselead.errors import BadInput
 
 RUN_SUFFIXES = (".h5", ".hdf5")
+EXISTS = "exists already; choose another name, or write over it with --overwrite (in Python overwrite=True)"
 
 
 def is_special(path: str | os.PathLike[str]) -> bool:
@@ -57,7 +58,7 @@ def check_output(
     if not os.access(folder, os.W_OK | os.X_OK):
         raise BadInput(f"{path}: the folder {folder} cannot be written to; give a writable place")
     if target.exists() and not overwrite:
-        raise BadInput(f"{path}: exists already; choose another name, or give --force to write over it")
+        raise BadInput(f"{path}: {EXISTS}")
 
 
 def _same_file(path: Path, other: str | os.PathLike[str]) -> bool:
@@ -80,7 +81,7 @@ def atomic_path(path: str | os.PathLike[str], *, overwrite: bool = True) -> Iter
     if target.is_dir():
         raise BadInput(f"{path}: is a directory; give a file name")
     if target.exists() and not overwrite:
-        raise BadInput(f"{path}: exists already; choose another name, or give --force to write over it")
+        raise BadInput(f"{path}: {EXISTS}")
     temporary = target.with_name(f".{target.name[:80]}.{os.getpid()}.{os.urandom(4).hex()}.part")
     try:
         # Created here, so that a missing or read-only directory is told before any work is done.

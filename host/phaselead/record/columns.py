@@ -28,6 +28,15 @@ SCALES = {
 WORDS = {"s": "seconds", "V": "volts", "um": "micrometres"}
 MAP_EXAMPLE = "--map u_V=1,x_um=2 --rate 200Hz"
 
+
+def parse_axes(text: str, name: str = "axes") -> tuple[str, ...]:
+    """ "x", "x,y,z" or "xyz" as letters, each once; ``name`` is what messages call it. Raises BadInput."""
+    axes = tuple(re.sub(r"[,\s]+", "", text))
+    if not axes or not set(axes) <= set(AXES) or len(set(axes)) != len(axes):
+        raise BadInput(f"{name} {shown(text)}: name each of x, y, z at most once, e.g. x or x,y,z")
+    return axes
+
+
 _LABEL = re.compile(r"(t|time|[uxyzr]|[ur][xyz])(?:[\s_(\[/]+([^\s_()\[\]]*)[)\]]?)?", re.IGNORECASE)
 
 
@@ -53,6 +62,11 @@ def header_columns(labels: Sequence[str], source: str) -> dict[str, tuple[int, f
     if wrong:
         i, label, name, _ = wrong[0]
         unit = UNITS[name]
+        if {*found, *(item[2] for item in wrong)} <= {"t_s"}:
+            raise BadInput(
+                f"{source}: has {', '.join(labels)}, of which none is known as voltage or position; let `phaselead log "
+                f"import {source} -o OUT.h5` find them, or map them, e.g. {MAP_EXAMPLE}"
+            )
         raise BadInput(
             f"{source}: column {i} is {shown(label)}, expected {name} ({WORDS[unit]}): "
             f"rename it if it is in {unit}, else map it, e.g. --map {_map_text(found, wrong)}"

@@ -140,7 +140,7 @@ def _own_layout(content: bytes, source: str) -> _Layout:
             break
     raise BadInput(
         f"{source}: the first line, {shown(first)}, is no header such as t_s,u_V,x_um; "
-        f"name the columns there, or map them, e.g. {MAP_EXAMPLE}"
+        f"name the columns there, map them, e.g. {MAP_EXAMPLE}, or let `phaselead log import {source}` find them"
     )
 
 

@@ -6,13 +6,20 @@ from phaselead.report import figures
 from phaselead.report.campaign import write_campaign_report
 from phaselead.report.demo import DemoResults, HeldOut, tracked, write_demo_report
 from phaselead.report.gap import gap_page
-from phaselead.report.page import save_png
+from phaselead.report.page import save_figure, save_png
+from phaselead.report.results import result_page
+from phaselead.report.run_figures import SHOWN, Shown, runs_figure
 
 __all__ = [
+    "SHOWN",
     "DemoResults",
     "HeldOut",
+    "Shown",
     "figures",
     "gap_page",
+    "result_page",
+    "runs_figure",
+    "save_figure",
     "save_png",
     "tracked",
     "write_campaign_report",

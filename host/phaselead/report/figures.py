@@ -98,10 +98,9 @@ def verification(t_s: Samples, measured_um: Samples, models_um: Mapping[str, Sam
     with figure_style():
         figure = new_figure(9.4, 4.6)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1])
-        t_thin, x_thin = thin(t_s, measured_um)
-        upper.plot(t_thin, x_thin, color=GREY, linewidth=2.4, alpha=0.6, label="measured")
+        upper.plot(*thin(t_s, measured_um), color=GREY, linewidth=2.4, alpha=0.6, label="measured")
         for (label, model_um), colour in zip(models_um.items(), colours, strict=False):
-            m_thin, e_thin = thin(model_um, measured_um - model_um)
+            t_thin, m_thin, e_thin = thin(t_s, model_um, measured_um - model_um)
             upper.plot(t_thin, m_thin, color=colour, linewidth=1.0, label=label)
             lower.plot(t_thin, e_thin, color=colour, linewidth=0.9, label=label)
         upper.set(ylabel="position (µm)")
@@ -127,13 +126,12 @@ def tracking(runs: Mapping[str, TrackedRun]) -> Figure:
         figure = new_figure(11.4, 7.2)
         (reference, error), (actual, effort) = figure.subplots(2, 2)
         for mode, run in runs.items():
-            t_thin, r_thin, x_thin = thin(run.t_s, run.r_um, run.x_um)
-            error.plot(t_thin, r_thin - x_thin, color=MODE_COLOURS[mode], label=MODE_NAMES[mode], linewidth=1.0)
+            error.plot(
+                *thin(run.t_s, run.r_um - run.x_um), color=MODE_COLOURS[mode], label=MODE_NAMES[mode], linewidth=1.0
+            )
         best = runs["ff+pid"]
-        t_thin, r_thin, x_thin, ff_thin, fb_thin = thin(
-            best.t_s, best.r_um, best.x_um, best.feedforward_V, best.feedback_V
-        )
-        reference.plot(t_thin, r_thin, color=GREY)
+        t_thin, ff_thin, fb_thin = thin(best.t_s, best.feedforward_V, best.feedback_V)
+        reference.plot(*thin(best.t_s, best.r_um), color=GREY)
         last = best.t_s > best.t_s[-1] - 0.4
         r_last, x_last = thin(best.r_um[last], best.x_um[last])
         actual.plot(r_last, x_last, color=BLUE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,6 +36,10 @@ from phaselead.report.page import render
 
 MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
+SIZES_ON_CARD = 2
+"""Parameters of the first effect."""
+USUAL_UNITS = {"s": ("ms", 1e3), "um": ("nm", 1e3), "V": ("mV", 1e3)}
+"""The next smaller unit, and how many of it make one."""
 DENSITY_SEGMENT = 8192
 """Rows of one periodogram."""
 
@@ -115,11 +120,49 @@ def cards(result: GapResult) -> list[dict[str, str]]:
     """The figures a reader looks for first."""
     gap = result.gap
     return [
-        {"value": ", ".join(result.verdicts), "label": "verdict"},
+        verdict_card(result),
         {"value": f"{gap.before:.3g} µm", "label": "gap before, rms over the held-out records"},
-        {"value": f"{gap.after:.3g} µm", "label": "gap after"},
+        {"value": f"{gap.after:.3g} µm", "label": f"gap after{_below_floor(result)}"},
         {"value": f"{gap.floor:.3g} µm", "label": f"floor: {gap.floor_from}"},
     ]
+
+
+def verdict_card(result: GapResult) -> dict[str, str]:
+    """What is missing, by name and size."""
+    sure = f"verdict: {', '.join(result.verdicts)}"
+    if result.effects:
+        first, *others = result.effects
+        size = ", ".join(sizes_of(first))
+        more = f", and {_listed([_title(e) for e in others])}" if others else ""
+        return {"value": _title(first).capitalize(), "label": f"{size}{more}; {sure}"}
+    if result.ties:
+        return {"value": _listed([_plain(n) for n in result.ties[0]], "or").capitalize(), "label": sure}
+    if "unknown" in result.verdicts:
+        return {"value": "Something unnamed", "label": sure}
+    return {"value": "Nothing is missing", "label": sure}
+
+
+def sizes_of(effect: NamedEffect) -> list[str]:
+    """Its parameters in the units that a person uses, of a low-pass its corner too: "0.503 ms", "317 Hz"."""
+    found = []
+    for name, value, _, _, unit in parameter_rows(effect.params)[:SIZES_ON_CARD]:
+        found.append(in_usual_unit(value, unit))
+        if name == "tau_s" and effect.name.endswith("lowpass") and value > 0:
+            found.append(in_usual_unit(1 / (2 * math.pi * value), "Hz"))
+    return found
+
+
+def in_usual_unit(value: float, unit: str) -> str:
+    """With three digits; below 1 in the next smaller unit."""
+    smaller, factor = USUAL_UNITS.get(unit, (unit, 1.0))
+    if value != 0 and abs(value) < 1:
+        value, unit = value * factor, smaller
+    return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+
+
+def _below_floor(result: GapResult) -> str:
+    """The floor is of other records or of the noise, and a model can do better by chance."""
+    return ", no more than the floor: nothing is left to find" if result.gap.after <= result.gap.floor else ""
 
 
 def remains(result: GapResult) -> str:
@@ -175,17 +218,23 @@ def _largest(traces: Sequence[Trace]) -> list[Trace]:
 
 def trace_figure(trace: Trace) -> Figure:
     """Measurement and model above, the residuals before and after below."""
-    t, x, before, after = thin(trace.t_s, trace.measured_um, trace.before_um, trace.after_um)
+    measured_um, after_um = trace.measured_um, trace.after_um
+    t, x, after, left_before, left_after = thin(
+        trace.t_s, measured_um, after_um, measured_um - trace.before_um, measured_um - after_um
+    )
     with figure_style():
-        figure = new_figure(9.4, 4.8)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1, 1.2])
+        figure = new_figure(9.4, 6.4)
+        upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=[1, 1.1, 1.1])
         upper.plot(t, x, color=GREY, linewidth=2.4, alpha=0.6, label="measured")
         upper.plot(t, after, color=BLUE, linewidth=1.0, label="model after")
-        lower.plot(t, x - before, color=RED, linewidth=0.9, label="before")
-        lower.plot(t, x - after, color=BLUE, linewidth=0.9, label="after")
+        middle.plot(t, left_before, color=RED, linewidth=0.9, label="before")
+        for axes in (middle, lower):
+            axes.plot(t, left_after, color=BLUE, linewidth=0.9, label="after")
+            axes.set(ylabel="measured - model (µm)")
         upper.set(ylabel="position (µm)")
-        lower.set(xlabel="time (s)", ylabel="measured - model (µm)")
-        for axes in (upper, lower):
+        lower.set(xlabel="time (s)")
+        lower.set_title("after, on its own scale", loc="right", fontsize=9)
+        for axes in (upper, middle):
             axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2)
         return figure
 

@@ -14,10 +14,28 @@ from phaselead.drawing import DPI, to_svg
 from phaselead.record import atomic_path, write_text
 from phaselead.version import VERSION
 
+COLOURS_OF_THE_PAGE = {
+    "fill: #ffffff": "fill: none",
+    "stroke: #ffffff": "stroke: none",
+    "fill: #000000": "fill: currentColor",
+    "stroke: #000000": "stroke: currentColor",
+    "stroke: #e4e4e4": "stroke: var(--grid)",
+}
+"""What a figure draws its ground, its axes and its grid with, and what a page has for these."""
 _environment = Environment(
     loader=PackageLoader("phaselead.report", "templates"), autoescape=True, undefined=StrictUndefined
 )
-_environment.filters["svg"] = lambda figure: Markup(to_svg(figure))
+
+
+def _drawn(figure: Figure) -> Markup:
+    """The figure in the colours of the page, light or dark; a click or the space bar enlarges it, without a script."""
+    text = to_svg(figure)
+    for colour, own in COLOURS_OF_THE_PAGE.items():
+        text = text.replace(colour, own)
+    return Markup(f'<label class="zoom"><input type="checkbox" aria-label="enlarge the figure">{text}</label>')
+
+
+_environment.filters["svg"] = _drawn
 
 
 def render(template: str, **values: Any) -> str:
@@ -36,4 +54,10 @@ def save_png(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
 
 
-__all__ = ["Figure", "render", "save_png", "write_page"]
+def save_figure(figure: Figure, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """The figure as its suffix says (.png, .svg, .pdf), whole or not at all."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        figure.savefig(temporary, format=Path(path).suffix[1:].lower(), dpi=DPI)
+
+
+__all__ = ["Figure", "render", "save_figure", "save_png", "write_page"]

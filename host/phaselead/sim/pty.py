@@ -14,6 +14,7 @@ import sys
 import time
 import tty
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -122,8 +123,9 @@ def pump(device: VirtualDevice, wire: Wire, keeper: FlashKeeper, ended: Callable
         keeper.keep()
 
 
-def serve(url: str, link_path: str | os.PathLike[str] | None = None) -> None:
-    """Serves the device of a sim:// URL on a pseudo-terminal until Ctrl-C or SIGTERM; prints the terminal's path.
+def serve(url: str, link_path: str | os.PathLike[str] | None = None, say: Callable[[str], None] | None = None) -> None:
+    """Serves the device of a sim:// URL on a pseudo-terminal until Ctrl-C or SIGTERM; prints the terminal's path, or
+    gives it to ``say``.
 
     Raises:
         BadInput: the URL, its stage or state file, or the link cannot be used.
@@ -134,7 +136,7 @@ def serve(url: str, link_path: str | os.PathLike[str] | None = None) -> None:
     wire = Wire()
     try:
         with _until_signalled() as ended, _linked(wire.path, link_path):
-            print(wire.path, flush=True)
+            (say or partial(print, flush=True))(wire.path)
             if sys.stderr.isatty():
                 print(f"{url} is served there; Ctrl-C ends it", file=sys.stderr)
             pump(device, wire, keeper, ended)

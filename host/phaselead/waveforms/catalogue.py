@@ -5,6 +5,7 @@ Amplitudes are peak-to-peak and rise from zero, or from the offset after the plu
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Mapping
 from functools import cache
@@ -57,7 +58,10 @@ def parse_wave(text: str) -> Waveform:
     """One waveform. Raises BadInput with what is wrong and an example."""
     word, colon, rest = text.strip().partition(":")
     if word not in kinds():
-        raise BadInput(f"waveform {short(text)}: {short(word)} is no kind of waveform; one of {', '.join(examples())}")
+        close = difflib.get_close_matches(word, kinds(), n=1)
+        meant = f"did you mean {close[0]}? " if close else ""
+        known = ", ".join(examples())
+        raise BadInput(f"waveform {short(text)}: {short(word)} is no kind of waveform; {meant}one of {known}")
     kind = kinds()[word]
     written = Written(text, rest, kind.written[0][0])
     if not colon or not rest.strip():

@@ -16,6 +16,9 @@ from phaselead.errors import BadInput
 from phaselead.waveforms.waveform import POINTS, Sampled, Shares
 from phaselead.waveforms.written import Unit, Written, short
 
+SAME_PERIOD = 0.01
+"""Relative difference up to which the times of a file agree with the frequency that was asked for: times are printed
+rounded, and uniform means within 1 % everywhere."""
 _COLUMN_UNITS: dict[str, Unit] = {"x_um": "um", "r_um": "um", "u_V": "V"}
 
 
@@ -44,7 +47,13 @@ class File(Sampled):
     @classmethod
     def parse(cls, written: Written) -> Self:
         path, f_Hz = written.at_frequency()
-        lowest, swing, unit, own = read_period(path)
+        lowest, swing, unit, own, own_s = read_period(path)
+        if own_s is not None and not any(abs(f_Hz * period_s - 1) <= SAME_PERIOD for period_s in own_s):
+            raise written.refusal(
+                f"its times make a period of {own_s[-1]:.6g} s, @{f_Hz:g}Hz one of {1 / f_Hz:.6g} s: take t_s out of "
+                "the file to play it at another rate",
+                f"file:{path}@{1 / own_s[-1]:.6g}Hz",
+            )
         return cls(swing, lowest, unit, f_Hz, played_points(own), own)
 
     def share(self, turns: Shares) -> Shares:
@@ -76,8 +85,12 @@ def largest_difference(own: OwnPath, points: Shares) -> float:
     return float(np.abs(own(places) - played).max())
 
 
-def read_period(path: str) -> tuple[float, float, Unit, OwnPath]:
-    """One period from a file: a column of values, or times and values; a header may name them."""
+def read_period(path: str) -> tuple[float, float, Unit, OwnPath, tuple[float, float] | None]:
+    """One period from a file: a column of values, or times and values; a header may name them.
+
+    Lowest value, swing, unit, the path and, of a file with a column t_s, how long it takes without and with the way
+    from its last row back to its first, s.
+    """
     source = f"waveform file {path}"
     labels, rows = _numbers(path, source)
     unit: Unit = "um"
@@ -107,7 +120,8 @@ def read_period(path: str) -> tuple[float, float, Unit, OwnPath]:
         raise BadInput(f"{source}: its values are all {values[0]:g}; use goto to hold a position")
     lowest = float(values.min())
     shares = (np.append(values, values[0]) - lowest) / swing
-    return lowest, swing, unit, OwnPath(np.append((times - times[0]) / period, 1.0), shares)
+    own_s = (float(times[-1] - times[0]), float(period)) if "t_s" in labels else None
+    return lowest, swing, unit, OwnPath(np.append((times - times[0]) / period, 1.0), shares), own_s
 
 
 def _numbers(path: str, source: str) -> tuple[list[str], NDArray[np.float64]]:

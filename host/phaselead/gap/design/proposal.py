@@ -12,7 +12,7 @@ from phaselead.control import record_open_loop
 from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.gap.design.excitation import RECORD, SHAPES, Excitation
-from phaselead.model import Stage
+from phaselead.model import Stage, small_signal
 from phaselead.waveforms import POINTS
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
@@ -67,6 +67,20 @@ def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
             "be run; make gap.json anew"
         )
     return found
+
+
+def modes_crossed_Hz(proposed: Mapping[str, Any], stage: Stage | None, axis: str) -> list[float]:
+    """Modes of the stage within the band of the proposed excitation; none where no stage says which there are. Raises
+    BadInput as ``excitation_of``."""
+    excitation = excitation_of(proposed)
+    if stage is None or axis not in stage.axes or excitation.idle:
+        return []
+    low, high = excitation.band_Hz
+    try:
+        modes = small_signal(stage.axes[axis]).modes
+    except BadInput:
+        return []
+    return [f_Hz for _, f_Hz, _ in modes if low <= f_Hz <= high]
 
 
 def _points(values: Any) -> tuple[float, ...] | None:

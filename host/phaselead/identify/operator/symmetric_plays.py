@@ -13,7 +13,7 @@ import numpy as np
 from phaselead.identify.operator.regressors import FEWEST_ROWS, FitRun, nested_basis, rows_to_fit
 from phaselead.identify.operator.solution import Solution, best_slopes
 from phaselead.identify.operator.starting_memories import starting_memory
-from phaselead.identify.runs import AxisRun, counts_backwards, turned
+from phaselead.identify.runs import AxisRun, sensor_counts_backwards, turned
 from phaselead.model import TimeView, turned_view
 
 SYMMETRIC_PLAYS = 20
@@ -32,7 +32,7 @@ def fit_plays(runs: Sequence[AxisRun], delay_s: float = 0.0) -> TimeView:
 
     Raises BadInput for records that determine nothing.
     """
-    if counts_backwards(runs):
+    if sensor_counts_backwards(runs):
         return turned_view(_fit_rising([turned(run) for run in runs], delay_s))
     return _fit_rising(runs, delay_s)
 

@@ -1,0 +1,31 @@
+"""The model that a device holds, as far as it can be read back: enough to drive by, without its stage file."""
+
+from __future__ import annotations
+
+from phaselead.device import Device, from_device_model
+from phaselead.model import Gains, Stage
+
+
+def held_stage(device: Device) -> Stage | None:
+    """Limits, converters, tables and operators of the model on the device; None when it holds none.
+
+    It is for checks and for gains, never for upload: modes and creep do not come back. Gains designed for it are those
+    of a stage that shows no mode, an integrator for one anywhere above 100 Hz.
+    """
+    blob = device.read_model()
+    if blob is None:
+        return None
+    held = from_device_model(blob)
+    known = {axis: model for axis, model in held.axes.items() if model.table is not None or model.time is not None}
+    return Stage(name=f"held by the device (stage file {held.stage_sha256[:12]})", axes=known or held.axes)
+
+
+def held_warning(held: Stage | None, mode: str, gains: dict[str, Gains]) -> list[str]:
+    """What to say of gains that were designed for what a device tells of its model."""
+    slow = [axis for axis, own in gains.items() if own.origin is not None]
+    if held is None or not mode.endswith("pid") or not slow:
+        return []
+    return [
+        f"{', '.join(slow)}: the device does not tell the modes of its model: gains are low, for a mode anywhere above "
+        "100 Hz; --model STAGE.toml has better ones"
+    ]

@@ -1,0 +1,84 @@
+"""A fitted axis in words: its gain, the width of its loop, where it rings, how late it is, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from phaselead.errors import BadInput
+from phaselead.model import AxisModel, small_signal, steady_loop
+from phaselead.record import Recording, Samples
+
+LEVELS = 200
+"""Voltages at which the width of a loop is looked up."""
+
+
+def describe_axis(axis: str, model: AxisModel, records: Iterable[Recording]) -> str:
+    """One line on the time view of an axis and what it leaves of its records."""
+    view = model.time
+    if view is None:
+        return f"axis {axis}: no time view"
+    parts = [f"{_gain_um_per_V(model):.3g} um/V"]
+    width_pct = hysteresis_pct(model)
+    parts.append(f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis")
+    parts += _modes(model)
+    parts.append(f"lag {1e3 * view.delay_s:.2g} ms")
+    noise_um = [noise for record in records if (noise := noise_um_rms(record, axis)) is not None]
+    least_um = min(noise_um, default=np.inf)
+    beside = f", the sensor's noise is about {_short(least_um)}" if least_um < view.residual_um_rms else ""
+    return f"axis {axis}: {', '.join(parts)}; the model leaves {_short(view.residual_um_rms)} rms{beside}"
+
+
+def describe_coupling(matrix: Sequence[Sequence[float]]) -> str:
+    """The largest share of one axis' motion that another one sees."""
+    shares = np.array(matrix) - np.eye(3)
+    row, column = np.unravel_index(int(np.argmax(np.abs(shares))), (3, 3))
+    return f"cross-talk of up to {100 * abs(shares[row, column]):.2g} %: {'xyz'[row]} moves with {'xyz'[column]}"
+
+
+def _short(value_um: float) -> str:
+    """In nm where that is the unit a person would use."""
+    return f"{1e3 * value_um:.2g} nm" if value_um < 0.0995 else f"{value_um:.2g} um"
+
+
+def _gain_um_per_V(model: AxisModel) -> float:
+    """Way over voltage of the whole steady loop, with its sign."""
+    loop = steady_loop(model)
+    assert loop.u_V is not None
+    assert loop.x_um is not None
+    top, bottom = int(np.argmax(loop.u_V)), int(np.argmin(loop.u_V))
+    return float((loop.x_um[top] - loop.x_um[bottom]) / (loop.u_V[top] - loop.u_V[bottom]))
+
+
+def hysteresis_pct(model: AxisModel) -> float:
+    """Largest width of the steady loop over the voltages of the fit, in per cent of its height."""
+    loop = steady_loop(model)
+    assert loop.u_V is not None
+    assert loop.x_um is not None
+    top = int(np.argmax(loop.u_V))
+    at_V = np.linspace(loop.u_V.min(), loop.u_V.max(), LEVELS)
+    up = np.interp(at_V, loop.u_V[: top + 1], loop.x_um[: top + 1])
+    down = np.interp(at_V, loop.u_V[top:][::-1], loop.x_um[top:][::-1])
+    height = float(np.ptp(loop.x_um))
+    return 100 * float(np.abs(down - up).max()) / height if height > 0 else 0.0
+
+
+def _modes(model: AxisModel) -> list[str]:
+    try:
+        modes = small_signal(model).modes
+    except BadInput:
+        return ["a sensor that counts backwards"] if _gain_um_per_V(model) < 0 else []
+    if not modes:
+        return ["no mode seen"]
+    return [" and ".join(f"a mode at {f_Hz:.4g} Hz (damping {zeta:.2g})" for _, f_Hz, zeta in modes)]
+
+
+def noise_um_rms(record: Recording, axis: str) -> float | None:
+    """White noise of the sensor from second differences of (n,) positions, whose variance is six times its own; motion
+    that is slow against the sampling rate has none. None without positions."""
+    found = record.axes.get(axis)
+    if found is None or found.x_um is None or len(found.x_um) < 16:
+        return None
+    bends: Samples = np.diff(found.x_um, 2)
+    return float(np.sqrt(np.mean(bends**2) / 6))

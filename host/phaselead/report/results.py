@@ -1,0 +1,98 @@
+"""The page of a fit, of a verification or of a run: its figures and tables under the questions that they answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import singledispatch
+from typing import Any
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from phaselead.control import Run
+from phaselead.identify import FitResult, Verifications
+from phaselead.report.page import render
+from phaselead.report.run_figures import runs_figure
+from phaselead.result import Table
+
+
+@dataclass(frozen=True)
+class Part:
+    """One question and what answers it."""
+
+    question: str
+    said: Sequence[str] = ()
+    tables: Sequence[Markup] = field(default_factory=tuple)
+    figure: Figure | None = None
+    caption: str = ""
+
+
+@singledispatch
+def result_page(result: Any) -> str:
+    """The page as HTML. Raises TypeError for a result that has none."""
+    raise TypeError(f"a {type(result).__name__} has no page")
+
+
+@result_page.register
+def _(result: FitResult) -> str:
+    parts = [
+        Part("What does the model leave?", result.report.remarks(), (), result.plot(), "The record it fits worst."),
+        *(
+            Part(
+                f"How good is the {view} view on records that it has not seen?", (), _html(found.tables()), found.plot()
+            )
+            for view, found in result.held_out.items()
+        ),
+        Part("What is the loop?", (), _html(result.model.tables()), result.model.plot(), "The model, driven slowly."),
+    ]
+    origin = f"From {len(result.records)} records; stage {result.model.sha256[:12]}."
+    return _page(f"The model of {result.model.name}", " ".join(result.summary()), _cards_of_fit(result), parts, origin)
+
+
+@result_page.register
+def _(result: Verifications) -> str:
+    part = Part("How far is the model from each record?", (), _html(result.tables()), result.plot())
+    worst = max(result, key=lambda one: one.max_pct, default=None)
+    cards = [] if worst is None else [
+        {"value": f"{worst.mean_pct:.2g} %", "label": f"mean error on {worst.file}, the worst, of its range"},
+        {"value": f"{worst.max_pct:.2g} %", "label": "largest error there"},
+    ]  # fmt: skip
+    return _page(f"{result.model_name or 'The model'} on other records", f"The {result.view} view.", cards, [part], "")
+
+
+@result_page.register
+def _(result: Run) -> str:
+    said, tables = _parted(result.tables())
+    cards = [
+        {"value": f"{figures['max_um']:.3g} µm", "label": f"largest error of {axis}, {figures['judged']}"}
+        for axis, figures in result.of_axes()
+        if figures["max_um"] is not None
+    ]
+    parts = [Part("How near did it stay to its path?", said, tables, result.plot())]
+    if cards:
+        parts.append(Part("At which frequencies is the error?", (), (), runs_figure([result.recording], "spectrum")))
+    return _page(f"A run in mode {result.mode}", result.recording.source, cards, parts, "")
+
+
+def _cards_of_fit(result: FitResult) -> list[dict[str, str]]:
+    """What is left of each axis."""
+    times = ((axis, model.time) for axis, model in result.axes.items())
+    return [
+        {"value": f"{view.residual_um_rms:.2g} µm", "label": f"rms that the model of {axis} leaves"}
+        for axis, view in times
+        if view is not None
+    ]
+
+
+def _parted(parts: Sequence[Table | str]) -> tuple[list[str], list[Markup]]:
+    """Sentences and tables."""
+    return [part for part in parts if isinstance(part, str)], _html(parts)
+
+
+def _html(parts: Sequence[Table | str]) -> list[Markup]:
+    return [Markup(part.html()) for part in parts if isinstance(part, Table)]
+
+
+def _page(title: str, lead: str, cards: list[dict[str, str]], parts: Sequence[Part], origin: str) -> str:
+    return render("result.html", title=title, lead=lead, cards=cards, parts=parts, origin=origin)

@@ -1,0 +1,128 @@
+"""Pages of results: what a card says, every command's page, and a look that suits light and dark."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import phaselead as pl
+from phaselead.gap import GapResult, NamedEffect, Trace
+from phaselead.gap.findings import GapSize
+from phaselead.model import AxisModel, Stage
+from phaselead.report.gap import cards, in_usual_unit, trace_figure, verdict_card
+from phaselead.report.results import result_page
+
+LOWPASS = NamedEffect("amplifier_lowpass", None, {"tau_s": (5.03e-4, "s", (4.9e-4, 5.2e-4))}, 0.9)
+
+
+@pytest.fixture(name="nothing", scope="module")
+def _nothing() -> GapResult:
+    return GapResult(
+        stage=Stage(name="s", axes={"x": AxisModel()}), verdicts=("none",), effects=(), ties=(), excluded=(),
+        untestable=(), where=(), gap=GapSize(0.3, 0.01, 0.015), next_experiment=None, holdout_sha256=(),
+        candidates=(), traces=(), untestable_why={}, seconds=1.0, adopted=(), unexplained=None,
+    )  # fmt: skip
+
+
+def test_the_big_card_says_what_and_how_large(nothing):
+    card = verdict_card(replace(nothing, verdicts=("named",), effects=(LOWPASS,)))
+    assert card["value"] == "Amplifier low-pass"
+    assert card["label"].startswith("0.503 ms, 316 Hz; verdict: named")
+    assert verdict_card(nothing)["value"] == "Nothing is missing"
+    tie = verdict_card(replace(nothing, verdicts=("tie",), ties=(("delay", "amplifier_lowpass"),)))
+    assert tie["value"] == "Delay or amplifier low-pass"
+    assert verdict_card(replace(nothing, verdicts=("unknown",)))["value"] == "Something unnamed"
+
+
+def test_a_gap_below_its_floor_is_explained(nothing):
+    assert "no more than the floor" in cards(nothing)[2]["label"]
+    assert "floor" not in cards(replace(nothing, gap=GapSize(0.3, 0.2, 0.015)))[2]["label"]
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [(5.03e-4, "s", "0.503 ms"), (2e-6, "s", "0.002 ms"), (2.0, "s", "2 s"), (0.03, "um", "30 nm"), (0.2, "1", "0.2")],
+)
+def test_units_are_those_a_person_uses(value, unit, said):
+    assert in_usual_unit(value, unit) == said
+
+
+def test_what_is_left_has_a_scale_of_its_own():
+    t = np.arange(1000) / 1000
+    x = np.sin(20 * t)
+    figure = trace_figure(Trace("rec", "x", t, x, x, x + 1.0, x + 0.001 * np.cos(90 * t)))
+    low, high = figure.axes[2].get_ylim()
+    assert high - low < 0.01
+
+
+@pytest.fixture(name="results", scope="module")
+def _results() -> dict[str, object]:
+    with pl.connect() as dev:
+        fitted = dev.identify(levels=[1, 2, 3], frequencies=[10, 15, 20])
+        dev.upload(fitted)
+        run = dev.track("sine:20um@12Hz", duration=0.5)
+        other = dev.record("sine:2V@12Hz", duration=0.5)
+    with pl.connect() as dev:
+        driven = dev.track("sine:2V@12Hz", mode="open", duration=0.3)
+    return {"fit": fitted, "run": run, "verify": pl.verify(fitted, other), "open": driven}
+
+
+class Tags(HTMLParser):
+    """Fails on tags that are closed in another order than they were opened."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "input", "link", "br"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        pass
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("name", ["fit", "run", "verify", "open"])
+def test_every_result_has_a_page(results, tmp_path, name):
+    pl.write_report(results[name], tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    tags = Tags()
+    tags.feed(page)
+    assert tags.open == []
+    assert page.count("<svg") >= 1
+    assert "<script" not in page
+    assert "http" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
+    questions = re.findall(r"<h2>(.*?)</h2>", page)
+    assert questions
+    assert all(question.endswith("?") for question in questions)
+
+
+def test_figures_take_the_colours_of_the_page(results):
+    page = result_page(results["run"])
+    assert "prefers-color-scheme: dark" in page
+    figures = "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
+    assert "currentColor" in figures
+    for colour in ("#000000", "#ffffff", "#e4e4e4"):
+        assert colour not in figures, colour
+
+
+def test_every_command_writes_its_page(run, stage_file, tmp_path):
+    record = tmp_path / "rec.h5"
+    assert run("log", "record", "--drive", "sine:5V@5Hz", "--duration", 1, "-o", record).status == 0
+    page = tmp_path / "page.html"
+    for words in (
+        ("track", "sine:20um@5Hz", "--model", stage_file, "--duration", 1),
+        ("verify", "--model", stage_file, record),
+        ("fit", record, "-o", tmp_path / "fit.toml"),
+    ):
+        outcome = run(*words, "--report", page)
+        assert outcome.status == 0, outcome.err
+        page.unlink()
+    assert run("verify", "--model", stage_file, record, "--report", tmp_path / "no" / "x.html").status == 2
