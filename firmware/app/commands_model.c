@@ -1,4 +1,6 @@
 /* The model transaction, its read-back and its place in flash. */
+#include <string.h>
+
 #include "app/command.h"
 #include "app/model_fields.h"
 #include "app/reaction.h"
@@ -20,29 +22,15 @@ enum wire_status command_model_chunk(struct device *device, const struct request
     return model_store_chunk(&device->models, chunk.offset, chunk.data, chunk.data_size);
 }
 
-/* New limits that leave out the present output would make it jump. */
-static bool would_clamp(const struct device *device)
-{
-    const struct model_slot *slot = model_store_prepared(&device->models);
-    for (unsigned axis = 0; axis < AXES; axis++) {
-        const struct output_config *limits = &slot->idle[axis].output;
-        int32_t u_q24 = device->control.axis[axis].u_q24;
-        if (u_q24 < limits->u_min_q24 || u_q24 > limits->u_max_q24)
-            return true;
-    }
-    return false;
-}
-
 /* Another calibration of the DAC changes its code, and so the output, although u stays. A step of the park ramp is
  * tolerated. Returns the field that is to blame, 0 for none. */
-static uint16_t would_jump(const struct device *device)
+static uint16_t would_jump(const struct device *device, const struct axis_config idle[AXES])
 {
-    const struct model_slot *slot = model_store_prepared(&device->models);
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *now = &device->control.config[axis];
         bool saturated = false;
         int32_t u_q24 = device->control.axis[axis].u_q24;
-        int64_t jump = (int64_t)converter_dac_code(&slot->idle[axis].converter, u_q24, &saturated);
+        int64_t jump = (int64_t)converter_dac_code(&idle[axis].converter, u_q24, &saturated);
         int64_t tolerated = floor_shift_i64((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16, 40) + 1;
         jump -= device->dac_codes[axis];
         if (jump > tolerated || jump < -tolerated)
@@ -51,35 +39,39 @@ static uint16_t would_jump(const struct device *device)
     return 0;
 }
 
-/* A new model moves nothing by itself. */
-static void stand_still(struct device *device)
+static uint8_t held_back(const struct model_slot *slot, const struct axis_config idle[AXES])
 {
+    unsigned mask = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
-        device->control.axis[axis].drive = DRIVE_HOLD;
+        if (memcmp(&idle[axis].output, &slot->idle[axis].output, sizeof idle[axis].output) != 0)
+            mask |= 1u << axis;
+    return (uint8_t)mask;
 }
 
 enum wire_status command_model_commit(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_model_commit_reply reply = {0};
+    struct axis_config idle[AXES];
     (void)request;
     enum wire_status status = model_store_prepare(&device->models, &reply.invalid_field);
     if (status != WIRE_STATUS_OK) {
         wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
         return status;
     }
+    device_make_idle(model_store_prepared(&device->models), device->journal.newest.limits, idle);
+    reply.held_back = held_back(model_store_prepared(&device->models), idle);
     device_lock(device);
     if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
         status = WIRE_STATUS_FAULT_LATCHED;
-    } else if (would_clamp(device)) {
+    } else if (!device_admits(device, idle)) { /* the present output would jump, or there would be no way home */
         status = WIRE_STATUS_OUTSIDE_LIMITS;
-    } else if ((reply.invalid_field = would_jump(device)) != 0) {
+    } else if ((reply.invalid_field = would_jump(device, idle)) != 0) {
         status = WIRE_STATUS_MODEL_INVALID;
     } else {
         model_store_swap(&device->models);
         device_link_models(device);
-        device_reset_axes(device);
+        device_begin_idle(device, idle);
         device_rest(device);
-        stand_still(device);
     }
     answer->tick = device->control.tick;
     device_unlock(device);

@@ -120,6 +120,10 @@ enum wire_status command_arm(struct device *device, const struct request *reques
             return WIRE_STATUS_NO_MODEL;
         if (arm.model_crc != model_crc(device) && (arm.model_crc != 0 || device->models.fallback))
             return WIRE_STATUS_MUST_NAME_MODEL;
+        if (device->journal.newest.limits_lost)
+            return WIRE_STATUS_LIMITS_LOST;
+        if (!device_admits(device, device->idle))
+            return WIRE_STATUS_OUTSIDE_LIMITS;
         device_take_safe_values(device);
     }
     return device_event(device, EVENT_ARM, 0);

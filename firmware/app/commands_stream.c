@@ -1,22 +1,30 @@
 /* The recorder's stream, and what a replay starts from. */
-#include <stddef.h>
 #include <string.h>
 
 #include "app/command.h"
 
-/* The control state of the tick from which the stream begins. What the queues hold is copied while ticks go on: they
- * only take it off. */
+static uint64_t next_tick(const struct device *device)
+{
+    device_lock(device);
+    const uint64_t tick = device->control.tick;
+    device_unlock(device);
+    return tick;
+}
+
+/* The control state of the tick from which the stream begins. It is copied while ticks go on, and again if one came
+ * in between: there is time for several copies between two. */
 static void latch(struct device *device, const struct recorder_format *format, struct answer *answer)
 {
-    struct control *latched = &device->latched;
-    memcpy(latched->queue, device->control.queue, sizeof latched->queue);
-    device_lock(device);
-    answer->tick = device->control.tick;
-    memcpy(latched, &device->control, offsetof(struct control, queue));
-    for (unsigned axis = 0; axis < AXES; axis++)
-        segment_copy_places(&latched->queue[axis], &device->control.queue[axis]);
-    recorder_start(&device->recorder, format);
-    device_unlock(device);
+    bool whole;
+    do {
+        answer->tick = next_tick(device);
+        memcpy(&device->latched, &device->control, sizeof device->latched);
+        device_lock(device);
+        whole = device->control.tick == answer->tick;
+        if (whole)
+            recorder_start(&device->recorder, format);
+        device_unlock(device);
+    } while (!whole);
     device->latched_valid = true;
 }
 

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "app/hard_limits.h"
+
 /* Without a model: -2..10 V, 1000 V/s, parking at 50 V/s on 0 V; 16-bit converters over +-10.24 V and -10..270 um. */
 static const struct axis_config DEFAULT_IDLE = {
     .u_park_q24 = 0,
@@ -14,6 +16,8 @@ static const struct axis_config DEFAULT_IDLE = {
                   .dac_codes_per_V_q16 = 209715200, /* 65536 / 20.48 V */
                   .adc_zero_code = 2341,            /* 10 um x 65536 / 280 um = 2340.57 */
                   .adc_um_per_code_q32 = 18350080 /* 280 um / 65536 */},
+    .code_max = UINT16_MAX,
+    .oscillation_limit_q16 = 18350080 / MODEL_DEFAULT_OSCILLATION,
 };
 
 void device_lock(const struct device *device)
@@ -58,10 +62,21 @@ void device_link_models(struct device *device)
                                                      device_wave_q30(device, axis)};
 }
 
-static const struct axis_config *idle_config(const struct device *device, unsigned axis)
+void device_make_idle(const struct model_slot *slot, const struct wire_axis_limits limits[AXES],
+                      struct axis_config idle[AXES])
 {
-    const struct model_slot *slot = model_store_active(&device->models);
-    return slot ? &slot->idle[axis] : &DEFAULT_IDLE;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        idle[axis] = slot ? slot->idle[axis] : DEFAULT_IDLE;
+        hard_limits_apply(&limits[axis], &idle[axis]);
+    }
+}
+
+bool device_admits(const struct device *device, const struct axis_config idle[AXES])
+{
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (!hard_limits_admit(&idle[axis], device->control.axis[axis].u_q24))
+            return false;
+    return true;
 }
 
 static void reset_axis(struct device *device, unsigned axis)
@@ -69,7 +84,7 @@ static void reset_axis(struct device *device, unsigned axis)
     struct axis_config *config = &device->control.config[axis];
     struct axis_state *state = &device->control.axis[axis];
     const int32_t u_park_q24 = config->u_park_q24;
-    *config = *idle_config(device, axis);
+    *config = device->idle[axis];
     config->u_park_q24 = u_park_q24;
     memset(&state->path, 0, sizeof state->path);
     memset(&state->target, 0, sizeof state->target);
@@ -82,7 +97,7 @@ static void reset_axis(struct device *device, unsigned axis)
 void device_take_safe_values(struct device *device)
 {
     for (unsigned axis = 0; axis < AXES; axis++)
-        device->control.config[axis].u_park_q24 = idle_config(device, axis)->u_park_q24;
+        device->control.config[axis].u_park_q24 = device->idle[axis].u_park_q24;
 }
 
 void device_reset_axes(struct device *device)
@@ -91,6 +106,14 @@ void device_reset_axes(struct device *device)
     device->resting = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
         reset_axis(device, axis);
+}
+
+void device_begin_idle(struct device *device, const struct axis_config idle[AXES])
+{
+    memcpy(device->idle, idle, sizeof device->idle);
+    device_reset_axes(device);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        device->control.axis[axis].drive = DRIVE_HOLD;
 }
 
 void device_rest(struct device *device)

@@ -6,10 +6,13 @@
 #define PHASELEAD_APP_DEVICE_H
 
 #include "app/events.h"
+#include "app/fault_log.h"
+#include "app/journal.h"
 #include "app/line.h"
 #include "app/model_store.h"
 #include "app/recorder.h"
 #include "app/supervisor.h"
+#include "app/transient.h"
 #include "app/update.h"
 #include "core/axis.h"
 #include "core/motion_bounds.h"
@@ -42,7 +45,8 @@ struct control {
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
  * overlap. */
 struct device_port {
-    struct flash_port flash; /* of the models */
+    struct flash_port flash;   /* of the models */
+    struct flash_port records; /* of the journal */
     struct update_port update;
     void (*lock)(void *context);
     void (*unlock)(void *context);
@@ -78,6 +82,9 @@ struct device {
     uint32_t resting; /* axes that need no step: it would change nothing, and their trace stays valid */
     struct model_store models;
     struct update update;
+    struct journal journal;
+    struct fault_log fault_log;
+    struct axis_config idle[AXES];    /* device_make_idle() of the active model */
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
     int32_t waves_q30[AXES][WAVE_POINTS];
@@ -88,6 +95,7 @@ struct device {
     bool latched_valid;
     struct events events;
     struct recorder recorder;
+    struct transient transient;
     struct line line;
     struct {
         uint32_t axis, detail;
@@ -105,6 +113,17 @@ void device_reset_axes(struct device *device);
 
 /* From now on a ramp goes to the safe values of the model. For ARM alone: nothing moves before it. */
 void device_take_safe_values(struct device *device);
+
+/* What axes begin with: the limits, converters and safe values of a model, or without one (NULL) the defaults, held to
+ * hard limits. Divides: not to be done while ticks are kept out. */
+void device_make_idle(const struct model_slot *slot, const struct wire_axis_limits limits[AXES],
+                      struct axis_config idle[AXES]);
+
+/* Whether outputs and safe values are within the limits of these. */
+bool device_admits(const struct device *device, const struct axis_config idle[AXES]);
+
+/* The axes begin anew with these; nothing moves by itself. */
+void device_begin_idle(struct device *device, const struct axis_config idle[AXES]);
 
 /* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
 void device_rest(struct device *device);

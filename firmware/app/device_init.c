@@ -12,10 +12,13 @@ void device_init(struct device *device, const struct device_port *port)
     device->control.fault_axis = NO_AXIS;
     update_init(device);
     model_store_boot(&device->models, &device->port.flash);
+    journal_boot(&device->journal, &device->port.records);
     device_link_models(device);
+    device_make_idle(model_store_active(&device->models), device->journal.newest.limits, device->idle);
     device_reset_axes(device);
     device_rest(device);
     line_init(&device->line);
+    transient_reset(&device->transient);
     for (unsigned axis = 0; axis < AXES; axis++) {
         bool saturated = false;
         device->dac_codes[axis] = converter_dac_code(&device->control.config[axis].converter, 0, &saturated);

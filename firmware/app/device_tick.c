@@ -15,6 +15,18 @@ static void watch_host(struct device *device)
         device_fault(device, WIRE_FAULT_HOST_TIMEOUT, NO_AXIS, 0);
 }
 
+/* In every mode: where an axis may be does not depend on what drives it. */
+static void watch_ranges(struct device *device, uint32_t moving)
+{
+    struct control *control = &device->control;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &control->axis[axis];
+        if ((moving >> axis & 1u) != 0 && control->state == WIRE_STATE_RUNNING && state->drive == DRIVE_PATH &&
+            !axis_watch_range(&control->config[axis], state, device->adc_codes[axis]))
+            device_fault(device, WIRE_FAULT_POSITION_LIMIT, axis, device->adc_codes[axis]);
+    }
+}
+
 /* A loop that can no longer see where it is, or that no longer gets where it should be, must not go on pushing. */
 static void watch_loops(struct device *device, uint32_t moving, const int32_t error_q16[AXES])
 {
@@ -23,7 +35,8 @@ static void watch_loops(struct device *device, uint32_t moving, const int32_t er
                                      [WATCH_JUMPED] = WIRE_FAULT_SENSOR_JUMP,
                                      [WATCH_FROZEN] = WIRE_FAULT_SENSOR_FROZEN,
                                      [WATCH_ERROR] = WIRE_FAULT_TRACKING_ERROR,
-                                     [WATCH_LIMITED] = WIRE_FAULT_OUTPUT_LIMITED};
+                                     [WATCH_LIMITED] = WIRE_FAULT_OUTPUT_LIMITED,
+                                     [WATCH_OSCILLATION] = WIRE_FAULT_OSCILLATION};
     struct control *control = &device->control;
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &control->axis[axis];
@@ -66,6 +79,7 @@ static void record(struct device *device)
     enum recorder_took took = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces);
     if (took != RECORDER_TOOK)
         device->rare = true;
+    transient_tick(&device->transient, tick, device->adc_codes, device->traces, device->control.config);
     if (took == RECORDER_DROPS)
         events_put(&device->events, tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
 }
@@ -85,6 +99,7 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     axes_follow_outputs(device, moving);
     axes_watch_targets(device, moving);
     watch_loops(device, moving, error_q16);
+    watch_ranges(device, moving);
     note_ended_paths(device, moving);
     if (device->control.state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
@@ -92,6 +107,11 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     device->control.tick++;
     motion_move_on(device);
     axes_set_targets(device);
+}
+
+void device_input(struct device *device)
+{
+    transient_trigger(&device->transient, WIRE_TRIGGER_INPUT, device->control.tick, device->control.config);
 }
 
 void device_put_path_events(struct device *device)

@@ -7,6 +7,9 @@
 /* One control tick: codes in, codes out. */
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES]);
 
+/* For ports, before a tick: the input that may trigger the transient recorder, the interlock, is open. */
+void device_input(struct device *device);
+
 /* Queues the events of paths that have ended. Called outside the tick, so that its worst case does not include it. */
 void device_put_path_events(struct device *device);
 

@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#define FLASH_SLOTS 2 /* of models, and of the journal */
+
 /* Each of `erase` and `program` returns false when the flash did not do it. A slot reads 0xFF when erased. */
 struct flash_port {
     bool (*erase)(void *context, unsigned slot);

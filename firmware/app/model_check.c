@@ -54,6 +54,8 @@ static enum model_field check_limits(const struct wire_axis_model *model)
         return FIELD_ERROR_LIMIT;
     if (model->error_limit_q16 != 0 && model->error_ticks == 0)
         return FIELD_ERROR_TICKS;
+    if (model->oscillation_limit_q16 < 0)
+        return FIELD_OSCILLATION_LIMIT;
     return FIELD_NONE;
 }
 

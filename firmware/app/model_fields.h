@@ -36,6 +36,7 @@ enum model_field {
     FIELD_COUPLING,
     FIELD_ERROR_LIMIT,
     FIELD_ERROR_TICKS,
+    FIELD_OSCILLATION_LIMIT,
 };
 
 #endif

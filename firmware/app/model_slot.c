@@ -23,5 +23,9 @@ struct axis_config model_idle_config(const struct wire_axis_model *model)
         .converter = {.dac_zero_code = model->dac_zero_code,
                       .dac_codes_per_V_q16 = model->dac_codes_per_V_q16,
                       .adc_zero_code = model->adc_zero_code,
-                      .adc_um_per_code_q32 = model->adc_um_per_code_q32}};
+                      .adc_um_per_code_q32 = model->adc_um_per_code_q32},
+        .code_max = UINT16_MAX,
+        .oscillation_limit_q16 = model->oscillation_limit_q16 != 0
+                                     ? model->oscillation_limit_q16
+                                     : model->adc_um_per_code_q32 / MODEL_DEFAULT_OSCILLATION};
 }

@@ -10,7 +10,6 @@
 #include "app/flash_port.h"
 #include "app/model_slot.h"
 
-#define FLASH_SLOTS 2
 #define FLASH_RECORD_SIZE (16 + WIRE_MODEL_SIZE + 4) /* so much a slot holds at least */
 
 struct model_store {

@@ -85,8 +85,8 @@ struct path_span path_check_range(const struct device *device, unsigned axis)
     bool saturated = false;
     if (config->mode == AXIS_OPEN)
         return (struct path_span){config->output.u_min_q24, config->output.u_max_q24};
-    const int32_t least = converter_position_q16(&config->converter, 0, &saturated);
-    const int32_t most = converter_position_q16(&config->converter, UINT16_MAX, &saturated);
+    const int32_t least = converter_position_q16(&config->converter, (uint16_t)config->code_min, &saturated);
+    const int32_t most = converter_position_q16(&config->converter, (uint16_t)config->code_max, &saturated);
     return (struct path_span){least, most};
 }
 

@@ -12,6 +12,8 @@ enum wire_status device_event(struct device *device, enum supervisor_event event
     case ACTION_REFUSE_FAULT:
         return WIRE_STATUS_FAULT_LATCHED;
     case ACTION_START:
+        transient_arm_again(&device->transient);
+        transient_trigger(&device->transient, WIRE_TRIGGER_SET_POINT, control->tick, control->config);
         axes_start(device, axis_mask);
         break;
     case ACTION_HOLD:
@@ -42,7 +44,9 @@ void device_fault(struct device *device, enum wire_fault fault, unsigned axis, u
         device->last_fault = fault;
         device->last_fault_detail = detail;
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_FAULT, fault);
+        fault_log_put(device);
         recorder_freeze(&device->recorder);
+        transient_trigger(&device->transient, WIRE_TRIGGER_FAULT, control->tick, control->config);
     }
     device_event(device, (enum supervisor_event)FAULT_REACTIONS[fault].event, 0);
 }

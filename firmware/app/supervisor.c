@@ -26,6 +26,8 @@ const struct fault_reaction FAULT_REACTIONS[] = {
     [WIRE_FAULT_SENSOR_FROZEN] = {"ramp", EVENT_FAULT_RAMP},
     [WIRE_FAULT_SENSOR_JUMP] = {"ramp", EVENT_FAULT_RAMP},
     [WIRE_FAULT_OUTPUT_LIMITED] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_OSCILLATION] = {"ramp", EVENT_FAULT_RAMP},
+    [WIRE_FAULT_POSITION_LIMIT] = {"ramp", EVENT_FAULT_RAMP},
 };
 _Static_assert(COUNT(FAULT_REACTIONS) == WIRE_FAULT_COUNT, "a fault without a reaction");
 

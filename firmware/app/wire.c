@@ -94,7 +94,7 @@ static const struct {
     {"model_chunk", {4, 4, true}, 0x0D},
     {"model_chunk", {9, 9, false}, 0x8D},
     {"model_commit", {0, 0, false}, 0x0E},
-    {"model_commit", {11, 11, false}, 0x8E},
+    {"model_commit", {12, 12, false}, 0x8E},
     {"model_read", {6, 6, false}, 0x0F},
     {"model_read", {17, 17, true}, 0x8F},
     {"model_persist", {0, 0, false}, 0x10},
@@ -131,6 +131,16 @@ static const struct {
     {"update_restart", {9, 9, false}, 0xB4},
     {"update_confirm", {20, 20, false}, 0x35},
     {"update_confirm", {9, 9, false}, 0xB5},
+    {"limits_set", {36, 36, false}, 0x20},
+    {"limits_set", {9, 9, false}, 0xA0},
+    {"limits_read", {0, 0, false}, 0x21},
+    {"limits_read", {46, 46, false}, 0xA1},
+    {"fault_log", {0, 0, false}, 0x22},
+    {"fault_log", {318, 318, false}, 0xA2},
+    {"transient_arm", {12, 12, false}, 0x23},
+    {"transient_arm", {11, 11, false}, 0xA3},
+    {"transient_read", {6, 6, false}, 0x24},
+    {"transient_read", {28, 28, true}, 0xA4},
     {"samples", {20, 20, true}, 0x70},
     {"event", {13, 13, false}, 0x71},
 };
@@ -291,6 +301,7 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
         out = put_u32(out, (uint32_t)from->coupling_q28[i]);
     out = put_u32(out, (uint32_t)from->error_limit_q16);
     out = put_u32(out, from->error_ticks);
+    out = put_u32(out, (uint32_t)from->oscillation_limit_q16);
     return WIRE_AXIS_MODEL_SIZE;
 }
 
@@ -346,6 +357,7 @@ bool wire_unpack_axis_model(struct wire_axis_model *to, const uint8_t *in, size_
         to->coupling_q28[i] = (int32_t)get_u32(&in);
     to->error_limit_q16 = (int32_t)get_u32(&in);
     to->error_ticks = get_u32(&in);
+    to->oscillation_limit_q16 = (int32_t)get_u32(&in);
     return true;
 }
 
@@ -401,6 +413,94 @@ bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size)
     for (size_t i = 0; i < 3; i++) {
         wire_unpack_axis_model(&to->axes[i], in, WIRE_AXIS_MODEL_SIZE);
         in += WIRE_AXIS_MODEL_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_axis_limits(const struct wire_axis_limits *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_AXIS_LIMITS_SIZE)
+        return -1;
+    out = put_u16(out, from->dac_min);
+    out = put_u16(out, from->dac_max);
+    out = put_u32(out, from->slew_codes_q16);
+    out = put_u16(out, from->adc_min);
+    out = put_u16(out, from->adc_max);
+    return WIRE_AXIS_LIMITS_SIZE;
+}
+
+bool wire_unpack_axis_limits(struct wire_axis_limits *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_AXIS_LIMITS_SIZE)
+        return false;
+    to->dac_min = get_u16(&in);
+    to->dac_max = get_u16(&in);
+    to->slew_codes_q16 = get_u32(&in);
+    to->adc_min = get_u16(&in);
+    to->adc_max = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_logged_fault(const struct wire_logged_fault *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_LOGGED_FAULT_SIZE)
+        return -1;
+    out = put_u32(out, from->power_cycle);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->detail);
+    out = put_u8(out, from->fault);
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->state);
+    return WIRE_LOGGED_FAULT_SIZE;
+}
+
+bool wire_unpack_logged_fault(struct wire_logged_fault *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_LOGGED_FAULT_SIZE)
+        return false;
+    to->power_cycle = get_u32(&in);
+    to->tick = get_u64(&in);
+    to->detail = get_u32(&in);
+    to->fault = get_u8(&in);
+    to->axis = get_u8(&in);
+    to->state = get_u8(&in);
+    return true;
+}
+
+int32_t wire_pack_device_record(const struct wire_device_record *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_DEVICE_RECORD_SIZE)
+        return -1;
+    out = put_u32(out, from->magic);
+    out = put_u32(out, from->sequence);
+    out = put_u32(out, from->power_cycle);
+    out = put_u8(out, from->limits_lost);
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_limits(&from->limits[i], out, WIRE_AXIS_LIMITS_SIZE);
+        out += WIRE_AXIS_LIMITS_SIZE;
+    }
+    for (size_t i = 0; i < 1; i++) {
+        wire_pack_logged_fault(&from->fault[i], out, WIRE_LOGGED_FAULT_SIZE);
+        out += WIRE_LOGGED_FAULT_SIZE;
+    }
+    return WIRE_DEVICE_RECORD_SIZE;
+}
+
+bool wire_unpack_device_record(struct wire_device_record *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_DEVICE_RECORD_SIZE)
+        return false;
+    to->magic = get_u32(&in);
+    to->sequence = get_u32(&in);
+    to->power_cycle = get_u32(&in);
+    to->limits_lost = get_u8(&in);
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_limits(&to->limits[i], in, WIRE_AXIS_LIMITS_SIZE);
+        in += WIRE_AXIS_LIMITS_SIZE;
+    }
+    for (size_t i = 0; i < 1; i++) {
+        wire_unpack_logged_fault(&to->fault[i], in, WIRE_LOGGED_FAULT_SIZE);
+        in += WIRE_LOGGED_FAULT_SIZE;
     }
     return true;
 }
@@ -712,6 +812,7 @@ int32_t wire_pack_model_commit_reply(const struct wire_model_commit_reply *from,
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u16(out, from->invalid_field);
+    out = put_u8(out, from->held_back);
     return WIRE_MODEL_COMMIT_REPLY_SIZE;
 }
 
@@ -722,6 +823,7 @@ bool wire_unpack_model_commit_reply(struct wire_model_commit_reply *to, const ui
     to->status = get_u8(&in);
     to->tick = get_u64(&in);
     to->invalid_field = get_u16(&in);
+    to->held_back = get_u8(&in);
     return true;
 }
 
@@ -1208,6 +1310,186 @@ bool wire_unpack_update_confirm_request(struct wire_update_confirm_request *to, 
     if (size != WIRE_UPDATE_CONFIRM_REQUEST_SIZE)
         return false;
     get_bytes(&in, to->build_id, 20);
+    return true;
+}
+
+int32_t wire_pack_limits_set_request(const struct wire_limits_set_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_LIMITS_SET_REQUEST_SIZE)
+        return -1;
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_limits(&from->limits[i], out, WIRE_AXIS_LIMITS_SIZE);
+        out += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return WIRE_LIMITS_SET_REQUEST_SIZE;
+}
+
+bool wire_unpack_limits_set_request(struct wire_limits_set_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_LIMITS_SET_REQUEST_SIZE)
+        return false;
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_limits(&to->limits[i], in, WIRE_AXIS_LIMITS_SIZE);
+        in += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_limits_read_reply(const struct wire_limits_read_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_LIMITS_READ_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->limits_lost);
+    for (size_t i = 0; i < 3; i++) {
+        wire_pack_axis_limits(&from->limits[i], out, WIRE_AXIS_LIMITS_SIZE);
+        out += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return WIRE_LIMITS_READ_REPLY_SIZE;
+}
+
+bool wire_unpack_limits_read_reply(struct wire_limits_read_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_LIMITS_READ_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->limits_lost = get_u8(&in);
+    for (size_t i = 0; i < 3; i++) {
+        wire_unpack_axis_limits(&to->limits[i], in, WIRE_AXIS_LIMITS_SIZE);
+        in += WIRE_AXIS_LIMITS_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_fault_log_reply(const struct wire_fault_log_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_FAULT_LOG_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u32(out, from->power_cycle);
+    out = put_u8(out, from->count);
+    for (size_t i = 0; i < 16; i++) {
+        wire_pack_logged_fault(&from->faults[i], out, WIRE_LOGGED_FAULT_SIZE);
+        out += WIRE_LOGGED_FAULT_SIZE;
+    }
+    return WIRE_FAULT_LOG_REPLY_SIZE;
+}
+
+bool wire_unpack_fault_log_reply(struct wire_fault_log_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_FAULT_LOG_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->power_cycle = get_u32(&in);
+    to->count = get_u8(&in);
+    for (size_t i = 0; i < 16; i++) {
+        wire_unpack_logged_fault(&to->faults[i], in, WIRE_LOGGED_FAULT_SIZE);
+        in += WIRE_LOGGED_FAULT_SIZE;
+    }
+    return true;
+}
+
+int32_t wire_pack_transient_arm_request(const struct wire_transient_arm_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRANSIENT_ARM_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->trigger);
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->channel);
+    out = put_u8(out, from->falling);
+    out = put_u32(out, (uint32_t)from->level);
+    out = put_u16(out, from->decimation);
+    out = put_u16(out, from->after);
+    return WIRE_TRANSIENT_ARM_REQUEST_SIZE;
+}
+
+bool wire_unpack_transient_arm_request(struct wire_transient_arm_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRANSIENT_ARM_REQUEST_SIZE)
+        return false;
+    to->trigger = get_u8(&in);
+    to->axis = get_u8(&in);
+    to->channel = get_u8(&in);
+    to->falling = get_u8(&in);
+    to->level = (int32_t)get_u32(&in);
+    to->decimation = get_u16(&in);
+    to->after = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_transient_arm_reply(const struct wire_transient_arm_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRANSIENT_ARM_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u16(out, from->entries);
+    return WIRE_TRANSIENT_ARM_REPLY_SIZE;
+}
+
+bool wire_unpack_transient_arm_reply(struct wire_transient_arm_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRANSIENT_ARM_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->entries = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_transient_read_request(const struct wire_transient_read_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRANSIENT_READ_REQUEST_SIZE)
+        return -1;
+    out = put_u32(out, from->offset);
+    out = put_u16(out, from->length);
+    return WIRE_TRANSIENT_READ_REQUEST_SIZE;
+}
+
+bool wire_unpack_transient_read_request(struct wire_transient_read_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRANSIENT_READ_REQUEST_SIZE)
+        return false;
+    to->offset = get_u32(&in);
+    to->length = get_u16(&in);
+    return true;
+}
+
+int32_t wire_pack_transient_read_reply(const struct wire_transient_read_reply *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_TRANSIENT_READ_REPLY_SIZE ||
+        capacity < WIRE_TRANSIENT_READ_REPLY_SIZE + from->data_size)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u8(out, from->state);
+    out = put_u8(out, from->cause);
+    out = put_u64(out, from->trigger_tick);
+    out = put_u16(out, from->decimation);
+    out = put_bytes(out, from->modes, 3);
+    out = put_u32(out, from->size);
+    out = put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_TRANSIENT_READ_REPLY_SIZE + from->data_size);
+}
+
+bool wire_unpack_transient_read_reply(struct wire_transient_read_reply *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_TRANSIENT_READ_REPLY_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->state = get_u8(&in);
+    to->cause = get_u8(&in);
+    to->trigger_tick = get_u64(&in);
+    to->decimation = get_u16(&in);
+    get_bytes(&in, to->modes, 3);
+    to->size = get_u32(&in);
+    to->data = in;
+    to->data_size = size - WIRE_TRANSIENT_READ_REPLY_SIZE;
     return true;
 }
 

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
-#define WIRE_FINGERPRINT 0xBC5FC63Cu
+#define WIRE_FINGERPRINT 0xD1C20CFCu
 #define WIRE_VERSION 2
 #define WIRE_REVISION 1
 #define WIRE_MAX_PAYLOAD 1152
@@ -51,6 +51,11 @@ enum wire_type {
     WIRE_UPDATE_COMMIT = 0x33,
     WIRE_UPDATE_RESTART = 0x34,
     WIRE_UPDATE_CONFIRM = 0x35,
+    WIRE_LIMITS_SET = 0x20,
+    WIRE_LIMITS_READ = 0x21,
+    WIRE_FAULT_LOG = 0x22,
+    WIRE_TRANSIENT_ARM = 0x23,
+    WIRE_TRANSIENT_READ = 0x24,
     WIRE_SAMPLES = 0x70,
     WIRE_EVENT = 0x71,
 };
@@ -112,8 +117,9 @@ enum wire_status {
     WIRE_STATUS_FAULT_LATCHED = 14,
     WIRE_STATUS_BUSY = 15,
     WIRE_STATUS_MODE_UNSUPPORTED = 16,
+    WIRE_STATUS_LIMITS_LOST = 17,
 };
-#define WIRE_STATUS_COUNT 17
+#define WIRE_STATUS_COUNT 18
 
 /* Why the device stopped; each is described in docs/faults.md */
 enum wire_fault {
@@ -130,8 +136,10 @@ enum wire_fault {
     WIRE_FAULT_SENSOR_FROZEN = 10,
     WIRE_FAULT_SENSOR_JUMP = 11,
     WIRE_FAULT_OUTPUT_LIMITED = 12,
+    WIRE_FAULT_POSITION_LIMIT = 13,
+    WIRE_FAULT_OSCILLATION = 14,
 };
-#define WIRE_FAULT_COUNT 13
+#define WIRE_FAULT_COUNT 15
 
 /* Why the device last started */
 enum wire_reset_cause {
@@ -194,6 +202,23 @@ enum wire_update_standing {
 };
 #define WIRE_UPDATE_STANDING_COUNT 3
 
+/* What freezes the transient recorder; a fault always does */
+enum wire_trigger {
+    WIRE_TRIGGER_FAULT = 0,
+    WIRE_TRIGGER_SET_POINT = 1,
+    WIRE_TRIGGER_THRESHOLD = 2,
+    WIRE_TRIGGER_INPUT = 3,
+};
+#define WIRE_TRIGGER_COUNT 4
+
+/* What the transient recorder does */
+enum wire_transient_state {
+    WIRE_TRANSIENT_STATE_WAITING = 0,
+    WIRE_TRANSIENT_STATE_TRIGGERED = 1,
+    WIRE_TRANSIENT_STATE_FROZEN = 2,
+};
+#define WIRE_TRANSIENT_STATE_COUNT 3
+
 /* Every command as COMMAND(name, number, mask of the states it is allowed in, whether it locks the device
  * itself); app/commands.c makes its table of them. */
 #define WIRE_ANY_STATE ((1u << WIRE_STATE_COUNT) - 1)
@@ -229,7 +254,12 @@ enum wire_update_standing {
     COMMAND(update_chunk, WIRE_UPDATE_CHUNK, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
     COMMAND(update_commit, WIRE_UPDATE_COMMIT, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
     COMMAND(update_restart, WIRE_UPDATE_RESTART, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_FAULT, true) \
-    COMMAND(update_confirm, WIRE_UPDATE_CONFIRM, WIRE_ANY_STATE, true)
+    COMMAND(update_confirm, WIRE_UPDATE_CONFIRM, WIRE_ANY_STATE, true) \
+    COMMAND(limits_set, WIRE_LIMITS_SET, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(limits_read, WIRE_LIMITS_READ, WIRE_ANY_STATE, false) \
+    COMMAND(fault_log, WIRE_FAULT_LOG, WIRE_ANY_STATE, false) \
+    COMMAND(transient_arm, WIRE_TRANSIENT_ARM, WIRE_ANY_STATE, false) \
+    COMMAND(transient_read, WIRE_TRANSIENT_READ, WIRE_ANY_STATE, true)
 
 /* Before every payload */
 #define WIRE_HEADER_SIZE 11
@@ -267,7 +297,7 @@ struct wire_biquad {
 };
 
 /* One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes */
-#define WIRE_AXIS_MODEL_SIZE 896
+#define WIRE_AXIS_MODEL_SIZE 900
 struct wire_axis_model {
     uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are */
     int32_t u_min_q24; /* lower clamp, V */
@@ -301,6 +331,7 @@ struct wire_axis_model {
     int32_t coupling_q28[3]; /* what this axis sees of x, y, z; its own share is 1 */
     int32_t error_limit_q16; /* under feedback, um: so far off for error_ticks in a row is a fault; 0: a quarter of the sensor's range for 500 ticks */
     uint32_t error_ticks;
+    int32_t oscillation_limit_q16; /* under feedback, um rms above the loop's band: growing to more is a fault; 0: a 256th of the sensor's range */
 };
 
 /* A path for the queue: fields as in SET_PATH, unless said */
@@ -317,11 +348,43 @@ struct wire_segment {
 };
 
 /* The model blob that is uploaded, checked, persisted and read back */
-#define WIRE_MODEL_SIZE 2724
+#define WIRE_MODEL_SIZE 2736
 struct wire_model {
     uint32_t magic; /* 0x314C4850, 'PHL1' */
     uint8_t stage_hash[32]; /* SHA-256 of the stage file it was made from */
     struct wire_axis_model axes[3];
+};
+
+/* Hard limits of one axis, in converter codes, so that no model's calibration moves them; 0, 65535 and 0xffffffff limit nothing */
+#define WIRE_AXIS_LIMITS_SIZE 12
+struct wire_axis_limits {
+    uint16_t dac_min; /* lowest output code */
+    uint16_t dac_max;
+    uint32_t slew_codes_q16; /* largest step of the output, codes per tick */
+    uint16_t adc_min; /* lowest sensor code of a set-point and of an axis that follows a path */
+    uint16_t adc_max;
+};
+
+/* One fault of the log */
+#define WIRE_LOGGED_FAULT_SIZE 19
+struct wire_logged_fault {
+    uint32_t power_cycle; /* starts of the device up to then, resets included; 1 is the first */
+    uint64_t tick; /* since that start */
+    uint32_t detail;
+    uint8_t fault; /* none: no fault */
+    uint8_t axis; /* 255: no axis */
+    uint8_t state; /* in which it was met */
+};
+
+/* One record of the journal, never sent: its limits and power cycle hold from then on, a fault is added to the log; a CRC-32 follows */
+#define WIRE_DEVICE_RECORD_SIZE 68
+struct wire_device_record {
+    uint32_t magic; /* 0x314A4850, 'PHJ1' */
+    uint32_t sequence; /* never 0; the newest whole record wins */
+    uint32_t power_cycle;
+    uint8_t limits_lost; /* the limits that were set could not be read, and none have been set since */
+    struct wire_axis_limits limits[3];
+    struct wire_logged_fault fault[1];
 };
 
 /* 0x81: Opens a session: the header's session becomes the device's. Needs no session. */
@@ -448,11 +511,12 @@ struct wire_model_chunk_request {
 };
 
 /* 0x8E: Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked */
-#define WIRE_MODEL_COMMIT_REPLY_SIZE 11
+#define WIRE_MODEL_COMMIT_REPLY_SIZE 12
 struct wire_model_commit_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
     uint16_t invalid_field; /* with model_invalid: 100 * axis + number of the offending field */
+    uint8_t held_back; /* mask of axes for which the device's hard limits are tighter than the model's */
 };
 
 /* 0x0F: Reads the active model back */
@@ -649,6 +713,73 @@ struct wire_update_confirm_request {
     uint8_t build_id[20];
 };
 
+/* 0x20: Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again */
+#define WIRE_LIMITS_SET_REQUEST_SIZE 36
+struct wire_limits_set_request {
+    struct wire_axis_limits limits[3];
+};
+
+/* 0xA1: The hard limits in force */
+#define WIRE_LIMITS_READ_REPLY_SIZE 46
+struct wire_limits_read_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t limits_lost; /* 1: what was set could not be read; arming is refused until limits are set */
+    struct wire_axis_limits limits[3];
+};
+
+/* 0xA2: The last 16 faults, those before the last resets included */
+#define WIRE_FAULT_LOG_REPLY_SIZE 318
+struct wire_fault_log_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint32_t power_cycle; /* starts of the device, resets included */
+    uint8_t count;
+    struct wire_logged_fault faults[16]; /* oldest first */
+};
+
+/* 0x23: Chooses the transient recorder's trigger beside a fault, empties it and lets it wait */
+#define WIRE_TRANSIENT_ARM_REQUEST_SIZE 12
+struct wire_transient_arm_request {
+    uint8_t trigger;
+    uint8_t axis; /* threshold: whose channel */
+    uint8_t channel; /* threshold: reference, adc or dac */
+    uint8_t falling; /* threshold: 0: from below, 1: from above */
+    int32_t level; /* threshold: in the unit of the channel */
+    uint16_t decimation; /* 1: every tick */
+    uint16_t after; /* entries after the one of the trigger */
+};
+
+/* 0xA3: Chooses the transient recorder's trigger beside a fault, empties it and lets it wait */
+#define WIRE_TRANSIENT_ARM_REPLY_SIZE 11
+struct wire_transient_arm_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint16_t entries; /* so many it holds */
+};
+
+/* 0x24: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the fields of [tick] */
+#define WIRE_TRANSIENT_READ_REQUEST_SIZE 6
+struct wire_transient_read_request {
+    uint32_t offset;
+    uint16_t length;
+};
+
+/* 0xA4: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the fields of [tick] */
+#define WIRE_TRANSIENT_READ_REPLY_SIZE 28
+struct wire_transient_read_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint8_t state;
+    uint8_t cause;
+    uint64_t trigger_tick;
+    uint16_t decimation;
+    uint8_t modes[3]; /* at the trigger */
+    uint32_t size; /* bytes that it holds; 0 as long as it is not frozen */
+    const uint8_t *data; /* may be less than was asked for */
+    size_t data_size;
+};
+
 /* 0x70: A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of [tick] that `channels` asks for, in their order */
 #define WIRE_SAMPLES_SIZE 20
 struct wire_samples {
@@ -701,6 +832,9 @@ struct wire_event {
 #define WIRE_UPDATE_RESTART_REQUEST_SIZE 0 /* Restarts the device, 20 ms after the reply; while parked or in fault, at 0 V */
 #define WIRE_UPDATE_RESTART_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_UPDATE_CONFIRM_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_LIMITS_SET_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_LIMITS_READ_REQUEST_SIZE 0 /* The hard limits in force */
+#define WIRE_FAULT_LOG_REQUEST_SIZE 0 /* The last 16 faults, those before the last resets included */
 
 /* Size without what revisions added, and with it; bytes may follow a message with a tail. */
 struct wire_message_size {
@@ -733,6 +867,12 @@ int32_t wire_pack_segment(const struct wire_segment *from, uint8_t *out, size_t 
 bool wire_unpack_segment(struct wire_segment *to, const uint8_t *in, size_t size);
 int32_t wire_pack_model(const struct wire_model *from, uint8_t *out, size_t capacity);
 bool wire_unpack_model(struct wire_model *to, const uint8_t *in, size_t size);
+int32_t wire_pack_axis_limits(const struct wire_axis_limits *from, uint8_t *out, size_t capacity);
+bool wire_unpack_axis_limits(struct wire_axis_limits *to, const uint8_t *in, size_t size);
+int32_t wire_pack_logged_fault(const struct wire_logged_fault *from, uint8_t *out, size_t capacity);
+bool wire_unpack_logged_fault(struct wire_logged_fault *to, const uint8_t *in, size_t size);
+int32_t wire_pack_device_record(const struct wire_device_record *from, uint8_t *out, size_t capacity);
+bool wire_unpack_device_record(struct wire_device_record *to, const uint8_t *in, size_t size);
 int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_hello_reply(struct wire_hello_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_status_reply(const struct wire_status_reply *from, uint8_t *out, size_t capacity);
@@ -799,6 +939,20 @@ int32_t wire_pack_update_chunk_request(const struct wire_update_chunk_request *f
 bool wire_unpack_update_chunk_request(struct wire_update_chunk_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_update_confirm_request(const struct wire_update_confirm_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_update_confirm_request(struct wire_update_confirm_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_limits_set_request(const struct wire_limits_set_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_limits_set_request(struct wire_limits_set_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_limits_read_reply(const struct wire_limits_read_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_limits_read_reply(struct wire_limits_read_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_fault_log_reply(const struct wire_fault_log_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_fault_log_reply(struct wire_fault_log_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_arm_request(const struct wire_transient_arm_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_arm_request(struct wire_transient_arm_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_arm_reply(const struct wire_transient_arm_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_arm_reply(struct wire_transient_arm_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_read_request(const struct wire_transient_read_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_read_request(struct wire_transient_read_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_transient_read_reply(const struct wire_transient_read_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_transient_read_reply(struct wire_transient_read_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t capacity);
 bool wire_unpack_samples(struct wire_samples *to, const uint8_t *in, size_t size);
 int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capacity);

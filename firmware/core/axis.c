@@ -23,6 +23,7 @@ void axis_start(struct axis_state *state)
     state->watch = (struct watch_state){0};
     state->join.step_turn64 = 0;
     state->near_ticks = 0;
+    state->oscillation = (struct oscillation_state){0};
     state->drive = DRIVE_PATH;
 }
 
@@ -159,7 +160,14 @@ enum watch_finding axis_watch(const struct axis_config *config, struct axis_stat
                                            sat_sub_i32(config->output.u_max_q24, config->output.u_min_q24, &saturated)};
     const struct watch_tick tick = {
         .adc_code = adc_code, .limited = trace->limited, .u_q24 = state->u_q24, .error_q16 = error_q16};
-    return watch_step(&watch, &state->watch, &tick);
+    bool runs_away = oscillation_step(&state->oscillation, config->oscillation_limit_q16, error_q16, trace->reference);
+    enum watch_finding found = watch_step(&watch, &state->watch, &tick);
+    return runs_away ? WATCH_OSCILLATION : found;
+}
+
+bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
+{
+    return watch_range(&state->watch, adc_code, config->code_min, config->code_max);
 }
 
 void axis_watch_target(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,

@@ -14,6 +14,7 @@
 #include "core/compensation.h"
 #include "core/converter.h"
 #include "core/feedforward.h"
+#include "core/oscillation.h"
 #include "core/output.h"
 #include "core/path.h"
 #include "core/pid.h"
@@ -34,6 +35,9 @@ struct axis_config { /* fixed-size fields, explicit padding: read back as it lie
     struct output_config output;
     struct converter_config converter;
     uint32_t error_ticks;
+    uint32_t code_min, code_max;   /* of the sensor: outside of them an axis that follows a path is a fault */
+    int32_t oscillation_limit_q16; /* under feedback, um rms above the loop's band: from here on it matters */
+    uint32_t padding;
     uint64_t enter_turn64, leave_turn64; /* of `path`, as in struct segment */
     uint32_t enter_ticks, leave_ticks;
     int32_t window_q16;    /* on target: no further off than this */
@@ -75,11 +79,12 @@ struct axis_state {
     struct join_state join;
     uint32_t near_ticks; /* in a row within the window; saturates */
     uint32_t reserved;
+    struct oscillation_state oscillation;
 };
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
-_Static_assert(sizeof(struct axis_config) == 136 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 688 && offsetof(struct axis_state, join) == 584, "axis_state is padded");
+_Static_assert(sizeof(struct axis_config) == 152 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
+_Static_assert(sizeof(struct axis_state) == 824 && offsetof(struct axis_state, join) == 592, "axis_state is padded");
 
 struct axis_trace { /* what a tick did, for the recorder */
     int32_t reference;
@@ -138,6 +143,9 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, int32
 /* After the output, for an axis under feedback: whether it can still be believed. `error_q16` as axis_step() had it. */
 enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                               int32_t error_q16, const struct axis_trace *trace);
+
+/* After the output, for an axis that follows its path in any mode: whether it is within the range it is held to. */
+bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code);
 
 /* Counts the ticks in a row that the position has been within the window of the reference. */
 void axis_watch_target(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,

@@ -45,14 +45,6 @@ void segment_reset(struct segment_queue *queue)
     queue->first = queue->count = queue->dry = 0;
 }
 
-void segment_copy_places(struct segment_queue *to, const struct segment_queue *from)
-{
-    to->dry_tick = from->dry_tick;
-    to->first = from->first;
-    to->count = from->count;
-    to->dry = from->dry;
-}
-
 bool join_is_under_way(const struct join_state *join)
 {
     return join->step_turn64 != 0;

@@ -65,8 +65,6 @@ const struct segment *segment_last(const struct segment_queue *queue);
 void segment_drop_first(struct segment_queue *queue);
 void segment_drop_all(struct segment_queue *queue);
 void segment_reset(struct segment_queue *queue);
-/* All but the segments. */
-void segment_copy_places(struct segment_queue *to, const struct segment_queue *from);
 
 bool join_is_under_way(const struct join_state *join);
 /* How much of the new path there is `ticks_q16` later, 0 .. 2^30. */

@@ -72,3 +72,9 @@ enum watch_finding watch_step(const struct watch_config *config, struct watch_st
         return WATCH_ERROR;
     return state->limited_ticks >= WATCH_LIMITED_TICKS ? WATCH_LIMITED : WATCH_FINE;
 }
+
+bool watch_range(struct watch_state *state, uint16_t adc_code, uint32_t low, uint32_t high)
+{
+    state->range_ticks = in_a_row(adc_code < low || adc_code > high, state->range_ticks);
+    return state->range_ticks < WATCH_RANGE_TICKS;
+}

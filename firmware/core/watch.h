@@ -12,6 +12,8 @@
 #define WATCH_RAIL_MARGIN 64
 #define WATCH_RAIL_TICKS 3 /* in a row */
 
+#define WATCH_RANGE_TICKS 3 /* in a row beyond the range */
+
 /* A quarter of the sensor's range in a tick of 0.2 ms: a stage that swings over all of its range does so at 500 Hz and
  * more. Three such jumps, each at most WATCH_JUMP_APART ticks after the one before. */
 #define WATCH_JUMP_CODES 16384
@@ -26,7 +28,15 @@
 /* The slew limit or the clamp has cut every output for 0.5 s: the loop is open in effect. */
 #define WATCH_LIMITED_TICKS 2500
 
-enum watch_finding { WATCH_FINE, WATCH_RAIL, WATCH_JUMPED, WATCH_FROZEN, WATCH_ERROR, WATCH_LIMITED };
+enum watch_finding {
+    WATCH_FINE,
+    WATCH_RAIL,
+    WATCH_JUMPED,
+    WATCH_FROZEN,
+    WATCH_ERROR,
+    WATCH_LIMITED,
+    WATCH_OSCILLATION
+};
 
 struct watch_config {
     int32_t error_limit_q16; /* um, either way */
@@ -40,7 +50,9 @@ struct watch_state {
     uint32_t same_ticks;                             /* with this code */
     int32_t same_u_q24;                              /* output when it came */
     uint32_t code;
-    uint32_t primed; /* 0: `code` is none yet */
+    uint32_t primed;      /* 0: `code` is none yet */
+    uint32_t range_ticks; /* in a row outside its range */
+    uint32_t padding;
 };
 
 struct watch_tick {
@@ -51,5 +63,8 @@ struct watch_tick {
 
 enum watch_finding watch_step(const struct watch_config *config, struct watch_state *state,
                               const struct watch_tick *tick);
+
+/* False when the code was outside [low, high] for WATCH_RANGE_TICKS. */
+bool watch_range(struct watch_state *state, uint16_t adc_code, uint32_t low, uint32_t high);
 
 #endif

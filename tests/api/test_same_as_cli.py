@@ -36,6 +36,10 @@ COUNTERPARTS = {
     "info": "Controller.info",
     "ports": "ports",
     "log record": "Controller.record",
+    "limits": "Controller.set_limits",
+    "log faults": "Controller.fault_log",
+    "log trigger": "Controller.trigger",
+    "log pull": "Controller.pull",
     "log info": "Recording.facts",
     "log export": "export",
     "log import": "import_recordings",
@@ -130,9 +134,7 @@ def test_track(folder: Path, wave: str, words: list[str], options: dict[str, Any
     model = [] if wave.startswith("sine:5V") else ["--model", folder / "stage.toml"]
     printed = cli("track", wave, *words, *model, "--duration", 1)
     with pl.connect() as dev:
-        if model:
-            dev.upload(folder / "stage.toml")
-        run = dev.track(wave, duration=1, **options)
+        run = dev.track(wave, duration=1, model=folder / "stage.toml" if model else None, **options)
     assert plain(run.figures) == printed
 
 

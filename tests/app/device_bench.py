@@ -187,6 +187,7 @@ AXIS_MODEL = wire.AxisModel(
     coupling_q28=(1 << 28, 0, 0),
     error_limit_q16=70 * UM,
     error_ticks=500,
+    oscillation_limit_q16=0,
 )
 COUPLING = ((1.0, 0.02, -0.013), (0.04, 1.0, 0.017), (-0.024, 0.031, 1.0))
 

@@ -263,6 +263,23 @@ static void send_wave(void)
     send(WIRE_WAVE_COMMIT, SESSION, payload, WIRE_WAVE_COMMIT_REQUEST_SIZE);
 }
 
+/* Now and then none, so that all of the range is tried as well. */
+static void send_limits(void)
+{
+    uint8_t payload[WIRE_LIMITS_SET_REQUEST_SIZE];
+    struct wire_limits_set_request set;
+    bool none = below(2) == 0;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        set.limits[axis] =
+            (struct wire_axis_limits){.dac_min = (uint16_t)(none ? 0 : below(32000)),
+                                      .dac_max = (uint16_t)(65535 - (none ? 0 : below(8000))),
+                                      .slew_codes_q16 = none || below(2) ? UINT32_MAX : (uint32_t)random_value(),
+                                      .adc_min = (uint16_t)(none ? 0 : below(1500)),
+                                      .adc_max = (uint16_t)(65535 - (none ? 0 : below(1500)))};
+    wire_pack_limits_set_request(&set, payload, sizeof payload);
+    send(WIRE_LIMITS_SET, SESSION, payload, sizeof payload);
+}
+
 static void check(const struct control *before)
 {
     const struct control *now = &device.control;
@@ -276,6 +293,9 @@ static void check(const struct control *before)
         CHECK(step <= config->output.slew_q24 && step >= -(int64_t)config->output.slew_q24);
         CHECK(now->axis[axis].u_q24 >= config->output.u_min_q24 && now->axis[axis].u_q24 <= config->output.u_max_q24);
         CHECK(config->mode < WIRE_MODE_COUNT && config->path.kind < WIRE_PATH_KIND_COUNT);
+        const struct wire_axis_limits *limits = &device.journal.newest.limits[axis];
+        uint16_t code = device.dac_codes[axis];
+        CHECK(now->axis[axis].u_q24 == 0 || (code >= limits->dac_min && code <= limits->dac_max));
         if (now->state == WIRE_STATE_PARKED || now->state == WIRE_STATE_STOPPING)
             CHECK(step <= config->ramp_q24 && step >= -(int64_t)config->ramp_q24);
     }
@@ -306,6 +326,8 @@ static void run(unsigned count)
                              axis_mode_inverts(device.control.config[axis].mode);
         if (below(2))
             take_outgoing();
+        if (below(4) == 0)
+            fault_log_write(&device);
     }
 }
 
@@ -319,6 +341,8 @@ static void noise(void)
 
 static void round_trip(void)
 {
+    if (below(600) == 0)
+        send_limits();
     switch (below(13)) {
     case 0:
         noise();
@@ -368,7 +392,8 @@ int main(int count, char **arguments)
                 host_flash_init(&flash, NULL, 0);
             else if (below(2))
                 fill(flash.cells.bytes + below(HOST_FLASH_CELLS - 8), 8);
-            port.flash = host_flash_port(&flash);
+            port.flash = host_flash_models(&flash);
+            port.records = host_flash_journal(&flash);
             port.update = (struct update_port){
                 .flash = host_flash_images(&flash),
                 .places = {.address = {0x08020000u, 0x08040000u}, .slot_size = HOST_IMAGE_SLOT_SIZE},

@@ -67,6 +67,7 @@ BAD_FIELDS = [
     ("coupling_q28", (1 << 28, -(2 << 28), 1 << 29)),
     ("error_limit_q16", -1),
     ("error_ticks", 0),
+    ("oscillation_limit_q16", -1),
 ]
 
 

@@ -15,8 +15,8 @@ from phaselead.device import wire
 HEADER = struct.Struct("<5I24s20s")
 MAGIC = 0x31494C50
 SLOTS = (0x0802_0000, 0x0804_0000)
-SLOT_SIZE, RECORD_SIZE, MODELS_SIZE = 2048, 16384, 8192
-CELLS = MODELS_SIZE + 2 * SLOT_SIZE + RECORD_SIZE
+SLOT_SIZE, RECORD_SIZE, OWN_SIZE = 2048, 16384, 4 * 4096
+CELLS = OWN_SIZE + 2 * SLOT_SIZE + RECORD_SIZE
 IMAGE_SIZE = 0x200 + 40
 TRIAL_TICKS, RESTART_TICKS, ATTEMPTS = 50_000, 100, 3
 OLD, NEW, NEWER = (bytes([digit]) * 20 for digit in (0x11, 0x22, 0x33))
@@ -38,7 +38,7 @@ def entry(kind, slot, image_crc=0):
 
 def flashed(*, a=b"", b=b"", record=b""):
     """Cells of a device with these images and entries, none in doubt."""
-    cells = b"\xff" * MODELS_SIZE + a.ljust(SLOT_SIZE, b"\xff") + b.ljust(SLOT_SIZE, b"\xff")
+    cells = b"\xff" * OWN_SIZE + a.ljust(SLOT_SIZE, b"\xff") + b.ljust(SLOT_SIZE, b"\xff")
     return (cells + record.ljust(RECORD_SIZE, b"\xff")).ljust(2 * CELLS, b"\0") + struct.pack("<I", 1)
 
 
@@ -165,7 +165,7 @@ def test_an_image_that_is_damaged_is_not_started():
     cells = bytearray(bench.firmware.cells())
     for at in (*range(0, HEADER.size), HEADER.size + 100, IMAGE_SIZE - 1):
         damaged = bytearray(cells)
-        damaged[MODELS_SIZE + SLOT_SIZE + at] ^= 0x10
+        damaged[OWN_SIZE + SLOT_SIZE + at] ^= 0x10
         assert running(boot(bytes(damaged))) == OLD, at
 
 
@@ -281,7 +281,7 @@ def test_a_full_record_is_written_anew():
     for number in range(1, 4):
         cells = updated(cells, bytes([number]) * 20, number % 2)
     assert running(boot(cells)) == bytes([3]) * 20
-    start = MODELS_SIZE + 2 * SLOT_SIZE
+    start = OWN_SIZE + 2 * SLOT_SIZE
     assert cells[start : start + 32] == entry(3, 0) * 2  # what ran when it was erased
 
 
@@ -304,7 +304,7 @@ def test_entries_that_are_none_say_nothing(record, runs):
 
 
 def record_of(bench):
-    start = MODELS_SIZE + 2 * SLOT_SIZE
+    start = OWN_SIZE + 2 * SLOT_SIZE
     return bench.firmware.cells()[start : start + RECORD_SIZE]
 
 
@@ -319,7 +319,7 @@ def test_a_confirmation_is_written_twice_at_the_latest_at_the_next_start():
 @pytest.mark.parametrize("seed", range(1, 9))
 def test_a_place_that_does_not_take_an_entry_is_passed_over(seed):
     cells = bytearray(factory())
-    cells[CELLS + MODELS_SIZE + 2 * SLOT_SIZE + 32] = 1  # the next place's first bit reads either way
+    cells[CELLS + OWN_SIZE + 2 * SLOT_SIZE + 32] = 1  # the next place's first bit reads either way
     cells[-4:] = seed.to_bytes(4, "little")
     bench = boot(bytes(cells))
     bench.ok(wire.HelloRequest())

@@ -127,6 +127,10 @@ class AxisConfig(ct.Structure):
         ("output", OutputConfig),
         ("converter", ConverterConfig),
         ("error_ticks", ct.c_uint32),
+        ("code_min", ct.c_uint32),
+        ("code_max", ct.c_uint32),
+        ("oscillation_limit_q16", ct.c_int32),
+        ("padding", ct.c_uint32),
         ("enter_turn64", ct.c_uint64),
         ("leave_turn64", ct.c_uint64),
         ("enter_ticks", ct.c_uint32),
@@ -291,6 +295,30 @@ class WatchState(ct.Structure):
         ("same_u_q24", ct.c_int32),
         ("code", ct.c_uint32),
         ("primed", ct.c_uint32),
+        ("range_ticks", ct.c_uint32),
+        ("padding", ct.c_uint32),
+    ]
+
+
+class OscillationBlock(ct.Structure):
+    _fields_ = [
+        ("energy", ct.c_uint32),
+        ("reference_energy", ct.c_uint32),
+        ("before", ct.c_uint32),
+        ("parts", ct.c_uint8),
+        ("sign_changed", ct.c_uint8),
+        ("grown", ct.c_uint8),
+        ("weight", ct.c_uint8),
+    ]
+
+
+class OscillationState(ct.Structure):
+    _fields_ = [
+        ("error_low", ct.c_int32 * 3),
+        ("reference_low", ct.c_int32 * 3),
+        ("blocks", OscillationBlock * 6),
+        ("last_q16", ct.c_int32),
+        ("primed", ct.c_uint32),
     ]
 
 
@@ -320,6 +348,7 @@ class AxisState(ct.Structure):
         ("join", JoinState),
         ("near_ticks", ct.c_uint32),
         ("reserved", ct.c_uint32),
+        ("oscillation", OscillationState),
     ]
 
 
@@ -454,6 +483,8 @@ PROTOTYPES = {
     "motion_of_path": (MotionBounds, [ct.POINTER(PathConfig), U32]),
     "motion_of_join": (MotionBounds, [ct.POINTER(MotionBounds), ct.POINTER(MotionBounds), U64, U64]),
     "motion_steepest_q30": (U32, [ct.c_void_p]),
+    "oscillation_step": (ct.c_bool, [ct.POINTER(OscillationState), I32, I32, I32]),
+    "watch_range": (ct.c_bool, [ct.POINTER(WatchState), U16, ct.c_uint32, ct.c_uint32]),
     "watch_step": (ct.c_int, [ct.POINTER(WatchConfig), ct.POINTER(WatchState), ct.POINTER(WatchTick)]),
     "axis_set_target": (ct.c_bool, [ct.POINTER(AxisConfig), ct.POINTER(AxisModel), ct.POINTER(AxisState)]),
     "axis_step": (

@@ -121,4 +121,12 @@ def test_counts_do_not_wrap(core):
     watch.state.code = 0
     assert watch.tick(0, limited=True, error_q16=20 * UM) == RAIL
     assert watch.state.rail_ticks == watch.state.error_ticks == watch.state.limited_ticks == 2**32 - 1
-    assert ct.sizeof(WatchState) == 36
+    assert ct.sizeof(WatchState) == 44
+
+
+@given(low=st.integers(0, 65535), high=st.integers(0, 65535), codes=st.lists(st.integers(0, 65535), max_size=40))
+def test_a_range_is_left_with_the_third_code_in_a_row_outside(core, low, high, codes):
+    state, outside = WatchState(), 0
+    for code in codes:
+        outside = outside + 1 if not low <= code <= high else 0
+        assert core.watch_range(state, code, low, high) == (outside < 3)

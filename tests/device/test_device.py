@@ -46,6 +46,7 @@ AXIS = wire.AxisModel(
     coupling_q28=(0,) * 3,
     error_limit_q16=0,
     error_ticks=0,
+    oscillation_limit_q16=0,
     **NO_COMPENSATION,
 )
 
@@ -147,7 +148,7 @@ def test_a_refused_field_is_named_and_the_old_model_stays(device: Device, change
 
 def test_every_model_field_has_its_name() -> None:
     assert model_field(101) == "axis y, flags"
-    assert model_field(200 + len(fields(wire.AxisModel))) == "axis z, error_ticks"
+    assert model_field(200 + len(fields(wire.AxisModel))) == "axis z, oscillation_limit_q16"
     assert "head" in model_field(999)
 
 

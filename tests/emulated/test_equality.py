@@ -19,6 +19,10 @@ TICKS = 100_000
 BUDGET = Path(__file__).parents[2] / "benchmarks" / "budget.py"
 MODEL_SLOT, MODEL_SLOT_SIZE = 0xC000, 0x10000
 """The first one, sector 4, in an image that begins with sector 1."""
+JOURNAL, JOURNAL_SIZE = 0x4000, 2 * 0x4000
+"""Sectors 2 and 3 in it."""
+OWN_SECTOR = 4096
+"""What the journal uses of a sector, and all there is of it in the process."""
 RECORD_SIZE = 16 + wire.Model.SIZE
 
 
@@ -147,6 +151,9 @@ def test_board_and_process_say_the_same_bits(board, stage, start):
     slot = image[MODEL_SLOT:]
     assert slot[:RECORD_SIZE] == own[:RECORD_SIZE] != b"\xff" * RECORD_SIZE
     assert set(slot[RECORD_SIZE:MODEL_SLOT_SIZE]) == {0xFF}
+    journal, own_journal = image[JOURNAL:][:JOURNAL_SIZE], own[2 * OWN_SECTOR :]
+    assert journal[:OWN_SECTOR] == own_journal[:OWN_SECTOR] != b"\xff" * OWN_SECTOR
+    assert set(journal[OWN_SECTOR:]) == {0xFF}
 
 
 def test_every_place_of_a_model_says_the_same_bits(stage, start):

@@ -117,5 +117,5 @@ def test_tracking_is_as_hard_as_the_papers(axis, fitted):
 
 
 def test_the_papers_gains_are_stable_only_through_their_derivative(axis, fitted):
-    with pytest.raises(DeviceFault, match="adc_rail"):
+    with pytest.raises(DeviceFault, match="oscillation"):
         track(axis, fitted, "pid", {**PAPER, "kd_V_s_per_um": 0.0})

@@ -4,13 +4,16 @@
 
 #define ERASED 0xFF
 #define SEED 0x9E3779B9u
-#define MODEL_SLOTS 2u
+
+/* Slots of the cells, in this order: models, journal, images, boot record. */
+#define JOURNAL_SLOT FLASH_SLOTS
+#define IMAGE_SLOT (JOURNAL_SLOT + FLASH_SLOTS)
 
 bool host_flash_init(struct host_flash *flash, const uint8_t *image, size_t size)
 {
     memset(flash, 0, sizeof *flash);
     memset(flash->cells.bytes, ERASED, HOST_FLASH_CELLS);
-    if (image && size != HOST_FLASH_SIZE && size != sizeof flash->cells)
+    if (image && size != HOST_MODELS_SIZE && size != HOST_FLASH_SIZE && size != sizeof flash->cells)
         return false;
     if (image)
         memcpy(&flash->cells, image, size);
@@ -57,9 +60,9 @@ static bool program_at(struct host_flash *flash, size_t from, const uint8_t *byt
 
 static size_t slot_size(unsigned slot)
 {
-    if (slot < MODEL_SLOTS)
-        return HOST_MODEL_SLOT_SIZE;
-    return slot < MODEL_SLOTS + BOOT_RECORD_SLOT ? HOST_IMAGE_SLOT_SIZE : BOOT_RECORD_SIZE;
+    if (slot < IMAGE_SLOT)
+        return slot < JOURNAL_SLOT ? HOST_MODEL_SLOT_SIZE : HOST_JOURNAL_SLOT_SIZE;
+    return slot < IMAGE_SLOT + BOOT_RECORD_SLOT ? HOST_IMAGE_SLOT_SIZE : BOOT_RECORD_SIZE;
 }
 
 static size_t slot_start(unsigned slot)
@@ -100,24 +103,45 @@ static void read(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, 
             bytes[i] ^= flash->cells.doubtful[from + i] & next_random(&flash->cells);
 }
 
+static bool erase_journal(void *context, unsigned slot)
+{
+    return erase(context, JOURNAL_SLOT + slot);
+}
+
+static bool program_journal(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size)
+{
+    return program(context, JOURNAL_SLOT + slot, offset, bytes, size);
+}
+
+static void read_journal(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size)
+{
+    read(context, JOURNAL_SLOT + slot, offset, bytes, size);
+}
+
 static bool erase_image(void *context, unsigned slot)
 {
-    return erase(context, MODEL_SLOTS + slot);
+    return erase(context, IMAGE_SLOT + slot);
 }
 
 static bool program_image(void *context, unsigned slot, uint32_t offset, const uint8_t *bytes, size_t size)
 {
-    return program(context, MODEL_SLOTS + slot, offset, bytes, size);
+    return program(context, IMAGE_SLOT + slot, offset, bytes, size);
 }
 
 static void read_image(void *context, unsigned slot, uint32_t offset, uint8_t *bytes, size_t size)
 {
-    read(context, MODEL_SLOTS + slot, offset, bytes, size);
+    read(context, IMAGE_SLOT + slot, offset, bytes, size);
 }
 
-struct flash_port host_flash_port(struct host_flash *flash)
+struct flash_port host_flash_models(struct host_flash *flash)
 {
     return (struct flash_port){.erase = erase, .program = program, .read = read, .context = flash};
+}
+
+struct flash_port host_flash_journal(struct host_flash *flash)
+{
+    return (struct flash_port){
+        .erase = erase_journal, .program = program_journal, .read = read_journal, .context = flash};
 }
 
 struct flash_port host_flash_images(struct host_flash *flash)

@@ -8,12 +8,15 @@
 #include <stdbool.h>
 
 #include "app/boot_record.h"
+#include "app/journal.h"
 #include "app/model_store.h"
 
 #define HOST_MODEL_SLOT_SIZE 4096u
+#define HOST_JOURNAL_SLOT_SIZE 4096u
 #define HOST_IMAGE_SLOT_SIZE 2048u
-/* What a simulated device keeps: its models. */
-#define HOST_FLASH_SIZE (2 * HOST_MODEL_SLOT_SIZE)
+#define HOST_MODELS_SIZE (FLASH_SLOTS * HOST_MODEL_SLOT_SIZE)
+/* What a simulated device keeps: its models and its journal. */
+#define HOST_FLASH_SIZE (HOST_MODELS_SIZE + FLASH_SLOTS * HOST_JOURNAL_SLOT_SIZE)
 /* And what a restart keeps as well: images and the boot record. */
 #define HOST_FLASH_CELLS (HOST_FLASH_SIZE + IMAGE_SLOTS * HOST_IMAGE_SLOT_SIZE + BOOT_RECORD_SIZE)
 
@@ -32,10 +35,13 @@ struct host_flash {
 };
 
 _Static_assert(FLASH_RECORD_SIZE <= HOST_MODEL_SLOT_SIZE, "a record does not fit its slot");
+_Static_assert(JOURNAL_SECTOR_SIZE <= HOST_JOURNAL_SLOT_SIZE, "a sector of the journal does not fit its slot");
 
-/* image: HOST_FLASH_SIZE bytes, a struct host_cells, or NULL for erased. False: it has another size. */
+/* image: HOST_FLASH_SIZE bytes, only the models' (HOST_MODELS_SIZE, an older version's), a struct host_cells, or NULL;
+ * what is missing is erased. False: it has another size. */
 bool host_flash_init(struct host_flash *flash, const uint8_t *image, size_t size);
-struct flash_port host_flash_port(struct host_flash *flash);
+struct flash_port host_flash_models(struct host_flash *flash);
+struct flash_port host_flash_journal(struct host_flash *flash);
 struct flash_port host_flash_images(struct host_flash *flash);
 
 #endif

@@ -77,8 +77,12 @@ struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_
         free(host);
         return NULL;
     }
-    host->port = (struct device_port){
-        .flash = host_flash_port(&host->flash), .obeyed = note_obeyed, .context = host, .baud = baud, .target = TARGET};
+    host->port = (struct device_port){.flash = host_flash_models(&host->flash),
+                                      .records = host_flash_journal(&host->flash),
+                                      .obeyed = note_obeyed,
+                                      .context = host,
+                                      .baud = baud,
+                                      .target = TARGET};
     boot(host, WIRE_RESET_CAUSE_POWER_ON);
     return host;
 }
@@ -218,6 +222,7 @@ uint64_t host_run(struct host_device *host, struct plant *plant, uint64_t ticks,
         device_tick(&host->device, adc_codes, dac_codes);
         plant_drive(plant, dac_codes);
         run_line(host);
+        fault_log_write(&host->device);
         restart_when_due(host);
     }
     return ticks;
@@ -231,6 +236,7 @@ void host_run_codes(struct host_device *host, const uint16_t *adc_codes, uint16_
             take_in(host);
         device_tick(&host->device, adc_codes + AXES * i, dac_codes + AXES * i);
         send(host, &bytes);
+        fault_log_write(&host->device);
         restart_when_due(host);
     }
 }
@@ -326,6 +332,8 @@ void host_inject(struct host_device *host, uint32_t fault, uint32_t axis)
     } else if (fault == WIRE_FAULT_CORE_LOST) {
         boot(host, WIRE_RESET_CAUSE_WATCHDOG);
     } else {
+        if (fault == WIRE_FAULT_INTERLOCK)
+            device_input(&host->device);
         device_raise(&host->device, (enum wire_fault)fault, axis, 0);
     }
 }

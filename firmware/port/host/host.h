@@ -20,8 +20,8 @@
 
 struct host_device;
 
-/* A device fresh from power-on. flash: its models (HOST_FLASH_SIZE bytes, flash.h), what host_cells() gave, or NULL for
- * erased. NULL when the image has another size or memory is short. */
+/* A device fresh from power-on. flash: its models and journal (HOST_FLASH_SIZE bytes, flash.h), what host_cells() gave,
+ * or NULL for erased. NULL when the image has another size or memory is short. */
 HOST_API struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size);
 HOST_API void host_close(struct host_device *device);
 

@@ -93,6 +93,8 @@ struct place {
 
 static const struct place MODELS[] = {{MODEL_A_FLASH, MODEL_FLASH_SIZE, MODEL_A_SECTOR},
                                       {MODEL_B_FLASH, MODEL_FLASH_SIZE, MODEL_B_SECTOR}};
+static const struct place JOURNAL[] = {{JOURNAL_FLASH, JOURNAL_FLASH_SIZE, JOURNAL_SECTOR},
+                                       {JOURNAL_FLASH + JOURNAL_FLASH_SIZE, JOURNAL_FLASH_SIZE, JOURNAL_SECTOR + 1}};
 static const struct place IMAGES[] = {[IMAGE_SLOT_A] = {IMAGE_A_FLASH, IMAGE_FLASH_SIZE, IMAGE_A_SECTOR},
                                       [IMAGE_SLOT_B] = {IMAGE_B_FLASH, IMAGE_FLASH_SIZE, IMAGE_B_SECTOR},
                                       [BOOT_RECORD_SLOT] = {BOOT_RECORD_FLASH, BOOT_RECORD_SIZE, BOOT_RECORD_SECTOR}};
@@ -141,6 +143,13 @@ struct flash_port flash_models(struct device *device)
 {
     static struct places places;
     places = (struct places){device, MODELS};
+    return port_of(&places);
+}
+
+struct flash_port flash_journal(struct device *device)
+{
+    static struct places places;
+    places = (struct places){device, JOURNAL};
     return port_of(&places);
 }
 

@@ -1,4 +1,5 @@
-/* Flash as the device needs it: two slots for models, two for images, and the boot record. The chip cannot fetch from
+/* Flash as the device needs it: two slots for models, two for the journal, two for
+ * images, and the boot record. The chip cannot fetch from
  * flash while it erases or programs, for 1 to 2 s an erase, so meanwhile everything that runs is in RAM: the loop that
  * waits, the vectors, the parked tick.
  */
@@ -9,6 +10,7 @@
 
 /* Erase and program only while every output is at rest or held. */
 struct flash_port flash_models(struct device *device);
+struct flash_port flash_journal(struct device *device);
 
 /* `on_trial`: as the bootloader said. */
 struct update_port flash_images(struct device *device, bool on_trial);

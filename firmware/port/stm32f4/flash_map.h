@@ -1,10 +1,13 @@
-/* The first 512 KB of flash, which both parts have. Sectors 2 and 3 are for the device's own records. */
+/* The first 512 KB of flash, which both parts have. */
 #ifndef PHASELEAD_STM32F4_FLASH_MAP_H
 #define PHASELEAD_STM32F4_FLASH_MAP_H
 
 #define BOOTLOADER_FLASH 0x08000000u  /* sector 0, 16 KB */
 #define BOOT_RECORD_FLASH 0x08004000u /* sector 1, 16 KB */
 #define BOOT_RECORD_SECTOR 1u
+#define JOURNAL_FLASH 0x08008000u /* sectors 2 and 3, 16 KB each */
+#define JOURNAL_SECTOR 2u
+#define JOURNAL_FLASH_SIZE 0x4000u
 #define MODEL_A_FLASH 0x08010000u /* sector 4, 64 KB */
 #define MODEL_A_SECTOR 4u
 #define IMAGE_A_FLASH 0x08020000u /* sectors 5 and 6, 128 KB each */

@@ -54,6 +54,7 @@ int main(void)
         core_lost(WIRE_CORE_LOSS_CLOCK_STOPPED, 0);
     converters_reset_adc(); /* it is ready again long before the first tick */
     struct device_port port = {.flash = flash_models(&device),
+                               .records = flash_journal(&device),
                                .update = flash_images(&device, start_was_a_trial()),
                                .lock = tick_lock,
                                .unlock = tick_unlock,
@@ -72,6 +73,7 @@ int main(void)
     update_read_record(&device);
     for (;;) {
         tick_main_loop_alive();
+        fault_log_write(&device);
         if (update_restart_is_due(&device))
             start_again();
         if (!serial_poll(&device))

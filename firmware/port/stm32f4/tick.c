@@ -49,6 +49,8 @@ static uint16_t dac_codes_held[AXES]; /* DAC_BEHIND: on the way from where it st
 static void watch_interlock(void)
 {
     interlock_open_ticks = pin_is_high(GPIOC, PIN_INTERLOCK) ? interlock_open_ticks + 1 : 0;
+    if (interlock_open_ticks == 1)
+        device_input(ticking);
     if (interlock_open_ticks >= INTERLOCK_TICKS) /* as long as it is: a fault that is cleared meanwhile comes back */
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
 }

@@ -1,4 +1,4 @@
-"""log record, export, info, recover; replay."""
+"""log record, trigger, pull, faults, export, info, recover; replay."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ from phaselead.cli.common import (
 from phaselead.cli.listing import top_level
 from phaselead.record import RUN_SUFFIXES, check_output
 
+TRIGGERS = ("fault", "set_point", "threshold", "input")
+
 
 @top_level(order=140, group="records")
 @click.group()
 def log() -> None:
-    """Take recordings, look into them, convert them."""
+    """Take recordings, look into them, convert them; what the device remembers."""
 
 
 @log.command()
@@ -53,6 +55,66 @@ def record(
         facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
     warn_of_gaps(facts)
     emit_pairs(facts, json_to)
+
+
+@log.command()
+@port_option
+@click.option("--on", type=click.Choice(TRIGGERS), default="fault", show_default=True)
+@axis_option
+@click.option("--above", "above_um", metavar="UM", type=float, help="threshold: when the position rises above this.")
+@click.option("--below", "below_um", metavar="UM", type=float, help="threshold: when it falls below this.")
+@click.option("--every", metavar="N", type=int, default=1, show_default=True, help="Keep each Nth tick only.")
+@click.option("--after", metavar="SHARE", type=float, default=0.25, show_default=True, help="Of it after the trigger.")
+@json_option
+def trigger(
+    port: str,
+    on: str,
+    axis: str,
+    above_um: float | None,
+    below_um: float | None,
+    every: int,
+    after: float,
+    json_to: str | None,
+) -> None:
+    """Choose what freezes the recorder that is always on; a fault always does."""
+    from phaselead.control import connect
+
+    with connect(port, park_on_exit=False) as device:
+        facts = device.trigger(on, axis=axis, above_um=above_um, below_um=below_um, every=every, after=after)
+    emit_pairs(facts, json_to)
+
+
+@log.command()
+@port_option
+@click.option("-o", "--output", metavar="OUT", required=True, help="Ends in .csv, .h5, .mat or .parquet.")
+@click.option("--keep", is_flag=True, help="Leave it frozen; default: it waits for the next fault.")
+@click.option("--force", is_flag=True, help="Write over OUT if it exists.")
+@json_option
+def pull(port: str, output: str, keep: bool, force: bool, json_to: str | None) -> None:
+    """Fetch what the recorder that is always on has frozen: what led to a fault or another trigger."""
+    from phaselead.control import connect
+    from phaselead.record import SUFFIXES, check_output
+    from phaselead.record import export as export_recording
+
+    check_output(output, suffixes=SUFFIXES, overwrite=force)
+    with connect(port, park_on_exit=False) as device:
+        recording = device.pull(keep=True)
+        export_recording(recording, output, overwrite=force)
+        if not keep:
+            device.trigger()
+    emit_pairs(recording.facts() | {"output": output}, json_to)
+
+
+@log.command()
+@port_option
+@json_option
+def faults(port: str, json_to: str | None) -> None:
+    """Print the last 16 faults of the device, those before its last resets included."""
+    from phaselead.control import connect
+
+    with connect(port, park_on_exit=False) as device:
+        found = device.fault_log()
+    emit(found.as_dict(), json_to, found.tables())
 
 
 @log.command()

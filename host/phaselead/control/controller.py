@@ -19,6 +19,7 @@ from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.run import Run
+from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows
 from phaselead.control.uploaded import Upload
@@ -30,6 +31,7 @@ from phaselead.device import (
     SelfTest,
     StatusInUnits,
     device_model,
+    held_back,
     park_quietly,
     recall,
     remember,
@@ -76,7 +78,7 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     return controller
 
 
-class Controller(HoldsAndMoves):
+class Controller(HoldsAndMoves, Supervision):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -203,7 +205,8 @@ class Controller(HoldsAndMoves):
 
         ``model`` is a stage, the result of a fit or a stage file's name. ``persist`` also writes it to flash, so that
         it survives a power cycle. Raises BadInput for a coefficient the device's formats cannot hold, and for gains of
-        the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns.
+        the model's own whose loop has a peak sensitivity above 6, unless ``force``; above 3 it warns, as it does where
+        the model asks for more than the device's hard limits: the tighter of both hold.
         """
         stage = as_stage(model)
         for line in own_loop_warnings(stage, force=force):
@@ -211,6 +214,8 @@ class Controller(HoldsAndMoves):
         blob = device_model(stage)
         crc = self.device.upload(blob)
         self.model = stage
+        for line in held_back(self.device, stage):
+            warnings.warn(line, stacklevel=2)
         return Upload(stage, len(blob), f"{crc:08x}", self.device.persist() if persist else None)
 
     def identify(

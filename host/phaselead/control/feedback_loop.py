@@ -42,7 +42,7 @@ class Loop(Result):
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
     ...     model = pl.fit(dev.record("sine:5V@5Hz", duration=1))
-    >>> loop = pl.loop(model, gains="paper")
+    >>> loop = pl.loop(model, gains=(0, 10, 0))
     >>> loop.stable, loop.peak_sensitivity > 1
     (True, True)
     """

@@ -7,9 +7,11 @@ from phaselead.device.capture import DeviceFault, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
+from phaselead.device.fault_log import FaultLog, read_fault_log
 from phaselead.device.flash import flash_board, flash_by_wire
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
+from phaselead.device.limits import AxisLimits, Limits, held_back, read_limits, set_limits, written_limit
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
@@ -25,6 +27,7 @@ from phaselead.device.standing import (
 )
 from phaselead.device.status import DeviceStatus
 from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
+from phaselead.device.transient import Trigger, pull, set_trigger
 from phaselead.device.wire import Channel, Mode
 from phaselead.serial_ports import BAUD
 
@@ -34,6 +37,7 @@ __all__ = [
     "IDS_RESERVED",
     "LARGEST_STEP",
     "TICK_HZ",
+    "AxisLimits",
     "AxisWhere",
     "Capture",
     "Channel",
@@ -41,10 +45,12 @@ __all__ = [
     "Device",
     "DeviceFault",
     "DeviceStatus",
+    "FaultLog",
     "FaultPage",
     "FrameReader",
     "Gap",
     "LeftRunning",
+    "Limits",
     "Mode",
     "MotionLimits",
     "SelfTest",
@@ -53,6 +59,7 @@ __all__ = [
     "Standing",
     "StatusInUnits",
     "Stream",
+    "Trigger",
     "Where",
     "after_interrupt",
     "axes_of",
@@ -66,17 +73,24 @@ __all__ = [
     "flash_board",
     "flash_by_wire",
     "from_device_model",
+    "held_back",
     "inverse_refusal",
     "motion",
     "park_quietly",
+    "pull",
     "read_capture",
+    "read_fault_log",
+    "read_limits",
     "recall",
     "recording_of",
     "remember",
     "replay_facts",
     "selftest",
+    "set_limits",
+    "set_trigger",
     "standings",
     "status_in_units",
     "wire",
     "write_run",
+    "written_limit",
 ]

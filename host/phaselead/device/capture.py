@@ -52,7 +52,7 @@ class DeviceFault(DeviceRefused):
     ...         dev.track("sine:20um@5Hz", mode="pid", gains=(0.017, 8.62, 0))  # unstable without its derivative
     ...     except pl.DeviceFault as fault:
     ...         print(fault, len(fault.capture.ticks) > 0)
-    fault adc_rail on axis x at tick ...; the loop of x is unstable: ... True
+    fault oscillation on axis x at tick ...; the loop of x is unstable: ... True
     """
 
     def __init__(self, message: str, capture: Capture) -> None:

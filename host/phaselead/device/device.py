@@ -30,7 +30,7 @@ from phaselead.device.left_running import LeftRunning
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of
-from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, mask_of
+from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.serial_ports import BAUD, open_port
 
@@ -58,6 +58,8 @@ class Device:
         self._baud = baud
         self.hello = session.hello()
         self._modes: dict[str, wire.Mode] = {}
+        self.held_back = ""
+        """Axes for which the device's hard limits are tighter than those of the model last uploaded."""
         self._waves: set[str] = set()
         """Axes whose path is a waveform."""
 
@@ -302,7 +304,7 @@ class Device:
 
         self.session.transfer(send)
         try:
-            request(wire.ModelCommitRequest())
+            self.held_back = axes_of(request(wire.ModelCommitRequest()).held_back)
         except Refused as refusal:
             if refusal.status != wire.Status.MODEL_INVALID or not isinstance(refusal.reply, wire.ModelCommitReply):
                 raise

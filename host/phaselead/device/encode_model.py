@@ -154,7 +154,7 @@ def _wanted_values(found: Compensation) -> dict[str, list[float]]:
 
 def _sent_fields(part: str) -> tuple[str, ...]:
     return {
-        "limits": ("u_min_V", "u_max_V", "u_park_V", "slew_V_per_s", "ramp_V_per_s", "error_um"),
+        "limits": ("u_min_V", "u_max_V", "u_park_V", "slew_V_per_s", "ramp_V_per_s", "error_um", "oscillation_um"),
         "actuator": ("u_min_V", "u_max_V"),
         "sensor": ("x_min_um", "x_max_um"),
         "table": ("swing_V", "f_Hz", "a_um_per_V", "b_deg", "c_um"),
@@ -200,6 +200,7 @@ def _encode_axis(axis: AxisModel, name: str, coupling_row: list[float]) -> wire.
         coupling_q28=encode_coupling(coupling_row, name),
         error_limit_q16=_fixed(limits.error_um, 16, f"{at}.error_um"),
         error_ticks=max(1, round(limits.error_s * TICK_HZ)) if limits.error_um > 0 else 0,
+        oscillation_limit_q16=_fixed(limits.oscillation_um, 16, f"{at}.oscillation_um"),
         **(inverse or NO_COMPENSATION),
     )
 
@@ -327,6 +328,7 @@ def _decode_axis(axis: wire.AxisModel) -> AxisModel:
             ramp_V_per_s=axis.ramp_q24 * TICK_HZ / 2**24,
             error_um=axis.error_limit_q16 / 2**16,
             error_s=axis.error_ticks / TICK_HZ if axis.error_ticks else Limits().error_s,
+            oscillation_um=axis.oscillation_limit_q16 / 2**16,
         ),
         actuator=Actuator(u_min_V=-axis.dac_zero_code * u_lsb, u_max_V=(CODES - axis.dac_zero_code) * u_lsb, bits=16),
         sensor=Sensor(x_min_um=-axis.adc_zero_code * x_lsb, x_max_um=(CODES - axis.adc_zero_code) * x_lsb, bits=16),
@@ -365,7 +367,7 @@ def refused_key(invalid_field: int) -> str:
         "table.swing_V[1]", "table.f_Hz[0]", "table.f_Hz[1]", "table.a_um_per_V", "table.b_deg", "table.c_um",
         "time.delay_s", "effects", "effects", "effects", "effects", "time.gain_um_per_V", "time.offset_um",
         "time.rest_fraction", "time.play_r_V", "time.play_w_um_per_V", "time.deadzone_d_V", "time.deadzone_s_um_per_V",
-        "effects", "limits.error_um", "limits.error_s",
+        "effects", "limits.error_um", "limits.error_s", "limits.oscillation_um",
     )  # fmt: skip
     if axis >= len(AXES) or not 1 <= field < len(keys):
         return "model"

@@ -56,13 +56,15 @@ ADVICE = {
     wire.Status.CRC_MISMATCH: "the data arrived damaged; try again",
     wire.Status.OUTSIDE_RECTANGLE: "outside the swing and frequency the model was identified for; "
     "use mode pid, a smaller path, or identify further",
-    wire.Status.OUTSIDE_LIMITS: "outside the limits of the stage; use a smaller path or offset",
+    wire.Status.OUTSIDE_LIMITS: "outside the limits of the stage, or of the device (`phaselead limits`); "
+    "use a smaller path or offset",
     wire.Status.BAUD_BUDGET: "the stream does not fit the line; use fewer axes or channels, or a decimation",
     wire.Status.MUST_NAME_MODEL: "its model is a fallback; arm naming the model, or upload and persist again",
     wire.Status.FLASH_FAILED: "its flash could not be written; the old model stays; try again",
     wire.Status.FAULT_LATCHED: "a fault is latched; `phaselead status` names it, `phaselead park` clears it",
     wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out; what "
     "`phaselead move` left held, `phaselead park` ends",
+    wire.Status.LIMITS_LOST: "its hard limits cannot be read any more; set them again with `phaselead limits`",
     wire.Status.MODE_UNSUPPORTED: "its firmware does not have this mode",
 }
 """What a status means for every command; protocol/schema.toml says more where one command can."""

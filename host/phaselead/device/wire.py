@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from phaselead.errors import LinkError
 
-FINGERPRINT = 0xBC5FC63C
+FINGERPRINT = 0xD1C20CFC
 VERSION = 2
 REVISION = 1
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
@@ -178,6 +178,7 @@ class Status(IntEnum):
     FAULT_LATCHED = 14
     BUSY = 15
     MODE_UNSUPPORTED = 16
+    LIMITS_LOST = 17
 
 
 class Fault(IntEnum):
@@ -196,6 +197,8 @@ class Fault(IntEnum):
     SENSOR_FROZEN = 10
     SENSOR_JUMP = 11
     OUTPUT_LIMITED = 12
+    POSITION_LIMIT = 13
+    OSCILLATION = 14
 
 
 class ResetCause(IntEnum):
@@ -259,6 +262,23 @@ class UpdateStanding(IntEnum):
     ROLLED_BACK = 2
 
 
+class Trigger(IntEnum):
+    """What freezes the transient recorder; a fault always does."""
+
+    FAULT = 0
+    SET_POINT = 1
+    THRESHOLD = 2
+    INPUT = 3
+
+
+class TransientState(IntEnum):
+    """What the transient recorder does."""
+
+    WAITING = 0
+    TRIGGERED = 1
+    FROZEN = 2
+
+
 @dataclass(frozen=True, slots=True)
 class Biquad(Record):
     """One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2."""
@@ -287,8 +307,8 @@ class AxisModel(Record):
     """One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes."""
 
     NAME: ClassVar[str] = "axis_model"
-    SIZE: ClassVar[int] = 896
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiI")
+    SIZE: ClassVar[int] = 900
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiIi")
     flags: int
     """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are."""
     u_min_q24: int
@@ -352,6 +372,8 @@ class AxisModel(Record):
     ticks.
     """
     error_ticks: int
+    oscillation_limit_q16: int
+    """under feedback, um rms above the loop's band: growing to more is a fault; 0: a 256th of the sensor's range."""
 
     def pack(self) -> bytes:
         if len(self.shape) != 6:
@@ -393,6 +415,7 @@ class AxisModel(Record):
             *self.coupling_q28,
             self.error_limit_q16,
             self.error_ticks,
+            self.oscillation_limit_q16,
         )
 
     @classmethod
@@ -432,6 +455,7 @@ class AxisModel(Record):
             v[163:166],
             v[166],
             v[167],
+            v[168],
         )
 
 
@@ -481,8 +505,8 @@ class Model(Record):
     """The model blob that is uploaded, checked, persisted and read back."""
 
     NAME: ClassVar[str] = "model"
-    SIZE: ClassVar[int] = 2724
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2688s")
+    SIZE: ClassVar[int] = 2736
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<I32s2700s")
     magic: int
     """0x314C4850, 'PHL1'."""
     stage_hash: bytes
@@ -504,7 +528,131 @@ class Model(Record):
     def unpack(cls, payload: bytes) -> Model:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 896]) for i in range(0, 2688, 896)))
+        return cls(v[0], v[1], tuple(AxisModel.unpack(v[2][i : i + 900]) for i in range(0, 2700, 900)))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits(Record):
+    """Hard limits of one axis, in converter codes, so that no model's calibration moves them; 0, 65535 and
+    0xffffffff limit nothing.
+    """
+
+    NAME: ClassVar[str] = "axis_limits"
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHIHH")
+    dac_min: int
+    """lowest output code."""
+    dac_max: int
+    slew_codes_q16: int
+    """largest step of the output, codes per tick."""
+    adc_min: int
+    """lowest sensor code of a set-point and of an axis that follows a path."""
+    adc_max: int
+
+    def pack(self) -> bytes:
+        return _pack(
+            AxisLimits.NAME,
+            AxisLimits.LAYOUT,
+            self.dac_min,
+            self.dac_max,
+            self.slew_codes_q16,
+            self.adc_min,
+            self.adc_max,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> AxisLimits:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4])
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedFault(Record):
+    """One fault of the log."""
+
+    NAME: ClassVar[str] = "logged_fault"
+    SIZE: ClassVar[int] = 19
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"detail"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IQIBBB")
+    power_cycle: int
+    """starts of the device up to then, resets included; 1 is the first."""
+    tick: int
+    """since that start."""
+    detail: int
+    fault: int
+    """none: no fault."""
+    axis: int
+    """255: no axis."""
+    state: int
+    """in which it was met."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            LoggedFault.NAME,
+            LoggedFault.LAYOUT,
+            self.power_cycle,
+            self.tick,
+            self.detail,
+            self.fault,
+            self.axis,
+            self.state,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LoggedFault:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceRecord(Record):
+    """One record of the journal, never sent: its limits and power cycle hold from then on, a fault is added to the
+    log; a CRC-32 follows.
+    """
+
+    NAME: ClassVar[str] = "device_record"
+    SIZE: ClassVar[int] = 68
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IIIB36s19s")
+    magic: int
+    """0x314A4850, 'PHJ1'."""
+    sequence: int
+    """never 0; the newest whole record wins."""
+    power_cycle: int
+    limits_lost: int
+    """the limits that were set could not be read, and none have been set since."""
+    limits: tuple[AxisLimits, ...]
+    fault: tuple[LoggedFault, ...]
+
+    def pack(self) -> bytes:
+        if len(self.limits) != 3:
+            raise WireError(f"device_record: 3 limits expected, got {len(self.limits)}")
+        if len(self.fault) != 1:
+            raise WireError(f"device_record: 1 fault expected, got {len(self.fault)}")
+        return _pack(
+            DeviceRecord.NAME,
+            DeviceRecord.LAYOUT,
+            self.magic,
+            self.sequence,
+            self.power_cycle,
+            self.limits_lost,
+            b"".join(item.pack() for item in self.limits),
+            b"".join(item.pack() for item in self.fault),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> DeviceRecord:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(
+            v[0],
+            v[1],
+            v[2],
+            v[3],
+            tuple(AxisLimits.unpack(v[4][i : i + 12]) for i in range(0, 36, 12)),
+            tuple(LoggedFault.unpack(v[5][i : i + 19]) for i in range(0, 19, 19)),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -1240,22 +1388,31 @@ class ModelCommitReply(Reply):
 
     NAME: ClassVar[str] = "model_commit reply"
     NUMBER: ClassVar[int] = 0x8E
-    SIZE: ClassVar[int] = 11
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQH")
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQHB")
     status: int
     tick: int
     """the tick before which the command took effect."""
     invalid_field: int
     """with model_invalid: 100 * axis + number of the offending field."""
+    held_back: int
+    """mask of axes for which the device's hard limits are tighter than the model's."""
 
     def pack(self) -> bytes:
-        return _pack(ModelCommitReply.NAME, ModelCommitReply.LAYOUT, self.status, self.tick, self.invalid_field)
+        return _pack(
+            ModelCommitReply.NAME,
+            ModelCommitReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.invalid_field,
+            self.held_back,
+        )
 
     @classmethod
     def unpack(cls, payload: bytes) -> ModelCommitReply:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2])
+        return cls(v[0], v[1], v[2], v[3])
 
 
 @dataclass(frozen=True, slots=True)
@@ -1267,6 +1424,9 @@ class ModelCommitRequest(Command[ModelCommitReply]):
     NAME: ClassVar[str] = "model_commit"
     NUMBER: ClassVar[int] = 0x0E
     REPLY: ClassVar[type[Any]] = ModelCommitReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.OUTSIDE_LIMITS: "its limits or the device's (`phaselead limits`) leave out its safe value or the output",
+    }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
 
@@ -2335,6 +2495,304 @@ class UpdateConfirmRequest(Command[UpdateConfirmReply]):
 
 
 @dataclass(frozen=True, slots=True)
+class LimitsSetReply(Reply):
+    """The answer to limits_set."""
+
+    NAME: ClassVar[str] = "limits_set reply"
+    NUMBER: ClassVar[int] = 0xA0
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(LimitsSetReply.NAME, LimitsSetReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsSetReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsSetRequest(Command[LimitsSetReply]):
+    """Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again."""
+
+    NAME: ClassVar[str] = "limits_set"
+    NUMBER: ClassVar[int] = 0x20
+    REPLY: ClassVar[type[Any]] = LimitsSetReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "a lower limit that is not below its upper one, or a slew limit of nothing",
+        Status.OUTSIDE_LIMITS: "they leave out the present output, 0 V or the safe value of the model",
+        Status.FLASH_FAILED: "they could not be kept in flash; those before still hold",
+    }
+    SIZE: ClassVar[int] = 36
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<36s")
+    limits: tuple[AxisLimits, ...]
+
+    def pack(self) -> bytes:
+        if len(self.limits) != 3:
+            raise WireError(f"limits_set: 3 limits expected, got {len(self.limits)}")
+        return _pack(LimitsSetRequest.NAME, LimitsSetRequest.LAYOUT, b"".join(item.pack() for item in self.limits))
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsSetRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(tuple(AxisLimits.unpack(v[0][i : i + 12]) for i in range(0, 36, 12)))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsReadReply(Reply):
+    """The answer to limits_read."""
+
+    NAME: ClassVar[str] = "limits_read reply"
+    NUMBER: ClassVar[int] = 0xA1
+    SIZE: ClassVar[int] = 46
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQB36s")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    limits_lost: int
+    """1: what was set could not be read; arming is refused until limits are set."""
+    limits: tuple[AxisLimits, ...]
+
+    def pack(self) -> bytes:
+        if len(self.limits) != 3:
+            raise WireError(f"limits_read reply: 3 limits expected, got {len(self.limits)}")
+        return _pack(
+            LimitsReadReply.NAME,
+            LimitsReadReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.limits_lost,
+            b"".join(item.pack() for item in self.limits),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsReadReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], tuple(AxisLimits.unpack(v[3][i : i + 12]) for i in range(0, 36, 12)))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsReadRequest(Command[LimitsReadReply]):
+    """The hard limits in force."""
+
+    NAME: ClassVar[str] = "limits_read"
+    NUMBER: ClassVar[int] = 0x21
+    REPLY: ClassVar[type[Any]] = LimitsReadReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LimitsReadRequest:
+        payload = cls.fitted(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class FaultLogReply(Reply):
+    """The answer to fault_log."""
+
+    NAME: ClassVar[str] = "fault_log reply"
+    NUMBER: ClassVar[int] = 0xA2
+    SIZE: ClassVar[int] = 318
+    PLATFORM: ClassVar[frozenset[str]] = frozenset({"power_cycle", "faults"})
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQIB304s")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    power_cycle: int
+    """starts of the device, resets included."""
+    count: int
+    faults: tuple[LoggedFault, ...]
+    """oldest first."""
+
+    def pack(self) -> bytes:
+        if len(self.faults) != 16:
+            raise WireError(f"fault_log reply: 16 faults expected, got {len(self.faults)}")
+        return _pack(
+            FaultLogReply.NAME,
+            FaultLogReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.power_cycle,
+            self.count,
+            b"".join(item.pack() for item in self.faults),
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> FaultLogReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], tuple(LoggedFault.unpack(v[4][i : i + 19]) for i in range(0, 304, 19)))
+
+
+@dataclass(frozen=True, slots=True)
+class FaultLogRequest(Command[FaultLogReply]):
+    """The last 16 faults, those before the last resets included."""
+
+    NAME: ClassVar[str] = "fault_log"
+    NUMBER: ClassVar[int] = 0x22
+    REPLY: ClassVar[type[Any]] = FaultLogReply
+    SIZE: ClassVar[int] = 0
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+
+    def pack(self) -> bytes:
+        return b""
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> FaultLogRequest:
+        payload = cls.fitted(payload)
+        return cls()
+
+
+@dataclass(frozen=True, slots=True)
+class TransientArmReply(Reply):
+    """The answer to transient_arm."""
+
+    NAME: ClassVar[str] = "transient_arm reply"
+    NUMBER: ClassVar[int] = 0xA3
+    SIZE: ClassVar[int] = 11
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQH")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    entries: int
+    """so many it holds."""
+
+    def pack(self) -> bytes:
+        return _pack(TransientArmReply.NAME, TransientArmReply.LAYOUT, self.status, self.tick, self.entries)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientArmReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2])
+
+
+@dataclass(frozen=True, slots=True)
+class TransientArmRequest(Command[TransientArmReply]):
+    """Chooses the transient recorder's trigger beside a fault, empties it and lets it wait."""
+
+    NAME: ClassVar[str] = "transient_arm"
+    NUMBER: ClassVar[int] = 0x23
+    REPLY: ClassVar[type[Any]] = TransientArmReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "no such trigger, axis or channel, decimation 0, or more after the trigger than it holds",
+    }
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBiHH")
+    trigger: int
+    axis: int
+    """threshold: whose channel."""
+    channel: int
+    """threshold: reference, adc or dac."""
+    falling: int
+    """threshold: 0: from below, 1: from above."""
+    level: int
+    """threshold: in the unit of the channel."""
+    decimation: int
+    """1: every tick."""
+    after: int
+    """entries after the one of the trigger."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            TransientArmRequest.NAME,
+            TransientArmRequest.LAYOUT,
+            self.trigger,
+            self.axis,
+            self.channel,
+            self.falling,
+            self.level,
+            self.decimation,
+            self.after,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientArmRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6])
+
+
+@dataclass(frozen=True, slots=True)
+class TransientReadReply(Reply):
+    """The answer to transient_read."""
+
+    NAME: ClassVar[str] = "transient_read reply"
+    NUMBER: ClassVar[int] = 0xA4
+    SIZE: ClassVar[int] = 28
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBQH3BI")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    state: int
+    cause: int
+    trigger_tick: int
+    decimation: int
+    modes: tuple[int, ...]
+    """at the trigger."""
+    size: int
+    """bytes that it holds; 0 as long as it is not frozen."""
+    data: bytes
+    """may be less than was asked for."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            TransientReadReply.NAME,
+            TransientReadReply.LAYOUT,
+            self.status,
+            self.tick,
+            self.state,
+            self.cause,
+            self.trigger_tick,
+            self.decimation,
+            *self.modes,
+            self.size,
+        ) + _tail(TransientReadReply, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientReadReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], v[6:9], v[9], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class TransientReadRequest(Command[TransientReadReply]):
+    """What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32,
+    its low half) and for each axis the fields of [tick].
+    """
+
+    NAME: ClassVar[str] = "transient_read"
+    NUMBER: ClassVar[int] = 0x24
+    REPLY: ClassVar[type[Any]] = TransientReadReply
+    SIZE: ClassVar[int] = 6
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IH")
+    offset: int
+    length: int
+
+    def pack(self) -> bytes:
+        return _pack(TransientReadRequest.NAME, TransientReadRequest.LAYOUT, self.offset, self.length)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TransientReadRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
 class Samples(Message):
     """A batch of ticks, never retransmitted. `data` holds, per tick and for each axis of the mask, the fields of
     [tick] that `channels` asks for, in their order.
@@ -2461,6 +2919,16 @@ MESSAGES: dict[int, type[Message]] = {
     0xB4: UpdateRestartReply,
     0x35: UpdateConfirmRequest,
     0xB5: UpdateConfirmReply,
+    0x20: LimitsSetRequest,
+    0xA0: LimitsSetReply,
+    0x21: LimitsReadRequest,
+    0xA1: LimitsReadReply,
+    0x22: FaultLogRequest,
+    0xA2: FaultLogReply,
+    0x23: TransientArmRequest,
+    0xA3: TransientArmReply,
+    0x24: TransientReadRequest,
+    0xA4: TransientReadReply,
     0x70: Samples,
     0x71: Event,
 }

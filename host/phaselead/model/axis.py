@@ -30,6 +30,10 @@ class Limits(Part):
     ramp_V_per_s: Positive = Field(50.0, description="rate of parking, V/s; at most slew_V_per_s")
     error_um: NotNegative = Field(0.0, description="under feedback: so far off is a fault; 0: a quarter of the sensor")
     error_s: Positive = Field(0.1, description="once it has lasted this long, s")
+    oscillation_um: NotNegative = Field(
+        0.0,
+        description="under feedback, rms above the loop's band: growing to more is a fault; 0: a 256th of the sensor",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -15,7 +15,22 @@ EXCEPTION_FRAME = 36
 INDIRECT = "__indirect_call"
 PORT = ("tick_lock", "tick_unlock", "tick_drive", "erase", "program", "read")
 """What struct device_port points to. Any call through a pointer may be one of these."""
-CALLS_NO_COMMAND = ("command_", "tick_interrupt", "device_", "model_store_", "flash_", "image_", "boot_", "update_")
+CALLS_NO_COMMAND = (
+    "command_",
+    "tick_interrupt",
+    "device_",
+    "model_store_",
+    "flash_",
+    "image_",
+    "boot_",
+    "update_",
+    "journal_",
+    "fault_log_",
+    "read_sector",
+    "move_on",
+    "append",
+    "put",
+)
 """Who begins so calls nothing else through a pointer; others may be where a command is called. A guess that is wrong
 ends in a recursion, which is an error."""
 

@@ -1,0 +1,100 @@
+#include "core/oscillation.h"
+
+#include "core/fixed.h"
+
+#define FIRST_PARTS 5u       /* ticks of the shortest block */
+#define PARTS 2u             /* blocks of each scale in one of the next */
+#define CORNER_SHIFT 3       /* 1 - exp(-2 pi f T) = 1/8: 106 Hz, where the band of a loop on a piezo stage ends */
+#define MOST_Q16 (512 << 16) /* three stages, each at most doubling, times 8, fit 32 bits */
+#define Q16_TO_Q6 10
+#define MOST_LEFT_Q6 (63 << 6) /* its square, over the 160 ticks of the longest block, fits 32 bits */
+/* Growth counts from a thirty-second of the limit on, so that noise does not begin it: energy / 2^10. */
+#define LEAST_SHARE_LOG2 10
+
+/* What is left after OSCILLATION_ORDER high-passes of the first order. */
+static int32_t high_pass_q16(struct oscillation_filter *filter, int32_t x_q16)
+{
+    int32_t left_q16 = clamp_i32(x_q16, -MOST_Q16, MOST_Q16);
+    for (unsigned i = 0; i < OSCILLATION_ORDER; i++) {
+        left_q16 = sub_i32(left_q16, floor_shift_i32(filter->low[i], CORNER_SHIFT));
+        filter->low[i] = add_i32(filter->low[i], left_q16);
+    }
+    return left_q16;
+}
+
+static uint32_t square_q12(int32_t value_q16)
+{
+    int32_t value_q6 = clamp_i32(round_shift_i32(value_q16, Q16_TO_Q6), -MOST_LEFT_Q6, MOST_LEFT_Q6);
+    return (uint32_t)(value_q6 * value_q6);
+}
+
+static bool grows(const struct oscillation_block *block, uint32_t before)
+{
+    return block->sign_changed != 0 && block->energy / 2 >= before &&
+           block->energy / (OSCILLATION_SENSITIVITY * OSCILLATION_SENSITIVITY) >= block->reference_energy;
+}
+
+/* The block is over. `matters`: its energy at the limit; `ticks`: those it lasted. */
+static bool judge(struct oscillation_block *block, uint32_t matters, uint32_t ticks)
+{
+    uint32_t share = matters >> LEAST_SHARE_LOG2, least = share > ticks ? share : ticks; /* the last place of q6 */
+    uint32_t before = block->before > least ? block->before : least;
+    if (!grows(block, before)) {
+        block->grown = block->weight = 0;
+    } else if (block->grown < OSCILLATION_BLOCKS) {
+        block->grown++;
+        block->weight = (uint8_t)(block->weight + (block->energy / 4 >= before ? 2 : 1));
+    }
+    return (block->grown == OSCILLATION_BLOCKS || block->weight >= OSCILLATION_WEIGHT) && block->energy > matters;
+}
+
+static void begin(struct oscillation_block *block)
+{
+    block->before = block->energy;
+    block->energy = block->reference_energy = 0;
+    block->sign_changed = block->parts = 0;
+}
+
+static void add(struct oscillation_block *to, uint32_t energy, uint32_t reference_energy, uint8_t sign_changed)
+{
+    to->energy += energy;
+    to->reference_energy += reference_energy;
+    to->sign_changed |= sign_changed;
+    to->parts++;
+}
+
+/* Every block that is over. A scale is looked at in the tick after the one below it, so that they never all come
+ * together: from the longest down. */
+static bool judge_blocks(struct oscillation_state *state, int32_t limit_q16)
+{
+    bool found = false;
+    for (unsigned i = OSCILLATION_SCALES; i-- > 0;) {
+        struct oscillation_block *block = &state->blocks[i];
+        if (block->parts != (i == 0 ? FIRST_PARTS : PARTS))
+            continue;
+        uint32_t ticks = FIRST_PARTS << i;
+        found = judge(block, square_q12(limit_q16) * ticks, ticks) || found;
+        if (i + 1 < OSCILLATION_SCALES)
+            add(&state->blocks[i + 1], block->energy, block->reference_energy, block->sign_changed);
+        begin(block);
+    }
+    return found;
+}
+
+static void prime(struct oscillation_state *state, int32_t error_q16, int32_t reference_q16)
+{
+    state->primed = 1;
+    state->error.low[0] = clamp_i32(error_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
+    state->reference.low[0] = clamp_i32(reference_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
+}
+
+bool oscillation_step(struct oscillation_state *state, int32_t limit_q16, int32_t error_q16, int32_t reference_q16)
+{
+    if (state->primed == 0)
+        prime(state, error_q16, reference_q16);
+    int32_t error = high_pass_q16(&state->error, error_q16);
+    int32_t reference = high_pass_q16(&state->reference, reference_q16);
+    add(&state->blocks[0], square_q12(error), square_q12(reference), (error ^ state->last_q16) < 0);
+    state->last_q16 = error;
+    return judge_blocks(state, limit_q16);
+}

@@ -1,0 +1,60 @@
+"""limits: what no model may loosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from phaselead.cli.common import emit, json_option, port_option
+from phaselead.cli.listing import top_level
+from phaselead.control import connect
+from phaselead.device import written_limit
+
+
+def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    def parsed(_context: click.Context, _parameter: click.Parameter, value: str | None) -> float | None:
+        return None if value is None else written_limit(value, unit)
+
+    return click.option(name, metavar=unit, callback=parsed, help=text)
+
+
+@top_level(order=125)
+@click.command()
+@port_option
+@click.option("--axis", type=click.Choice(["x", "y", "z"]), help="The axis to limit; without one, only show.")
+@limit_option("--u-min", "V", "Lowest output.")
+@limit_option("--u-max", "V", "Highest output.")
+@limit_option("--slew", "V/s", "Fastest output.")
+@limit_option("--x-min", "um", "Lowest position: of a set-point, and of an axis that follows a path.")
+@limit_option("--x-max", "um", "Highest position.")
+@click.option("--none", "remove", is_flag=True, help="No limits for this axis but those given with it.")
+@json_option
+def limits(
+    port: str,
+    axis: str | None,
+    u_min: float | None,
+    u_max: float | None,
+    slew: float | None,
+    x_min: float | None,
+    x_max: float | None,
+    remove: bool,
+    json_to: str | None,
+) -> None:
+    """Show or set the hard limits of voltage, slew and position.
+
+    They are kept in the device's own flash, apart from the model: a model may be tighter, never looser. Set them while
+    the device is parked.
+    """
+    given = remove or any(value is not None for value in (u_min, u_max, slew, x_min, x_max))
+    if given != (axis is not None):
+        raise click.UsageError("to set limits give --axis and at least one limit, or --none; to show them, neither")
+    with connect(port, park_on_exit=False) as device:
+        if axis is None:
+            found = device.limits()
+        else:
+            found = device.set_limits(
+                axis, u_min_V=u_min, u_max_V=u_max, slew_V_per_s=slew, x_min_um=x_min, x_max_um=x_max, remove=remove
+            )
+    emit(found.as_dict(), json_to, found.tables())

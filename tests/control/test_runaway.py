@@ -1,0 +1,42 @@
+"""A loop that runs away on the real thing: the compiled firmware against a stage with a second mode."""
+
+import pytest
+
+import phaselead as pl
+from phaselead.sim.plant import built_in
+
+SECOND_MODE = {450: (0.017, 8.62, 4e-5), 700: (0.005, 10, 0), 900: (0.01, 8, 1e-4)}
+"""Its frequency in Hz, and gains whose loop is unstable there."""
+
+
+def run(url, wave, gains):
+    with pl.connect(url) as device:
+        return device.track(wave, mode="pid", gains=gains, force=True)
+
+
+def two_modes(tmp_path, f_Hz):
+    stage = built_in("xyz250")
+    x = stage.axes["x"]
+    mode = next(effect for effect in x.effects if effect.name == "resonance")
+    second = mode.model_copy(update={"params": {"f_Hz": float(f_Hz), "zeta": 0.02}})
+    axes = stage.axes | {"x": x.model_copy(update={"effects": (*x.effects, second)})}
+    stage.model_copy(update={"axes": axes}).save(tmp_path / "two.toml")
+    return f"sim://{tmp_path / 'two.toml'}"
+
+
+@pytest.mark.parametrize("f_Hz", SECOND_MODE)
+@pytest.mark.parametrize("wave", ["sine:60um@5Hz", "sine:20um@5Hz"])
+def test_a_second_mode_that_runs_away_is_found_before_the_sensor_is_at_its_rail(tmp_path, f_Hz, wave):
+    """It once ended in adc_rail, with the stage thrown through its whole range."""
+    with pytest.raises(pl.DeviceFault, match="fault oscillation on axis x") as caught:
+        run(two_modes(tmp_path, f_Hz), wave, SECOND_MODE[f_Hz])
+    capture = caught.value.capture
+    assert (capture.axes["x"].adc[capture.ticks <= capture.status.fault_tick] > 64).all()
+
+
+@pytest.mark.parametrize(
+    "wave", ["goto:100um", "triangle:100um@20Hz", "triangle:60um@5Hz", "sine:20um@80Hz", "sine:60um@20Hz"]
+)
+@pytest.mark.parametrize("gains", ["paper", (0, 28.67, 2.342e-5)])
+def test_a_stable_loop_is_left_alone(wave, gains):
+    assert len(run("sim://xyz250", wave, gains).recording.t_s) > 0
