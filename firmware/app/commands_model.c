@@ -48,6 +48,16 @@ static uint8_t held_back(const struct model_slot *slot, const struct axis_config
     return (uint8_t)mask;
 }
 
+/* What stands in the way of these as the outputs are: one would jump, or there would be no way home. */
+static enum wire_status check_outputs(const struct device *device, const struct axis_config idle[AXES],
+                                      uint16_t *invalid_field)
+{
+    if (!device_admits(device, idle))
+        return WIRE_STATUS_OUTSIDE_LIMITS;
+    *invalid_field = would_jump(device, idle);
+    return *invalid_field == 0 ? WIRE_STATUS_OK : WIRE_STATUS_MODEL_INVALID;
+}
+
 enum wire_status command_model_commit(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_model_commit_reply reply = {0};
@@ -60,14 +70,11 @@ enum wire_status command_model_commit(struct device *device, const struct reques
     }
     device_make_idle(model_store_prepared(&device->models), device->journal.newest.limits, idle);
     reply.held_back = held_back(model_store_prepared(&device->models), idle);
+    status = check_outputs(device, idle, &reply.invalid_field); /* as long as it is parked they stay as they are */
     device_lock(device);
     if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
         status = WIRE_STATUS_FAULT_LATCHED;
-    } else if (!device_admits(device, idle)) { /* the present output would jump, or there would be no way home */
-        status = WIRE_STATUS_OUTSIDE_LIMITS;
-    } else if ((reply.invalid_field = would_jump(device, idle)) != 0) {
-        status = WIRE_STATUS_MODEL_INVALID;
-    } else {
+    } else if (status == WIRE_STATUS_OK) {
         model_store_swap(&device->models);
         device_link_models(device);
         device_begin_idle(device, idle);
@@ -75,6 +82,8 @@ enum wire_status command_model_commit(struct device *device, const struct reques
     }
     answer->tick = device->control.tick;
     device_unlock(device);
+    if (status == WIRE_STATUS_OK)
+        device_keep_idle(device, idle);
     wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
     return status;
 }

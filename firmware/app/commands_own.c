@@ -31,6 +31,8 @@ enum wire_status command_limits_set(struct device *device, const struct request 
     else
         device_fault(device, WIRE_FAULT_FLASH_ERROR, NO_AXIS, 0);
     device_unlock(device);
+    if (written)
+        device_keep_idle(device, idle);
     return written ? WIRE_STATUS_OK : WIRE_STATUS_FLASH_FAILED;
 }
 

@@ -79,12 +79,12 @@ bool device_admits(const struct device *device, const struct axis_config idle[AX
     return true;
 }
 
-static void reset_axis(struct device *device, unsigned axis)
+static void reset_axis(struct device *device, unsigned axis, const struct axis_config *idle)
 {
     struct axis_config *config = &device->control.config[axis];
     struct axis_state *state = &device->control.axis[axis];
     const int32_t u_park_q24 = config->u_park_q24;
-    *config = device->idle[axis];
+    *config = *idle;
     config->u_park_q24 = u_park_q24;
     memset(&state->path, 0, sizeof state->path);
     memset(&state->target, 0, sizeof state->target);
@@ -100,20 +100,29 @@ void device_take_safe_values(struct device *device)
         device->control.config[axis].u_park_q24 = device->idle[axis].u_park_q24;
 }
 
-void device_reset_axes(struct device *device)
+static void reset_axes(struct device *device, const struct axis_config idle[AXES])
 {
     device->control.path_mask = 0;
     device->resting = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
-        reset_axis(device, axis);
+        reset_axis(device, axis, &idle[axis]);
+}
+
+void device_reset_axes(struct device *device)
+{
+    reset_axes(device, device->idle);
 }
 
 void device_begin_idle(struct device *device, const struct axis_config idle[AXES])
 {
-    memcpy(device->idle, idle, sizeof device->idle);
-    device_reset_axes(device);
+    reset_axes(device, idle);
     for (unsigned axis = 0; axis < AXES; axis++)
         device->control.axis[axis].drive = DRIVE_HOLD;
+}
+
+void device_keep_idle(struct device *device, const struct axis_config idle[AXES])
+{
+    memcpy(device->idle, idle, sizeof device->idle);
 }
 
 void device_rest(struct device *device)

@@ -125,6 +125,9 @@ bool device_admits(const struct device *device, const struct axis_config idle[AX
 /* The axes begin anew with these; nothing moves by itself. */
 void device_begin_idle(struct device *device, const struct axis_config idle[AXES]);
 
+/* And from now on begin with these again. No tick reads them: ticks need not be kept out. */
+void device_keep_idle(struct device *device, const struct axis_config idle[AXES]);
+
 /* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
 void device_rest(struct device *device);
 

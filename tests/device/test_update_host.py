@@ -15,7 +15,7 @@ from phaselead.device.update import HEADER, Image, fitting, parse_images, update
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 
 SLOTS = (0x0802_0000, 0x0804_0000)
-SIZE, SLOT_SIZE, MODELS, RECORD = 700, 2048, 8192, 16384
+SIZE, SLOT_SIZE, OWN, RECORD = 700, 2048, 4 * 4096, 16384
 OLD, NEW = "11" * 20, "22" * 20
 
 
@@ -32,7 +32,7 @@ def both(build_id, **how):
 @pytest.fixture
 def port(tmp_path):
     """A simulated device with an image in slot A."""
-    cells = b"\xff" * MODELS + image(OLD, 0).ljust(SLOT_SIZE, b"\xff") + b"\xff" * (SLOT_SIZE + RECORD)
+    cells = b"\xff" * OWN + image(OLD, 0).ljust(SLOT_SIZE, b"\xff") + b"\xff" * (SLOT_SIZE + RECORD)
     (tmp_path / "cells").write_bytes(cells + bytes(len(cells)) + struct.pack("<I", 1))
     return f"sim://xyz250?state={tmp_path / 'cells'}"
 

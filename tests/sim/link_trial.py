@@ -34,7 +34,14 @@ V = 1 << 24
 AGAIN = {wire.StopRequest}
 """Is carried out once more for each copy that comes. (So are reads whose reply is too long to be kept; those here are
 short.)"""
-KINDS = [cast(type[wire.Command[Any]], kind) for kind in wire.MESSAGES.values() if issubclass(kind, wire.Command)]
+TOO_LONG = {wire.FaultLogRequest}
+"""Not asked: of its replies of 318 bytes a line that loses 1 % of them lets one in 25 through."""
+FREE = wire.AxisLimits(0, 0xFFFF, 0xFFFFFFFF, 0, 0xFFFF)
+KINDS = [
+    cast(type[wire.Command[Any]], kind)
+    for kind in wire.MESSAGES.values()
+    if issubclass(kind, wire.Command) and kind not in TOO_LONG
+]
 
 
 @dataclass
@@ -145,6 +152,13 @@ def commands(random: Random) -> Iterator[wire.Command[Any]]:
     data = b"".join(random.randint(0, 1 << 30).to_bytes(4, "little") for _ in range(random.randint(1, 8)))
     yield wire.HelloRequest()
     yield wire.SetTimeoutRequest(random.randint(5000, 6000))
+    yield wire.LimitsSetRequest((FREE,) * 3)
+    yield wire.LimitsReadRequest()
+    yield wire.UpdateInfoRequest()
+    yield wire.UpdateBeginRequest(bytes(64))
+    yield wire.UpdateChunkRequest(64, data)
+    yield wire.UpdateCommitRequest()
+    yield wire.UpdateConfirmRequest(bytes(20))
     yield wire.ModelBeginRequest(wire.Model.SIZE, 0)
     yield wire.ModelChunkRequest(4 * random.randint(0, 600), data)
     yield wire.ModelCommitRequest()
@@ -158,14 +172,17 @@ def commands(random: Random) -> Iterator[wire.Command[Any]]:
     yield wire.MotionRequest(0, 0, 0, 0, 1 << 16, 10)
     yield wire.StreamStartRequest(wire.Channel.DAC, 1, 100)
     yield wire.SnapshotReadRequest(wire.Region.STATE, 0, random.randint(1, 48))
+    yield wire.TransientArmRequest(wire.Trigger.FAULT, 0, wire.Channel.ADC, 0, 0, 1, random.randint(0, 400))
     yield wire.ArmRequest(0)
     yield wire.StartRequest(1)
+    yield wire.UpdateRestartRequest()  # refused, unless what is before was lost
     hold = wire.Segment(wire.PathKind.HOLD, wire.PathFlag.FROM_HERE, 0, 0, 0, random.randint(1, 100), 100, 0)
     yield wire.QueueRequest(1, 0, 0, (hold,) * 3)
     yield wire.SetGainsRequest(0, random.randint(0, V), 0, 0, 0x7FFFFFFF)
     yield wire.WhereRequest()
     yield wire.StatusRequest()
     yield wire.InfoRequest()
+    yield wire.TransientReadRequest(0, 0)
     yield wire.StreamStopRequest()
     yield wire.ParkRequest()
     yield wire.StopRequest()

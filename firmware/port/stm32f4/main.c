@@ -41,7 +41,8 @@ static void raise_what_went_before(enum wire_reset_cause cause, enum clock_sourc
         device_raise(&device, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, 1);
 }
 
-int main(void)
+/* A function of its own, so that what it needs on the stack is free again when commands come. */
+__attribute__((noinline)) static void set_up(void)
 {
     converters_set_up(); /* first of all: the output is 0 V from here on by our own hand too */
     enum wire_reset_cause cause = reset_cause();
@@ -71,6 +72,11 @@ int main(void)
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);
     update_read_record(&device);
+}
+
+int main(void)
+{
+    set_up();
     for (;;) {
         tick_main_loop_alive();
         fault_log_write(&device);

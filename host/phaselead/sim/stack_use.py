@@ -30,6 +30,7 @@ CALLS_NO_COMMAND = (
     "move_on",
     "append",
     "put",
+    "set_up",
 )
 """Who begins so calls nothing else through a pointer; others may be where a command is called. A guess that is wrong
 ends in a recursion, which is an error."""
