@@ -102,7 +102,7 @@ static bool is_blank(const uint8_t *bytes, size_t size)
     return true;
 }
 
-/* Reads a flash slot into a RAM slot. Whole: header and CRC hold. */
+/* Reads a flash slot into a RAM slot, but for the blob's own CRC. Whole: header and CRC hold. */
 static enum record_kind read_record(const struct flash_port *flash, unsigned at, struct model_slot *to,
                                     uint32_t *sequence)
 {
@@ -115,7 +115,6 @@ static enum record_kind read_record(const struct flash_port *flash, unsigned at,
     if (get_u32(head) != RECORD_MAGIC || *sequence == 0 || get_u32(head + 8) != WIRE_MODEL_SIZE ||
         get_u32(head + 12) != record_crc(*sequence, to->blob))
         return RECORD_TORN;
-    to->crc = crc32(0, to->blob, WIRE_MODEL_SIZE);
     return RECORD_WHOLE;
 }
 
@@ -165,6 +164,7 @@ void model_store_boot(struct model_store *store, const struct flash_port *flash)
         store->littered = kind[0] != RECORD_BLANK || kind[1] != RECORD_BLANK;
         return;
     }
+    store->slots[newest].crc = crc32(0, store->slots[newest].blob, WIRE_MODEL_SIZE);
     store->active = (uint8_t)newest;
     store->newest_slot = (uint8_t)newest;
     store->sequence = sequence[newest];

@@ -51,7 +51,8 @@ def test_a_power_cut_leaves_the_old_limits_or_the_new(start, at):
     talker.device.inject(Injection.FLASH_CUT, at)
     talker.device.write(talker.frame(limits(replace(FREE, dac_max=50_000))))
     talker.run(300)
-    assert talker.ok(wire.HelloRequest()).reset_cause == wire.ResetCause.POWER_ON
+    # Flash that lost its power takes no more bytes here: another board goes on with what is in it.
+    talker = answered(start(flash=talker.device.flash()[0]))
     assert talker.ok(wire.LimitsReadRequest()).limits[0] in (EIGHT_V, replace(FREE, dac_max=50_000))
     talker.ok(wire.ArmRequest(0))
 

@@ -21,6 +21,8 @@ BOARD, PORT = "nucleo_f446re", "qemu://nucleo_f446re"
 OLD_SLOT, NEW_SLOT = 0x0802_0000, 0x0804_0000
 ZERO_V = 32768
 ERASED, ENTRY, CHUNK = 128 * 1024, 16, 1024
+STARTED = 72
+"""What the journal takes for a start."""
 ERASE_TICKS, TRIAL_TICKS = 20_000, 50_000
 UNDEFINED = struct.pack("<H", 0xDEFF)
 
@@ -151,8 +153,8 @@ def steps(size):
         "header": commit + 5,
         "trial": trial + 9,
         "start": trial + ENTRY + 7,
-        "confirmation": trial + 2 * ENTRY + 4,
-        "confirmed": trial + 3 * ENTRY + 1,
+        "confirmation": trial + 2 * ENTRY + STARTED + 4,
+        "confirmed": trial + 3 * ENTRY + STARTED + 1,
     }
 
 
