@@ -13,7 +13,7 @@ from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, rem
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
-from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
+from phaselead.device.run_file import channels_of, read_capture, recorded_from, recording_of, replay_facts, write_run
 from phaselead.device.session import Session
 from phaselead.device.standing import (
     LARGEST_STEP,
@@ -71,6 +71,7 @@ __all__ = [
     "park_quietly",
     "read_capture",
     "recall",
+    "recorded_from",
     "recording_of",
     "remember",
     "replay_facts",
