@@ -243,4 +243,4 @@ def test_a_program_that_is_killed_leaves_all_that_it_received(run, device, tmp_p
             assert len(recording.t_s) > 0
             assert recording.meta["ended"] == "broken off"
             seen += 1
-    assert seen > 2
+    assert seen > 1

@@ -43,7 +43,6 @@ def test_the_device_is_asked_for_what_the_sensor_is_to_show(f_Hz, offset):
     assert asked.offset + asked.swing * asked.points == pytest.approx(asked.value(np.arange(1024) / 1024 / f_Hz))
     assert asked.as_asked is wave
     assert path_request(0, PathKind.WAVE, asked.swing, asked.offset, f_Hz, 100, volts=False)  # 7 pm were refused
-    assert asked.goes_to_start == wave.goes_to_start
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from phaselead.device import (
     DeviceFault,
     FrameReader,
     after_interrupt,
+    recorded_from,
     recording_of,
     wire,
     write_run,
@@ -206,7 +207,7 @@ def track_to_file(
 
 def _rows_until(capture: Capture) -> int:
     """Rows of its recording until the fault."""
-    return max(capture.status.fault_tick - max(capture.start_tick, capture.first_tick), 0)
+    return max(capture.status.fault_tick - max(recorded_from(capture), capture.first_tick), 0)
 
 
 def record_to_file(

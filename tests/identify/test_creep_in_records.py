@@ -31,7 +31,7 @@ def test_its_terms_are_those_of_the_stage(with_it):
     (found,) = (e for e in with_it.stage.axes["x"].effects if e.name == "creep")
     (true,) = (e for e in built_in("xyz250").axes["x"].effects if e.name == "creep")
     assert found.params["tau_s"] == true.params["tau_s"]
-    assert found.params["k"] == pytest.approx(true.params["k"], rel=0.15)
+    assert found.params["k"] == pytest.approx(true.params["k"], rel=0.2)
     assert any("creep" in line for line in with_it.report.messages)
     assert with_it.stage.provenance.data[-1].file == "x-hold"
 
