@@ -69,10 +69,10 @@ int main(void)
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);
-    update_read_record(&device);
+    update_read_record(&device.update, &device.port.update);
     for (;;) {
         tick_main_loop_alive();
-        if (update_restart_is_due(&device))
+        if (update_restart_is_due(&device.update, device.control.tick))
             start_again();
         if (!serial_poll(&device))
             __asm volatile("wfi");
