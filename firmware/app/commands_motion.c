@@ -118,13 +118,15 @@ static bool is_slow_enough(const struct device *device, unsigned axis, const str
     const struct motion_bounds *limits = &device->motion_limits[axis], rest = {0, 0, 0};
     struct tail own = *tail;
     follow(device, axis, &segment->path, &own);
-    struct motion_bounds entering = own.motion, leaving = own.motion;
+    struct motion_bounds joined = own.motion;
     if (segment->enter_ticks != 0)
-        entering =
-            motion_of_join(&tail->motion, &own.motion, span_apart(&tail->span, &own.span), segment->enter_turn64);
+        joined = motion_of_join(&tail->motion, &own.motion, span_apart(&tail->span, &own.span), segment->enter_turn64);
+    if (!motion_is_within(&joined, limits))
+        return false;
+    joined = own.motion;
     if (segment->leave_ticks != 0)
-        leaving = motion_of_join(&own.motion, &rest, span_apart(&own.span, &own.span), segment->leave_turn64);
-    return motion_is_within(&entering, limits) && motion_is_within(&leaving, limits);
+        joined = motion_of_join(&own.motion, &rest, span_apart(&own.span, &own.span), segment->leave_turn64);
+    return motion_is_within(&joined, limits);
 }
 
 static enum wire_status check_segment(const struct device *device, unsigned axis, struct segment *segment,
@@ -158,11 +160,17 @@ static enum wire_status put_segments(struct device *device, const struct wire_qu
     return WIRE_STATUS_OK;
 }
 
-static void line_up_axes(const struct device *device, struct answer *answer, struct line_up line_ups[AXES])
+/* True: they are no longer as they were. */
+static bool line_up_axes(const struct device *device, struct answer *answer, struct line_up line_ups[AXES])
 {
+    bool differ = false;
     answer->tick = device->control.tick;
-    for (unsigned axis = 0; axis < AXES; axis++)
-        line_ups[axis] = line_up_of(device, axis);
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct line_up now = line_up_of(device, axis);
+        differ = differ || memcmp(&line_ups[axis], &now, sizeof now) != 0;
+        line_ups[axis] = now;
+    }
+    return differ;
 }
 
 static enum wire_status check_segments(const struct device *device, const struct wire_queue_request *queue,
@@ -187,22 +195,18 @@ static enum wire_status check_segments(const struct device *device, const struct
 enum wire_status command_queue(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_queue_request queue;
-    struct line_up before[AXES], now[AXES];
+    struct line_up line_ups[AXES];
     struct segment *segments = device->asked;
     enum wire_status status = WIRE_STATUS_OK;
     wire_unpack_queue_request(&queue, request->payload, request->size);
     if (queue.axis_mask == 0 || queue.axis_mask >> AXES != 0 || queue.at_once > 1)
         return WIRE_STATUS_BAD_VALUE;
-    memset(before, 0xff, sizeof before);
+    memset(line_ups, 0xff, sizeof line_ups);
     device_lock(device);
-    line_up_axes(device, answer, now);
-    while (status == WIRE_STATUS_OK && memcmp(before, now, sizeof now) != 0) {
+    while (status == WIRE_STATUS_OK && line_up_axes(device, answer, line_ups)) {
         device_unlock(device);
-        memcpy(before, now, sizeof now);
-        status = check_segments(device, &queue, before, segments);
+        status = check_segments(device, &queue, line_ups, segments);
         device_lock(device);
-        if (status == WIRE_STATUS_OK)
-            line_up_axes(device, answer, now);
     }
     if (status == WIRE_STATUS_OK)
         status = put_segments(device, &queue, segments);

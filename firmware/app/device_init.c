@@ -10,7 +10,7 @@ void device_init(struct device *device, const struct device_port *port)
     device->port = *port;
     device->control.timeout_ticks = HOST_TIMEOUT_TICKS;
     device->control.fault_axis = NO_AXIS;
-    update_init(device);
+    update_init(&device->update, &device->port.update);
     model_store_boot(&device->models, &device->port.flash);
     journal_boot(&device->journal, &device->port.records);
     device_link_models(device);

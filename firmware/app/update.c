@@ -2,18 +2,14 @@
 
 #include <string.h>
 
-#include "app/device.h"
-
-void update_init(struct device *device)
+void update_init(struct update *update, const struct update_port *port)
 {
-    memset(&device->update, 0, sizeof device->update);
-    device->update.on_trial = device->port.update.on_trial;
+    memset(update, 0, sizeof *update);
+    update->on_trial = port->on_trial;
 }
 
-void update_read_record(struct device *device)
+void update_read_record(struct update *update, const struct update_port *port)
 {
-    const struct update_port *port = &device->port.update;
-    struct update *update = &device->update;
     if (port->flash.read == NULL)
         return;
     boot_record_read(&port->flash, &update->record);
@@ -22,9 +18,7 @@ void update_read_record(struct device *device)
         boot_record_settle(&port->flash, &update->record);
 }
 
-bool update_restart_is_due(const struct device *device)
+bool update_restart_is_due(const struct update *update, uint64_t tick)
 {
-    const struct update *update = &device->update;
-    uint64_t tick = device->control.tick;
     return (update->restarting && tick >= update->restart_tick) || (update->on_trial && tick >= UPDATE_TRIAL_TICKS);
 }

@@ -10,8 +10,6 @@
 #define UPDATE_TRIAL_TICKS 50000u /* 10 s */
 #define UPDATE_RESTART_TICKS 100u /* 20 ms: the reply is on its way first, at 115200 baud too */
 
-struct device;
-
 /* What a port says of its images; `flash.read` is NULL where it has none. */
 struct update_port {
     struct flash_port flash; /* slots: enum image_flash_slot */
@@ -30,12 +28,12 @@ struct update {
     bool restarting;
 };
 
-void update_init(struct device *device);
+void update_init(struct update *update, const struct update_port *port);
 
 /* Once ticks run, since it takes a while: reads the boot record, and see boot_record_settle(). */
-void update_read_record(struct device *device);
+void update_read_record(struct update *update, const struct update_port *port);
 
 /* The port is to reset the chip now. */
-bool update_restart_is_due(const struct device *device);
+bool update_restart_is_due(const struct update *update, uint64_t tick);
 
 #endif

@@ -7,7 +7,7 @@
  *
  * (w is the polynomial of least jerk, Flash & Hogan 1985: at both ends its first two derivatives are 0). So reference
  * and lead, feed-forward and look-ahead are all faded, acceleration is continuous, and the mix stays between the two
- * paths. A periodic path is begun so much before its phase 0 that it reaches it when the join ends. segment_bounds.h
+ * paths. A periodic path is begun so much before its phase 0 that it reaches it when the join ends. motion_bounds.h
  * says what velocity, acceleration and jerk a join can come to.
  *
  * Only two paths are mixed at a time: what is due during a join begins when the join has ended. */

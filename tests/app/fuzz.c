@@ -385,7 +385,8 @@ int main(int count, char **arguments)
     uint32_t rounds = count > 2 ? (uint32_t)strtoul(arguments[2], NULL, 10) : 10000;
     for (uint32_t i = 0; i < rounds; i++) {
         if (i % 2000 == 0 ||
-            update_restart_is_due(&device)) { /* a power cycle, now and then with another flash content */
+            update_restart_is_due(&device.update,
+                                  device.control.tick)) { /* a power cycle, now and then with another flash content */
             struct device_port port = {
                 .baud = 2000000, .target = "fuzz", .reset_cause = (enum wire_reset_cause)below(5)};
             if (i == 0 || below(3) == 0)
@@ -399,7 +400,7 @@ int main(int count, char **arguments)
                 .places = {.address = {0x08020000u, 0x08040000u}, .slot_size = HOST_IMAGE_SLOT_SIZE},
                 .slot = (uint8_t)below(IMAGE_SLOTS)};
             device_init(&device, &port);
-            update_read_record(&device);
+            update_read_record(&device.update, &device.port.update);
             armed = false;
             send(WIRE_HELLO, SESSION, NULL, 0);
         }

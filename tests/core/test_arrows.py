@@ -12,7 +12,7 @@ LAYERS["port/stm32f4"] = {"core", "app", "port/stm32f4"}
 BACK_ARROWS = {("port/stm32f4/start", "port/stm32f4/main", "main")}
 """The start out of reset ends in main(), whose name the C language gives."""
 BOARD = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=soft", '-DBOARD_NAME="nucleo_f446re"']
-BOARD += ['-DBOARD_FILE="port/stm32f4/boards/nucleo_f446re.h"']
+BOARD += ['-DBOARD_FILE="port/stm32f4/boards/nucleo_f446re.h"', "-DPHASELEAD_VERSION=0u"]
 
 
 def unit(path):

@@ -65,7 +65,7 @@ static void boot(struct host_device *host, enum wire_reset_cause cause)
         memcpy(host->port.build_id, choice.header.build_id, sizeof host->port.build_id);
     }
     device_init(&host->device, &host->port);
-    update_read_record(&host->device);
+    update_read_record(&host->device.update, &host->device.port.update);
 }
 
 struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_size)
@@ -205,7 +205,7 @@ static void run_line(struct host_device *host)
 
 static void restart_when_due(struct host_device *host)
 {
-    if (update_restart_is_due(&host->device))
+    if (update_restart_is_due(&host->device.update, host->device.control.tick))
         boot(host, WIRE_RESET_CAUSE_SOFTWARE);
 }
 

@@ -71,7 +71,7 @@ __attribute__((noinline)) static void set_up(void)
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);
-    update_read_record(&device);
+    update_read_record(&device.update, &device.port.update);
 }
 
 int main(void)
@@ -80,7 +80,7 @@ int main(void)
     for (;;) {
         tick_main_loop_alive();
         fault_log_write(&device);
-        if (update_restart_is_due(&device))
+        if (update_restart_is_due(&device.update, device.control.tick))
             start_again();
         if (!serial_poll(&device))
             __asm volatile("wfi");
