@@ -23,6 +23,7 @@ static bool is_newer(uint32_t a, uint32_t b)
 /* By words: a start looks at every place of both sectors. */
 static bool is_blank(const uint8_t bytes[RECORD_SIZE])
 {
+#pragma GCC unroll 18
     for (size_t i = 0; i < RECORD_SIZE; i += sizeof(uint32_t)) {
         uint32_t word;
         memcpy(&word, bytes + i, sizeof word);
