@@ -10,20 +10,16 @@
 
 #define FAULT_LOG_WAITING 4
 
-struct device;
-
 struct fault_log {
     struct wire_logged_fault waiting[FAULT_LOG_WAITING];
     _Atomic uint32_t put, written;
 };
 
 /* A fault was latched; its reaction has not begun yet. */
-void fault_log_put(struct device *device);
-
-/* For a port's main loop, outside of the tick: writes to the journal what is due, when it may. */
-void fault_log_write(struct device *device);
+void fault_log_put(struct fault_log *log, struct wire_logged_fault fault);
 
 /* The newest JOURNAL_FAULTS of all, oldest first; gives their number. */
-uint32_t fault_log_read(const struct device *device, struct wire_logged_fault faults[JOURNAL_FAULTS]);
+uint32_t fault_log_read(const struct fault_log *log, const struct journal *journal,
+                        struct wire_logged_fault faults[JOURNAL_FAULTS]);
 
 #endif

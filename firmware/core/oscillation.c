@@ -63,21 +63,26 @@ static void add(struct oscillation_block *to, uint32_t energy, uint32_t referenc
     to->parts++;
 }
 
+static bool judge_scale(struct oscillation_state *state, unsigned scale, int32_t limit_q16)
+{
+    struct oscillation_block *block = &state->blocks[scale];
+    if (block->parts != (scale == 0 ? FIRST_PARTS : PARTS))
+        return false;
+    uint32_t ticks = FIRST_PARTS << scale;
+    bool found = judge(block, square_q12(limit_q16) * ticks, ticks);
+    if (scale + 1 < OSCILLATION_SCALES)
+        add(&state->blocks[scale + 1], block->energy, block->reference_energy, block->sign_changed);
+    begin(block);
+    return found;
+}
+
 /* Every block that is over. A scale is looked at in the tick after the one below it, so that they never all come
  * together: from the longest down. */
 static bool judge_blocks(struct oscillation_state *state, int32_t limit_q16)
 {
     bool found = false;
-    for (unsigned i = OSCILLATION_SCALES; i-- > 0;) {
-        struct oscillation_block *block = &state->blocks[i];
-        if (block->parts != (i == 0 ? FIRST_PARTS : PARTS))
-            continue;
-        uint32_t ticks = FIRST_PARTS << i;
-        found = judge(block, square_q12(limit_q16) * ticks, ticks) || found;
-        if (i + 1 < OSCILLATION_SCALES)
-            add(&state->blocks[i + 1], block->energy, block->reference_energy, block->sign_changed);
-        begin(block);
-    }
+    for (unsigned i = 0; i < OSCILLATION_SCALES; i++)
+        found = judge_scale(state, OSCILLATION_SCALES - 1 - i, limit_q16) || found;
     return found;
 }
 

@@ -8,6 +8,7 @@
 #include "app/crc32.h"
 #include "app/device_init.h"
 #include "app/device_tick.h"
+#include "app/fault_writing.h"
 #include "app/model_check.h"
 #include "app/reaction.h"
 #include "app/service.h"

@@ -15,7 +15,7 @@ CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
 STRAIGHT = ["axis", "axis_mode", "axis_path", "biquad", "converter", "feedforward", "output", "path", "pid", "segment"]
 STRAIGHT += ["sine", "watch"]
-COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse"]
+COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse", "oscillation"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
 """Sources whose every function may run in a tick."""

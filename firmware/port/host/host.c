@@ -7,6 +7,7 @@
 #include "app/build_id.h"
 #include "app/device_init.h"
 #include "app/device_tick.h"
+#include "app/fault_writing.h"
 #include "app/reaction.h"
 #include "app/service.h"
 #include "core/fixed.h"

@@ -1,5 +1,6 @@
 #include "app/build_id.h"
 #include "app/device_init.h"
+#include "app/fault_writing.h"
 #include "app/reaction.h"
 #include "port/stm32f4/board.h"
 #include "port/stm32f4/clock.h"
