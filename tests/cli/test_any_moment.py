@@ -137,7 +137,7 @@ def moments(run, device, name, folder):
     random, calls = Random(name), CALLS[name]
     if name == "identify":
         return sorted(random.randint(1, calls) for _ in range(MOMENTS_OF_A_LONG_ONE))
-    return sorted({1, 2, calls} | {random.randint(1, calls) for _ in range(MOMENTS)})
+    return sorted({1, 2, round(0.8 * calls), round(0.9 * calls), calls} | {random.randint(1, calls) for _ in range(MOMENTS)})
 
 
 def whole_or_none(folder):

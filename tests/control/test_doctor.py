@@ -58,7 +58,7 @@ def test_a_latched_fault_comes_with_its_explanation():
         with pytest.raises(pl.DeviceFault):
             dev.track("sine:60um@5Hz", mode="pid", gains=(0.1, 8.62, 0))
         found = dev.doctor()
-    assert "adc_rail" in of(found, "fault").said
+    assert "phaselead explain" in of(found, "fault").said
 
 
 def test_a_device_that_is_armed_is_not_listened_to():

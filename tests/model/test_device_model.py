@@ -72,7 +72,7 @@ STEPS = {
 def test_everything_comes_back_within_half_a_step(view: TableView, u_max: float, slew: float) -> None:
     stage = stage_of(table=view, limits=Limits(u_max_V=u_max, slew_V_per_s=slew, ramp_V_per_s=slew / 2))
     shown = {item.key for item in quantisation(stage)}
-    assert len(shown) == 6 + 2 + 2 + 2 + 2 + 3 + 6 + 6
+    assert len(shown) == 6 + 2 + 2 + 2 + 2 + 3 + 6 + 6 + 1
     for item in quantisation(stage):
         key = item.key.removeprefix("axes.y.")
         step = next((step for part, step in STEPS.items() if key.startswith(part)), None)
