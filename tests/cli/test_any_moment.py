@@ -137,7 +137,8 @@ def moments(run, device, name, folder):
     random, calls = Random(name), CALLS[name]
     if name == "identify":
         return sorted(random.randint(1, calls) for _ in range(MOMENTS_OF_A_LONG_ONE))
-    return sorted({1, 2, round(0.8 * calls), round(0.9 * calls), calls} | {random.randint(1, calls) for _ in range(MOMENTS)})
+    ends_and_late = {1, 2, round(0.8 * calls), round(0.9 * calls), calls}
+    return sorted(ends_and_late | {random.randint(1, calls) for _ in range(MOMENTS)})
 
 
 def whole_or_none(folder):
