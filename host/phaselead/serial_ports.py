@@ -56,6 +56,20 @@ class Ports(Result, list[PortInfo]):
         return [Table(("port", "what it is"), tuple((port.url, port.description) for port in self))]
 
 
+FAULTY = "faulty://"
+"""Begins the URL of a port behind a line that goes wrong: ``faulty://PORT#FAULTS``."""
+
+
+def behind_line(url: str) -> str:
+    """The URL of the device itself, without a line that goes wrong before it."""
+    return url.removeprefix(FAULTY).partition("#")[0] if url.startswith(FAULTY) else url
+
+
+def is_virtual(url: str) -> bool:
+    """Whether the device is a simulated or an emulated one: it ends with the program that opened it."""
+    return behind_line(url).startswith(("sim://", "qemu://"))
+
+
 def default_port() -> str:
     """``$PHASELEAD_PORT`` as it is now, else the built-in virtual stage."""
     return os.environ.get(PORT_VARIABLE) or DEFAULT_PORT

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from phaselead.gap.design import excitation_of
+from phaselead.gap.design import excitation_of, modes_crossed_Hz
 from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, repeats, span_V
 from phaselead.gap.design.next_experiment import coarser, sensor_for
 from phaselead.gap.findings import NextExperiment
@@ -143,6 +143,21 @@ def test_the_waveform_of_a_record_is_played_again():
         again = excitation_of(json.loads(json.dumps(vars(proposed))))
         assert again == one
         assert again.voltage(np.arange(len(u) - 3) / RATE_HZ) == pytest.approx(u[:-3], abs=0.01)
+
+
+def test_a_repeated_record_drives_every_mode_that_its_harmonics_reach():
+    """A ramp of 0.3 Hz is no drive of 0.3 Hz alone, a sine is one of its own frequency."""
+    ramp = np.interp(np.arange(3000), [0, 1000, 2999], [1.0, 4.0, 1.0])
+    mode = AdoptedEffect(name="resonance", params={"c": 1.0, "f_Hz": 20.0, "zeta": 0.02})
+    stage = Stage(name="s", axes={"x": AxisModel(time=VIEW, effects=(mode,))})
+    crossed = []
+    for u in (ramp, sine(4, 5)):
+        (one,) = repeats([run_of(u, "train")], stage.axes["x"])
+        made = NextExperiment(
+            one.waveform, one.level_V, one.band_Hz, one.bias_V, None, one.seconds, 9.0, None, one.source, one.points
+        )
+        crossed.append(modes_crossed_Hz(vars(made), stage, "x"))
+    assert crossed == [[pytest.approx(20.0)], []]
 
 
 def test_coarser_noise_is_the_mean_of_rows():

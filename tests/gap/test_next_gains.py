@@ -23,3 +23,11 @@ def test_chosen_gains_and_none_stay():
     for gains in (own, None):
         before = Stage(name="s", axes={"x": axis(200.0, gains)})
         assert next_stage(before, {"x": axis(450.0, gains)}, []).axes["x"].gains == gains
+
+
+def test_an_axis_without_gains_stays_so_beside_one_whose_gains_were_designed():
+    before = with_gains(Stage(name="s", axes={"x": axis(200.0)}))
+    before = before.model_copy(update={"axes": {**before.axes, "y": axis(300.0)}})
+    found = next_stage(before, {"x": before.axes["x"].model_copy(update={"effects": axis(450.0).effects})}, [])
+    assert found.axes["x"].gains == design_gains("x", axis(450.0))
+    assert found.axes["y"].gains is None

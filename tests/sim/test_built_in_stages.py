@@ -51,6 +51,7 @@ def test_the_hard_one_is_xyz250_with_more():
 @pytest.mark.parametrize("name", NAMES)
 def test_a_data_sheet_has_nothing_that_is_to_be_found_out(name):
     sheet = data_sheet(f"sim://{name}?seed=3")
+    assert data_sheet(f"faulty://sim://{name}?seed=3#lose=0.01") == sheet
     for axis, model in sheet.axes.items():
         assert model.time is model.table is model.gains is None
         assert model.effects == ()

@@ -12,6 +12,7 @@ from phaselead.errors import BadInput
 from phaselead.gap import (
     GapResult,
     check_port,
+    excitation_of,
     keep_freed_memory,
     modes_crossed_Hz,
     read_proposal,
@@ -94,7 +95,7 @@ def run_next(
     driven = proposed.get("axis") or axis
     modes_Hz = modes_crossed_Hz(proposed, stage, driven)
     if modes_Hz:
-        low, high = proposed["band"]
+        low, high = excitation_of(proposed).driven_Hz
         where = " and ".join(f"{f_Hz:.4g} Hz" for f_Hz in modes_Hz)
         drive = f"{proposed['level']:g} V from {low:g} to {high:g} Hz"
         confirmed(f"This drives {driven} with {drive}, across its mode at {where}. May it?", yes)

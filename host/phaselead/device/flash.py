@@ -15,7 +15,7 @@ from phaselead.device.session import Session
 from phaselead.device.update import read_images, update
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.result import Facts
-from phaselead.serial_ports import open_port
+from phaselead.serial_ports import is_virtual, open_port
 from phaselead.source_tree import boards, source_tree
 
 PREPARED = ".pio-core"
@@ -40,7 +40,7 @@ def pio() -> str:
 
 def check_before_upload(root: Path, port: str) -> None:
     """Before anything is built. Raises BadInput when there is no board at this port, or nothing to upload with."""
-    if port.startswith(("sim://", "qemu://")):
+    if is_virtual(port):
         raise BadInput(f"{port} is no board; give --port its serial line (see `phaselead ports`), or --check-only")
     if port.startswith("/") and not Path(port).exists():
         raise BadInput(f"{port}: there is no such port; is the board plugged in? `phaselead ports` lists what is")

@@ -12,11 +12,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from phaselead.record import write_text
+from phaselead.serial_ports import is_virtual
 
 IDS_RESERVED = 8192
 """For a command that takes a session up and does not live to say how many it needed; half of all are told apart."""
-VIRTUAL = ("sim://", "qemu://")
-"""Such a device ends with the process that opened it."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ def recall(url: str) -> LeftRunning | None:
 
 def remember(url: str, left: LeftRunning | None) -> None:
     """Writes the session down, or that there is none any more. Nothing for a virtual port."""
-    if url.startswith(VIRTUAL):
+    if is_virtual(url):
         return
     sessions = _all()
     before = sessions.pop(_port(url), None)

@@ -42,12 +42,15 @@ def kept_names(
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:
     """The stage with ``axes`` replaced, and with the parent's hash and the records learned from as its provenance.
-    Gains that were designed for the model before are designed anew."""
+    Gains that were designed for the model before are designed anew; chosen ones, and none, stay."""
     found = Stage(
         name=stage.name,
         provenance=provenance_of(stage, data),
         cross_coupling=stage.cross_coupling,
         axes={**stage.axes, **axes},
     )
-    designed = any(model.gains is not None and model.gains.origin is not None for model in found.axes.values())
-    return with_gains(found) if designed else found
+    designed = {n: m for n, m in found.axes.items() if m.gains is not None and m.gains.origin is not None}
+    if not designed:
+        return found
+    anew = with_gains(found.model_copy(update={"axes": designed}))
+    return found.model_copy(update={"axes": {**found.axes, **anew.axes}})

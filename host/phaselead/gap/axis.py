@@ -280,12 +280,8 @@ def _named(
 def _why(claim: Claim) -> str:
     """Why an effect is claimed, for a person."""
     held = claim.held_out_log_odds
-    shown = (
-        f"of which held-out records add {held:.0f}"
-        if held > 0
-        else "which held-out records neither add to nor bear out"
-    )
-    return f"log odds {claim.log_odds:.0f} against all models without it, {shown}"
+    shown = f"add {held:.0f}" if held >= 0 else f"take {-held:.0f} away"
+    return f"log odds {claim.log_odds:.0f} against all models without it; held-out records {shown}"
 
 
 def _disturbance(found: Disturbance, final: FinalFit, label: str | None) -> NamedEffect:

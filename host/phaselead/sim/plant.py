@@ -11,6 +11,7 @@ from pathlib import Path
 from phaselead.device import AXES
 from phaselead.errors import BadInput
 from phaselead.model import TICK_S, AxisModel, NotPlayed, Place, Stage, VirtualAxis, load_stage, parse_stage
+from phaselead.serial_ports import behind_line
 from phaselead.sim.linked import add_effects, linked_parameters
 from phaselead.sim.structures import LinkedParameters
 
@@ -127,17 +128,20 @@ class ExactParts(VirtualAxis):
 
 def built_in(name: str) -> Stage:
     """A stage of the package, by name. Raises BadInput when there is none of that name."""
-    text = resources.files("phaselead.sim").joinpath(f"{name}.toml")
+    folder = resources.files("phaselead.sim")
+    text = folder.joinpath(f"{name}.toml")
     if not name.replace("-", "_").isidentifier() or not text.is_file():
-        raise BadInput(f"there is no built-in stage {name!r}; use sim://xyz250 or sim://FILE.toml")
+        names = sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml"))
+        raise BadInput(f"there is no built-in stage {name!r}; use sim://FILE.toml, or one of {', '.join(names)}")
     return parse_stage(text.read_text("utf-8"), name)
 
 
 def data_sheet(url: str) -> Stage | None:
     """Limits, sensor and converter of the built-in stage that a port's URL names, and nothing else of it; None for
     another port. What its user would read on paper."""
-    name, given = url.removeprefix("sim://").partition("?")[0], url.startswith("sim://")
-    if not given or "/" in name or name.endswith(".toml"):
+    scheme, _, place = behind_line(url).partition("://")
+    name = place.partition("?")[0]
+    if scheme != "sim" or _is_file(name):
         return None
     known = {
         axis: AxisModel(limits=m.limits, sensor=m.sensor, actuator=m.actuator)
@@ -148,7 +152,11 @@ def data_sheet(url: str) -> Stage | None:
 
 def load_any(place: str) -> Stage:
     """A stage by the name of a built-in one or the path of a stage file (one with a slash or a suffix)."""
-    return load_stage(Path(place)) if "/" in place or place.endswith(".toml") else built_in(place)
+    return load_stage(Path(place)) if _is_file(place) else built_in(place)
+
+
+def _is_file(place: str) -> bool:
+    return "/" in place or place.endswith(".toml")
 
 
 def plant_parameters(stage: Stage, seed: int = 0) -> PlantParameters:

@@ -16,18 +16,17 @@ import serial
 from serial.serialutil import PortNotOpenError, SerialBase
 
 from phaselead.errors import BadInput
-from phaselead.serial_ports import open_port
+from phaselead.serial_ports import FAULTY, behind_line, open_port
 from phaselead.sim.faulty import FaultyLine, LineFaults
 
-SCHEME = "faulty://"
 _unplugged: dict[str, FaultyLine] = {}
 """Lines that were closed while they were unplugged, by URL."""
 
 
 def parse_url(url: str) -> tuple[str, LineFaults]:
     """The port behind the line, and what the line does. Raises BadInput with what is wrong with it."""
-    inner, _, text = url.removeprefix(SCHEME).partition("#")
-    if not url.startswith(SCHEME) or not inner or inner.startswith(SCHEME):
+    inner, text = behind_line(url), url.partition("#")[2]
+    if not url.startswith(FAULTY) or not inner or inner.startswith(FAULTY):
         raise BadInput(f"{url}: names no port; one looks like faulty://sim://xyz250#lose=0.01&seed=7")
     kinds = {field.name: int if isinstance(field.default, int) else float for field in fields(LineFaults)}
     options: dict[str, Any] = {}

@@ -48,6 +48,16 @@ class Excitation:
         """Whether the stage is only listened to."""
         return self.waveform == "idle"
 
+    @property
+    def driven_Hz(self) -> tuple[float, float]:
+        """Lowest and highest frequency that it drives: of a repeated record up to the last of its harmonics that its
+        points can hold."""
+        low, high = self.band_Hz
+        if self.waveform == RECORD and self.points is not None:
+            lines = np.abs(np.fft.rfft(self.points)) * 2 / len(self.points)
+            high = low * float(np.flatnonzero(lines > 10.0**-DECIMALS).max(initial=1))
+        return low, high
+
     def wave(self) -> Sampled:
         """As the device plays it, in volts. It goes to its first value at the slew limit."""
         points = np.array(self.points) if self.waveform == RECORD else SHAPES[self.waveform](self.band_Hz)

@@ -70,12 +70,12 @@ def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
 
 
 def modes_crossed_Hz(proposed: Mapping[str, Any], stage: Stage | None, axis: str) -> list[float]:
-    """Modes of the stage within the band of the proposed excitation; none where no stage says which there are. Raises
+    """Modes of the stage within what the proposed excitation drives; none where no stage says which there are. Raises
     BadInput as ``excitation_of``."""
     excitation = excitation_of(proposed)
     if stage is None or axis not in stage.axes or excitation.idle:
         return []
-    low, high = excitation.band_Hz
+    low, high = excitation.driven_Hz
     try:
         modes = small_signal(stage.axes[axis]).modes
     except BadInput:
