@@ -14,7 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from phaselead.gap.posterior.misfit import as_fault, before_record, equation_misfit, parameters_of, signal_of
+from phaselead.gap.posterior.misfit import (
+    as_fault,
+    as_fault_of,
+    before_record,
+    equation_misfit,
+    parameters_of,
+    signal_of,
+)
 from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.space import Columns, Mask, Space, SpaceRecord, joined
 from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, is_logarithmic, to_internal
@@ -116,6 +123,7 @@ class Solver:
         self._nothing = Uncertain(nothing, np.zeros(0))
         self.alone = alone
         self._signals = {name: self._signal(entries, 0) for name, entries in alone.items()}
+        self._alone_power = {name: self._power(signal) for name, signal in self._signals.items()}
 
     def residual(self, entries: Sequence[SizedEffect]) -> Columns:
         """The residual of every record."""
@@ -196,17 +204,44 @@ class Solver:
         return columns.minus(tangents, inverse @ self.space.inner(tangents, columns, self.space.all))
 
     def _neighbours(self, entries: Sequence[SizedEffect], index: int) -> list[tuple[str, float]]:
-        """Effects that one of the set is confused with, and how often to take what each says to have it as large: what
-        an equation leaves looks most like them."""
-        every, effect = self.space.all, entries[index][0]
-        signal = self._signal(entries, index)
-        power = max(float(self.space.inner(signal, signal, every)[0, 0]), 0.0)
-        found = []
-        for name, rival in self._signals.items():
-            if confused(effect, self._catalogue[name]):
-                own = float(self.space.inner(rival, rival, every)[0, 0])
-                found.append((name, float(np.sqrt(power / max(own, 1e-12)))))
-        return found
+        """The other effects, and how often to take what each says alone: what an equation leaves looks like some other
+        effect, most of all like those that it is confused with."""
+        effect, power = entries[index][0], self._power(self._signal(entries, index))
+        return [
+            (name, self._looks_like(effect, self._catalogue[name]) * float(np.sqrt(power / self._alone_power[name])))
+            for name in self._signals
+            if name != effect.name
+        ]
+
+    def _looks_like(self, effect: Effect, other: Effect) -> float:
+        """Of what the equation of an effect misses, the share that may be as another effect would have it."""
+        return 1.0 if confused(effect, other) else 1 / float(np.sqrt(len(self._catalogue)))
+
+    def _power(self, columns: Columns) -> float:
+        """Squares of all columns together."""
+        return max(float(np.trace(self.space.inner(columns, columns, self.space.all))), 1e-12)
+
+    def misfit_as_others(self, sets: Sequence[Sequence[SizedEffect]]) -> Uncertain:
+        """What the equations of the effects of some sets miss that looks like the others, as these are fitted there."""
+        found: list[tuple[Effect, float, Columns]] = []
+        for entries in sets:
+            for i, (effect, _) in enumerate(entries):
+                found.append((effect, self._power(self._signal(entries, i)), self._near(entries, i)))
+        largest: dict[str, tuple[Effect, float]] = {}
+        for effect, power, _ in found:
+            if power > largest.get(effect.name, (effect, 0.0))[1]:
+                largest[effect.name] = (effect, power)
+        parts = [
+            (near.scaled(self._looks_like(effect, other) * float(np.sqrt(most / power))), True)
+            for other, power, near in found
+            for effect, most in largest.values()
+            if effect.name != other.name
+        ]
+        return uncertain_columns(parts) if parts else self._nothing
+
+    def _near(self, entries: Sequence[SizedEffect], index: int) -> Columns:
+        """One effect of a set as large as it is, of shapes near its own."""
+        return self.changed_columns(lambda r: as_fault_of(r.modelled, entries, index))
 
     def _before(self, entries: Sequence[SizedEffect]) -> Columns | None:
         """What slow effects had done before each record began: an initial state for each of their lags and records."""
@@ -253,15 +288,27 @@ class Solver:
     ) -> tuple[SizedEffect, ...]:
         """The most likely parameters near those of ``entries`` at a share of equation misfit; what is uncertain with
         them stays that of the start, or is ``uncertain``."""
-        entries = tuple((effect, dict(params)) for effect, params in entries)
         if not entries:
-            return entries
+            return ()
         reduced = self._reduction(uncertain or self.uncertain(entries), share, self.space.all)
+        return self._fitted(entries, steps, reduced)
 
-        def cost(tried: Sequence[SizedEffect]) -> float:
-            return 0.5 * float(reduced(self.residual(tried))[-1, -1]) - prior_of(tried, self.step_s).log_density
+    def fit_from(
+        self, starts: Sequence[Sequence[SizedEffect]], uncertain: Uncertain, share: float
+    ) -> tuple[SizedEffect, ...]:
+        """The most likely parameters of one set near any of several starts."""
+        reduced = self._reduction(uncertain, share, self.space.all)
+        return min((self._fitted(start, STEPS, reduced) for start in starts), key=lambda e: self._cost(e, reduced))
 
-        best, damping = cost(entries), FIRST_DAMPING
+    def _cost(self, entries: Sequence[SizedEffect], reduced: Callable[[Columns], Samples]) -> float:
+        """Minus the log of likelihood and prior."""
+        return 0.5 * float(reduced(self.residual(entries))[-1, -1]) - prior_of(entries, self.step_s).log_density
+
+    def _fitted(
+        self, start: Sequence[SizedEffect], steps: int, reduced: Callable[[Columns], Samples]
+    ) -> tuple[SizedEffect, ...]:
+        entries: tuple[SizedEffect, ...] = tuple((effect, dict(params)) for effect, params in start)
+        best, damping = self._cost(entries, reduced), FIRST_DAMPING
         for _ in range(steps):
             moments, prior = reduced(self.fresh(entries)), prior_of(entries, self.step_s)
             x = _internal(entries)
@@ -271,7 +318,7 @@ class Solver:
             for _ in range(DAMPINGS):
                 step: Samples = np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right))
                 tried = _moved(entries, x, step)
-                value = cost(tried)
+                value = self._cost(tried, reduced)
                 if value < best:
                     gained, best, entries = best - value, value, tried
                     damping = max(damping / BOLDER, 1e-8)

@@ -110,6 +110,13 @@ def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     return np.asarray(fresh_columns(modelled, entries, free)[:, :-1] * deviations)
 
 
+def as_fault_of(modelled: ModelledRun, entries: Sequence[SizedEffect], index: int) -> Samples:
+    """The same of one of the effects, beside the others."""
+    free = [(i, p) for i, p in parameters_of(entries) if i == index]
+    deviations = np.array([_fault_deviation(p, entries[i][1][p.name]) for i, p in free])
+    return np.asarray(fresh_columns(modelled, entries, free)[:, :-1] * deviations)
+
+
 def _fault_deviation(p: Parameter, value: float) -> float:
     """In internal units."""
     if p.role == "size":

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.gap.plain_fits import each_fitted, plain_problem
 from phaselead.gap.posterior.build import space_of
-from phaselead.gap.posterior.evidence import SetFit, Solver, confused, together
+from phaselead.gap.posterior.evidence import SetFit, Solver, Uncertain, confused, together
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.problem import Problem, with_effects
 from phaselead.gap.refit import Fitted, SizedEffect, refit
@@ -74,7 +75,9 @@ def names_of(entries: Sequence[SizedEffect]) -> Names:
 def search_sets(problem: Problem, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
     """The sets of ``effects`` that the records of a problem with reference records leave in the contest."""
     bare = refit(problem.train_common, problem.discrepancy, [])
-    alone = _starts_beside(problem, bare, effects, most=len(effects))
+    alone = {fit.entries[0][0].name: [fit.entries] for fit in _plain_fits(problem, effects)}
+    for name, starts in _starts_beside(problem, bare, effects, most=len(effects)).items():
+        alone[name] = [*alone.get(name, []), *starts]
     solver = _solver(problem, effects, alone)
     nothing = Grown((), 0.0)
     pool: dict[Names, Grown] = {(): nothing}
@@ -108,6 +111,13 @@ def _starts_beside(
     return {shapes[0].effect.name: _starts(problem, fitted, shapes) for shapes in scanned[:most]}
 
 
+def _plain_fits(problem: Problem, effects: Sequence[Effect]) -> list[Fitted]:
+    """Fits of single effects to the records as they stand, the one that explains most first: a whitened metric hides
+    what is slow, so that a search there may begin at the wrong end."""
+    runs = [m.run for part in (problem.train, problem.holdout) for m in part.metric.modelled_runs]
+    return sorted(each_fitted(plain_problem(problem.axis, runs, effects), effects), key=lambda fit: fit.squares)
+
+
 def _gain(shapes: Sequence[ScannedShape]) -> float:
     return max(shape.gain for shape in shapes)
 
@@ -129,8 +139,9 @@ def _best_grown(
     found = []
     for start in starts:
         try:
-            entries = solver.fit(start)
-            larger, smaller = solver.contest([entries, parent.entries], solver.uncertain(entries))
+            uncertain = solver.uncertain(start)
+            entries = solver.fit(start, uncertain=uncertain)
+            larger, smaller = solver.contest([entries, parent.entries], uncertain)
         except np.linalg.LinAlgError:
             continue
         gained = larger.log_evidence - smaller.log_evidence
@@ -171,19 +182,33 @@ def _contest(solver: Solver, pool: Mapping[Names, Grown], catalogue_size: int) -
     ranked = sorted((one for one in pool.values() if not at_an_end(one.entries)), key=lambda one: -one.value)
     best = ranked[0]
     close = [one for one in ranked if one.value > best.value - WITHIN]
-    parts, covered = [], set[str]()
+    contested, covered = list[tuple[SizedEffect, ...]](), set[str]()
     for one in [*close[:1], *_rivals(best, ranked), *close[1:]]:
         new = set(one.names) - covered
         if new and len(covered | new) <= MOST_EFFECTS:
-            parts.append(solver.uncertain(one.entries))
+            contested.append(one.entries)
             covered |= new
-    sets = {one.names: one.entries for one in ranked if set(one.names) <= covered}
-    for i in range(len(best.entries)):
-        rest = best.entries[:i] + best.entries[i + 1 :]
-        if names_of(rest) not in sets:
-            sets[names_of(rest)] = solver.fit(rest)
-    fits = solver.contest(list(sets.values()), together(parts) if parts else None)
+    if not contested:
+        return Contest(solver, {(): solver.contest([()], None)[0]}, pool, catalogue_size)
+    as_others = solver.misfit_as_others(contested)
+    uncertain = together([*(solver.uncertain(entries) for entries in contested), as_others])
+    share = _likeliest_share(solver, best.entries, uncertain)
+    largest = solver.fit_from([best.entries], uncertain, share)
+    starts = {one.names: [one.entries] for one in ranked if set(one.names) <= covered}
+    for i in range(len(largest)):
+        rest = largest[:i] + largest[i + 1 :]
+        starts[names_of(rest)] = [*starts.get(names_of(rest), []), rest]
+    starts[best.names] = [largest]
+    sets = {names: solver.fit_from(several, uncertain, share) if names else () for names, several in starts.items()}
+    sets.setdefault((), ())
+    fits = solver.contest(list(sets.values()), uncertain)
     return Contest(solver, dict(zip(sets, fits, strict=True)), pool, catalogue_size)
+
+
+def _likeliest_share(solver: Solver, entries: tuple[SizedEffect, ...], uncertain: Uncertain) -> float:
+    """The share of equation misfit under which a set explains the records best."""
+    logs = solver.contest([entries], uncertain)[0].logs
+    return max(logs, key=lambda share: logs[share])
 
 
 def _rivals(best: Grown, ranked: Sequence[Grown]) -> list[Grown]:
