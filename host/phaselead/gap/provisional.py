@@ -14,9 +14,10 @@ from phaselead.gap.adopt import adopted
 from phaselead.gap.findings import NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.plain_fits import each_fitted, plain_problem
-from phaselead.gap.posterior import intervals_alone
+from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted
+from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.model import Effect
 
@@ -45,7 +46,8 @@ def nearest_that_pays(
         if best is None:
             break
         final = final.with_entries(best.entries)
-        params = intervals_alone(problem, best.entries)[0]
+        beside = likelihood_of([modelled_run(problem.axis, run) for run in runs], None)
+        params = intervals_alone(beside, best.entries)[0]
         found.append(NamedEffect(best.entries[0][0].name, label, params, 0.0))
     return final, [replace(e, share=final.share_of(e.name)) for e in found]
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.findings import NAMED, Candidate, Estimate
-from phaselead.gap.posterior import Claim, Contest, Judgement, intervals, judge, search_sets
+from phaselead.gap.posterior import Claim, Contest, Judgement, intervals, judge, likelihood_of, search_sets
 from phaselead.gap.problem import Problem, make_problem, with_effects
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, SizedEffect, squares_left
+from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection
 from phaselead.model import AxisModel, Effect
@@ -34,7 +35,9 @@ def select_effects(
     on_progress(0.1)
     left = [effect for effect in effects if memory is None or effect.name != memory.effect.name]
     problem = make_problem(base, runs, left, frozen, open_plays=memory is not None)
-    contest = search_sets(problem, left, lambda share: on_progress(0.2 + 0.8 * share))
+    free = problem.freedom if problem.reference is None and not frozen else None
+    likelihood = likelihood_of([modelled_run(base, run) for run in runs], free)
+    contest = search_sets(likelihood, left, lambda share: on_progress(0.2 + 0.8 * share))
     found = judge(contest)
     claims, entries, values = _estimated(problem, contest, found.best.entries, found.claims)
     after = with_effects(problem, entries) if entries else problem
@@ -47,6 +50,7 @@ def select_effects(
         contest,
         _candidates(contest, found),
         memory,
+        found.nearest_only,
     )
 
 
@@ -56,7 +60,8 @@ def _estimated(
     """The claims that do not harm, their effects with the parameters that predict best, and the interval of each."""
     while claims:
         entries = tuple(entry for entry in best if entry[0].name in {claim.effect.name for claim in claims})
-        likeliest, covariance = contest.solver.estimate(entries)
+        fit = contest.likelihood.fit(entries)
+        likeliest, covariance = fit.entries, fit.covariance
         entries = best_predicting(likeliest, covariance, problem.train_runs())
         harmless = _that_pay(problem, entries, claims)
         if len(harmless) == len(claims):

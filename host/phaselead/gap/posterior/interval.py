@@ -7,11 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
-from phaselead.gap.posterior.build import space_of
-from phaselead.gap.posterior.evidence import Solver
-from phaselead.gap.posterior.misfit import parameters_of
-from phaselead.gap.problem import Problem
-from phaselead.gap.refit import SizedEffect, from_internal, to_internal
+from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.refit import SizedEffect, from_internal, parameters_of, to_internal
 from phaselead.record import Samples
 
 
@@ -31,6 +28,6 @@ def intervals(
     return found
 
 
-def intervals_alone(problem: Problem, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
-    """``intervals`` of effects that were fitted to the records of a problem outside a contest."""
-    return intervals(entries, Solver(space_of(problem), {}, {}).spread(entries))
+def intervals_alone(likelihood: Likelihood, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
+    """``intervals`` of effects that were fitted outside a contest."""
+    return intervals(entries, likelihood.fit(entries, steps=0).covariance)

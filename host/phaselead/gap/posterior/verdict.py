@@ -1,4 +1,7 @@
-"""From the evidences of sets to probabilities of effects, and from these to names and ties."""
+"""From the evidences of sets to probabilities of effects, and from these to names and ties.
+
+A set may explain more than any other and still leave more than its equations may miss. Then its effects are only the
+nearest, and count as not there."""
 
 from __future__ import annotations
 
@@ -7,14 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.posterior.evidence import SetFit
+from phaselead.gap.posterior.likelihood import Fit, Names
 from phaselead.gap.posterior.priors import log_prior_of_set
-from phaselead.gap.posterior.search import Contest, Names
+from phaselead.gap.posterior.search import Contest
 from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 
 SURE = 0.99
 """Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
+MORE_LIKELY_THAN_NOT = 0.5
+"""Probability from which the nearest set is no more than that."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -45,27 +50,32 @@ class Claim:
 class Judgement:
     """What the contest says."""
 
-    best: SetFit
+    best: Fit
     """The most probable set."""
     claims: tuple[Claim, ...]
     probability: Mapping[str, float]
     """Of each effect that was in the contest, by name."""
     sets: Mapping[Names, float]
     """Probability of each set."""
+    nearest_only: float
+    """Probability that no set is there: the nearest leaves more than its equations may miss."""
 
 
 def judge(contest: Contest) -> Judgement:
-    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied."""
+    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied.
+
+    None where the nearest set is probably no more than that."""
     sets = _probabilities(contest)
     best = max(sets, key=lambda names: sets[names])
     single = {name: _with_any(sets, (name,)) for names in sets for name in names}
+    nearest_only = 1 - sum(probability * contest.fits[names].named for names, probability in sets.items())
     claims = []
     for effect, _ in contest.fits[best].entries:
         group, probability = _group(effect.name, best, sets, single)
         claim = _claim(contest, effect, group, sets, single)
-        if probability >= SURE and claim.borne_out:
+        if probability >= SURE and claim.borne_out and nearest_only < MORE_LIKELY_THAN_NOT:
             claims.append(claim)
-    return Judgement(contest.fits[best], tuple(claims), single, sets)
+    return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
 
 
 def _probabilities(contest: Contest) -> dict[Names, float]:
