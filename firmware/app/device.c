@@ -116,7 +116,7 @@ void device_reset_axes(struct device *device)
 void device_begin_idle(struct device *device, const struct axis_config idle[AXES])
 {
     reset_axes(device, idle);
-    for (unsigned axis = 0; axis < AXES; axis++)
+    for (unsigned axis = 0; axis < AXES && device->control.state == WIRE_STATE_PARKED; axis++)
         device->control.axis[axis].drive = DRIVE_HOLD;
 }
 

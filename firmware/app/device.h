@@ -122,7 +122,7 @@ void device_make_idle(const struct model_slot *slot, const struct wire_axis_limi
 /* Whether outputs and safe values are within the limits of these. */
 bool device_admits(const struct device *device, const struct axis_config idle[AXES]);
 
-/* The axes begin anew with these; nothing moves by itself. */
+/* The axes begin anew with these; nothing moves by itself. In a fault they go on doing what its reaction was. */
 void device_begin_idle(struct device *device, const struct axis_config idle[AXES]);
 
 /* And from now on begin with these again. No tick reads them: ticks need not be kept out. */
