@@ -6,11 +6,6 @@
 #include "app/path_check.h"
 #include "core/fixed.h"
 
-static bool is_in(uint32_t mask, unsigned axis)
-{
-    return (mask >> axis & 1u) != 0;
-}
-
 /* The path that a new one comes after. */
 struct tail {
     uint32_t kind; /* enum path_kind */

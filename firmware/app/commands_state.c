@@ -132,7 +132,7 @@ enum wire_status command_arm(struct device *device, const struct request *reques
 static bool can_start(const struct device *device, unsigned axis)
 {
     const struct axis_config *config = &device->control.config[axis];
-    return config->mode != AXIS_IDLE && device->control.path_mask >> axis & 1u &&
+    return config->mode != AXIS_IDLE && is_in(device->control.path_mask, axis) &&
            (config->path.kind != PATH_WAVE || device_wave_q30(device, axis));
 }
 
@@ -143,7 +143,7 @@ enum wire_status command_start(struct device *device, const struct request *requ
     if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
-        if (start.axis_mask >> axis & 1u && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
+        if (is_in(start.axis_mask, axis) && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
             return WIRE_STATUS_BAD_VALUE;
     const struct wire_start_reply reply = {.first_tick =
                                                device->control.tick + 1 + axes_enter_ticks(device, start.axis_mask)};

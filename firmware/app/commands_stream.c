@@ -68,7 +68,7 @@ enum wire_status command_snapshot_read(struct device *device, const struct reque
     } else {
         unsigned axis = read.region - WIRE_REGION_WAVE_X;
         from = (const uint8_t *)device->waves_q30[axis];
-        reply.size = device->wave_mask >> axis & 1u ? sizeof device->waves_q30[axis] : 0;
+        reply.size = is_in(device->wave_mask, axis) ? sizeof device->waves_q30[axis] : 0;
     }
     if (read.offset > reply.size || read.length > WIRE_MAX_PAYLOAD - WIRE_SNAPSHOT_READ_REPLY_SIZE)
         return WIRE_STATUS_BAD_VALUE;

@@ -35,18 +35,18 @@ void device_unlock(const struct device *device)
 const struct feedforward_tables *device_tables(const struct device *device, unsigned axis)
 {
     const struct model_slot *slot = model_store_active(&device->models);
-    return slot && slot->table_mask >> axis & 1u ? &slot->tables[axis] : NULL;
+    return slot && is_in(slot->table_mask, axis) ? &slot->tables[axis] : NULL;
 }
 
 const struct compensation *device_compensation(const struct device *device, unsigned axis)
 {
     const struct model_slot *slot = model_store_active(&device->models);
-    return slot && slot->inverse_mask >> axis & 1u ? &slot->compensation[axis] : NULL;
+    return slot && is_in(slot->inverse_mask, axis) ? &slot->compensation[axis] : NULL;
 }
 
 const int32_t *device_wave_q30(const struct device *device, unsigned axis)
 {
-    return device->wave_mask >> axis & 1u ? device->waves_q30[axis] : NULL;
+    return is_in(device->wave_mask, axis) ? device->waves_q30[axis] : NULL;
 }
 
 void device_wake(struct device *device, unsigned axis)

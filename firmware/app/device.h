@@ -107,6 +107,11 @@ _Static_assert(sizeof(struct control) ==
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 
+static inline bool is_in(uint32_t mask, unsigned axis)
+{
+    return (mask >> axis & 1u) != 0;
+}
+
 /* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. Where a ramp goes stays as it
  * was: 0 V from reset on, until device_take_safe_values(). */
 void device_reset_axes(struct device *device);

@@ -1,10 +1,5 @@
 #include "app/motion.h"
 
-static bool is_in(uint32_t mask, unsigned axis)
-{
-    return (mask >> axis & 1u) != 0;
-}
-
 /* Axes that would begin the first segment of their queue, were they alone. */
 static uint32_t due_axes(const struct device *device)
 {
