@@ -145,3 +145,20 @@ uint8_t device_at_rest_mask(const struct device *device)
             mask |= 1u << axis;
     return (uint8_t)mask;
 }
+
+bool device_stands_still(const struct device *device)
+{
+    const unsigned at_rest = device_at_rest_mask(device);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (!is_in(at_rest, axis) && device->control.axis[axis].drive != DRIVE_HOLD)
+            return false;
+    return true;
+}
+
+enum wire_status device_wants_still(const struct device *device)
+{
+    device_lock(device);
+    const bool still = device_stands_still(device);
+    device_unlock(device);
+    return still ? WIRE_STATUS_OK : WIRE_STATUS_BUSY;
+}

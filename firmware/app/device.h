@@ -144,6 +144,13 @@ void device_link_models(struct device *device);
 
 uint8_t device_at_rest_mask(const struct device *device);
 
+/* Whether every output is at its safe value or held, while ticks are kept out. Parked is not enough: a ramp to the safe
+ * value may be under way. Until the next command only a fault makes outputs move that stand still. */
+bool device_stands_still(const struct device *device);
+
+/* Busy while it does not, else ok. Keeps ticks out by itself. */
+enum wire_status device_wants_still(const struct device *device);
+
 /* NULL when the axis has no table view. */
 const struct feedforward_tables *device_tables(const struct device *device, unsigned axis);
 /* NULL when the axis has no time view that can be inverted. */

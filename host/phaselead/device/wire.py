@@ -1418,7 +1418,7 @@ class ModelCommitReply(Reply):
 @dataclass(frozen=True, slots=True)
 class ModelCommitRequest(Command[ModelCommitReply]):
     """Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while
-    parked.
+    parked and no output moves.
     """
 
     NAME: ClassVar[str] = "model_commit"
@@ -1426,6 +1426,7 @@ class ModelCommitRequest(Command[ModelCommitReply]):
     REPLY: ClassVar[type[Any]] = ModelCommitReply
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.OUTSIDE_LIMITS: "its limits or the device's (`phaselead limits`) leave out its safe value or the output",
+        Status.BUSY: "its outputs are still moving to the safe value; try again",
     }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
@@ -1520,11 +1521,14 @@ class ModelPersistReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class ModelPersistRequest(Command[ModelPersistReply]):
-    """Writes the active model to the older of two flash slots; while parked."""
+    """Writes the active model to the older of two flash slots; while parked and no output moves."""
 
     NAME: ClassVar[str] = "model_persist"
     NUMBER: ClassVar[int] = 0x10
     REPLY: ClassVar[type[Any]] = ModelPersistReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "its outputs are still moving to the safe value; try again",
+    }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
 
@@ -2518,7 +2522,9 @@ class LimitsSetReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class LimitsSetRequest(Command[LimitsSetReply]):
-    """Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again."""
+    """Sets the hard limits of all axes and keeps them in flash; while parked and no output moves. Modes and paths
+    have to be set again.
+    """
 
     NAME: ClassVar[str] = "limits_set"
     NUMBER: ClassVar[int] = 0x20
@@ -2526,6 +2532,7 @@ class LimitsSetRequest(Command[LimitsSetReply]):
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BAD_VALUE: "a lower limit that is not below its upper one, or a slew limit of nothing",
         Status.OUTSIDE_LIMITS: "they leave out the present output, 0 V or the safe value of the model",
+        Status.BUSY: "its outputs are still moving to the safe value; try again",
         Status.FLASH_FAILED: "they could not be kept in flash; those before still hold",
     }
     SIZE: ClassVar[int] = 36
