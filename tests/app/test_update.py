@@ -371,7 +371,7 @@ def test_a_fault_is_no_hindrance_at_zero_and_one_that_holds_keeps_its_output():
     assert (bench.run(200)[:, 0] == held).all()
 
 
-def test_a_device_without_images_says_so():
+def test_a_device_whose_image_slots_are_empty_runs_its_own_code_confirmed():
     bench = Bench()
     assert running(bench) != bytes(20)
     assert info(bench).standing == CONFIRMED

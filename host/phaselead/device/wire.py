@@ -2236,9 +2236,6 @@ class UpdateInfoRequest(Command[UpdateInfoReply]):
     NAME: ClassVar[str] = "update_info"
     NUMBER: ClassVar[int] = 0x30
     REPLY: ClassVar[type[Any]] = UpdateInfoReply
-    REFUSALS: ClassVar[dict[int, str]] = {
-        Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
-    }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
 
@@ -2284,7 +2281,6 @@ class UpdateBeginRequest(Command[UpdateBeginReply]):
         Status.BUSY: "its outputs are on their way to 0 V; try again",
         Status.BAD_VALUE: "the image is for another board or another slot",
         Status.WRONG_STATE: "not while armed, on trial, or in fault away from 0 V; `phaselead park` it first",
-        Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
     }
     SIZE: ClassVar[int] = 64
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<64s")
@@ -2433,7 +2429,6 @@ class UpdateRestartRequest(Command[UpdateRestartReply]):
     REPLY: ClassVar[type[Any]] = UpdateRestartReply
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BUSY: "its outputs are on their way to 0 V; try again",
-        Status.MODE_UNSUPPORTED: "it cannot restart itself",
     }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
@@ -2478,7 +2473,6 @@ class UpdateConfirmRequest(Command[UpdateConfirmReply]):
     REPLY: ClassVar[type[Any]] = UpdateConfirmReply
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BAD_VALUE: "it runs another build",
-        Status.MODE_UNSUPPORTED: "it has no image slots",
     }
     SIZE: ClassVar[int] = 20
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<20s")
