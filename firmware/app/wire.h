@@ -675,7 +675,7 @@ struct wire_where_reply {
     uint16_t adc_codes[3];
     int32_t u_q24[3]; /* V */
     int32_t reference[3]; /* um q16 (V q24 in mode open) */
-    int32_t end[3]; /* where the last path of the queue ends: a move's target; of others, their offset */
+    int32_t end[3]; /* where the last path of the queue ends: a move's target; of others, their offset; of a hold from_here that waits, the reference */
     uint32_t near_ticks[3]; /* ticks in a row within the window */
 };
 

@@ -128,6 +128,22 @@ def test_a_move_arrives_to_the_bit_and_the_next_begins_there():
     assert {5 * V, V + 7, 3 * V} <= set(reference.tolist())
 
 
+def test_a_hold_that_waits_to_begin_wherever_the_axis_is_then_ends_at_the_reference_until_then():
+    """Its end was once said to be 0."""
+    bench = holding()
+    assert queue(bench, x=move_to(5 * V, 400)) == wire.Status.OK
+    begin = bench.status().tick + 200
+    assert queue(bench, x=hold(flags=HERE, enter=100), begin_tick=begin) == wire.Status.OK
+    bench.run(100)
+    where = bench.ok(wire.WhereRequest())
+    assert where.queued[0] == 1
+    assert where.end[0] == where.reference[0] > 0
+    bench.run(300)
+    where = bench.ok(wire.WhereRequest())
+    assert (where.queued[0], where.moving) == (0, 0)
+    assert 0 < where.end[0] == where.reference[0] < 5 * V
+
+
 def test_a_path_that_begins_elsewhere_is_refused():
     bench = holding()
     assert queue(bench, x=move_to(4 * V, 100)) == wire.Status.OK

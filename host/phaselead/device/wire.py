@@ -2116,7 +2116,9 @@ class WhereReply(Reply):
     reference: tuple[int, ...]
     """um q16 (V q24 in mode open)."""
     end: tuple[int, ...]
-    """where the last path of the queue ends: a move's target; of others, their offset."""
+    """where the last path of the queue ends: a move's target; of others, their offset; of a hold from_here that
+    waits, the reference.
+    """
     near_ticks: tuple[int, ...]
     """ticks in a row within the window."""
 
