@@ -30,14 +30,16 @@ static bool is_held(const struct device *device)
     return control->tick - control->heard_tick < ticks;
 }
 
-/* A new session inherits the model, the outputs and a latched fault, and nothing else: whatever still moves is ramped
- * to its safe value, and what the host before it had set is gone. */
+/* A new session inherits the model, the outputs, a latched fault and the transient recorder with its trigger, and
+ * nothing else: whatever still moves is ramped to its safe value, and what the host before it had set, or had sent a
+ * part of, is gone. */
 static void begin_session(struct device *device, const struct wire_header *header)
 {
     struct wire_event stale;
     uint16_t id;
     line_begin_session(&device->line, header->id);
     recorder_discard(&device->recorder);
+    device->models.uploading = device->update.receiving = false;
     while (events_take(&device->events, &stale, &id))
         ;
     device->session = header->session;
