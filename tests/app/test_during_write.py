@@ -1,32 +1,18 @@
 """A fault that comes while flash is written."""
 
-import os
-import subprocess
-from pathlib import Path
-
 import pytest
+from c_driver import build, numbers
 from device_bench import ZERO_V_CODE
-from test_fuzz import SOURCES
 
 from phaselead.device import wire
 
-ROOT = Path(__file__).parents[2]
 TWO_V, FIVE_V = 2 * 3200, 5 << 24
 
 
 @pytest.fixture(scope="module")
 def during_write(tmp_path_factory):
-    path = tmp_path_factory.mktemp("during_write") / "during_write"
-    flags = ["-std=c11", "-O1", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'firmware'}"]
-    source = str(Path(__file__).with_name("during_write.c"))
-    command = [os.environ.get("CC", "cc"), *flags, source, *map(str, SOURCES), "-o", str(path)]
-    subprocess.run(command, check=True)
-
-    def run(fault):
-        told = subprocess.run([path, str(int(fault))], capture_output=True, text=True, check=True).stdout
-        return [tuple(map(int, line.split())) for line in told.splitlines()]
-
-    return run
+    path = build(tmp_path_factory.mktemp("during_write"), "during_write")
+    return lambda fault: numbers(path, int(fault))
 
 
 @pytest.mark.parametrize(

@@ -1587,6 +1587,9 @@ class StreamStartRequest(Command[StreamStartReply]):
     NAME: ClassVar[str] = "stream_start"
     NUMBER: ClassVar[int] = 0x11
     REPLY: ClassVar[type[Any]] = StreamStartReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "a tick came into each copy of its state; try again",
+    }
     SIZE: ClassVar[int] = 4
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBH")
     channels: int
