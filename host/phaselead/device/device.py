@@ -202,7 +202,7 @@ class Device:
             return
         if not clear_fault:
             raise DeviceRefused(fault_text(status))
-        while status.at_rest & 7 != 7:
+        while status.at_rest != mask_of(AXES):
             self.session.pump(64)
             status = self.session.request(wire.StatusRequest())
         self.session.request(wire.ClearFaultRequest())

@@ -29,7 +29,7 @@ OPEN_LOOP = (wire.Mode.IDLE, wire.Mode.OPEN)
 class Trigger:
     """What freezes the transient recorder beside a fault.
 
-    ``on``: "fault" (nothing else), "set_point" (a path is started), "input" (the interlock's line opens, were it for a
+    ``on``: "fault" (nothing else), "set_point" (a path begins), "input" (the interlock's line opens, were it for a
     single tick), or "threshold": the position of ``axis`` rises above ``above_um`` or falls below ``below_um``.
     ``every`` keeps each so manieth tick only, ``after`` is the share that is kept after the trigger.
     """
