@@ -289,8 +289,8 @@ class Controller(HoldsAndMoves, Supervision):
 
         ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
         uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)
-        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it, without a
-        model the paper's.
+        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it or for what the
+        device tells of the one it holds; the paper's where nobody has a model.
         Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
         ``duration`` in s; default ten periods, or a move and a second.
         ``follows``: "true", where the model says by how much the sensor is late, makes the stage itself follow a

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.held import held_stage, held_warning
 from phaselead.control.motion_limits import WINDOW_S, motion_limits, usual_duration_s, window_um
 from phaselead.control.tracking import NEEDS_MODEL, check_path, loop_warnings
 from phaselead.device import (
@@ -104,6 +105,9 @@ class Mover:
 
     device: Device
     stage: Stage | None = None
+    """What it was given, and uploads."""
+    known: Stage | None = None
+    """That, else what the device tells of the model it holds."""
     mode: str = ""
     gains: dict[str, Gains] = field(default_factory=dict)
     _calibration: Mapping[str, Converters] | None = None
@@ -114,7 +118,7 @@ class Mover:
         return "".join(sorted(self.gains))
 
     def model(self, axis: str) -> AxisModel | None:
-        return None if self.stage is None else self.stage.axes.get(axis)
+        return None if self.known is None else self.known.axes.get(axis)
 
     def limits(self, axis: str) -> MotionLimits:
         return motion_limits(self.model(axis))
@@ -137,7 +141,8 @@ class Mover:
         force: bool = False,
     ) -> list[str]:
         """How the axes will be held, before anything is done to the device; when it holds already, checks that it holds
-        these, so. Without a mode the best that the model allows. Returns what the model warns of.
+        these, so. Without a stage by the model that the device holds; without a mode the best that the model allows.
+        Returns what the model warns of.
 
         Raises BadInput, and DeviceRefused where the device cannot be armed.
         """
@@ -147,18 +152,20 @@ class Mover:
             return []
         if now.state not in ("parked", "armed"):
             raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
-        chosen = mode or best_mode(stage, axes)
+        held = held_stage(self.device, axes) if stage is None else None
+        known = stage or held
+        chosen = mode or best_mode(known, axes)
         if chosen == "open":
             raise BadInput(
                 "mode open moves in volts and holds no position; use pid, ff, ff+pid, inverse or inverse+pid"
             )
-        if chosen in NEEDS_MODEL and stage is None:
+        if chosen in NEEDS_MODEL and known is None:
             raise BadInput(f"mode {chosen} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
-        own = {axis: gains_of(gains, stage, axis) for axis in axes}
+        own = {axis: gains_of(gains, known, axis) for axis in axes}
         for axis in axes:
-            check_path(axis, _hold(now, axis), chosen, _model(stage, axis))
-        warnings = loop_warnings(stage, chosen, own, force=force)
-        self.stage, self.mode, self.gains = stage, chosen, own
+            check_path(axis, _hold(now, axis), chosen, _model(known, axis))
+        warnings = [*held_warning(held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
+        self.stage, self.known, self.mode, self.gains = stage, known, chosen, own
         return warnings
 
     def engage(self) -> None:
@@ -190,8 +197,8 @@ class Mover:
 
     def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:
         """Goes on with axes that are held already; their gains are taken for the usual ones."""
-        self.stage, self.mode = stage, mode
-        self.gains = {axis: gains_of(None, stage, axis) for axis in axes}
+        self.stage, self.known, self.mode = stage, stage or held_stage(self.device, axes), mode
+        self.gains = {axis: gains_of(None, self.known, axis) for axis in axes}
 
     # ---------------------------------------------------------------- moving
 
@@ -228,7 +235,7 @@ class Mover:
             )
         for axis in targets:
             goto = Goto(target[axis] - start[axis], start[axis], "um", 1 / seconds)
-            check_path(axis, goto, self.mode, _model(self.stage, axis))
+            check_path(axis, goto, self.mode, _model(self.known, axis))
         return Planned(start, target, seconds)
 
     def move(
