@@ -6,7 +6,7 @@ import phaselead as pl
 from phaselead.control.gains import PAPER_GAINS, design_gains
 from phaselead.control.held import held_stage
 from phaselead.device import device_model
-from phaselead.model import AdoptedEffect, AxisModel, Stage, TimeView
+from phaselead.model import AdoptedEffect, AxisModel, Sensor, Stage, TimeView
 
 AXIS = AxisModel(
     time=TimeView(
@@ -61,3 +61,26 @@ def test_the_mode_is_the_best_that_the_held_model_allows(dev):
 def test_an_axis_that_the_held_model_says_nothing_of_moves_by_feedback(dev):
     assert dev._mover.choose("y", None) == []
     assert (dev._mover.mode, dev._mover.gains["y"]) == ("pid", PAPER_GAINS)
+
+
+def test_a_move_on_a_path_has_the_limits_of_the_held_model(dev):
+    """It was refused by the 1000 um/s that are assumed where no model is."""
+    run = dev.track("goto:100um@0.05s", mode="inverse", duration=0.2)
+    assert run.x_um[-1] == pytest.approx(100, abs=5)
+
+
+@pytest.mark.parametrize("drive", ["track", "move"])
+def test_a_refusal_says_that_the_limit_is_assumed(drive):
+    with pl.connect() as device:
+        with pytest.raises(pl.BadInput, match=r"1000 um/s, assumed.*the shortest is 18[78].* ms.*--model") as refusal:
+            device.track("goto:100um@0.05s", mode="pid") if drive == "track" else device.move(x=100, duration=0.05)
+        assert "\n" not in str(refusal.value)
+
+
+def test_micrometres_are_by_the_model_that_was_uploaded_last(dev):
+    """The calibration was read once and kept, whatever was uploaded after it."""
+    before = dev.where().x
+    shifted = AXIS.model_copy(update={"sensor": Sensor(x_min_um=90.0, x_max_um=370.0)})
+    dev.device.upload(device_model(Stage(name="shifted", axes={"x": shifted})))
+    assert dev.where().x.x_um == pytest.approx(before.x_um + 100, abs=0.2)
+    assert dev.status().axes["x"].x_um == pytest.approx(before.x_um + 100, abs=0.2)

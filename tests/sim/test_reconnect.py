@@ -15,7 +15,7 @@ from phaselead.control import recover_run, track_to_file
 from phaselead.device import DeviceFault, device_model, encode_frame, wire
 from phaselead.device.device import Device
 from phaselead.errors import LinkError
-from phaselead.model import AxisModel, Stage
+from phaselead.model import AxisModel, Sensor, Stage
 from phaselead.sim import protocol_faulty
 from phaselead.waveforms import parse_wave
 
@@ -189,6 +189,17 @@ def test_a_session_of_the_api_goes_on():
         assert not dev.reconnect()
         assert dev.park().state == "parked"
         assert dev.track("sine:20um@5Hz", mode="pid", duration=0.4).figures["dropped"] == 0
+
+
+def test_micrometres_after_a_restart_are_not_by_the_model_that_it_lost(device):
+    shifted = AxisModel(sensor=Sensor(x_min_um=90.0, x_max_um=370.0))
+    device.upload(device_model(Stage(name="shifted", axes={"x": shifted})))
+    before = device.converters()["x"]
+    line_of(device).reset()
+    with pytest.raises(LinkError):
+        device.status()
+    assert not device.reconnect(pause=no_pause)
+    assert device.converters()["x"] != before
 
 
 def test_a_late_hello_does_not_pass_a_restarted_device_for_the_old_one(device):

@@ -8,11 +8,11 @@ from typing import Any
 
 from phaselead.control.gains import GainsLike, gains_of
 from phaselead.control.held import held_stage, held_warning
-from phaselead.control.motion_limits import WINDOW_S, motion_limits, usual_duration_s, window_um
-from phaselead.control.tracking import NEEDS_MODEL, check_path, loop_warnings
+from phaselead.control.modes import NEEDS_MODEL
+from phaselead.control.motion_limits import WINDOW_S, motion_limits, refuse_too_fast, usual_duration_s, window_um
+from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
     TICK_HZ,
-    Converters,
     Device,
     MotionLimits,
     Where,
@@ -23,7 +23,7 @@ from phaselead.device import (
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
 from phaselead.result import Result, Table
-from phaselead.waveforms import Goto
+from phaselead.waveforms import PEAK_SPEED, Goto
 
 ENGAGE_S = 0.05
 """Of the join from the output there is to holding in closed loop."""
@@ -110,7 +110,6 @@ class Mover:
     """That, else what the device tells of the model it holds."""
     mode: str = ""
     gains: dict[str, Gains] = field(default_factory=dict)
-    _calibration: Mapping[str, Converters] | None = None
 
     @property
     def axes(self) -> str:
@@ -125,9 +124,7 @@ class Mover:
 
     def where(self) -> Where:
         """Where the axes are; also feeds the host timeout."""
-        if self._calibration is None:
-            self._calibration = self.device.converters()
-        return motion.where(self.device, self._calibration)
+        return motion.where(self.device)
 
     # ---------------------------------------------------------------- holding
 
@@ -176,7 +173,6 @@ class Mover:
             return
         if self.stage is not None:
             self.device.upload_if_other(device_model(self.stage))
-            self._calibration = None
         for axis, gain in self.gains.items():
             self.device.set_axis(axis, self.mode, **gain.model_dump(exclude={"origin"}))
             motion.hold_from_start(self.device, axis, ENGAGE_S)
@@ -218,21 +214,17 @@ class Mover:
         start = {axis: one.target_um if one.held else one.x_um for axis, one in now.axes.items() if axis in targets}
         target = {axis: value + (start[axis] if axis in relative else 0.0) for axis, value in targets.items()}
         way = {axis: abs(target[axis] - start[axis]) for axis in targets}
-        shortest_s = max(self.limits(axis).shortest_s(way[axis]) for axis in targets)
         seconds = duration_s
         if speed_um_per_s is not None:
             if not speed_um_per_s > 0:
                 raise BadInput(f"a speed of {speed_um_per_s:g} um/s: give one above 0")
-            seconds = max(1.875 * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
+            seconds = max(PEAK_SPEED * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
         if seconds is None:
             usual = (usual_duration_s(way[a], self.limits(a), self.model(a), self.mode) for a in targets)
             seconds = max(usual)
-        elif seconds < shortest_s * (1 - 1e-9):
-            longest = max(way.values())
-            raise BadInput(
-                f"a move of {longest:.4g} um in {seconds * 1e3:.3g} ms is faster than the stage's limits allow; the "
-                f"shortest is {shortest_s * 1e3:.4g} ms, at {1.875 * longest / shortest_s:.4g} um/s"
-            )
+        else:
+            slowest = max(targets, key=lambda axis: self.limits(axis).shortest_s(way[axis]))
+            refuse_too_fast(slowest, way[slowest], seconds, self.model(slowest))
         for axis in targets:
             goto = Goto(target[axis] - start[axis], start[axis], "um", 1 / seconds)
             check_path(axis, goto, self.mode, _model(self.known, axis))

@@ -12,9 +12,10 @@ from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
 from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, values_of
 from phaselead.control.learning.response import Response, model_response
+from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
-from phaselead.control.tracking import INVERTS, check_paths, loop_warnings, track
+from phaselead.control.tracking import check_paths, loop_warnings, track
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import TICK_HZ, Device, DeviceFault
 from phaselead.errors import BadInput
