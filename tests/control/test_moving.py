@@ -9,7 +9,7 @@ import phaselead as pl
 from phaselead.control import keep_alive, motion_limits
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.targets import Target, parse_target, parse_targets
-from phaselead.device import MotionLimits, Where, motion, recall, remember, wire
+from phaselead.device import MotionLimits, Where, left_running, motion, recall, remember, wire
 from phaselead.device.left_running import LeftRunning
 from phaselead.model import AxisModel
 from phaselead.sim import built_in
@@ -237,6 +237,24 @@ def test_the_next_program_goes_on_where_the_last_one_left(dev):
     next_one = HoldsAndMoves(dev.device)
     next_one.take_up(LeftRunning(dev.device.session.nonce, 0, "pid", "xyz", None))
     assert next_one.x.move("+2um", duration=0.1).axes["x"].to_um == 42
+
+
+def test_a_session_that_is_parked_on_the_way_out_is_forgotten(tmp_path, monkeypatch):
+    """It stayed written down as left running."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(left_running, "is_virtual", lambda url: False)
+    name = "sim://xyz250"
+    with pl.connect(name) as device:
+        device.move(x=20, mode="pid")
+        left = LeftRunning(device.device.session.nonce, 0, "pid", "x", None)
+        remember(name, left)
+        device.take_up(left)
+        assert recall(name) == left
+    assert recall(name) is None
+    with pl.connect(name) as device:
+        device.move(x=20, mode="pid")
+        device.leave_running()
+    assert recall(name).axes == "x"
 
 
 def test_joins_have_a_longest():

@@ -127,6 +127,8 @@ class Controller(HoldsAndMoves, Supervision):
             self._alive.end()
             self._note_left()
             self.device.__exit__(kind, error, trace)
+            if self.device.park_on_exit and kind is None:  # after an error it may stand where it stood
+                remember(self.device.session.name, None)
 
     def _at_exit(self) -> None:
         with contextlib.suppress(PhaseleadError, OSError):
