@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Response = NDArray[np.complex128]
 
 LATCH_S = 30e-6
-"""From the sample to the latch of the output, in every build (docs/firmware.md)."""
+"""From the sample to the latch of the output, in every build (docs/emulation.md)."""
 HOLD_S = LATCH_S + TICK_S / 2
 """By how much a held, latched output is late of the straight lines between rows that the time view's delay counts
 from."""
