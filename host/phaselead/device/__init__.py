@@ -11,7 +11,7 @@ from phaselead.device.fault_log import FaultLog, read_fault_log
 from phaselead.device.flash import flash_board, flash_by_wire
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
-from phaselead.device.limits import AxisLimits, Limits, held_back, read_limits, set_limits, written_limit
+from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, read_limits, set_limits, written_limit
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
@@ -75,6 +75,7 @@ __all__ = [
     "from_device_model",
     "held_back",
     "inverse_refusal",
+    "looser_than",
     "motion",
     "park_quietly",
     "pull",
