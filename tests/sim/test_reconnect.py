@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import phaselead as pl
 from phaselead.cli import main
-from phaselead.control import recover_run, track_to_file
+from phaselead.control import record_to_file, recover_run, track_to_file
 from phaselead.device import DeviceFault, device_model, encode_frame, wire
 from phaselead.device.device import Device
 from phaselead.errors import LinkError
@@ -130,6 +130,14 @@ def test_a_run_that_is_broken_off_says_so_and_is_not_written_as_if_whole(device,
     facts = recover_run(f"{output}.journal", str(output))
     assert 4000 < facts["samples"] < 9000
     assert facts["ended"] == "broken off"
+
+
+def test_a_record_that_ends_in_a_fault_says_where_it_is(device, tmp_path):
+    output = tmp_path / "run.h5"
+    slept = pull_after(device, 0.5, lambda: line_of(device).let_pass(30.0))
+    with pytest.raises(DeviceFault, match=f"host_timeout.*; the recording is kept in {output}"):
+        record_to_file(device, SINE, output=str(output), duration_s=1.0, on_progress=slept)
+    assert output.exists()
 
 
 def test_a_host_that_slept_finds_its_run_ended_by_the_device(device, tmp_path):

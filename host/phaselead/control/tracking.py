@@ -43,6 +43,14 @@ def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
     return max(waveform.default_duration_s for waveform in waveforms.values())
 
 
+def ticks_of(duration_s: float) -> int:
+    """A duration in ticks. Raises BadInput for less than one."""
+    ticks = round(duration_s * TICK_HZ)
+    if ticks < 1:
+        raise BadInput(f"a duration of {duration_s:g} s is shorter than one tick of 0.2 ms; use a longer one")
+    return ticks
+
+
 def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None) -> None:
     """Refuses, before anything moves, what the mode, the limits or the identified rectangle do not allow.
 
@@ -166,9 +174,7 @@ def set_up(
     if stage is not None:
         device.upload_if_other(device_model(stage))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
-    ticks = round(seconds * TICK_HZ)
-    if ticks < 1:
-        raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
+    ticks = ticks_of(seconds)
     standing = standings(device)
     waveforms = {axis: from_standing(axis, waveform, standing[axis], known) for axis, waveform in waveforms.items()}
     entered_s, left_s = {}, {}

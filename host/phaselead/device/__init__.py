@@ -15,7 +15,7 @@ from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, 
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
-from phaselead.device.run_file import channels_of, read_capture, recorded_from, recording_of, replay_facts, write_run
+from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Session
 from phaselead.device.standing import (
     LARGEST_STEP,
@@ -83,7 +83,6 @@ __all__ = [
     "read_fault_log",
     "read_limits",
     "recall",
-    "recorded_from",
     "recording_of",
     "remember",
     "replay_facts",
