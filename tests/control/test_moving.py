@@ -7,9 +7,10 @@ import pytest
 
 import phaselead as pl
 from phaselead.control import keep_alive, motion_limits
+from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.targets import Target, parse_target, parse_targets
-from phaselead.device import MotionLimits, Where, left_running, motion, recall, remember, wire
+from phaselead.device import TICK_HZ, MotionLimits, Where, left_running, motion, recall, remember, wire
 from phaselead.device.left_running import LeftRunning
 from phaselead.model import AxisModel
 from phaselead.sim import built_in
@@ -23,7 +24,7 @@ def stage():
 @pytest.fixture
 def dev(stage):
     with pl.connect() as device:
-        device.upload(stage)
+        device.upload(as_fitted(stage))
         yield device
 
 
@@ -54,12 +55,41 @@ def test_axes_arrive_together(dev):
     assert (found.x.on_target, found.y.on_target) == (True, True)
 
 
-def test_a_hundred_micrometres_settle_within_twelve_milliseconds(dev):
-    """To 0.1 %, in the mode whose model is the stage's."""
-    dev.move(x=10, mode="inverse")
-    moved = dev.x.move(110, duration=0.01).axes["x"]
-    assert moved.settled_s <= 0.012
-    assert moved.window_um < 0.1
+def as_fitted(stage):
+    """The delay of a model counts from the lines between rows; a stage of the simulator holds and latches besides."""
+
+    def late(model):
+        return model.model_copy(update={"time": model.time.model_copy(update={"delay_s": model.time.delay_s + HOLD_S})})
+
+    return stage.model_copy(update={"axes": {axis: late(model) for axis, model in stage.axes.items()}})
+
+
+def arrived_s(reference_um, x_um, to_um):
+    """From the last tick of rest until the sensor shows the target to 0.1 um for good."""
+    begin = np.argmax(np.abs(reference_um - reference_um[0]) > 1e-3) - 1
+    assert begin >= 0
+    assert reference_um[0] == pytest.approx(to_um - 100, abs=0.1)
+    return (np.flatnonzero(np.abs(x_um - to_um) > 0.1)[-1] + 1 - begin) / TICK_HZ
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("way", ["path", "queue"])
+@pytest.mark.parametrize("mode", ["inverse", "inverse+pid"])
+def test_a_hundred_micrometres_are_there_to_a_thousandth_in_twelve_milliseconds(stage, mode, way, seed):
+    """Measured with the stage's own model, as a fit gives it: with one that knows nothing of the 0.13 ms of hold and
+    latch feedback takes up what the reference runs ahead, and lets go of it for 5 ms after the move."""
+    with pl.connect(f"sim://xyz250?seed={seed}") as device:
+        device.upload(as_fitted(stage))
+        if way == "path":
+            run = device.track("goto:100um@0.01s", mode=mode, duration=0.1)
+            assert arrived_s(run.r_um, run.x_um, run.r_um[-1]) <= 0.012
+        else:
+            device.move(x=10, mode=mode)
+            device.x.move(110, duration=0.01, wait=False)
+            taken = device.device.capture(200, start=False, park=False)
+            found = taken.axes["x"]
+            x_um = device.device.converters()["x"].x_um(found.adc)
+            assert arrived_s(found.reference / 2**16, x_um, 110) <= 0.012
 
 
 def test_moves_queue_behind_each_other(dev):
