@@ -74,6 +74,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, stage_file, tmp_path, mon
         (("sine:30um@50Hz", "--mode", "inverse"), "for mode inverse+pid"),
         (("sine:30um@50Hz", "--gains", "paper"), "for the gains"),
         (("y=sine:30um@50Hz",), "is for x, the path for y"),
+        (("sine:30um@50Hz", "--track", "measured"), "for the true position"),
     ],
 )
 def test_a_table_is_refused_for_what_it_is_not(run, stage_file, table, words, said):

@@ -47,7 +47,7 @@ def learn(
     model_path: str,
     mode: str,
     gains: str | None,
-    follows: Follows,
+    follows: Follows | None,
     trials: int,
     output: str | None,
     report: str | None,
@@ -72,7 +72,7 @@ def learn(
             stage=stage,
             gains=axis_gains,
             trials=trials,
-            follows=follows,
+            follows=follows or "true",
             force=force,
             on_progress=advance,
         )

@@ -127,6 +127,8 @@ class Controller(HoldsAndMoves, Supervision):
             self._alive.end()
             self._note_left()
             self.device.__exit__(kind, error, trace)
+            if self.device.park_on_exit and kind is None:  # after an error it may stand where it stood
+                remember(self.device.session.name, None)
 
     def _at_exit(self) -> None:
         with contextlib.suppress(PhaseleadError, OSError):
@@ -274,7 +276,7 @@ class Controller(HoldsAndMoves, Supervision):
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
         duration: float | None = None,
-        follows: Follows = "true",
+        follows: Follows | None = None,
         learned: Learned | str | os.PathLike[str] | None = None,
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
@@ -289,13 +291,13 @@ class Controller(HoldsAndMoves, Supervision):
 
         ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
         uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)
-        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it, without a
-        model the paper's.
+        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it or for what the
+        device tells of the one it holds; the paper's where nobody has a model.
         Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
         ``duration`` in s; default ten periods, or a move and a second.
-        ``follows``: "true", where the model says by how much the sensor is late, makes the stage itself follow a
-        periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file: played with
-        its mode and gains, and refused for another model or path.
+        ``follows``: "true" (the default), where the model says by how much the sensor is late, makes the stage itself
+        follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
+        played with its mode, gains and ``follows``, and refused for others, or another model or path.
         ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
         ``overwrite``.
 
@@ -312,7 +314,7 @@ class Controller(HoldsAndMoves, Supervision):
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
         if known is not None:
             chosen = chosen if gains is not None else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, chosen)
+            waveforms = known.waveforms(waveforms, stage, mode, chosen, follows)
         for line in [
             *held_warning(held, mode, chosen),
             *loop_warnings(stage, mode, chosen, force=force),
@@ -328,7 +330,7 @@ class Controller(HoldsAndMoves, Supervision):
             gains=chosen,
             duration_s=duration,
             force=force,
-            follows=follows,
+            follows=follows or "true",
             on_progress=on_progress,
         )
         return replace(run, recording=_named(run.recording, path or wave_text(wave, x, y, z)))

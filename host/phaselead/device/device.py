@@ -62,6 +62,8 @@ class Device:
         """Axes for which the device's hard limits are tighter than those of the model last uploaded."""
         self._waves: set[str] = set()
         """Axes whose path is a waveform."""
+        self._converters: dict[str, Converters] | None = None
+        """By the model in force, once they were asked for."""
 
     @classmethod
     def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True, left: LeftRunning | None = None) -> Self:
@@ -103,6 +105,7 @@ class Device:
 
     def _find_again(self) -> bool:
         try:
+            self._converters = None
             self.session.request(wire.StatusRequest(), PIECE_WAITS_S)
             return True
         except SessionLostError:
@@ -295,7 +298,7 @@ class Device:
             Refused: a field failed the device's checks; the message names it. The old model stays.
             LinkError: what was read back differs.
         """
-        request = self.session.request
+        request, self._converters = self.session.request, None
         request(wire.ModelBeginRequest(len(model), crc32(model)))
 
         def send(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
@@ -337,7 +340,9 @@ class Device:
 
     def converters(self) -> dict[str, Converters]:
         """What the converter codes of each axis mean, by the active model."""
-        return converters(self.read_model())
+        if self._converters is None:
+            self._converters = converters(self.read_model())
+        return self._converters
 
     # ---------------------------------------------------------------- recording
 

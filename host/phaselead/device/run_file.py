@@ -25,12 +25,6 @@ RAIL_CODES = np.array([0, 65535], np.uint16)
 CHANNELS = tuple(field.name for field in fields(AxisStream))
 
 
-def recorded_from(capture: Capture) -> int:
-    """The tick at which its recording begins: where the paths do, unless a fault came on the way to them."""
-    on_the_way = capture.status.fault and capture.status.fault_tick < capture.start_tick
-    return capture.first_tick if capture.start_tick < 0 or on_the_way else capture.start_tick
-
-
 def recording_of(
     capture: Capture, *, closed_loop: frozenset[str] = frozenset(), meta: dict[str, Any] | None = None
 ) -> Recording:
@@ -38,7 +32,7 @@ def recording_of(
 
     ``closed_loop`` names the axes whose reference is a position (it is volts in mode open, and then left out).
     """
-    first = recorded_from(capture)
+    first = capture.recorded_from
     rows = (capture.ticks >= first) & (capture.ticks < capture.end_tick)
     if not rows.any():
         raise BadInput("the capture holds no ticks; record for longer")

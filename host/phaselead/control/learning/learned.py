@@ -85,11 +85,16 @@ class Learned(Result):
         return {axis: path.gains for axis, path in self.paths.items() if path.gains is not None}
 
     def waveforms(
-        self, wanted: Mapping[str, Waveform], stage: Stage | None, mode: str, gains: Mapping[str, Gains]
+        self,
+        wanted: Mapping[str, Waveform],
+        stage: Stage | None,
+        mode: str,
+        gains: Mapping[str, Gains],
+        follows: Follows | None = None,
     ) -> dict[str, Waveform]:
-        """The paths with what was learned in place of them.
+        """The paths with what was learned in place of them; ``follows`` None is as it was learned.
 
-        Raises BadInput where it was learned for another model, mode, gains, axis or path.
+        Raises BadInput where it was learned for another model, mode, gains, axis, path or position that follows.
         """
         if stage is None:
             raise BadInput("a learned table needs the model it was learned with: --model STAGE.toml")
@@ -100,6 +105,11 @@ class Learned(Result):
             )
         if mode != self.mode:
             raise BadInput(f"the learned table is for mode {self.mode}, not {mode}; give --mode {self.mode}")
+        if follows not in (None, self.follows):
+            raise BadInput(
+                f"the learned table is for the {self.follows} position, not the {follows} one; leave out --track, or "
+                "learn again"
+            )
         for axis, own in self.gains().items():
             if axis in gains and gains[axis].model_dump(exclude={"origin"}) != own.model_dump(exclude={"origin"}):
                 written = f"{own.kp_V_per_um:g},{own.ki_V_per_um_s:g},{own.kd_V_s_per_um:g}"
