@@ -132,7 +132,8 @@ def built_in(name: str) -> Stage:
     text = folder.joinpath(f"{name}.toml")
     if not name.replace("-", "_").isidentifier() or not text.is_file():
         names = sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml"))
-        raise BadInput(f"there is no built-in stage {name!r}; use sim://FILE.toml, or one of {', '.join(names)}")
+        ports = ", ".join(f"sim://{known}" for known in names)
+        raise BadInput(f"there is no built-in stage {name!r}; use sim://FILE.toml, or one of {ports}")
     return parse_stage(text.read_text("utf-8"), name)
 
 
