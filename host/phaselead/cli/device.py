@@ -105,7 +105,11 @@ def upload(model_path: str, port: str, persist: bool, force: bool, json_to: str 
     """Upload a stage file's model as one transaction, read it back and compare."""
     stage = load_stage(model_path)
     device_model(stage)  # a coefficient that does not fit is refused before the port is opened
-    warn(own_loop_warnings(stage, force=force))
-    with connect(port) as device, warnings.catch_warnings(action="ignore"):  # they have been said
-        uploaded = device.upload(stage, persist=persist, force=force)
+    of_its_loop = own_loop_warnings(stage, force=force)
+    warn(of_its_loop)
+    with connect(port) as device:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            uploaded = device.upload(stage, persist=persist, force=force)
+        warn(line for line in (str(one.message) for one in caught) if line not in of_its_loop)
         emit_pairs({"model": model_path} | uploaded.as_dict(), json_to)
