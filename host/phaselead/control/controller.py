@@ -364,7 +364,7 @@ class Controller(HoldsAndMoves, Supervision):
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
         for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
             warnings.warn(line, stacklevel=2)
-        return learn(
+        found = learn(
             self.device,
             waveforms,
             mode,
@@ -375,6 +375,7 @@ class Controller(HoldsAndMoves, Supervision):
             force=force,
             on_progress=on_progress,
         )
+        return replace(found, wave=wave_text(wave, x, y, z))
 
     def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
         """The model last uploaded, but for axes that it lacks in modes that do without one."""

@@ -1,4 +1,4 @@
-"""The page of a fit, of a verification or of a run: its figures and tables under the questions that they answer."""
+"""Pages of results: of a fit, a verification, a run, a learning; figures and tables under what they answer."""
 
 from __future__ import annotations
 
@@ -10,11 +10,18 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from phaselead.control import Run
+from phaselead.control import Learned, Run
 from phaselead.identify import FitResult, Verifications
 from phaselead.report.page import render
 from phaselead.report.run_figures import runs_figure
 from phaselead.result import Table
+
+CAPTION_OF_LEARNING = (
+    "Left: the error of each trial over its last four periods; trial 0 is the path as it was asked for, the grey line "
+    "the trial that is kept. Right: what the kept table adds to one period of the path. The error is that of the "
+    "measured position against the path that was asked for; where the true position follows, against what a sensor as "
+    "late as the model's would show of it."
+)
 
 
 @dataclass(frozen=True)
@@ -73,6 +80,22 @@ def _(result: Run) -> str:
     if cards:
         parts.append(Part("At which frequencies is the error?", (), (), runs_figure([result.recording], "spectrum")))
     return _page(f"A run in mode {result.mode}", result.recording.source, cards, parts, "")
+
+
+@result_page.register
+def _(result: Learned) -> str:
+    table, reason = result.tables()
+    assert isinstance(table, Table)
+    cards = [
+        {
+            "value": f"{rms_um:.3g} µm",
+            "label": f"rms error of {axis} in the trial that is kept, number {result.best.number}",
+        }
+        for axis, rms_um in result.best.rms_um.items()
+    ]
+    part = Part("What did each trial leave?", (), _html([table]), result.plot(), CAPTION_OF_LEARNING)
+    path = result.wave or "a path"
+    return _page(f"Learned: {path}", f"{table.title}; {reason}.", cards, [part], "")
 
 
 def _cards_of_fit(result: FitResult) -> list[dict[str, str]]:
