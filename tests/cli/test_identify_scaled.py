@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 from collections import namedtuple
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import phaselead as pl
+from phaselead import interrupt
 from phaselead.errors import BadInput
 from phaselead.identify import creep as creeping
 from phaselead.identify import experiment as experiments
@@ -126,6 +128,27 @@ def test_what_was_measured_is_kept_and_gone_on_with(run, tmp_path, monkeypatch, 
     assert run("identify", "-o", output, *SMALL, "--resume").status == 0
     assert len(measured) == RECORDS - 4
     assert list(tmp_path.iterdir()) == [output]
+
+
+def test_an_interrupt_between_two_records_says_what_has_become_of_the_output(run, tmp_path, monkeypatch):
+    """The signal was still waiting to be noticed, and ended the question whether the output is parked."""
+    run_experiment = experiments.run_experiment
+
+    def interrupted(device, experiment, *, alone):
+        if list(tmp_path.glob("*/*.h5")):
+            signal.raise_signal(signal.SIGINT)
+        return run_experiment(device, experiment, alone=alone)
+
+    monkeypatch.setattr(experiments, "run_experiment", interrupted)
+    before = {number: signal.getsignal(number) for number in interrupt.ENDING}
+    try:
+        ended = run("identify", "-o", tmp_path / "s.toml", *SMALL)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        interrupt.clear()
+    assert ended.status == 130
+    assert "interrupted; the output is parked; 1 of" in ended.err
 
 
 def test_records_found_again_are_those_measured(tmp_path):

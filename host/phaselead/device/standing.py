@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from phaselead import interrupt
 from phaselead.device.device import Device
 from phaselead.device.status import DeviceStatus
 from phaselead.errors import PhaseleadError
@@ -74,6 +75,7 @@ def status_in_units(device: Device) -> StatusInUnits:
 
 def after_interrupt(device: Device) -> str:
     """What has become of the output: a capture parks it on Ctrl-C, which a broken line can prevent."""
+    interrupt.clear()
     with suppress(PhaseleadError, OSError):
         if device.status().state == "parked":
             return "the output is parked"
