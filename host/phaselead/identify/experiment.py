@@ -64,11 +64,13 @@ class Identified:
     verifications: dict[View, list[Verification]]
     recordings: list[Recording]
     held_out: list[Recording]
+    holds: dict[str, Recording]
+    """Of the axes whose creep was measured."""
 
     def as_fit(self) -> FitResult:
         """The result as people see it."""
         held_out = {view: Verifications(found, view, self.stage.name) for view, found in self.verifications.items()}
-        return FitResult(self.stage, self.report, self.recordings, held_out)
+        return FitResult(self.stage, self.report, self.recordings, held_out, self.holds)
 
 
 def identify_device(
@@ -112,7 +114,7 @@ def identify_device(
     refuse_beyond_limits(chosen, parent, holds)
     refuse_away_from_zero(device)
     progress = Progress(plan_seconds(chosen) + creeping.SECONDS * len(holds), on_progress)
-    held = {}
+    held: dict[str, Recording] = {}
     try:
         records = _recorded(device, chosen, len(set(axes)) == 1, kept, progress)
         for axis, move in holds.items():
@@ -138,7 +140,7 @@ def identify_device(
     verifications: dict[View, list[Verification]] = {"time": verify(found, apart, "time")}
     if all(found.axis(e.axis).table is not None for e in chosen):
         verifications["table"] = verify(found, held_out, "table")
-    return Identified(found, report, verifications, used, held_out)
+    return Identified(found, report, verifications, used, held_out, held)
 
 
 def _recorded(

@@ -12,6 +12,14 @@ from matplotlib.figure import Figure
 
 from phaselead.control import Learned, Run
 from phaselead.identify import FitResult, Verifications
+from phaselead.report.axis_figures import (
+    CREEP_FROM_S,
+    bode_figure,
+    creep_figure,
+    noise_figure,
+    step_figure,
+    timed,
+)
 from phaselead.report.page import render
 from phaselead.report.run_figures import runs_figure
 from phaselead.result import Table
@@ -52,9 +60,30 @@ def _(result: FitResult) -> str:
             for view, found in result.held_out.items()
         ),
         Part("What is the loop?", (), _html(result.model.tables()), result.model.plot(), "The model, driven slowly."),
+        *(_parts_of_axes(result) if timed(result) else ()),
     ]
     origin = f"From {len(result.records)} records; stage {result.model.sha256[:12]}."
     return _page(f"The model of {result.model.name}", " ".join(result.summary()), _cards_of_fit(result), parts, origin)
+
+
+def _parts_of_axes(result: FitResult) -> list[Part]:
+    noise, creep = noise_figure(result), creep_figure(result)
+    none = ["This model has no creep: `phaselead identify --creep` holds each axis and fits it."]
+    return [
+        Part(
+            "How does it answer each frequency?", (), (), bode_figure(result),
+            "Lines: the model, from the step below. Points: the sines of the table view; gain grows with the swing.",
+        ),
+        Part("How does it answer a step?", (), (), step_figure(result), "The model; no step was driven."),
+        Part(
+            "How far does it go on while it is held?", () if creep else none, (), creep,
+            f"Counted from {CREEP_FROM_S:g} s after the step.",
+        ),
+        *([Part(
+            "How much of what is left is noise?", (), (), noise,
+            "What the model leaves of the quietest record of each axis; dashed: white noise as large as the sensor's.",
+        )] if noise else []),
+    ]  # fmt: skip
 
 
 @result_page.register
