@@ -14,7 +14,7 @@ from phaselead.device.status import DeviceStatus
 from phaselead.errors import PhaseleadError
 from phaselead.result import Table
 
-LARGEST_STEP = {"um": 2.0, "V": 0.1}
+LARGEST_STEP_V = 0.1
 """Between where an axis stands and where its path begins; the device would take it at the slew limit."""
 COUNTERS = ("overruns", "stream_dropped", "rx_errors")
 

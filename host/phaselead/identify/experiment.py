@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from phaselead.device import (
-    LARGEST_STEP,
+    LARGEST_STEP_V,
     TICK_HZ,
     Capture,
     Channel,
@@ -221,7 +221,7 @@ def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None, holds
 def refuse_away_from_zero(device: Device) -> None:
     """Raises BadInput when an output does not stand at 0 V, where every experiment begins: it would jump there."""
     for axis, standing in standings(device).items():
-        if abs(standing.u_V) >= LARGEST_STEP["V"]:
+        if abs(standing.u_V) >= LARGEST_STEP_V:
             raise BadInput(
                 f"{axis}: its output stands at {standing.u_V:.3g} V but the experiments begin at 0 V; "
                 "identify with a model whose u_park_V is 0, once the device is parked there"
