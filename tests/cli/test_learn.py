@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from phaselead.control import load_learned
+
 
 @pytest.fixture(scope="module")
 def table(run, stage_file, tmp_path_factory):
@@ -27,6 +29,7 @@ def test_what_was_learned_is_played(run, stage_file, table):
     page = path.with_suffix(".html").read_text("utf-8")
     assert "Learned: sine:30um@50Hz" in page
     assert "<svg" in page
+    assert load_learned(path).wave == "sine:30um@50Hz"
     track = ("track", "sine:30um@50Hz", "--model", stage_file, "--duration", "1", "--json", "-")
     plain, learned = run(*track, "--mode", "inverse+pid").json, run(*track, "--learned", path).json
     assert learned["mode"] == "inverse+pid"
@@ -52,7 +55,7 @@ def test_measured_can_follow_instead(run, stage_file):
     ("words", "said"),
     [
         (("learn", "goto:30um"), ("driven once", "file:")),
-        (("learn", "sine:30um@50Hz", "-o", "learned.csv"), ("ends in .h5",)),
+        (("learn", "sine:30um@50Hz", "-o", "learned.csv"), ("must end in .h5",)),
         (("learn", "sine:30um@50Hz", "-o", "/no/such/learned.h5"), ("/no/such",)),
         (("learn", "sine:30um@50Hz", "--report", "/no/such/page.html"), ("/no/such",)),
         (("learn", "sine:60um@300Hz"), ("on the model this ends in",)),

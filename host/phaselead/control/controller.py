@@ -244,7 +244,8 @@ class Controller(HoldsAndMoves, Supervision):
         ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
         evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
         ``resume`` goes on with those that it has, ``overwrite`` measures them again. ``creep``: also
-        hold 5 V for 12 s an axis, and fit its creep.
+        hold 5 V, or the largest level if that is less, for 12 s an axis, and fit its creep; that takes 52 s an axis
+        beside ``duration``, and does not go with ``resume``.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
         from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
@@ -363,7 +364,7 @@ class Controller(HoldsAndMoves, Supervision):
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
         for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
             warnings.warn(line, stacklevel=2)
-        return learn(
+        found = learn(
             self.device,
             waveforms,
             mode,
@@ -374,6 +375,7 @@ class Controller(HoldsAndMoves, Supervision):
             force=force,
             on_progress=on_progress,
         )
+        return replace(found, wave=wave_text(wave, x, y, z))
 
     def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
         """The model last uploaded, but for axes that it lacks in modes that do without one."""

@@ -281,7 +281,8 @@ class Mover:
         found = self.where()
         if found.state != "running":
             raise DeviceRefused(
-                f"the move ended in fault {found.fault}; docs/faults.md says why, `phaselead park` clears it"
+                f"the move ended in fault {found.fault}; `phaselead explain {found.fault}` says why, `phaselead park` "
+                "clears it"
             )
         return found
 

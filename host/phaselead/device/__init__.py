@@ -18,7 +18,7 @@ from phaselead.device.quantities import TICK_HZ, Converters, converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Session
 from phaselead.device.standing import (
-    LARGEST_STEP,
+    LARGEST_STEP_V,
     Standing,
     StatusInUnits,
     after_interrupt,
@@ -35,7 +35,7 @@ __all__ = [
     "AXES",
     "BAUD",
     "IDS_RESERVED",
-    "LARGEST_STEP",
+    "LARGEST_STEP_V",
     "TICK_HZ",
     "AxisLimits",
     "AxisWhere",

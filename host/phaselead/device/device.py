@@ -29,7 +29,7 @@ from phaselead.device.capture import (
 from phaselead.device.left_running import LeftRunning
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
-from phaselead.device.status import DeviceStatus, fault_detail, name_of
+from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.serial_ports import BAUD, open_port
@@ -161,7 +161,7 @@ class Device:
         hello, r = self.hello, self.session.request(wire.InfoRequest())
         return {
             "port": self.session.name,
-            "target": hello.target.rstrip(b"\0").decode("ascii", "replace"),
+            "target": target_of(hello.target),
             "build_id": hello.build_id.hex(),
             "wire": f"{hello.wire_version}.{hello.wire_revision}",
             "wire_fingerprint": f"{hello.schema_fingerprint:08x}",

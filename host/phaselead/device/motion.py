@@ -11,6 +11,7 @@ import numpy as np
 from phaselead.device import wire
 from phaselead.device.device import Device, axis_index
 from phaselead.device.quantities import TICK_HZ, to_i32
+from phaselead.device.status import name_of
 from phaselead.device.stream import AXES, mask_of
 from phaselead.errors import BadInput
 from phaselead.result import Result, Table
@@ -125,11 +126,10 @@ def where(device: Device) -> Where:
             near_ticks=found.near_ticks[index],
         )
 
-    states, faults = wire.State, wire.Fault
     return Where(
         found.tick,
-        states(found.state).name.lower(),
-        faults(found.fault).name.lower() if found.fault in list(faults) else f"unknown ({found.fault})",
+        name_of(wire.State, found.state),
+        name_of(wire.Fault, found.fault),
         {name: axis(index, name) for index, name in enumerate(AXES)},
     )
 

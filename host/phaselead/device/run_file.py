@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from phaselead.device import wire
 from phaselead.device.quantities import TICK_HZ, converters
-from phaselead.device.status import name_of
+from phaselead.device.status import name_of, target_of
 from phaselead.device.stream import AxisStream, Capture, Gap, Stream
 from phaselead.errors import BadInput
 from phaselead.record import AxisRecord, Recording, Samples, read_hdf5, write_hdf5
@@ -45,7 +45,7 @@ def recording_of(
         axes[name] = AxisRecord(u_V, x_um, stream.reference[rows] / 2.0**16 if asked else None)  # type: ignore[index]
     facts: dict[str, Any] = {
         "build_id": capture.hello.build_id.hex(),
-        "target": capture.hello.target.rstrip(b"\0").decode("ascii", "replace"),
+        "target": target_of(capture.hello.target),
         "gaps": [[gap.first_tick, gap.ticks] for gap in capture.gaps],
         "dropped_ticks": capture.stream.dropped_ticks,
         "missing_ticks": capture.missing,

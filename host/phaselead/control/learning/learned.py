@@ -74,6 +74,8 @@ class Learned(Result):
     trials: tuple[Trial, ...]
     reason: str
     """Why it ended."""
+    wave: str = ""
+    """The path as it was written, where that is known."""
 
     @property
     def best(self) -> Trial:
@@ -190,7 +192,7 @@ class Learned(Result):
 
         with atomic_path(os.fspath(path), overwrite=overwrite) as temporary, h5py.File(temporary, "w") as file:
             file.attrs.update(format=FORMAT, version=VERSION, stage_sha256=self.stage_sha256, mode=self.mode)
-            file.attrs.update(follows=self.follows, reason=self.reason)
+            file.attrs.update(follows=self.follows, reason=self.reason, wave=self.wave)
             file.attrs["trials"] = json.dumps([asdict(trial) for trial in self.trials])
             for axis, known in self.paths.items():
                 group = file.create_group(axis)
@@ -240,4 +242,5 @@ def _read(file: Any) -> Learned:
     said = {name: str(file.attrs[name]) for name in ("stage_sha256", "mode", "reason")}
     if not paths or not any(trial.kept for trial in trials):
         raise ValueError
-    return Learned(follows=file.attrs["follows"], paths=paths, trials=trials, **said)
+    wave = str(file.attrs.get("wave", ""))
+    return Learned(follows=file.attrs["follows"], paths=paths, trials=trials, wave=wave, **said)
