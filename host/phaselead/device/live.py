@@ -94,14 +94,17 @@ class Live:
             session.request(wire.StreamStartRequest(ALL_CHANNELS, mask_of(self.axes), 1))
             session.tap = self._take
 
-    def close(self) -> None:
-        """Ends the stream. A device that is gone is left as it is."""
+    def pause(self) -> None:
+        """Ends the stream until ``start``."""
         session = self._device.session
         with session.lock:
-            session.tap = None
-            self.before_each = None
             session.request(wire.StreamStopRequest())
             session.samples = []
+
+    def close(self) -> None:
+        """Ends it for good."""
+        self._device.session.tap = self.before_each = None
+        self.pause()
 
     def read(self, seconds: float = 0.02) -> list[LiveSamples]:
         """Waits for what comes within about so long, and gives all that has come since the last call.
@@ -116,6 +119,10 @@ class Live:
                 session.samples = []
         if session.virtual:
             self._keep_pace(seconds)
+        return self.take()
+
+    def take(self) -> list[LiveSamples]:
+        """What has come since the last call, without reading; within ``before_each``."""
         came, self._came = self._came, []
         return came
 
