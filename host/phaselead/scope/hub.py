@@ -27,6 +27,8 @@ LOOK_S = 0.1
 """How often the device is asked where it is, which also feeds its host timeout of 1 s."""
 SILENT_S = 1.0
 """Without a sample the stream is begun again: a capture or a fault has ended it."""
+FIND_S = 0.5
+"""Two tries at a port that has gone away."""
 LINES_KEPT = 50
 
 Order = Callable[["Hub", Mapping[str, Any]], str]
@@ -279,7 +281,7 @@ class Hub:
             _, _, done = self._orders.get_nowait()
             done.set_exception(LinkError(self.away))
         try:
-            known = self.dev.reconnect(within_s=0.2)
+            known = self.dev.reconnect(within_s=FIND_S)
         except LinkError:
             self._ending.wait(0.1)
             return

@@ -123,7 +123,7 @@ JOBS: dict[str, Job] = {
         (
             Field("axes", "Axes", "x", "x, or x,y,z"),
             Field("u_max", "Largest voltage (V)", "", "empty: the usual levels"),
-            Field("duration", "Seconds", "30", "of sines; empty: all of them"),
+            Field("duration", "Seconds", "60", "of sines, at least 52 for each axis; empty: all of them"),
         ),
     ),
     "learn": Job(

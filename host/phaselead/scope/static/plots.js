@@ -16,7 +16,8 @@ export function colours() {
 
 function look(colour) {
   const axis = { stroke: colour.soft, grid: { stroke: colour.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
-  return { axes: [{ ...axis, size: 26 }, { ...axis, size: AXIS_WIDTH }], legend: { show: false }, cursor: { show: false }, padding: [8, 10, 0, 0] };
+  const seconds = (plot, values) => values.map((value) => `${value} s`);
+  return { axes: [{ ...axis, size: 26, values: seconds }, { ...axis, size: AXIS_WIDTH }], legend: { show: false }, cursor: { show: false }, padding: [8, 10, 0, 0] };
 }
 
 // A range that follows its data at once when they grow, and only when they shrink to less than half.
@@ -26,6 +27,13 @@ function steady(now, low, high) {
   const wanted = [low - room, high + room];
   if (now && wanted[0] + room >= now[0] && wanted[1] - room <= now[1] && wanted[1] - wanted[0] > 0.5 * (now[1] - now[0])) return now;
   return wanted;
+}
+
+// Whole decades, five at most, and none that no amplitude can have.
+function decades(low, high) {
+  const top = high > 1e-6 && high < 1e6 ? Math.ceil(Math.log10(high)) : 0;
+  const bottom = low > 1e-7 ? Math.floor(Math.log10(low)) : top - 5;
+  return [10 ** Math.min(top - 1, Math.max(bottom, top - 5)), 10 ** top];
 }
 
 class Traces {
@@ -197,11 +205,13 @@ export class Figures {
     this.loop?.destroy();
     const series = this.axes.map((axis) => ({ stroke: colour.of(axis), width: 1.25, points: { show: false }, show: this.shown.has(axis) }));
     const base = look(colour);
-    const tidy = (values) => values.map((v) => (v === null || Math.abs(Math.log10(v) % 1) > 1e-6 ? "" : v >= 1 ? `${v}` : `${+v.toPrecision(1)}`));
+    const decade = (v) => Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6;
+    const grid = { ...base.axes[0].grid, filter: (plot, splits) => splits.map((v) => (decade(v) ? v : null)) };
+    const tidy = (values) => values.map((v) => (v === null || !decade(v) ? "" : v >= 1 ? `${v}` : `${+v.toPrecision(1)}`));
     this.spectrum = new uPlot({
       ...base, ...this.sizeOf(this.spectrumHost),
-      axes: [{ ...base.axes[0], size: 40, label: "Hz", labelSize: 14, labelFont: "11px system-ui", values: (u, v) => tidy(v) }, { ...base.axes[1], values: (u, v) => tidy(v) }],
-      scales: { x: { time: false, distr: 3, range: () => [0.6, 2500] }, y: { distr: 3, range: (u, low, high) => (low > 0 && low < high ? [low / 2, high * 2] : [1e-4, 1]) } },
+      axes: [{ ...base.axes[0], grid, values: (u, v) => tidy(v).map((one) => one && `${one} Hz`) }, { ...base.axes[1], grid, values: (u, v) => tidy(v) }],
+      scales: { x: { time: false, distr: 3, range: () => [0.6, 2500] }, y: { distr: 3, range: (u, low, high) => decades(low, high) } },
       series: [{}, ...series],
     }, [[1], ...this.axes.map(() => [1])], this.spectrumHost);
     const draw = (u, index) => {
@@ -225,7 +235,7 @@ export class Figures {
     };
     const facets = [{ scale: "x", auto: true }, { scale: "y", auto: true }];
     this.loop = new uPlot({
-      ...base, ...this.sizeOf(this.loopHost), mode: 2,
+      ...base, ...this.sizeOf(this.loopHost), mode: 2, axes: [{ ...base.axes[0], values: (u, v) => v }, base.axes[1]],
       scales: { x: { time: false, range: () => this.loopRange?.[0] ?? [-1, 1] }, y: { range: () => this.loopRange?.[1] ?? [-1, 1] } },
       series: [null, ...this.axes.map(() => ({ facets, paths: draw }))],
     }, [null, ...this.axes.map(() => [[0], [0]])], this.loopHost);
