@@ -258,6 +258,7 @@ def _listener(page_port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((ADDRESS, page_port))
+        listener.listen()  # the link works from the moment that it is said
     except OSError as error:
         listener.close()
         raise BadInput(f"port {page_port} of {ADDRESS} cannot be used ({error.strerror}); choose another") from None
