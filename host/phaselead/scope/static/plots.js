@@ -20,12 +20,12 @@ function look(colour) {
   return { axes: [{ ...axis, size: 26, values: seconds }, { ...axis, size: AXIS_WIDTH }], legend: { show: false }, cursor: { show: false }, padding: [8, 10, 0, 0] };
 }
 
-// A range that follows its data at once when they grow, and only when they shrink to less than half.
+// A range that follows its data at once when they grow, and only when they shrink to less than three quarters.
 function steady(now, low, high) {
   if (!(high >= low)) return now ?? [-1, 1];
   const room = Math.max((high - low) * ROOM, 1e-3 * Math.max(1, Math.abs(high)));
   const wanted = [low - room, high + room];
-  if (now && wanted[0] + room >= now[0] && wanted[1] - room <= now[1] && wanted[1] - wanted[0] > 0.5 * (now[1] - now[0])) return now;
+  if (now && wanted[0] + room >= now[0] && wanted[1] - room <= now[1] && wanted[1] - wanted[0] > 0.75 * (now[1] - now[0])) return now;
   return wanted;
 }
 
@@ -100,6 +100,7 @@ class Traces {
   }
 
   drawLost(plot, colour) {
+    if (this.store?.shot) this.drawTrigger(plot, colour);
     if (!this.store?.anyLost) return;
     const { ctx, bbox } = plot, { lost, capacity } = this.store;
     const width = bbox.width / capacity;
@@ -109,6 +110,11 @@ class Traces {
       if (lost[i]) ctx.fillRect(bbox.left + i * width, bbox.top, Math.max(width, 2), bbox.height);
     }
     ctx.restore();
+  }
+
+  drawTrigger({ ctx, bbox, valToPos }, colour) {
+    ctx.fillStyle = colour.soft;
+    ctx.fillRect(Math.round(valToPos(0, "x", true)), bbox.top, Math.max(1, devicePixelRatio), bbox.height);
   }
 
   draw(store) {
@@ -145,6 +151,7 @@ export class Store {
     this.high = made();
     this.lost = new Uint8Array(capacity);
     this.anyLost = false;
+    this.shot = start !== null;
     const dt = ticks / TICK_HZ, from = start ?? -capacity * dt;
     this.t = Float64Array.from({ length: capacity }, (_, i) => from + i * dt);
     this.span = [from, from + capacity * dt];
