@@ -50,6 +50,12 @@ HEADERS = {
 }
 
 
+FILE_HEADERS = {
+    "Content-Security-Policy": "sandbox allow-scripts",  # a report may not act as the page does
+    "X-Content-Type-Options": "nosniff",
+}
+
+
 class Site:
     """The routes of one hub's page."""
 
@@ -91,7 +97,7 @@ class Site:
         path = self.hub.folder / name
         if name not in self.hub.files or not path.is_file():
             return PlainTextResponse("no such file was written here\n", 404)
-        return FileResponse(path, headers={"X-Content-Type-Options": "nosniff"})
+        return FileResponse(path, headers=FILE_HEADERS)
 
     async def socket(self, socket: WebSocket) -> None:
         """One tab, until it closes."""
