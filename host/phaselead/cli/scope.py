@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import click
 
@@ -44,8 +43,8 @@ def scope(
     Serves a page on this computer alone and prints its link, which works once. Nothing moves before you say so; the
     space bar stops. Ctrl-C parks the device and ends it.
     """
+    from phaselead.api import scope as serve
     from phaselead.record import parse_axes
-    from phaselead.scope import serve
 
     if not 0 <= park_after < math.inf:
         raise BadInput(f"--park-after {park_after:g}: give seconds, or 0 for never")
@@ -59,8 +58,8 @@ def scope(
         port,
         axes="".join(parse_axes(axes)),
         model=model,
-        folder=Path(out),
-        park_after_s=park_after,
+        output=out,
+        park_after=park_after,
         page_port=page_port,
         say=lambda line: click.echo(line, err=True),
         say_link=announce,

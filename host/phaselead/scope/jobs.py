@@ -8,9 +8,10 @@ from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
-from phaselead.api import gap as compare
-from phaselead.api import write_report
 from phaselead.errors import BadInput
+from phaselead.gap import run_gap
+from phaselead.record import gather, write_text
+from phaselead.report import gap_page
 from phaselead.scope.hub import Hub, Order
 
 Arguments = Mapping[str, Any]
@@ -106,10 +107,10 @@ def gap(hub: Hub, given: Arguments) -> str:
             raise BadInput(f"{name}: name a recording in {hub.folder}, without a folder")
     _at_rest(hub)
     with hub.working("gap", streams=False):
-        parts = [[str(hub.folder / name) for name in part] for part in (train, holdout)]
-        result = compare(hub.stage, train=parts[0], holdout=parts[1], on_progress=hub.progress)
+        parts = [gather([str(hub.folder / name) for name in part]) for part in (train, holdout)]
+        result = run_gap(hub.stage, *parts, on_progress=hub.progress)
         page, following = f"gap-{_stamp()}.html", f"next-{_stamp()}.toml"
-        write_report(result, hub.new_file(page))
+        write_text(str(hub.new_file(page)), gap_page(result, hub.stage, hub.stage.name))
         result.next_model.save(hub.new_file(following))
     named = ", ".join(effect.name for effect in result.effects) or "nothing"
     return f"gap: {', '.join(result.verdicts)} ({named}); page {hub.folder / page}, model {hub.folder / following}"
