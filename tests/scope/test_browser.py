@@ -39,7 +39,8 @@ def served(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ}) as scope:
         assert scope.stdout is not None
         yield next(line for line in scope.stdout if line.startswith("http")).strip(), scope
-        scope.send_signal(signal.SIGINT)
+        if scope.poll() is None:
+            scope.send_signal(signal.SIGINT)
         assert scope.wait(20) == 0
 
 
@@ -124,10 +125,25 @@ def test_a_reload_goes_on_and_a_second_tab_looks_on(context, served):
     page.locator("#state[data-state=parked]").wait_for()
 
 
+def test_a_fault_is_said_and_stays_in_view(context, served):
+    page = opened(context, served[0])
+    for name, gain in (("Kp", "0.017"), ("Ki", "8.62"), ("Kd", "0")):
+        page.get_by_label(f"{name} of x").fill(gain)
+    page.get_by_label("waveform of x").fill("sine:60um@5Hz")
+    page.get_by_role("button", name="Play").click()
+    page.locator("#state[data-state=fault]").wait_for()
+    assert "oscillation" in page.inner_text("#alert")
+    page.get_by_text("Cause: the loop runs away").wait_for()
+    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Park").click()
+    page.locator("#state[data-state=parked]").wait_for()
+
+
 def test_the_scope_that_ends_is_said(context, served):
     page = opened(context, served[0])
     served[1].send_signal(signal.SIGINT)
     page.get_by_text("does not answer").wait_for()
+    served[1].wait(20)
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -260,7 +260,7 @@ class Hub:
             self.fault = self.dev.status().sentence()
             self.tell(self.fault, "refused")
             with contextlib.suppress(PhaseleadError):
-                self.tell(explain_fault(where.fault).text)
+                self.tell(explain_fault(where.fault).text.partition(" Occurs on ")[0])
         if self._left_alone() and where.state in ("armed", "running"):
             self.dev.park()
             line = f"parked: no page was open for {self.park_after_s:g} s"

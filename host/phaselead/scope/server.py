@@ -256,7 +256,8 @@ def serve(
         except KeyboardInterrupt:  # it has ended in order; what follows talks to the device
             interrupt.clear()
         finally:
-            hub.close()
+            with interrupt.held(once=True):  # it parks
+                hub.close()
 
 
 def _listener(page_port: int) -> socket.socket:

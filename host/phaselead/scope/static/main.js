@@ -61,18 +61,26 @@ function draw() {
   requestAnimationFrame(draw);
 }
 
+function pause(on) {
+  paused = on;
+  at("pause").textContent = on ? "Go on" : "Pause";
+  if (!on) view();
+}
+
+// A fault stays in view until somebody goes on.
+function stated(changed) {
+  if (changed.state === "fault") pause(true);
+  panel?.update(changed);
+}
+
 const link = new Link({
   onFrame: framed,
   onWelcome: welcome,
-  onState: (changed) => panel?.update(changed),
+  onState: stated,
   onGone: () => panel?.gone(),
 });
 for (const id of ["window", "spectrum-of", "loop-of"]) at(id).addEventListener("change", view);
-at("pause").addEventListener("click", () => {
-  paused = !paused;
-  at("pause").textContent = paused ? "Go on" : "Pause";
-  if (!paused) view();
-});
+at("pause").addEventListener("click", () => pause(!paused));
 setInterval(() => {
   at("rate").textContent = paused ? "paused" : `${drawn} frames a second`;
   drawn = 0;
