@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shutil
@@ -146,16 +147,15 @@ def test_the_scope_that_ends_is_said(context, served):
     served[1].wait(20)
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_every_screen(context, served, size, scheme):
+def test_it_fits_every_screen(context, served):
     """Nothing sticks out, and STOP is in view wherever the page is scrolled to."""
     page = opened(context, served[0])
-    page.emulate_media(color_scheme=scheme)
-    page.set_viewport_size(dict(zip(("width", "height"), SIZES[size], strict=True)))
-    page.evaluate("scrollTo(0, document.body.scrollHeight)")
-    assert page.evaluate("document.documentElement.scrollWidth") <= SIZES[size][0]
-    box = page.locator("#stop").bounding_box()
-    assert box is not None
-    assert 0 <= box["y"] <= SIZES[size][1] - box["height"]
-    assert box["height"] >= 44
+    for scheme, size in itertools.product(["light", "dark"], SIZES):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size(dict(zip(("width", "height"), SIZES[size], strict=True)))
+        page.evaluate("scrollTo(0, document.body.scrollHeight)")
+        assert page.evaluate("document.documentElement.scrollWidth") <= SIZES[size][0], (scheme, size)
+        box = page.locator("#stop").bounding_box()
+        assert box is not None
+        assert 0 <= box["y"] <= SIZES[size][1] - box["height"], (scheme, size)
+        assert box["height"] >= 44, (scheme, size)

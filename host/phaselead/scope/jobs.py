@@ -9,9 +9,7 @@ from pathlib import PurePath
 from typing import Any
 
 from phaselead.errors import BadInput
-from phaselead.gap import run_gap
 from phaselead.record import gather, write_text
-from phaselead.report import gap_page
 from phaselead.scope.hub import Hub, Order
 
 Arguments = Mapping[str, Any]
@@ -96,6 +94,9 @@ def learn(hub: Hub, given: Arguments) -> str:
 
 def gap(hub: Hub, given: Arguments) -> str:
     """Where model and saved recordings disagree, and what is missing."""
+    from phaselead.gap import run_gap  # slow to load, needed here only
+    from phaselead.report import gap_page
+
     values = _given(JOBS["gap"], given)
     if hub.stage is None:
         raise BadInput("gap compares a model with recordings; upload a model, or identify the stage")
