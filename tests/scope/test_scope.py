@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -79,6 +80,8 @@ def test_a_second_tab_looks_on_but_stops(rig):
 
 
 def test_a_reload_goes_on_driving_and_a_tab_that_is_gone_is_followed(rig, monkeypatch):
+    tabs = import_module("phaselead.scope.tabs")
+    monkeypatch.setattr(tabs, "RELOAD_S", math.inf)
     first = rig.open()
     name = first.welcome["tab"]
     second = rig.open(name)
@@ -91,7 +94,7 @@ def test_a_reload_goes_on_driving_and_a_tab_that_is_gone_is_followed(rig, monkey
     again.socket.close()
     second.until(lambda: name not in rig.site.tabs.open)
     assert not second.ask(take=True)["ok"]
-    monkeypatch.setattr("phaselead.scope.tabs.RELOAD_S", 0.0)
+    monkeypatch.setattr(tabs, "RELOAD_S", 0.0)
     second.until(lambda: second.state.get("may_take"))
     assert second.ask(take=True)["ok"]
     assert "parked" in second.order("park")
