@@ -15,9 +15,9 @@ from phaselead import interrupt
 from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.held import held_stage, held_warning
-from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
+from phaselead.control.playing import Plays
 from phaselead.control.run import Run
 from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
@@ -27,6 +27,7 @@ from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, w
 from phaselead.device import (
     BAUD,
     IDS_RESERVED,
+    TICK_HZ,
     Device,
     SelfTest,
     StatusInUnits,
@@ -39,11 +40,10 @@ from phaselead.device import (
     status_in_units,
 )
 from phaselead.errors import BadInput, LinkError, PhaseleadError
-from phaselead.model import Stage, StageLike, as_stage
+from phaselead.model import StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, parse_axes
 from phaselead.result import Facts
 from phaselead.serial_ports import default_port
-from phaselead.waveforms import Waveform
 
 if TYPE_CHECKING:
     from phaselead.identify import FitResult
@@ -78,7 +78,7 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     return controller
 
 
-class Controller(HoldsAndMoves, Supervision):
+class Controller(Plays, Supervision):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -151,15 +151,15 @@ class Controller(HoldsAndMoves, Supervision):
         """What is wrong, in words: link, timing, faults, model, limits, sensors. Nothing moves; takes half a second."""
         return diagnose(self.device)
 
-    def arm(self, model_crc: int | str = 0) -> StatusInUnits:
+    def arm(self, model_crc: int | str = 0, *, timeout: float = 0.0) -> StatusInUnits:
         """Output live at the safe value, until another command. A fallback model must be named by its CRC, as ``info``
-        gives it."""
+        gives it. ``timeout``: seconds without a command after which the device parks by itself; 0: never."""
         try:
             crc = int(model_crc, 16) if isinstance(model_crc, str) else model_crc
         except ValueError:
             raise BadInput(f"{model_crc!r} is no CRC; info()['model_crc'] gives the model's") from None
         try:
-            self.device.set_timeout(0)
+            self.device.set_timeout(round(timeout * TICK_HZ))
             self.device.arm(crc)
             return status_in_units(self.device)
         except (KeyboardInterrupt, LinkError):
@@ -376,11 +376,6 @@ class Controller(HoldsAndMoves, Supervision):
             on_progress=on_progress,
         )
         return replace(found, wave=wave_text(wave, x, y, z))
-
-    def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
-        """The model last uploaded, but for axes that it lacks in modes that do without one."""
-        lacks = self.model is not None and not set(waveforms) <= set(self.model.axes)
-        return None if lacks and mode in ("open", "pid") else self.model
 
     def record(
         self,

@@ -165,9 +165,11 @@ def set_up(
     stage: Stage | None = None,
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
+    endless: bool = False,
     force: bool = False,
 ) -> SetUp:
-    """Gives the device its paths. Raises BadInput as ``track``."""
+    """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``. Raises BadInput
+    as ``track``."""
     known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
     check_paths(waveforms, mode, known)
     loop_warnings(stage, mode, gains or {}, force=force)
@@ -184,7 +186,7 @@ def set_up(
         left_s[axis] = quiet_s(model)
     lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
     for axis, waveform in waveforms.items():
-        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks - lead_ticks)
+        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), 0 if endless else ticks - lead_ticks)
         motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if waveform.periodic else 0.0)
     return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ))
 

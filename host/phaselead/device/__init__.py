@@ -12,6 +12,7 @@ from phaselead.device.flash import flash_board, flash_by_wire
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
 from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, read_limits, set_limits, written_limit
+from phaselead.device.live import Live, LiveAxis, LiveSamples
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
@@ -51,6 +52,9 @@ __all__ = [
     "Gap",
     "LeftRunning",
     "Limits",
+    "Live",
+    "LiveAxis",
+    "LiveSamples",
     "Mode",
     "MotionLimits",
     "SelfTest",

@@ -229,6 +229,10 @@ class Device:
 
     # ---------------------------------------------------------------- what an axis does
 
+    def mode(self, axis: str) -> wire.Mode | None:
+        """Of an axis, as this session has set it; None before."""
+        return self._modes.get(axis)
+
     def set_axis(
         self,
         axis: str,

@@ -124,7 +124,8 @@ class Session:
 
     ``samples`` collects the bodies of sample batches, ``events`` the events, for whoever wants them.
     ``log``, when set (to a list), collects (tick of the reply, frame sent) of every command answered.
-    ``sink``, when set, is given every chunk as it came off the line.
+    ``sink``, when set, is given every chunk as it came off the line; ``tap`` the sample batches of every read, which
+    stay in ``samples``.
     """
 
     def __init__(self, port: Port, name: str = "port", *, nonce: int | None = None, last_id: int = 0) -> None:
@@ -135,6 +136,7 @@ class Session:
         self.events: list[wire.Event] = []
         self.log: Log | None = None
         self.sink: Callable[[bytes], None] | None = None
+        self.tap: Callable[[list[bytes]], None] | None = None
         self.lock = threading.RLock()
         self.retries = 0
         self.strays = 0
@@ -313,8 +315,11 @@ class Session:
         if chunk:
             if self.sink is not None:
                 self.sink(chunk)
+            before = len(self.samples)
             for body in self.reader.feed(chunk):
                 self._sort(body)
+            if self.tap is not None:
+                self.tap(self.samples[before:])
         return len(chunk)
 
     def _sort(self, body: bytes) -> None:
