@@ -14,7 +14,7 @@ PIO_STAMP := $(PIO_CORE)/.prepared
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
-.PHONY: demo test bench campaign link-trial big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test test-browser bench campaign link-trial big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -25,6 +25,12 @@ test: $(STAMP)
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
+
+# The scope's page in headless Chromium: the one of the distribution, which apt brings as root.
+test-browser: $(STAMP)
+	@command -v chromium >/dev/null || DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
+	@$(BIN)/python -m pytest -q -m browser tests/scope
 
 bench: $(STAMP)
 	@$(BIN)/python benchmarks/start_up.py
@@ -68,6 +74,7 @@ package: $(STAMP)
 lock: $(STAMP)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q uv
 	@$(LOCK) --extra test -o requirements.lock pyproject.toml
+	@$(LOCK) --extra test --extra browser -c requirements.lock -o requirements-browser.lock pyproject.toml
 	@$(LOCK) --extra board -c requirements.lock -o requirements-board.lock pyproject.toml
 
 toolchain: $(PIO_STAMP)

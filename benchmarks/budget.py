@@ -40,6 +40,9 @@ TICK_CYCLES = CLOCK_Hz // 5000
 SAMPLE_TO_LATCH = round((30e-6 - 1.7e-6 - 0.9e-6) * CLOCK_Hz)
 """LDAC comes 30 us after the sample, codes are there 1.7 us before it, and a tick begins 0.9 us after its sample."""
 LOCK = round(20e-6 * CLOCK_Hz)
+RAM, FLASH = 125 * 1024, 96 * 1024
+"""Bytes, below the linker's 128 KiB of each, which fail the build. 125,692 and 89,860 were measured on 22 November
+2026: 1.8 and 9 % are left."""
 CEILINGS = {
     "cycles a tick, one axis, ff+pid, tables, streamed": None,
     "the same with the built-in stage's time view beside the tables": None,
@@ -50,8 +53,8 @@ CEILINGS = {
     "instructions a tick, one axis, ff+pid, tables, streamed": None,
     "instructions a tick, three axes, every place of the model in use": None,
     "stack, bytes": 2048,
-    "RAM, bytes": 128 * 1024,
-    "flash, bytes": 128 * 1024,
+    "RAM, bytes": RAM,
+    "flash, bytes": FLASH,
 }
 WARN = 1.10
 TOO_MUCH, MUCH_MORE = "ABOVE ITS CEILING", "more than 10 % above the last"

@@ -63,8 +63,9 @@ class Message:
     locks_itself: bool = False
     """Of a request: it is slow, and the device's tick runs on meanwhile."""
     refusals: tuple[tuple[str, str], ...] = ()
-    since: int = 0
     """Of a request: status and what it means for this one, where more can be said than for all."""
+    since: int = 0
+    """The revision that added it, as of a field."""
 
     @property
     def full_name(self) -> str:

@@ -2,11 +2,6 @@
 
 #include "core/fixed.h"
 
-static bool is_in(uint32_t mask, unsigned axis)
-{
-    return (mask >> axis & 1u) != 0;
-}
-
 uint32_t axes_moving(const struct device *device)
 {
     return ~device->resting & ALL_AXES;

@@ -72,7 +72,7 @@ enum wire_status command_set_joins(struct device *device, const struct request *
     struct wire_set_joins_request set;
     (void)answer;
     wire_unpack_set_joins_request(&set, request->payload, request->size);
-    if (set.axis >= AXES || (device->control.path_mask >> set.axis & 1u) == 0)
+    if (set.axis >= AXES || !is_in(device->control.path_mask, set.axis))
         return WIRE_STATUS_BAD_VALUE;
     struct axis_config *config = &device->control.config[set.axis];
     struct segment segment = {.path = config->path, .enter_ticks = set.enter_ticks, .leave_ticks = set.leave_ticks};

@@ -63,14 +63,16 @@ enum wire_status command_model_commit(struct device *device, const struct reques
     struct wire_model_commit_reply reply = {0};
     struct axis_config idle[AXES];
     (void)request;
-    enum wire_status status = model_store_prepare(&device->models, &reply.invalid_field);
+    enum wire_status status = device_wants_still(device);
+    if (status == WIRE_STATUS_OK)
+        status = model_store_prepare(&device->models, &reply.invalid_field);
     if (status != WIRE_STATUS_OK) {
         wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
         return status;
     }
     device_make_idle(model_store_prepared(&device->models), device->journal.newest.limits, idle);
     reply.held_back = held_back(model_store_prepared(&device->models), idle);
-    status = check_outputs(device, idle, &reply.invalid_field); /* as long as it is parked they stay as they are */
+    status = check_outputs(device, idle, &reply.invalid_field); /* they stay as they are, unless a fault comes */
     device_lock(device);
     if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
         status = WIRE_STATUS_FAULT_LATCHED;
@@ -110,7 +112,9 @@ enum wire_status command_model_persist(struct device *device, const struct reque
 {
     struct wire_model_persist_reply reply = {0};
     (void)request;
-    enum wire_status status = model_store_persist(&device->models, &device->port.flash, &reply.sequence);
+    enum wire_status status = device_wants_still(device);
+    if (status == WIRE_STATUS_OK)
+        status = model_store_persist(&device->models, &device->port.flash, &reply.sequence);
     wire_pack_model_persist_reply(&reply, answer->payload, answer->size);
     device_lock(device);
     answer->tick = device->control.tick;

@@ -6,11 +6,6 @@
 #include "app/path_check.h"
 #include "core/fixed.h"
 
-static bool is_in(uint32_t mask, unsigned axis)
-{
-    return (mask >> axis & 1u) != 0;
-}
-
 /* The path that a new one comes after. */
 struct tail {
     uint32_t kind; /* enum path_kind */
@@ -31,19 +26,25 @@ static struct motion_bounds motion_after(const struct device *device, unsigned a
     return motion_of_move(span_apart(here, &target), path->step_turn64);
 }
 
+/* Where a path comes to rest, of one without an end its offset. False: wherever the path before it is then. */
+static bool path_end(const struct path_config *path, int64_t *end)
+{
+    const bool from_here = (path->flags & PATH_FROM_HERE) != 0;
+    *end = path->kind == PATH_MOVE && from_here ? path->swing : path->offset;
+    if (path->kind == PATH_MOVE && !from_here)
+        *end += path->swing;
+    return !from_here || path->kind == PATH_MOVE;
+}
+
 /* The tail becomes this path. */
 static void follow(const struct device *device, unsigned axis, const struct path_config *path, struct tail *tail)
 {
-    const bool from_here = (path->flags & PATH_FROM_HERE) != 0;
     tail->motion = motion_after(device, axis, path, &tail->span);
     tail->span = path_check_span(path, &tail->span);
     tail->kind = path->kind;
     tail->rests = !path_is_periodic(path);
     tail->is_over = false;
-    tail->is_known = !from_here || path->kind == PATH_MOVE;
-    tail->end = path->kind == PATH_MOVE && from_here ? path->swing : path->offset;
-    if (path->kind == PATH_MOVE && !from_here)
-        tail->end += path->swing;
+    tail->is_known = path_end(path, &tail->end);
 }
 
 /* Paths under way and queued, as they were at one moment. The ring's places keep what they hold while ticks take them
@@ -255,16 +256,15 @@ static bool is_moving(const struct device *device, unsigned axis)
             (state->path.running != 0 && !holds));
 }
 
-/* Where the last path ends; of one without an end, its offset. */
+/* Where the last path ends; as long as that is not known, the present reference. */
 static int32_t end_of(const struct device *device, unsigned axis)
 {
     const struct segment *last = segment_last(&device->control.queue[axis]);
-    const struct path_config *path = last != NULL ? &last->path : &device->control.config[axis].path;
     bool saturated = false;
-    if (path->kind != PATH_MOVE)
-        return path->offset;
-    const int32_t from = (path->flags & PATH_FROM_HERE) != 0 ? 0 : path->offset;
-    return sat_add_i32(from, path->swing, &saturated);
+    int64_t end;
+    if (!path_end(last != NULL ? &last->path : &device->control.config[axis].path, &end))
+        return device->control.axis[axis].target.reference;
+    return sat_i32(end, &saturated);
 }
 
 enum wire_status command_where(struct device *device, const struct request *request, struct answer *answer)

@@ -20,8 +20,10 @@ enum wire_status command_limits_set(struct device *device, const struct request 
     wire_unpack_limits_set_request(&set, request->payload, request->size);
     if (!are_sane(set.limits))
         return WIRE_STATUS_BAD_VALUE;
+    if (device_wants_still(device) != WIRE_STATUS_OK)
+        return WIRE_STATUS_BUSY;
     device_make_idle(model_store_active(&device->models), set.limits, idle);
-    if (!device_admits(device, idle)) /* parked: it stays as it is */
+    if (!device_admits(device, idle)) /* the outputs stay as they are, unless a fault comes */
         return WIRE_STATUS_OUTSIDE_LIMITS;
     bool written = journal_write(&device->journal, &device->port.records, set.limits, NULL);
     device_lock(device);

@@ -30,14 +30,16 @@ static bool is_held(const struct device *device)
     return control->tick - control->heard_tick < ticks;
 }
 
-/* A new session inherits the model, the outputs and a latched fault, and nothing else: whatever still moves is ramped
- * to its safe value, and what the host before it had set is gone. */
+/* A new session inherits the model, the outputs, a latched fault and the transient recorder with its trigger, and
+ * nothing else: whatever still moves is ramped to its safe value, and what the host before it had set, or had sent a
+ * part of, is gone. */
 static void begin_session(struct device *device, const struct wire_header *header)
 {
     struct wire_event stale;
     uint16_t id;
     line_begin_session(&device->line, header->id);
     recorder_discard(&device->recorder);
+    device->models.uploading = device->update.receiving = false;
     while (events_take(&device->events, &stale, &id))
         ;
     device->session = header->session;
@@ -132,7 +134,7 @@ enum wire_status command_arm(struct device *device, const struct request *reques
 static bool can_start(const struct device *device, unsigned axis)
 {
     const struct axis_config *config = &device->control.config[axis];
-    return config->mode != AXIS_IDLE && device->control.path_mask >> axis & 1u &&
+    return config->mode != AXIS_IDLE && is_in(device->control.path_mask, axis) &&
            (config->path.kind != PATH_WAVE || device_wave_q30(device, axis));
 }
 
@@ -143,7 +145,7 @@ enum wire_status command_start(struct device *device, const struct request *requ
     if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
-        if (start.axis_mask >> axis & 1u && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
+        if (is_in(start.axis_mask, axis) && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
             return WIRE_STATUS_BAD_VALUE;
     const struct wire_start_reply reply = {.first_tick =
                                                device->control.tick + 1 + axes_enter_ticks(device, start.axis_mask)};

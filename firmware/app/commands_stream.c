@@ -3,6 +3,8 @@
 
 #include "app/command.h"
 
+#define LATCH_TRIES 4
+
 static uint64_t next_tick(const struct device *device)
 {
     device_lock(device);
@@ -12,11 +14,12 @@ static uint64_t next_tick(const struct device *device)
 }
 
 /* The control state of the tick from which the stream begins. It is copied while ticks go on, and again if one came
- * in between: there is time for several copies between two. */
-static void latch(struct device *device, const struct recorder_format *format, struct answer *answer)
+ * in between. False: one came in between each time. */
+static bool latch(struct device *device, const struct recorder_format *format, struct answer *answer)
 {
-    bool whole;
-    do {
+    bool whole = false;
+    device->latched_valid = false;
+    for (unsigned i = 0; i < LATCH_TRIES && !whole; i++) {
         answer->tick = next_tick(device);
         memcpy(&device->latched, &device->control, sizeof device->latched);
         device_lock(device);
@@ -24,8 +27,9 @@ static void latch(struct device *device, const struct recorder_format *format, s
         if (whole)
             recorder_start(&device->recorder, format);
         device_unlock(device);
-    } while (!whole);
-    device->latched_valid = true;
+    }
+    device->latched_valid = whole;
+    return whole;
 }
 
 enum wire_status command_stream_start(struct device *device, const struct request *request, struct answer *answer)
@@ -41,8 +45,7 @@ enum wire_status command_stream_start(struct device *device, const struct reques
     wire_pack_stream_start_reply(&reply, answer->payload, answer->size);
     if (reply.bytes_per_s > reply.budget_bytes_per_s)
         return WIRE_STATUS_BAUD_BUDGET;
-    latch(device, &format, answer);
-    return WIRE_STATUS_OK;
+    return latch(device, &format, answer) ? WIRE_STATUS_OK : WIRE_STATUS_BUSY;
 }
 
 enum wire_status command_stream_stop(struct device *device, const struct request *request, struct answer *answer)
@@ -68,7 +71,7 @@ enum wire_status command_snapshot_read(struct device *device, const struct reque
     } else {
         unsigned axis = read.region - WIRE_REGION_WAVE_X;
         from = (const uint8_t *)device->waves_q30[axis];
-        reply.size = device->wave_mask >> axis & 1u ? sizeof device->waves_q30[axis] : 0;
+        reply.size = is_in(device->wave_mask, axis) ? sizeof device->waves_q30[axis] : 0;
     }
     if (read.offset > reply.size || read.length > WIRE_MAX_PAYLOAD - WIRE_SNAPSHOT_READ_REPLY_SIZE)
         return WIRE_STATUS_BAD_VALUE;

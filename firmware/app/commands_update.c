@@ -36,11 +36,6 @@ static unsigned free_slot(const struct device *device)
     return 1u - device->port.update.slot;
 }
 
-static bool has_images(const struct device *device)
-{
-    return device->port.update.flash.read != NULL;
-}
-
 static enum wire_status flash_failed(struct device *device, struct answer *answer)
 {
     device_lock(device);
@@ -58,8 +53,6 @@ enum wire_status command_update_info(struct device *device, const struct request
     struct wire_update_info_reply reply = {0};
     struct image_header header;
     (void)request;
-    if (!has_images(device))
-        return WIRE_STATUS_MODE_UNSUPPORTED;
     reply.slot = port->slot;
     reply.standing = update->on_trial      ? WIRE_UPDATE_STANDING_TRIAL
                      : update->rolled_back ? WIRE_UPDATE_STANDING_ROLLED_BACK
@@ -104,8 +97,6 @@ enum wire_status command_update_begin(struct device *device, const struct reques
     struct update *update = &device->update;
     struct image_header header;
     wire_unpack_update_begin_request(&begin, request->payload, request->size);
-    if (!has_images(device))
-        return WIRE_STATUS_MODE_UNSUPPORTED;
     if (update->on_trial)
         return WIRE_STATUS_WRONG_STATE;
     memcpy(&header, begin.header, sizeof header);
@@ -159,8 +150,6 @@ enum wire_status command_update_restart(struct device *device, const struct requ
 {
     (void)request;
     (void)answer;
-    if (!has_images(device))
-        return WIRE_STATUS_MODE_UNSUPPORTED;
     enum wire_status status = go_to_zero(device);
     if (status != WIRE_STATUS_OK)
         return status;
@@ -175,8 +164,6 @@ enum wire_status command_update_confirm(struct device *device, const struct requ
     struct update *update = &device->update;
     struct wire_update_confirm_request confirm;
     wire_unpack_update_confirm_request(&confirm, request->payload, request->size);
-    if (!has_images(device))
-        return WIRE_STATUS_MODE_UNSUPPORTED;
     if (memcmp(confirm.build_id, device->port.build_id, sizeof confirm.build_id) != 0)
         return WIRE_STATUS_BAD_VALUE;
     if (!update->on_trial)

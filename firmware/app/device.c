@@ -35,18 +35,18 @@ void device_unlock(const struct device *device)
 const struct feedforward_tables *device_tables(const struct device *device, unsigned axis)
 {
     const struct model_slot *slot = model_store_active(&device->models);
-    return slot && slot->table_mask >> axis & 1u ? &slot->tables[axis] : NULL;
+    return slot && is_in(slot->table_mask, axis) ? &slot->tables[axis] : NULL;
 }
 
 const struct compensation *device_compensation(const struct device *device, unsigned axis)
 {
     const struct model_slot *slot = model_store_active(&device->models);
-    return slot && slot->inverse_mask >> axis & 1u ? &slot->compensation[axis] : NULL;
+    return slot && is_in(slot->inverse_mask, axis) ? &slot->compensation[axis] : NULL;
 }
 
 const int32_t *device_wave_q30(const struct device *device, unsigned axis)
 {
-    return device->wave_mask >> axis & 1u ? device->waves_q30[axis] : NULL;
+    return is_in(device->wave_mask, axis) ? device->waves_q30[axis] : NULL;
 }
 
 void device_wake(struct device *device, unsigned axis)
@@ -116,7 +116,7 @@ void device_reset_axes(struct device *device)
 void device_begin_idle(struct device *device, const struct axis_config idle[AXES])
 {
     reset_axes(device, idle);
-    for (unsigned axis = 0; axis < AXES; axis++)
+    for (unsigned axis = 0; axis < AXES && device->control.state == WIRE_STATE_PARKED; axis++)
         device->control.axis[axis].drive = DRIVE_HOLD;
 }
 
@@ -144,4 +144,21 @@ uint8_t device_at_rest_mask(const struct device *device)
         if (device->control.axis[axis].u_q24 == device->control.config[axis].u_park_q24)
             mask |= 1u << axis;
     return (uint8_t)mask;
+}
+
+bool device_stands_still(const struct device *device)
+{
+    const unsigned at_rest = device_at_rest_mask(device);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (!is_in(at_rest, axis) && device->control.axis[axis].drive != DRIVE_HOLD)
+            return false;
+    return true;
+}
+
+enum wire_status device_wants_still(const struct device *device)
+{
+    device_lock(device);
+    const bool still = device_stands_still(device);
+    device_unlock(device);
+    return still ? WIRE_STATUS_OK : WIRE_STATUS_BUSY;
 }

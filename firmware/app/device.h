@@ -107,6 +107,11 @@ _Static_assert(sizeof(struct control) ==
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 
+static inline bool is_in(uint32_t mask, unsigned axis)
+{
+    return (mask >> axis & 1u) != 0;
+}
+
 /* Modes idle, no gains, no paths; limits and converters of the model, or the defaults. Where a ramp goes stays as it
  * was: 0 V from reset on, until device_take_safe_values(). */
 void device_reset_axes(struct device *device);
@@ -122,7 +127,7 @@ void device_make_idle(const struct model_slot *slot, const struct wire_axis_limi
 /* Whether outputs and safe values are within the limits of these. */
 bool device_admits(const struct device *device, const struct axis_config idle[AXES]);
 
-/* The axes begin anew with these; nothing moves by itself. */
+/* The axes begin anew with these; nothing moves by itself. In a fault they go on doing what its reaction was. */
 void device_begin_idle(struct device *device, const struct axis_config idle[AXES]);
 
 /* And from now on begin with these again. No tick reads them: ticks need not be kept out. */
@@ -138,6 +143,13 @@ void device_wake(struct device *device, unsigned axis);
 void device_link_models(struct device *device);
 
 uint8_t device_at_rest_mask(const struct device *device);
+
+/* Whether every output is at its safe value or held, while ticks are kept out. Parked is not enough: a ramp to the safe
+ * value may be under way. Until the next command only a fault makes outputs move that stand still. */
+bool device_stands_still(const struct device *device);
+
+/* Busy while it does not, else ok. Keeps ticks out by itself. */
+enum wire_status device_wants_still(const struct device *device);
 
 /* NULL when the axis has no table view. */
 const struct feedforward_tables *device_tables(const struct device *device, unsigned axis);

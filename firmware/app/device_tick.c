@@ -21,7 +21,7 @@ static void watch_ranges(struct device *device, uint32_t moving)
     struct control *control = &device->control;
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &control->axis[axis];
-        if ((moving >> axis & 1u) != 0 && control->state == WIRE_STATE_RUNNING && state->drive == DRIVE_PATH &&
+        if (is_in(moving, axis) && control->state == WIRE_STATE_RUNNING && state->drive == DRIVE_PATH &&
             !axis_watch_range(&control->config[axis], state, device->adc_codes[axis]))
             device_fault(device, WIRE_FAULT_POSITION_LIMIT, axis, device->adc_codes[axis]);
     }
@@ -41,7 +41,7 @@ static void watch_loops(struct device *device, uint32_t moving, const int32_t er
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &control->axis[axis];
         const struct axis_config *config = &control->config[axis];
-        if ((moving >> axis & 1u) == 0 || control->state != WIRE_STATE_RUNNING || state->drive != DRIVE_PATH ||
+        if (!is_in(moving, axis) || control->state != WIRE_STATE_RUNNING || state->drive != DRIVE_PATH ||
             !axis_mode_has_feedback(config->mode))
             continue;
         enum watch_finding found =
@@ -55,7 +55,7 @@ static void note_ended_paths(struct device *device, uint32_t moving)
 {
     uint32_t done = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
-        if ((moving >> axis & 1u) != 0 && device->traces[axis].path_done) {
+        if (is_in(moving, axis) && device->traces[axis].path_done) {
             device->path_done_tick[axis] = device->control.tick;
             done |= 1u << axis;
         }
@@ -121,7 +121,7 @@ void device_put_path_events(struct device *device)
     device_lock(device);
     uint32_t done = atomic_exchange_explicit(&device->path_done, 0, memory_order_relaxed);
     for (unsigned axis = 0; axis < AXES; axis++)
-        if (done >> axis & 1u)
+        if (is_in(done, axis))
             events_put(&device->events, device->path_done_tick[axis], WIRE_EVENT_KIND_PATH_DONE, axis);
     device_unlock(device);
 }

@@ -6,14 +6,11 @@
 static bool may_write(const struct device *device)
 {
     const struct control *control = &device->control;
-    if ((control->state != WIRE_STATE_PARKED && control->state != WIRE_STATE_FAULT) || device->recorder.recording)
+    if ((control->state != WIRE_STATE_PARKED && control->state != WIRE_STATE_FAULT) || device->recorder.recording ||
+        !device_stands_still(device))
         return false;
-    if (device_at_rest_mask(device) == ALL_AXES)
-        return true;
-    for (unsigned axis = 0; axis < AXES; axis++)
-        if (control->axis[axis].drive != DRIVE_HOLD)
-            return false;
-    return control->state == WIRE_STATE_PARKED || !journal_is_full(&device->journal);
+    return control->state == WIRE_STATE_PARKED || device_at_rest_mask(device) == ALL_AXES ||
+           !journal_is_full(&device->journal);
 }
 
 static bool write_next(struct device *device)

@@ -100,8 +100,8 @@ static uint32_t read_sector(struct journal *journal, const struct flash_port *fl
 }
 
 /* Nothing whole is there. What a first write leaves that was cut is one place of sector 0; anything more was a journal
- * once, and its limits are lost. What is left of it
- * counts as a full sector: it stays until the new record is whole in the other one. */
+ * once, and its limits are lost. What is left of it counts as a full sector: it stays until the new record is whole in
+ * the other one. */
 static void begin_anew(struct journal *journal, const uint32_t used[FLASH_SLOTS])
 {
     for (unsigned axis = 0; axis < 3; axis++)

@@ -27,9 +27,9 @@ struct journal {
     struct wire_device_record newest;            /* what holds; its sequence is 0 while nothing is in flash */
     struct journal_fault faults[JOURNAL_FAULTS]; /* oldest first */
     uint32_t fault_count;
-    uint32_t next_place; /* in the sector; JOURNAL_PLACES: it is full */
+    uint32_t next_place; /* in the sector; see journal_is_full() */
     uint8_t sector;
-    bool started; /* this start has its record */
+    bool started; /* this start's record has been written, or tried to be */
 };
 
 /* Reads both sectors, and counts this start: it is written with the first record. */

@@ -1,10 +1,5 @@
 #include "app/motion.h"
 
-static bool is_in(uint32_t mask, unsigned axis)
-{
-    return (mask >> axis & 1u) != 0;
-}
-
 /* Axes that would begin the first segment of their queue, were they alone. */
 static uint32_t due_axes(const struct device *device)
 {
@@ -58,7 +53,10 @@ static void begin_segments(struct device *device, uint32_t due)
             segment_drop_first(queue);
             device->control.path_mask &= ~(1u << axis); /* what was queued is not started a second time */
         }
-    device->rare = device->rare || begin != 0;
+    if (begin == 0)
+        return;
+    device->rare = true;
+    transient_trigger(&device->transient, WIRE_TRIGGER_SET_POINT, device->control.tick, device->control.config);
 }
 
 static void end_path(struct device *device, unsigned axis)

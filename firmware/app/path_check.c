@@ -79,7 +79,8 @@ static enum wire_status check_inverse(const struct device *device, unsigned axis
     return within(span_q16, least_q16, most_q16) ? WIRE_STATUS_OK : WIRE_STATUS_OUTSIDE_LIMITS;
 }
 
-struct path_span path_check_range(const struct device *device, unsigned axis)
+/* The values that a path of this axis may have. */
+static struct path_span range_of(const struct device *device, unsigned axis)
 {
     const struct axis_config *config = &device->control.config[axis];
     bool saturated = false;
@@ -106,7 +107,7 @@ static enum wire_status check_range(const struct device *device, unsigned axis, 
                                     struct feedforward_point *point)
 {
     const struct axis_config *config = &device->control.config[axis];
-    const struct path_span range = path_check_range(device, axis);
+    const struct path_span range = range_of(device, axis);
     struct path_span span = path_span(path);
     if ((path->flags & PATH_FROM_HERE) != 0) { /* where the axis is, it may go on from; what counts is the target */
         if (path->kind != PATH_MOVE)

@@ -8,9 +8,6 @@
 /* Fills in the point of the tables and the steps of the joins. Not ok: the axis cannot use it. */
 enum wire_status path_check(const struct device *device, unsigned axis, struct segment *segment);
 
-/* The values that a path of this axis may have. */
-struct path_span path_check_range(const struct device *device, unsigned axis);
-
 /* The values of a path that comes after one with these. */
 struct path_span path_check_span(const struct path_config *path, const struct path_span *here);
 

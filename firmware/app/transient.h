@@ -50,7 +50,7 @@ void transient_reset(struct transient *transient);
 /* With the trigger that was chosen, it waits anew if it is frozen. */
 void transient_arm_again(struct transient *transient);
 
-/* One of these happened: in the tick, or while ticks are kept out. `modes`: enum wire_mode of the axes. */
+/* One of these happened: in the tick, or while ticks are kept out. The modes of these configurations are noted. */
 void transient_trigger(struct transient *transient, enum wire_trigger cause, uint64_t tick,
                        const struct axis_config config[TRANSIENT_AXES]);
 

@@ -10,8 +10,6 @@ void update_init(struct update *update, const struct update_port *port)
 
 void update_read_record(struct update *update, const struct update_port *port)
 {
-    if (port->flash.read == NULL)
-        return;
     boot_record_read(&port->flash, &update->record);
     update->rolled_back = !update->on_trial && update->record.trial != BOOT_NO_SLOT;
     if (update->record.confirmed == port->slot)

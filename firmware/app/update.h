@@ -10,7 +10,7 @@
 #define UPDATE_TRIAL_TICKS 50000u /* 10 s */
 #define UPDATE_RESTART_TICKS 100u /* 20 ms: the reply is on its way first, at 115200 baud too */
 
-/* What a port says of its images; `flash.read` is NULL where it has none. */
+/* What a port says of its images. */
 struct update_port {
     struct flash_port flash; /* slots: enum image_flash_slot */
     struct boot_places places;

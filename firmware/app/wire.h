@@ -510,7 +510,7 @@ struct wire_model_chunk_request {
     size_t data_size;
 };
 
-/* 0x8E: Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked */
+/* 0x8E: Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked and no output moves */
 #define WIRE_MODEL_COMMIT_REPLY_SIZE 12
 struct wire_model_commit_reply {
     uint8_t status;
@@ -537,7 +537,7 @@ struct wire_model_read_reply {
     size_t data_size;
 };
 
-/* 0x90: Writes the active model to the older of two flash slots; while parked */
+/* 0x90: Writes the active model to the older of two flash slots; while parked and no output moves */
 #define WIRE_MODEL_PERSIST_REPLY_SIZE 13
 struct wire_model_persist_reply {
     uint8_t status;
@@ -675,7 +675,7 @@ struct wire_where_reply {
     uint16_t adc_codes[3];
     int32_t u_q24[3]; /* V */
     int32_t reference[3]; /* um q16 (V q24 in mode open) */
-    int32_t end[3]; /* where the last path of the queue ends: a move's target; of others, their offset */
+    int32_t end[3]; /* where the last path of the queue ends: a move's target; of others, their offset; of a hold from_here that waits, the reference */
     uint32_t near_ticks[3]; /* ticks in a row within the window */
 };
 
@@ -713,7 +713,7 @@ struct wire_update_confirm_request {
     uint8_t build_id[20];
 };
 
-/* 0x20: Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again */
+/* 0x20: Sets the hard limits of all axes and keeps them in flash; while parked and no output moves. Modes and paths have to be set again */
 #define WIRE_LIMITS_SET_REQUEST_SIZE 36
 struct wire_limits_set_request {
     struct wire_axis_limits limits[3];
@@ -815,8 +815,8 @@ struct wire_event {
 #define WIRE_WAVE_COMMIT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_MODEL_BEGIN_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_MODEL_CHUNK_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
-#define WIRE_MODEL_COMMIT_REQUEST_SIZE 0 /* Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked */
-#define WIRE_MODEL_PERSIST_REQUEST_SIZE 0 /* Writes the active model to the older of two flash slots; while parked */
+#define WIRE_MODEL_COMMIT_REQUEST_SIZE 0 /* Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while parked and no output moves */
+#define WIRE_MODEL_PERSIST_REQUEST_SIZE 0 /* Writes the active model to the older of two flash slots; while parked and no output moves */
 #define WIRE_STREAM_STOP_REQUEST_SIZE 0 /* Ends the stream; what is buffered is still sent */
 #define WIRE_SET_TIMEOUT_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_INFO_REQUEST_SIZE 0 /* Timing of the tick and the fault log */

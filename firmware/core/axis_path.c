@@ -50,9 +50,9 @@ static struct axis_wanted wanted_before(const struct axis_config *config, const 
                                         const struct axis_state *state, bool follows, bool *saturated)
 {
     const struct join_state *join = &state->join;
+    const bool gives_volts = config->mode == AXIS_OPEN || axis_mode_uses_tables(config->mode);
     if (join->standing != 0)
-        return (struct axis_wanted){join->path.offset, join->ahead_q16,
-                                    axis_mode_inverts(config->mode) ? 0 : join->u_q24};
+        return (struct axis_wanted){join->path.offset, join->ahead_q16, gives_volts ? join->u_q24 : 0};
     const struct course course = {&join->path, &join->point, &join->state};
     return wanted_of(&course, model, config->mode, follows, saturated);
 }
@@ -71,8 +71,6 @@ struct axis_wanted axis_wanted(const struct axis_config *config, const struct ax
     if (axis_mode_inverts(config->mode))
         mixed.ahead_q16 =
             lerp_i32(before.ahead_q16, now.ahead_q16, join_weight_q30(&state->join, preview_ticks_q16(model)));
-    if (axis_mode_uses_tables(config->mode) == false && config->mode != AXIS_OPEN)
-        mixed.feedforward_q24 = 0;
     return mixed;
 }
 

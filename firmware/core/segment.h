@@ -21,7 +21,6 @@
 #include "core/path.h"
 
 #define SEGMENTS_QUEUED 8
-#define SEGMENT_JOIN_MOST 65535 /* ticks of a join: 13 s */
 
 struct segment { /* fixed-size fields, no padding: part of the control state that is read back */
     struct path_config path;

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         recording,
         recover,
         replay,
+        scope,
         sim,
         stop,
         verify,
@@ -92,6 +93,7 @@ __all__ = [
     "recording",
     "recover",
     "replay",
+    "scope",
     "sim",
     "stop",
     "verify",
@@ -124,8 +126,8 @@ def __dir__() -> list[str]:
 
 
 class _Face(ModuleType):
-    """``pl.gap``, ``pl.sim`` and ``pl.demo`` are functions, although packages inside have the same names: an import of
-    one of those (``from phaselead.gap import ...``) must not put the package in the function's place."""
+    """``pl.gap``, ``pl.scope``, ``pl.sim`` and ``pl.demo`` are functions, although packages inside have the same names:
+    an import of one of those (``from phaselead.gap import ...``) must not put the package in the function's place."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in __all__ and isinstance(value, ModuleType)):

@@ -13,7 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _asked = False
+_held: list[int] = []
+"""Signals that wait until ``held`` is left."""
 
 
 def install() -> None:
@@ -21,7 +24,7 @@ def install() -> None:
     thread."""
     clear()
     if threading.current_thread() is threading.main_thread():
-        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for ending in ENDING:
             signal.signal(ending, _handle)
 
 
@@ -41,6 +44,40 @@ def clear() -> None:
     """From here on the interrupt is being dealt with; the device can be talked to again."""
     global _asked
     _asked = False
+
+
+@contextmanager
+def held(*, once: bool = False) -> Iterator[None]:
+    """What asks the program to end waits until this is done; with ``once`` a second time does not.
+
+    For what must not be left in the middle: an exchange, or a library that calls back and cannot bear an exception
+    there. Only in the main thread, which alone is given signals.
+    """
+    if threading.current_thread() is not threading.main_thread() or _held:
+        yield
+        return
+
+    def hold(number: int, _frame: FrameType | None) -> None:
+        if _held and once:
+            raise KeyboardInterrupt
+        _held.append(number)
+
+    before = {number: signal.signal(number, hold) for number in ENDING if signal.getsignal(number) is not None}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        came = _held[:1]
+        _held.clear()
+    if came:
+        signal.raise_signal(came[0])
+
+
+def raise_if_held() -> None:
+    """Raises the KeyboardInterrupt that waits, where something long can be left after all."""
+    if _held:
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -48,6 +48,7 @@ COUNTERPARTS = {
     "gap": "gap",
     "gap next": "gap_next",
     "gap campaign": "campaign",
+    "scope": "scope",
     "sim": "sim",
     "flash": "flash",
     "selftest": "Controller.selftest",

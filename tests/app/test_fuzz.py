@@ -1,24 +1,20 @@
 """The C fuzz driver under the address and undefined-behaviour sanitizers."""
 
-import os
 import subprocess
-from pathlib import Path
 
 import pytest
+from c_driver import build
 
-ROOT = Path(__file__).parents[2]
-SOURCES = [*ROOT.glob("firmware/core/*.c"), *ROOT.glob("firmware/app/*.c"), ROOT / "firmware/port/host/flash.c"]
 SANITIZE = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory):
-    path = tmp_path_factory.mktemp("fuzz") / "fuzz"
-    command = [os.environ.get("CC", "cc"), "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'firmware'}"]
-    command += [str(Path(__file__).with_name("fuzz.c")), *map(str, SOURCES), "-o", str(path)]
-    if subprocess.run([*command, *SANITIZE], capture_output=True, text=True, check=False).returncode:
-        subprocess.run(command, check=True)  # a compiler without the sanitizers' libraries
-    return path
+    folder = tmp_path_factory.mktemp("fuzz")
+    try:
+        return build(folder, "fuzz", *SANITIZE)
+    except subprocess.CalledProcessError:  # a compiler without the sanitizers' libraries
+        return build(folder, "fuzz")
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -90,11 +90,11 @@ def test_no_mode_drives_beyond_them_nor_faster(mode, low, high, slew, code):
     hard = replace(FREE, dac_min=ZERO_V_CODE - low, dac_max=ZERO_V_CODE + high, slew_codes_q16=slew)
     bench = limited(hard)
     assert bench.upload(model(u_min_q24=-10 * V, u_max_q24=10 * V, slew_q24=20 * V)).status == wire.Status.OK
-    bench.set_axis(0, mode, **({} if mode == wire.Mode.OPEN else {"kp": V, "ki": 1 << 28}))
-    path = {"swing": high * V // VOLT, "step": 1 << 62} if mode == wire.Mode.OPEN else {"swing": 8 * UM}
-    bench.set_path(**path)
+    assert bench.set_axis(0, mode, **({} if mode == wire.Mode.OPEN else {"kp": V, "ki": 1 << 28})) == wire.Status.OK
+    path = {"swing": high * V // VOLT, "step": 1 << 62} if mode == wire.Mode.OPEN else {"swing": 10 * UM}
+    assert bench.set_path(**path) == wire.Status.OK
     bench.ok(wire.ArmRequest(0))
-    bench.ask(wire.StartRequest(1))
+    bench.ok(wire.StartRequest(1))
     bench.run(300, adc=code + np.arange(900).reshape(300, 3) % 5)
     codes = bench.dac[:, 0].astype(int)
     assert codes.min() >= hard.dac_min

@@ -137,6 +137,20 @@ def test_a_set_point_triggers():
     assert 0 <= started - frozen.head.trigger_tick < 3
 
 
+def test_a_path_out_of_the_queue_triggers_in_the_tick_in_which_it_begins():
+    bench = Bench()
+    bench.drive(path=wire.PathKind.HOLD, swing=0)
+    bench.ok(arm(wire.Trigger.SET_POINT))
+    move = wire.Segment(wire.PathKind.MOVE, wire.PathFlag.FROM_HERE, 4 * V, 0, 2**64 // 50, 0, 0, 0)
+    begin = bench.status().tick + 150
+    bench.ok(wire.QueueRequest(1, 0, begin, (move,) * 3))
+    bench.run(400)
+    frozen = pull(bench)
+    assert (frozen.head.cause, frozen.head.trigger_tick) == (wire.Trigger.SET_POINT, begin)
+    moved = frozen.entries["tick"][np.flatnonzero(np.diff(frozen.entries["axes"]["reference"][:, 0]))]
+    assert moved[0] == begin  # its first value is the one that was held
+
+
 def test_an_input_triggers_when_it_was_chosen_and_a_fault_in_any_case():
     for trigger, cause in ((wire.Trigger.INPUT, wire.Trigger.INPUT), (wire.Trigger.SET_POINT, wire.Trigger.FAULT)):
         bench = Bench()

@@ -224,6 +224,19 @@ def test_chunks_belong_behind_the_header_and_inside_the_image():
     bench.ok(wire.UpdateChunkRequest(IMAGE_SIZE - 4, bytes(4)))
 
 
+def test_another_host_does_not_go_on_with_an_image_or_a_model():
+    bench = boot(factory())
+    bench.ok(wire.HelloRequest())
+    bench.ok(wire.ModelBeginRequest(wire.Model.SIZE, 0))
+    begin, chunk, *_, commit = steps(image(NEW, 1))
+    for command in (begin, chunk):
+        bench.ok(command)
+    bench.session += 1
+    bench.ok(wire.HelloRequest())
+    for command in (chunk, commit, wire.ModelChunkRequest(0, b"1234"), wire.ModelCommitRequest()):
+        assert bench.status_of(command) == wire.Status.WRONG_STATE
+
+
 def test_nothing_is_updated_while_armed_or_running():
     bench = boot(factory())
     bench.ok(wire.HelloRequest())
@@ -371,7 +384,7 @@ def test_a_fault_is_no_hindrance_at_zero_and_one_that_holds_keeps_its_output():
     assert (bench.run(200)[:, 0] == held).all()
 
 
-def test_a_device_without_images_says_so():
+def test_a_device_whose_image_slots_are_empty_runs_its_own_code_confirmed():
     bench = Bench()
     assert running(bench) != bytes(20)
     assert info(bench).standing == CONFIRMED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -63,25 +64,29 @@ def test_without_a_model_anywhere_the_way_to_one_is_said(run):
         ("log", "export", "OTHER"),
         ("log", "recover", "OTHER", "-o"),
         ("gap", "next", "GAP", "-o"),
+        ("log", "pull", "-o"),
+        ("learn", "sine:30um@50Hz", "--model", "MODEL", "--trials", 1, "-o"),
     ],
 )
-def test_no_recording_is_written_over_unasked(run, tmp_path, words):
+def test_no_recording_is_written_over_unasked(run, tmp_path, stage_file, words):
     kept, other = tmp_path / "kept.h5", tmp_path / "other.h5"
     assert run("log", "record", "--duration", 0.01, "-o", other).status == 0
     (tmp_path / "gap.json").write_text(json.dumps(PROPOSAL))
     kept.write_bytes(b"an afternoon's work")
-    places = {"OTHER": other, "GAP": tmp_path / "gap.json"}
+    places = {"OTHER": other, "GAP": tmp_path / "gap.json", "MODEL": stage_file}
     given = [places.get(word, word) for word in words]
     outcome = run(*given, kept)
     assert outcome.status == 2
     assert "exists already" in outcome.err
     assert "--overwrite" in outcome.err
     assert kept.read_bytes() == b"an afternoon's work"
-    if "recover" not in words:
-        for option in ("--overwrite", "--force"):
-            kept.write_bytes(b"an afternoon's work")
-            assert run(*given, kept, option).status == 0
-            assert len(pl.read(kept)) == 1
+    for option in ("--overwrite", "--force"):
+        kept.write_bytes(b"an afternoon's work")
+        outcome = run(*given, kept, option)
+        assert "exists already" not in outcome.err
+        if not {"recover", "pull"} & set(words):  # which have nothing to write here
+            assert outcome.status == 0
+            assert h5py.is_hdf5(kept)
 
 
 def test_python_writes_nothing_over_either(tmp_path):

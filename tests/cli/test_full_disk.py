@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 from phaselead.device import FrameReader, wire
-from phaselead.device.device import Device
+from phaselead.device.session import Session
 from phaselead.errors import BadInput
 from phaselead.record import JournalReader
 
 RECORD = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "2")
+IDENTIFY = ("identify", "--levels", "1,2,3", "--frequencies", "10,15,20")
 TRACK = ("track", "sine:40um@5Hz", "--mode", "pid", "--duration", "1")
 
 
@@ -140,17 +141,24 @@ def test_everything_to_the_last_whole_frame_is_recovered_wherever_it_ends(run, t
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a folder that even root cannot write to")
-@pytest.mark.parametrize("words", [RECORD, TRACK, ("identify",), ("log", "export", "IN")])
+@pytest.mark.parametrize("words", [RECORD, TRACK, IDENTIFY, ("log", "export", "IN")])
 def test_a_folder_that_cannot_be_written_to_is_told_before_anything_moves(run, tmp_path, words, monkeypatch):
     """Root may write anywhere by its permissions, so that only the attempt tells."""
     made = tmp_path / "in.csv"
     made.write_text("t_s,u_V,x_um\n" + "".join(f"{i / 1000},{i},{i}\n" for i in range(20)))
     starts = []
-    start = Device.start
-    monkeypatch.setattr(Device, "start", lambda *a, **k: starts.append(1) or start(*a, **k))
-    output = "/proc/self/out.h5" if words[0] != "identify" else "/proc/self/out.toml"
-    named = [str(made) if word == "IN" else word for word in words]
-    outcome = run(*named, *(["-o"] if words[1:2] != ("export",) else []), output)
+    submit = Session.submit
+
+    def counted(session, command):
+        starts.extend([command] * isinstance(command, wire.StartRequest))
+        return submit(session, command)
+
+    monkeypatch.setattr(Session, "submit", counted)
+    name = "out.h5" if words[0] != "identify" else "out.toml"
+    named = [str(made) if word == "IN" else word for word in words] + ["-o"] * ("export" not in words)
+    outcome = run(*named, f"/proc/self/{name}")
     assert outcome.error is None
     assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome
     assert starts == []
+    assert run(*named, tmp_path / name).status == 0
+    assert bool(starts) == ("export" not in words)

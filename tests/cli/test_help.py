@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import click
 import pytest
@@ -42,6 +43,23 @@ def test_examples_are_shown_and_would_run(run, name):
         assert f"  phaselead {line}\n" in said
         words = shlex.split(line)
         parsed(words[: words.index(">>")] if ">>" in words else words)
+
+
+def named(command: click.Command, name: str = "") -> Iterator[str]:
+    """Every command below this one, by its words; a group only where it does something by itself."""
+    context = click.Context(command)
+    if name and not (isinstance(command, click.Group) and command.no_args_is_help):
+        yield name
+    for below in command.list_commands(context) if isinstance(command, click.Group) else ():
+        found = command.get_command(context, below)
+        assert found is not None
+        yield from named(found, f"{name} {below}".strip())
+
+
+def test_every_command_has_examples():
+    names = set(named(main))
+    assert {"log record", "gap", "gap next", "track"} <= names
+    assert names == set(EXAMPLES)
 
 
 @pytest.mark.parametrize("shell", SHELLS)

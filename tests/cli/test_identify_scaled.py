@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 from collections import namedtuple
 from pathlib import Path
 
@@ -11,9 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import phaselead as pl
+from phaselead import interrupt
 from phaselead.errors import BadInput
+from phaselead.identify import creep as creeping
 from phaselead.identify import experiment as experiments
 from phaselead.identify.plan import FEWEST, plan_of, plan_seconds
+from phaselead.model import AxisModel, Limits, Stage, save_stage
 
 SMALL = ("--levels", "1,2,3V", "--frequencies", "10,15,20Hz")
 RECORDS = 3 * 3 + 2
@@ -126,6 +130,27 @@ def test_what_was_measured_is_kept_and_gone_on_with(run, tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == [output]
 
 
+def test_an_interrupt_between_two_records_says_what_has_become_of_the_output(run, tmp_path, monkeypatch):
+    """The signal was still waiting to be noticed, and ended the question whether the output is parked."""
+    run_experiment = experiments.run_experiment
+
+    def interrupted(device, experiment, *, alone):
+        if list(tmp_path.glob("*/*.h5")):
+            signal.raise_signal(signal.SIGINT)
+        return run_experiment(device, experiment, alone=alone)
+
+    monkeypatch.setattr(experiments, "run_experiment", interrupted)
+    before = {number: signal.getsignal(number) for number in interrupt.ENDING}
+    try:
+        ended = run("identify", "-o", tmp_path / "s.toml", *SMALL)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        interrupt.clear()
+    assert ended.status == 130
+    assert "interrupted; the output is parked; 1 of" in ended.err
+
+
 def test_records_found_again_are_those_measured(tmp_path):
     """To the bit: the stage file of a resumed session is the same as if the records had never left memory."""
     wishes = {"levels": [1, 2, 3], "frequencies": [10, 15, 20], "save": tmp_path / "kept"}
@@ -171,3 +196,65 @@ def test_records_of_another_calibration_are_not_mixed_in(run, tmp_path, monkeypa
     assert "another model" in outcome.err
     assert run(*words, "--overwrite", "--model", stage_file).status == 0
     assert len(list(Path(folder).iterdir())) == RECORDS
+
+
+def holds(monkeypatch, ended: BaseException | None = None) -> list[float]:
+    """The highest voltage of each hold that is run; ``ended`` comes in the middle of the first."""
+    highest_V: list[float] = []
+    hold = creeping.hold
+
+    def watched(device, axis, move):
+        if ended is not None:
+            raise ended
+        record = hold(device, axis, move)
+        highest_V.append(float(record.axes[axis].u_V.max()))
+        return record
+
+    monkeypatch.setattr(creeping, "hold", watched)
+    return highest_V
+
+
+def test_the_hold_for_creep_goes_no_further_than_the_sines(run, tmp_path, monkeypatch):
+    """It went to 5 V, whatever --u-max."""
+    highest_V = holds(monkeypatch)
+    done: list[float] = []
+    with pl.connect() as dev:
+        found = dev.identify(levels=[1, 2, 3], frequencies=[10, 15, 20], creep=True, on_progress=done.append)
+    assert highest_V == [pytest.approx(3, abs=0.001)]
+    assert any(effect.name == "creep" for effect in found.model.axis("x").effects)
+    assert done == sorted(done)
+    assert done[-2] < 0.5 < done[-1] < 1
+
+
+def test_a_hold_that_the_limits_do_not_bear_is_told_before_anything_moves(run, tmp_path, monkeypatch):
+    stage = Stage(name="slow", axes={"x": AxisModel(limits=Limits(slew_V_per_s=20.0, ramp_V_per_s=20.0))})
+    save_stage(tmp_path / "slow.toml", stage)
+    measured = failing(monkeypatch, AssertionError(), after=0)
+    words = ("--levels", "1,2,3V", "--frequencies", "0.5,1,2Hz", "--model", tmp_path / "slow.toml")
+    outcome = run("identify", "-o", tmp_path / "s.toml", *words, "--creep")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "--creep moves to 3 V at up to 28.1 V/s" in outcome.err
+    assert measured == []
+
+
+def test_an_interrupt_in_the_hold_says_that_the_output_is_parked(run, tmp_path, monkeypatch):
+    output = tmp_path / "s.toml"
+    with monkeypatch.context() as patch:
+        holds(patch, KeyboardInterrupt())
+        ended = run("identify", "-o", output, *SMALL, "--creep")
+    assert ended.status == 130
+    assert "the output is parked" in ended.err
+    assert f"{RECORDS} of {RECORDS} records are kept" in ended.err
+    assert "--resume, without --creep" in ended.err
+
+
+def test_creep_takes_the_records_of_one_session(run, tmp_path, monkeypatch):
+    output = tmp_path / "s.toml"
+    with monkeypatch.context() as patch:
+        failing(patch, KeyboardInterrupt(), after=4)
+        run("identify", "-o", output, *SMALL, "--creep")
+    measured = failing(monkeypatch, AssertionError(), after=0)
+    outcome = run("identify", "-o", output, *SMALL, "--creep", "--resume")
+    assert outcome.status == 2
+    assert "creep takes those of one" in outcome.err
+    assert measured == []

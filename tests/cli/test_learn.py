@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from phaselead.control import load_learned
+
 
 @pytest.fixture(scope="module")
 def table(run, stage_file, tmp_path_factory):
@@ -27,6 +29,7 @@ def test_what_was_learned_is_played(run, stage_file, table):
     page = path.with_suffix(".html").read_text("utf-8")
     assert "Learned: sine:30um@50Hz" in page
     assert "<svg" in page
+    assert load_learned(path).wave == "sine:30um@50Hz"
     track = ("track", "sine:30um@50Hz", "--model", stage_file, "--duration", "1", "--json", "-")
     plain, learned = run(*track, "--mode", "inverse+pid").json, run(*track, "--learned", path).json
     assert learned["mode"] == "inverse+pid"
@@ -52,7 +55,7 @@ def test_measured_can_follow_instead(run, stage_file):
     ("words", "said"),
     [
         (("learn", "goto:30um"), ("driven once", "file:")),
-        (("learn", "sine:30um@50Hz", "-o", "learned.csv"), ("ends in .h5",)),
+        (("learn", "sine:30um@50Hz", "-o", "learned.csv"), ("must end in .h5",)),
         (("learn", "sine:30um@50Hz", "-o", "/no/such/learned.h5"), ("/no/such",)),
         (("learn", "sine:30um@50Hz", "--report", "/no/such/page.html"), ("/no/such",)),
         (("learn", "sine:60um@300Hz"), ("on the model this ends in",)),
@@ -74,6 +77,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, stage_file, tmp_path, mon
         (("sine:30um@50Hz", "--mode", "inverse"), "for mode inverse+pid"),
         (("sine:30um@50Hz", "--gains", "paper"), "for the gains"),
         (("y=sine:30um@50Hz",), "is for x, the path for y"),
+        (("sine:30um@50Hz", "--track", "measured"), "for the true position"),
     ],
 )
 def test_a_table_is_refused_for_what_it_is_not(run, stage_file, table, words, said):

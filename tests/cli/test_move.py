@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+from phaselead.control.moving import Mover
+from phaselead.errors import DeviceRefused
 from phaselead.sim import built_in
 
 
@@ -51,6 +53,24 @@ def test_bad_input_is_one_line_and_exit_2(run, words, said):
     outcome = run("move", *words)
     assert (outcome.status, outcome.out, outcome.err.count("\n")) == (2, "", 1)
     assert said in outcome.err
+
+
+def test_quiet_says_nothing_of_the_plan(run, model):
+    outcome = run("--quiet", "move", "x=50um", "--model", model)
+    assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
+
+
+def test_warnings_come_before_the_motion(run, model, monkeypatch):
+    """They came after it, and not at all when it failed."""
+
+    def refused(*_given, **_how):
+        raise DeviceRefused("not now")
+
+    monkeypatch.setattr(Mover, "choose", lambda *_given, **_how: ["the loop will swing"])
+    monkeypatch.setattr(Mover, "plan", refused)
+    outcome = run("move", "x=50um", "--model", model)
+    assert outcome.status == 4
+    assert outcome.err.startswith("warning: the loop will swing\nphaselead: not now")
 
 
 def test_where_and_hold_have_json(run):

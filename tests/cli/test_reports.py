@@ -13,8 +13,10 @@ import phaselead as pl
 from phaselead.gap import GapResult, NamedEffect, Trace
 from phaselead.gap.findings import GapSize
 from phaselead.model import AxisModel, Stage
+from phaselead.report.axis_figures import bode_figure, creep_figure, noise_figure, response_of, step_figure
 from phaselead.report.gap import cards, in_usual_unit, trace_figure, verdict_card
 from phaselead.report.results import result_page
+from phaselead.sim import built_in
 
 LOWPASS = NamedEffect("amplifier_lowpass", None, {"tau_s": (5.03e-4, "s", (4.9e-4, 5.2e-4))}, 0.9)
 
@@ -102,6 +104,39 @@ def test_every_result_has_a_page(results, tmp_path, name):
     questions = re.findall(r"<h2>(.*?)</h2>", page)
     assert questions
     assert all(question.endswith("?") for question in questions)
+
+
+@pytest.fixture(name="identified", scope="module")
+def _identified() -> pl.FitResult:
+    with pl.connect() as dev:
+        return dev.identify("xyz", levels=[1, 2, 3], frequencies=[10, 15, 20], creep=True)
+
+
+def test_a_fit_shows_response_step_creep_and_noise_of_every_axis(identified):
+    page = result_page(identified)
+    for question in ("answer each frequency", "answer a step", "go on while it is held", "what is left is noise"):
+        assert question in page
+    for figure in (bode_figure, step_figure, creep_figure, noise_figure):
+        labels = {text.get_text()[0] for text in figure(identified).axes[0].get_legend().get_texts()}
+        assert labels == set("xyz"), figure
+
+
+def test_the_figures_of_an_axis_are_those_of_its_stage(identified):
+    """A mode where the stage has one, 10 nm of sensor noise, and the creep that was recorded."""
+    f_Hz, response = response_of(built_in("xyz250").axis("x"))
+    assert f_Hz[np.argmax(np.abs(response))] == pytest.approx(200, abs=2)
+    slow = np.abs(response[f_Hz < 5])
+    assert np.abs(np.diff(np.log(slow))).max() < 0.02
+    floor, *_ = (one.get_ydata()[0] for one in noise_figure(identified).axes[0].lines if one.get_linestyle() == "--")
+    assert floor == pytest.approx(10 * np.sqrt(2 / 5000), rel=0.1)
+    lines = creep_figure(identified).axes[0].lines
+    measured, model = (one.get_ydata() for one in lines if one.get_label().startswith("x"))
+    assert model[-1] == pytest.approx(np.mean(measured[-50:]), rel=0.3)
+
+
+def test_a_fit_without_creep_says_how_to_measure_it(results):
+    assert creep_figure(results["fit"]) is None
+    assert "identify --creep" in result_page(results["fit"])
 
 
 def test_figures_take_the_colours_of_the_page(results):

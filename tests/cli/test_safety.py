@@ -138,3 +138,11 @@ def test_a_place_for_the_records_is_sought_before_anything_moves(run, tmp_path):
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
     assert "give another with --save" in outcome.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
+
+
+def test_an_upload_says_what_the_hard_limits_hold_back(run, stage_file, tmp_path):
+    port = ("--port", f"sim://xyz250?state={tmp_path / 'flash.bin'}")
+    assert run("limits", "--axis", "x", "--u-max", "8V", *port).status == 0
+    outcome = run("upload", stage_file, *port)
+    assert outcome.status == 0, outcome.err
+    assert outcome.err.count("warning: axis x: u_max_V 10 is held to 8 V") == 1

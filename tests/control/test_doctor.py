@@ -11,8 +11,10 @@ import phaselead as pl
 from phaselead.control import doctor
 from phaselead.control.doctor import Check, Diagnosis, hum_share
 from phaselead.device import TICK_HZ, Device
+from phaselead.device import Limits as HardLimits
 from phaselead.model import AxisModel, Limits
 from phaselead.record import AxisRecord, Recording
+from phaselead.sim import built_in
 
 
 @pytest.fixture(name="port", scope="module")
@@ -57,8 +59,10 @@ def test_a_latched_fault_comes_with_its_explanation():
     with pl.connect() as dev:
         with pytest.raises(pl.DeviceFault):
             dev.track("sine:60um@5Hz", mode="pid", gains=(0.1, 8.62, 0))
+        latched = dev.status().fault
         found = dev.doctor()
-    assert "phaselead explain" in of(found, "fault").said
+    assert latched != "none"
+    assert f"{latched} is latched; `phaselead explain {latched}`" in of(found, "fault").said
 
 
 def test_a_device_that_is_armed_is_not_listened_to():
@@ -108,6 +112,32 @@ def test_a_slow_adapter_and_a_bad_line_are_told(monkeypatch):
         found = doctor._link(device)
     assert not found.ok
     assert "3 frames damaged" in found.said
+
+
+def test_hard_limits_that_are_tighter_than_the_model_are_told(tmp_path):
+    with pl.connect(f"sim://xyz250?state={tmp_path / 'flash.bin'}") as dev:
+        assert of(dev.doctor(), "hard limits").said == "none are set"
+        dev.upload(built_in("xyz250"))
+        dev.set_limits("x", u_max_V=10, slew_V_per_s=1000)
+        found = of(dev.doctor(), "hard limits")
+        assert found.ok, found.said
+        dev.set_limits("x", u_max_V=6)
+        found = of(dev.doctor(), "hard limits")
+    assert not found.ok
+    assert "x: u_max_V 10 is held to " in found.said
+
+
+def test_hard_limits_that_are_lost_are_told():
+    found = doctor._hard_limits(HardLimits({}, lost=True), {})
+    assert not found.ok
+    assert "set them again" in found.said
+
+
+def test_what_the_line_lost_counts_as_lost():
+    """Only what the device could not send was counted."""
+    with pl.connect("faulty://sim://xyz250#lose=1e-4&seed=2") as dev:
+        found = of(dev.doctor(), "stream")
+    assert not found.ok
 
 
 def test_limits_beyond_the_converter_are_told():

@@ -186,6 +186,14 @@ def test_a_table_is_refused_for_what_it_is_not(wave, stage, mode, gains, said):
     assert "\n" not in str(caught.value)
 
 
+def test_a_table_is_refused_for_the_other_position():
+    """It was played as if it had been learned for that."""
+    as_learned = TABLE.waveforms({"x": SINE}, STAGE, "inverse+pid", GAINS, "true")
+    assert set(as_learned) == {"x"}
+    with pytest.raises(BadInput, match="for the true position, not the measured one"):
+        TABLE.waveforms({"x": SINE}, STAGE, "inverse+pid", GAINS, "measured")
+
+
 def test_a_table_is_refused_for_other_axes():
     with pytest.raises(BadInput, match="is for x, the path for xy"):
         TABLE.waveforms({"x": SINE, "y": SINE}, STAGE, "inverse+pid", GAINS)

@@ -1,13 +1,16 @@
 """Moves one after another without parking, holds, and what is refused before anything moves."""
 
+import threading
+
 import numpy as np
 import pytest
 
 import phaselead as pl
 from phaselead.control import keep_alive, motion_limits
+from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.targets import Target, parse_target, parse_targets
-from phaselead.device import MotionLimits, Where, motion, recall, remember, wire
+from phaselead.device import TICK_HZ, MotionLimits, Where, left_running, motion, recall, remember, wire
 from phaselead.device.left_running import LeftRunning
 from phaselead.model import AxisModel
 from phaselead.sim import built_in
@@ -21,7 +24,7 @@ def stage():
 @pytest.fixture
 def dev(stage):
     with pl.connect() as device:
-        device.upload(stage)
+        device.upload(as_fitted(stage))
         yield device
 
 
@@ -52,14 +55,41 @@ def test_axes_arrive_together(dev):
     assert (found.x.on_target, found.y.on_target) == (True, True)
 
 
-def test_a_hundred_micrometres_settle_within_twelve_milliseconds(dev):
-    """To 0.1 %, in the mode whose model is the stage's."""
-    dev.move(x=10, mode="inverse")
-    tick = dev.device.status().tick
-    moved = dev.x.move(110, duration=0.01).axes["x"]
-    assert dev.device.status().tick > tick
-    assert moved.settled_s <= 0.012
-    assert moved.window_um < 0.1
+def as_fitted(stage):
+    """The delay of a model counts from the lines between rows; a stage of the simulator holds and latches besides."""
+
+    def late(model):
+        return model.model_copy(update={"time": model.time.model_copy(update={"delay_s": model.time.delay_s + HOLD_S})})
+
+    return stage.model_copy(update={"axes": {axis: late(model) for axis, model in stage.axes.items()}})
+
+
+def arrived_s(reference_um, x_um, to_um):
+    """From the last tick of rest until the sensor shows the target to 0.1 um for good."""
+    begin = np.argmax(np.abs(reference_um - reference_um[0]) > 1e-3) - 1
+    assert begin >= 0
+    assert reference_um[0] == pytest.approx(to_um - 100, abs=0.1)
+    return (np.flatnonzero(np.abs(x_um - to_um) > 0.1)[-1] + 1 - begin) / TICK_HZ
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("way", ["path", "queue"])
+@pytest.mark.parametrize("mode", ["inverse", "inverse+pid"])
+def test_a_hundred_micrometres_are_there_to_a_thousandth_in_twelve_milliseconds(stage, mode, way, seed):
+    """Measured with the stage's own model, as a fit gives it: with one that knows nothing of the 0.13 ms of hold and
+    latch feedback takes up what the reference runs ahead, and lets go of it for 5 ms after the move."""
+    with pl.connect(f"sim://xyz250?seed={seed}") as device:
+        device.upload(as_fitted(stage))
+        if way == "path":
+            run = device.track("goto:100um@0.01s", mode=mode, duration=0.1)
+            assert arrived_s(run.r_um, run.x_um, run.r_um[-1]) <= 0.012
+        else:
+            device.move(x=10, mode=mode)
+            device.x.move(110, duration=0.01, wait=False)
+            taken = device.device.capture(200, start=False, park=False)
+            found = taken.axes["x"]
+            x_um = device.device.converters()["x"].x_um(found.adc)
+            assert arrived_s(found.reference / 2**16, x_um, 110) <= 0.012
 
 
 def test_moves_queue_behind_each_other(dev):
@@ -133,7 +163,7 @@ def test_a_loop_that_the_model_cannot_stand_is_refused(dev):
 
 
 def test_the_reference_keeps_the_limits_of_the_stage(dev, stage):
-    """Velocity and jerk of three moves as recorded, against the limits that were derived from the model."""
+    """Velocity, acceleration and jerk of two moves as recorded, against the limits that were derived from the model."""
     dev.x.move(10)
     limits = motion_limits.motion_limits(stage.axes["x"])
     dev.x.move(60, wait=False)
@@ -175,8 +205,6 @@ class Asked:
     """A session that only counts."""
 
     def __init__(self):
-        import threading
-
         self.virtual, self.lock, self.count = False, threading.RLock(), 0
         self.three = threading.Event()
 
@@ -200,6 +228,26 @@ def test_the_device_is_kept_alive_between_two_cells(monkeypatch):
     alive.end()
 
 
+def test_a_device_that_was_away_is_kept_alive_again(monkeypatch):
+    """The first error of the line ended it for good: the device parked a second after the next move."""
+    monkeypatch.setattr(keep_alive, "PERIOD_S", 0.001)
+    session, failed = Asked(), threading.Event()
+
+    def fail(command):
+        failed.set()
+        raise pl.LinkError("gone")
+
+    alive, answers = keep_alive.KeepAlive(session), session.request
+    session.request = fail
+    alive.begin()
+    assert failed.wait(10)
+    alive._thread.join(10)
+    session.request = answers
+    alive.begin()
+    assert session.three.wait(10)
+    alive.end()
+
+
 def test_a_session_that_was_left_running_is_taken_up_by_port(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     left = LeftRunning(7, 12, "pid", "x", None)
@@ -219,6 +267,24 @@ def test_the_next_program_goes_on_where_the_last_one_left(dev):
     next_one = HoldsAndMoves(dev.device)
     next_one.take_up(LeftRunning(dev.device.session.nonce, 0, "pid", "xyz", None))
     assert next_one.x.move("+2um", duration=0.1).axes["x"].to_um == 42
+
+
+def test_a_session_that_is_parked_on_the_way_out_is_forgotten(tmp_path, monkeypatch):
+    """It stayed written down as left running."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(left_running, "is_virtual", lambda url: False)
+    name = "sim://xyz250"
+    with pl.connect(name) as device:
+        device.move(x=20, mode="pid")
+        left = LeftRunning(device.device.session.nonce, 0, "pid", "x", None)
+        remember(name, left)
+        device.take_up(left)
+        assert recall(name) == left
+    assert recall(name) is None
+    with pl.connect(name) as device:
+        device.move(x=20, mode="pid")
+        device.leave_running()
+    assert recall(name).axes == "x"
 
 
 def test_joins_have_a_longest():

@@ -9,10 +9,12 @@ from core_bindings import FIRMWARE
 
 LAYERS = {"core": {"core"}, "app": {"core", "app"}, "port/host": {"core", "app", "port/host"}}
 LAYERS["port/stm32f4"] = {"core", "app", "port/stm32f4"}
+LAYERS["port/stm32f4/bootloader"] = {"app", "port/stm32f4", "port/stm32f4/bootloader"}
 BACK_ARROWS = {("port/stm32f4/start", "port/stm32f4/main", "main")}
 """The start out of reset ends in main(), whose name the C language gives."""
 BOARD = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=soft", '-DBOARD_NAME="nucleo_f446re"']
 BOARD += ['-DBOARD_FILE="port/stm32f4/boards/nucleo_f446re.h"', "-DPHASELEAD_VERSION=0u"]
+BOARD += [f'-DBOOTLOADER_BINARY="{__file__}"']  # any file
 
 
 def unit(path):
@@ -91,9 +93,14 @@ def test_no_file_comes_back_to_itself(folder, compiler, tmp_path):
     assert not circle(includes(folder) | uses(compiler("cc"), compiler("nm"), flags, folder, tmp_path))
 
 
-def test_no_file_of_the_board_comes_back_to_itself(compiler, tmp_path):
+@pytest.mark.parametrize("folder", ["port/stm32f4", "port/stm32f4/bootloader"])
+def test_no_file_of_the_board_comes_back_to_itself(folder, compiler, tmp_path):
     arm, nm = compiler("arm-none-eabi-gcc"), compiler("arm-none-eabi-nm")
-    assert not circle(includes("port/stm32f4") | uses(arm, nm, BOARD, "port/stm32f4", tmp_path))
+    assert not circle(includes(folder) | uses(arm, nm, BOARD, folder, tmp_path))
+
+
+def test_every_folder_is_in_a_layer():
+    assert {path.parent.relative_to(FIRMWARE).as_posix() for path in FIRMWARE.rglob("*.c")} == set(LAYERS)
 
 
 def test_the_one_back_arrow_is_there(compiler, tmp_path):

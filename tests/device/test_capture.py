@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,20 @@ def test_lost_batches_are_gaps_and_nothing_else_is(lost: set[int]) -> None:
     assert missing == set(sent) - set(taken.ticks.tolist())
     in_front_of_the_last = {n for n in lost if (n + 1) * BATCH_TICKS < fake.taken}
     assert taken.stream.lost_batches >= len(in_front_of_the_last) - (not len(taken.ticks))
+
+
+def test_what_is_missing_is_counted_over_the_rows_that_are_recorded() -> None:
+    """From where the paths begin; from the begin of the stream where a fault came on the way to them."""
+    taken = take(FakeDevice(), 2000)
+    taken = replace(taken, start_tick=taken.first_tick + 100)
+    gap = Gap(taken.first_tick + 1, 2)
+    holed = replace(taken, stream=replace(taken.stream, gaps=[gap]))
+    assert (holed.recorded_from, holed.missing) == (taken.start_tick, 0)
+    fault = replace(taken.status, fault=wire.Fault.ADC_RAIL, fault_tick=taken.start_tick - 1)
+    ended = replace(holed, status=fault)
+    assert (ended.recorded_from, ended.missing) == (taken.first_tick, 2)
+    late = replace(holed, status=replace(fault, fault_tick=taken.start_tick))
+    assert (late.recorded_from, late.missing) == (taken.start_tick, 0)
 
 
 def test_a_lost_last_batch_is_a_gap() -> None:

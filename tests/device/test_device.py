@@ -118,6 +118,20 @@ def test_status_and_info_are_words(device: Device) -> None:
     assert (info["target"], info["tick_rate_Hz"], info["model_loaded"]) == ("host", 5000, False)
 
 
+def test_parking_what_is_parked_and_held_waits_until_it_is_home(device: Device) -> None:
+    device.upload(model_blob(u_park_q24=5 * 2**24, ramp_q24=2**24 // 100))
+    device.arm()
+    device.park()
+    with pytest.raises(Refused, match="0 V"):
+        device.session.request(wire.UpdateRestartRequest())
+    device.stop()
+    status = device.status()
+    assert (status.state, status.at_rest) == ("parked", "xz")
+    device.park()
+    assert device.status().at_rest == "xyz"
+    device.persist()
+
+
 def test_a_model_is_uploaded_read_back_and_kept(tmp_path: Path) -> None:
     url, blob = f"sim://xyz250?state={tmp_path / 'flash'}", model_blob()
     with Device.open(url) as device:

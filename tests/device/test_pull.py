@@ -1,11 +1,16 @@
 """What the recorder that is always on froze, as a recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from phaselead.control import connect
+from phaselead.device import wire
 from phaselead.device.capture import DeviceFault
-from phaselead.errors import BadInput, DeviceRefused
+from phaselead.device.session import NoReplyError
+from phaselead.device.transient import ENTRY
+from phaselead.errors import BadInput, DeviceRefused, LinkError
 
 URL = "sim://xyz250"
 
@@ -49,6 +54,75 @@ def test_a_pull_empties_it_unless_it_is_kept():
         assert np.array_equal(kept.t_s, again.t_s)
         with pytest.raises(DeviceRefused, match="nothing is frozen"):
             device.pull()
+
+
+def changed(monkeypatch, session, change):
+    """The session with ``change`` applied to every reply of the recorder."""
+    request = session.request
+
+    def answered(command, *arguments):
+        reply = request(command, *arguments)
+        return change(command, reply) if isinstance(command, wire.TransientReadRequest) else reply
+
+    monkeypatch.setattr(session, "request", answered)
+
+
+def test_gaps_are_in_ticks_whatever_is_kept_of_them(monkeypatch):
+    """They were in rows: with every second tick kept, half of what is missing."""
+    with connect(URL) as device:
+        device.trigger("set_point", every=2, after=0.5)
+        device.track("sine:20um@5Hz", mode="pid", duration=0.2)
+        pieces = {}
+        with monkeypatch.context() as patch:
+            changed(patch, device.device.session, lambda command, reply: pieces.setdefault(command.offset, reply))
+            whole = device.pull(keep=True)
+        there = b"".join(reply.data for reply in pieces.values())
+        there = there[: 100 * ENTRY.itemsize] + there[103 * ENTRY.itemsize :]
+
+        def without_three(command, reply):
+            return replace(reply, size=len(there), data=there[command.offset :][: command.length])
+
+        changed(monkeypatch, device.device.session, without_three)
+        gapped = device.pull()
+    ticks = np.rint(whole.t_s * 5000).astype(int) + whole.meta["trigger_tick"]
+    assert whole.meta["gaps"] == []
+    assert gapped.meta["gaps"] == [[ticks[100], 6]]
+    assert gapped.meta["missing_ticks"] == 3
+    assert len(gapped.t_s) == len(whole.t_s) - 3
+
+
+@pytest.mark.parametrize("other", [{"size": 0, "data": b"", "state": 0}, {"trigger_tick": 77}])
+def test_a_recorder_that_is_set_anew_while_it_is_read_is_told(monkeypatch, other):
+    """It was read for ever: nothing came, and the end was never reached."""
+    with connect(URL) as device:
+        device.trigger("set_point")
+        device.track("sine:20um@5Hz", mode="pid", duration=0.2)
+        changed(
+            monkeypatch,
+            device.device.session,
+            lambda command, reply: replace(reply, **other) if command.offset > 2000 else reply,
+        )
+        with pytest.raises(LinkError, match=r"set anew after \d+ of \d+ bytes were read; pull again"):
+            device.pull()
+
+
+def test_what_is_read_is_read_once_and_in_pieces_that_come_through(monkeypatch):
+    with connect(URL) as device:
+        device.trigger("set_point")
+        device.track("sine:20um@5Hz", mode="pid", duration=0.2)
+        whole = device.pull(keep=True)
+        asked = []
+
+        def only_short(command, reply):
+            if command.length > 256:
+                raise NoReplyError("lost")
+            asked.append(command.offset)
+            return reply
+
+        changed(monkeypatch, device.device.session, only_short)
+        again = device.pull()
+    assert np.array_equal(again.axes["x"].x_um, whole.axes["x"].x_um)
+    assert asked == sorted(set(asked))
 
 
 @pytest.mark.parametrize(

@@ -203,10 +203,29 @@ def test_a_hello_of_any_length_is_understood_so_far(size: int, version: str) -> 
         session.hello()
 
 
-def test_a_second_host_is_told_to_wait() -> None:
+def greeting_reply(numbers: bytes, size: int) -> Callable[[bytes], list[bytes]]:
+    def reply(frame: bytes) -> list[bytes]:
+        (body,) = FrameReader().feed(frame)
+        payload = wire.REPLY_HEAD.pack(0, 5) + (0xABCD).to_bytes(4, "little") + numbers
+        payload += bytes(range(20)) + b"nucleo_f446re".ljust(24, b"\0")
+        return [encode_frame(body[: wire.HEADER.size] + payload.ljust(size, b"\x01"))]
+
+    return reply
+
+
+@pytest.mark.parametrize(("numbers", "size"), [(b"", 75), (b"\2\0\1\0", 79), (b"\3\0\0\0", 120)])
+def test_a_device_of_any_version_says_its_board(numbers: bytes, size: int) -> None:
+    """Version 1 sends neither number nor revision: build id and board are four bytes earlier."""
+    greeting = Session(FakePort(FakeDevice(on_frame=greeting_reply(numbers, size))), "fake").greet()
+    assert (greeting.fingerprint, greeting.target) == (0xABCD, "nucleo_f446re")
+    assert greeting.build_id == bytes(range(20)).hex()
+
+
+@pytest.mark.parametrize("begin", [Session.hello, Session.greet])
+def test_a_second_host_is_told_to_wait(begin: Callable[[Session], object]) -> None:
     session = Session(FakePort(FakeDevice(status_of={wire.HelloRequest: wire.Status.BUSY})), "fake")
     with pytest.raises(DeviceRefused, match=r"hello refused \(busy\): another host is driving it"):
-        session.hello()
+        begin(session)
 
 
 def test_a_port_that_goes_away_is_reported() -> None:

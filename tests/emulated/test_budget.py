@@ -1,6 +1,7 @@
 """What the firmware needs is within what the manual says it needs."""
 
 import itertools
+import re
 import runpy
 from pathlib import Path
 
@@ -18,6 +19,13 @@ def test_nothing_is_above_its_ceiling(capsys):
     printed = capsys.readouterr().out
     assert status == 0, printed
     assert len(budget["committed"]()) >= len(budget["CEILINGS"])
+
+
+def test_memory_meets_its_ceiling_before_the_linker_ends_the_build():
+    ceilings = runpy.run_path(str(ROOT / "benchmarks" / "budget.py"))["CEILINGS"]
+    linked = (ROOT / "firmware" / "port" / "stm32f4" / "sections.ld").read_text()
+    for name, region in (("RAM, bytes", "RAM"), ("flash, bytes", "FLASH")):
+        assert ceilings[name] < 1024 * int(re.search(rf"^ *{region} \(.*LENGTH = (\d+)K", linked, re.M)[1])
 
 
 def test_a_figure_is_judged_by_its_ceiling_and_by_the_last_one():

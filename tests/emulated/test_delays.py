@@ -213,7 +213,7 @@ def test_the_watchdog_has_its_new_reload_from_the_first_feed_on(start):
     """Fed before the reload had been taken over, it would have half a second of its old one."""
     board = start(boot=False)
     talker = Talker(board)
-    talker.run(60)  # the first tick comes after some 3 ms; then this start is written to flash
+    talker.run(60)  # from 19 to 24 this start is written to flash, which nobody can read meanwhile
     place = symbol("tick_interrupt")
     original = board.peek(place, 2)
     board.poke(place, BRANCH_TO_ITSELF)

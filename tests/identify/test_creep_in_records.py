@@ -28,10 +28,13 @@ def without_it():
 
 
 def test_its_terms_are_those_of_the_stage(with_it):
+    """To three deviations: over five seeds of the sensor's noise one was 9 % of the term of 0.1 s, which is over before
+    much of it is heard, and 0.6 % of those of 1 and 10 s."""
     (found,) = (e for e in with_it.stage.axes["x"].effects if e.name == "creep")
     (true,) = (e for e in built_in("xyz250").axes["x"].effects if e.name == "creep")
     assert found.params["tau_s"] == true.params["tau_s"]
-    assert found.params["k"] == pytest.approx(true.params["k"], rel=0.2)
+    assert found.params["k"][0] == pytest.approx(true.params["k"][0], rel=0.27)
+    assert found.params["k"][1:] == pytest.approx(true.params["k"][1:], rel=0.018)
     assert any("creep" in line for line in with_it.report.messages)
     assert with_it.stage.provenance.data[-1].file == "x-hold"
 

@@ -118,6 +118,14 @@ def test_the_wheel_fits_every_python_3_of_its_platform(wheel):
     assert [name for name in names if name.endswith((".c", ".h"))] == []
 
 
+def test_the_wheel_has_the_whole_page(wheel):
+    """With the licence of what others wrote."""
+    static = ROOT / "host/phaselead/scope/static"
+    wanted = {f"phaselead/scope/static/{path.relative_to(static)}" for path in static.rglob("*") if path.is_file()}
+    assert "phaselead/scope/static/vendor/uPlot-LICENSE.txt" in wanted
+    assert wanted <= set(zipfile.ZipFile(wheel).namelist())
+
+
 def test_the_wheel_says_what_it_needs_and_may_be_used_for(wheel):
     archive = zipfile.ZipFile(wheel)
     (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 from contextlib import suppress
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from hypothesis import strategies as st
 from phaselead.errors import BadInput
 from phaselead.record import Recording, export, read_hdf5, read_recording, write_csv, write_hdf5
 from phaselead.record.atomic import atomic_path, write_text
+from phaselead.record.deferred import DeferredErrors
 
 from recordings import assert_same, recordings, sine_recording  # isort: skip
 
@@ -214,6 +217,32 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         raise ZeroDivisionError
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["rec.h5"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_at_any_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number) -> None:
+    """HDF5 swallowed one that came while it wrote: the file had its name, and rows of zeros."""
+    path, writes, moments = tmp_path / "rec.h5", count(), [-1]
+    write, before = DeferredErrors.write, signal.getsignal(number)
+
+    def watched(through: DeferredErrors, data: Any) -> int:
+        if next(writes) == moments[0]:
+            signal.raise_signal(number)
+        return write(through, data)
+
+    monkeypatch.setattr(DeferredErrors, "write", watched)
+    signal.signal(number, signal.default_int_handler)
+    try:
+        write_hdf5(path, sine_recording())
+        kept = path.read_bytes()
+        for moment in range(next(writes)):
+            writes, moments[0] = count(), moment
+            with pytest.raises(KeyboardInterrupt):
+                write_hdf5(path, sine_recording())
+            assert path.read_bytes() == kept
+            assert os.listdir(tmp_path) == ["rec.h5"]
+    finally:
+        signal.signal(number, before)
 
 
 def test_nothing_appears_before_it_is_whole(tmp_path: Path) -> None:

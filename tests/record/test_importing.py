@@ -38,6 +38,7 @@ def text(delimiter: str, comma: bool, *columns: np.ndarray) -> str:
 
 
 HEADINGS = {
+    "units as words": (("time ms", "drive mV", "sensor nm"), (1e3, 1e3, 1e3)),
     "units in brackets": (("Time (ms)", "Drive [mV]", "Sensor (nm)"), (1e3, 1e3, 1e3)),
     "units after a slash": (("Zeit / s", "Spannung / V", "Weg / \u00b5m"), (1, 1, 1)),
     "units after an underscore": (("t_ms", "u_mV", "x_nm"), (1e3, 1e3, 1e3)),

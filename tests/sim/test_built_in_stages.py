@@ -52,14 +52,18 @@ def test_the_hard_one_is_xyz250_with_more():
 def test_a_data_sheet_has_nothing_that_is_to_be_found_out(name):
     sheet = data_sheet(f"sim://{name}?seed=3")
     assert data_sheet(f"faulty://sim://{name}?seed=3#lose=0.01") == sheet
+    assert data_sheet(f"qemu://nucleo_f446re?seed=3&stage={name}") == sheet
     for axis, model in sheet.axes.items():
         assert model.time is model.table is model.gains is None
         assert model.effects == ()
         assert model.sensor == built_in(name).axes[axis].sensor
+    assert data_sheet("qemu://nucleo_f446re") == data_sheet("sim://xyz250")
     assert is_assumed(sheet) == (name == "xyz250")
 
 
-@pytest.mark.parametrize("url", ["/dev/ttyACM0", "sim:///tmp/stage.toml", "sim://stage.toml", "qemu://nucleo_f446re"])
+@pytest.mark.parametrize(
+    "url", ["/dev/ttyACM0", "sim:///tmp/stage.toml", "sim://stage.toml", "qemu://generic_f405?stage=a.toml"]
+)
 def test_other_ports_have_none(url):
     assert data_sheet(url) is None
 

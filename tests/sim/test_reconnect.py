@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 import phaselead as pl
 from phaselead.cli import main
-from phaselead.control import recover_run, track_to_file
+from phaselead.control import record_to_file, recover_run, track_to_file
 from phaselead.device import DeviceFault, device_model, encode_frame, wire
 from phaselead.device.device import Device
 from phaselead.errors import LinkError
-from phaselead.model import AxisModel, Stage
+from phaselead.model import AxisModel, Sensor, Stage
 from phaselead.sim import protocol_faulty
 from phaselead.waveforms import parse_wave
 
@@ -132,6 +132,14 @@ def test_a_run_that_is_broken_off_says_so_and_is_not_written_as_if_whole(device,
     assert facts["ended"] == "broken off"
 
 
+def test_a_record_that_ends_in_a_fault_says_where_it_is(device, tmp_path):
+    output = tmp_path / "run.h5"
+    slept = pull_after(device, 0.5, lambda: line_of(device).let_pass(30.0))
+    with pytest.raises(DeviceFault, match=f"host_timeout.*; the recording is kept in {output}"):
+        record_to_file(device, SINE, output=str(output), duration_s=1.0, on_progress=slept)
+    assert output.exists()
+
+
 def test_a_host_that_slept_finds_its_run_ended_by_the_device(device, tmp_path):
     """The recording ends with the fault, and every tick of before is in it or in a gap."""
     output = tmp_path / "run.h5"
@@ -189,6 +197,17 @@ def test_a_session_of_the_api_goes_on():
         assert not dev.reconnect()
         assert dev.park().state == "parked"
         assert dev.track("sine:20um@5Hz", mode="pid", duration=0.4).figures["dropped"] == 0
+
+
+def test_micrometres_after_a_restart_are_not_by_the_model_that_it_lost(device):
+    shifted = AxisModel(sensor=Sensor(x_min_um=90.0, x_max_um=370.0))
+    device.upload(device_model(Stage(name="shifted", axes={"x": shifted})))
+    before = device.converters()["x"]
+    line_of(device).reset()
+    with pytest.raises(LinkError):
+        device.status()
+    assert not device.reconnect(pause=no_pause)
+    assert device.converters()["x"] != before
 
 
 def test_a_late_hello_does_not_pass_a_restarted_device_for_the_old_one(device):

@@ -14,8 +14,7 @@
 #define KEY2 0xCDEF89ABu
 #define LONGEST_TICKS (4 * TICK_RATE_HZ) /* longer than the slowest erase; then the watchdog has its turn */
 
-/* Interrupts are on meanwhile, with the vectors in RAM. An erase sleeps from tick to tick; a byte is there sooner.
- */
+/* Interrupts are on meanwhile, with the vectors in RAM. An erase sleeps from tick to tick; a byte is there sooner. */
 RAM_CODE static bool wait_until_ready(bool asleep)
 {
     uint32_t begin = tick_parked_count;

@@ -1,7 +1,6 @@
-/* Flash as the device needs it: two slots for models, two for the journal, two for
- * images, and the boot record. The chip cannot fetch from
- * flash while it erases or programs, for 1 to 2 s an erase, so meanwhile everything that runs is in RAM: the loop that
- * waits, the vectors, the parked tick.
+/* Flash as the device needs it: two slots for models, two for the journal, two for images, and the boot record. The
+ * chip cannot fetch from flash while it erases or programs, for 1 to 2 s an erase, so meanwhile everything that runs is
+ * in RAM: the loop that waits, the vectors, the parked tick.
  */
 #ifndef PHASELEAD_STM32F4_FLASH_H
 #define PHASELEAD_STM32F4_FLASH_H

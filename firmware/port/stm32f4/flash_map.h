@@ -1,8 +1,7 @@
-/* The first 512 KB of flash, which both parts have. */
+/* The first 512 KB of flash, which both parts have; the bootloader has sector 0, 16 KB. */
 #ifndef PHASELEAD_STM32F4_FLASH_MAP_H
 #define PHASELEAD_STM32F4_FLASH_MAP_H
 
-#define BOOTLOADER_FLASH 0x08000000u  /* sector 0, 16 KB */
 #define BOOT_RECORD_FLASH 0x08004000u /* sector 1, 16 KB */
 #define BOOT_RECORD_SECTOR 1u
 #define JOURNAL_FLASH 0x08008000u /* sectors 2 and 3, 16 KB each */

@@ -1,4 +1,4 @@
-/* The head of this image, and what a debugger puts beside it. */
+/* The header of the image that runs. */
 #ifndef PHASELEAD_STM32F4_IMAGE_HEADER_H
 #define PHASELEAD_STM32F4_IMAGE_HEADER_H
 

@@ -67,8 +67,8 @@ __attribute__((noinline)) static void set_up(void)
                                .target = BOARD_NAME};
     build_id(port.build_id);
     device_init(&device, &port); /* some 18 ms with a model, tables and inverse of three axes */
-    watchdog_start(WATCHDOG_FAST,
-                   WATCHDOG_FAST_RELOAD); /* until here the converter is cleared by its pin, so nothing needs it */
+    /* Until here the converter is cleared by its pin, and the bootloader's slow watchdog ends a start that hangs. */
+    watchdog_start(WATCHDOG_FAST, WATCHDOG_FAST_RELOAD);
     serial_set_up();
     raise_what_went_before(cause, clock, converters_start());
     tick_start(&device);

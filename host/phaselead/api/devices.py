@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from phaselead.control import Run
     from phaselead.device import FaultPage
+    from phaselead.model import StageLike
     from phaselead.result import Facts
     from phaselead.serial_ports import Ports
     from phaselead.sim import Replay
@@ -101,6 +102,43 @@ def sim(
     from phaselead.sim import serve
 
     serve(url if url.startswith("sim://") else f"sim://{url}", link_path=link, say=say)
+
+
+def scope(
+    port: str | None = None,
+    *,
+    axes: str = "xyz",
+    model: StageLike | None = None,
+    output: str | os.PathLike[str] = ".",
+    park_after: float = 10.0,
+    page_port: int = 0,
+    say: Callable[[str], None] = print,
+    say_link: Callable[[str], None] = print,
+) -> None:
+    """Serves a page on this computer that shows every tick of ``axes`` live and drives them, until Ctrl-C, which parks.
+
+    ``say_link`` is given the link to open, which works once; nothing moves before somebody there says so. Set-points
+    and waveforms use ``model``; what the page saves goes to the folder ``output``. When no page is open for
+    ``park_after`` seconds the device is parked, and ``say`` is told; 0: never. ``page_port`` is of 127.0.0.1, 0 for any
+    that is free. Raises BadInput for a folder that does not exist or a page port that is taken; else as ``connect``.
+
+    >>> import phaselead as pl
+    >>> pl.scope(output="nowhere")
+    Traceback (most recent call last):
+    phaselead.errors.BadInput: nowhere: is no folder; make it first
+    """
+    from phaselead.scope import serve
+
+    serve(
+        port,
+        axes=axes,
+        model=model,
+        folder=Path(output),
+        park_after_s=park_after,
+        page_port=page_port,
+        say=say,
+        say_link=say_link,
+    )
 
 
 def flash(

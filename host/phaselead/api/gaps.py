@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from phaselead.errors import BadInput
 
 if TYPE_CHECKING:
-    from phaselead.control import Run
+    from phaselead.control import Learned, Run
     from phaselead.gap import GapResult
     from phaselead.identify import FitResult, Verifications
     from phaselead.model import StageLike
@@ -101,13 +101,13 @@ def gap_next(
 
 
 def write_report(
-    result: GapResult | FitResult | Verifications | Run, path: str | os.PathLike[str], *, model_name: str = ""
+    result: GapResult | FitResult | Verifications | Run | Learned, path: str | os.PathLike[str], *, model_name: str = ""
 ) -> None:
     """Writes the page of a result: of a gap where, what, why not the runner-up, before and after; of a fit, a
-    verification or a run its figures and tables. One file, no network.
+    verification, a run or what was learned its figures and tables. One file, no network.
 
-    ``model_name`` is what the page calls the model; default its name. Raises BadInput for a result that ``gap`` did
-    not make, OSError where the file cannot be written.
+    ``model_name`` is what the page of a gap calls the model; default its name. Raises BadInput for a gap that ``gap``
+    did not make, TypeError for a result without a page, OSError where the file cannot be written.
 
     >>> import numpy as np
     >>> import phaselead as pl

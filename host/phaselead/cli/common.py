@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
@@ -110,6 +111,19 @@ def warn(lines: Iterable[str]) -> None:
     """Each on the standard error."""
     for line in lines:
         click.echo(f"warning: {line}", err=True)
+
+
+@contextmanager
+def warnings_said() -> Iterator[None]:
+    """What the library warns of meanwhile is said at once, before what it warns of happens."""
+
+    def said(message: Warning | str, *_where: Any, **_what: Any) -> None:
+        warn([str(message)])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = said
+        yield
 
 
 def warn_of_gaps(facts: Mapping[str, Any]) -> None:

@@ -26,8 +26,6 @@ def completion(shell: str, json_to: str | None) -> None:
     found = get_completion_class(shell)
     assert found is not None
     script = found(main, {}, "phaselead", "_PHASELEAD_COMPLETE").source()
-    if json_to == "-":
-        emit({"shell": shell, "script": script}, json_to, [])
-    else:
-        emit({"shell": shell, "script": script}, json_to, [])
+    emit({"shell": shell, "script": script}, json_to, [])
+    if json_to != "-":
         click.echo(script)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-import warnings
 
 import click
 
-from phaselead.cli.common import emit_pairs, emit_result, force_option, json_option, port_option, warn
+from phaselead.cli.common import emit_pairs, emit_result, force_option, json_option, port_option, warnings_said
 from phaselead.cli.listing import top_level
 from phaselead.control import connect, own_loop_warnings
 from phaselead.device import Device, device_model
@@ -105,7 +104,7 @@ def upload(model_path: str, port: str, persist: bool, force: bool, json_to: str 
     """Upload a stage file's model as one transaction, read it back and compare."""
     stage = load_stage(model_path)
     device_model(stage)  # a coefficient that does not fit is refused before the port is opened
-    warn(own_loop_warnings(stage, force=force))
-    with connect(port) as device, warnings.catch_warnings(action="ignore"):  # they have been said
+    own_loop_warnings(stage, force=force)  # and gains that are refused
+    with connect(port) as device, warnings_said():
         uploaded = device.upload(stage, persist=persist, force=force)
         emit_pairs({"model": model_path} | uploaded.as_dict(), json_to)

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-import os
+from dataclasses import replace
 
 import click
 
-from phaselead.cli.common import axis_option, emit, force_option, json_option, port_option, progress, warn
+from phaselead.cli.common import (
+    axis_option,
+    check_report,
+    emit,
+    force_option,
+    json_option,
+    own_overwrite_option,
+    port_option,
+    progress,
+    report_option,
+    warn,
+    write_page,
+)
 from phaselead.cli.listing import top_level
 from phaselead.cli.track import follows_option, gains_option
 from phaselead.control import Follows, loop_warnings, parse_gains, path_warnings
 from phaselead.control import learn as learn_path
 from phaselead.device import Device
-from phaselead.errors import BadInput
 from phaselead.model import load_stage
-from phaselead.record import check_output
+from phaselead.record import RUN_SUFFIXES, check_output
 from phaselead.waveforms import parse_waves
 
 
-def _learned_file(_context: click.Context, _option: click.Parameter, path: str | None) -> str | None:
-    if path is not None and os.path.splitext(path)[1].lower() not in (".h5", ".hdf5"):
-        raise BadInput(f"{path}: a learned table is HDF5; give a name that ends in .h5")
-    check_output(path)
-    return path
-
-
-@top_level(order=75)
+@top_level(order=78)
 @click.command()
 @click.argument("wave", metavar="WAVE")
 @port_option
@@ -36,9 +40,10 @@ def _learned_file(_context: click.Context, _option: click.Parameter, path: str |
 @gains_option
 @follows_option
 @click.option("--trials", type=click.IntRange(min=1), default=10, show_default=True, help="Corrected ones, at most.")
-@click.option("-o", "--output", metavar="LEARNED.h5", callback=_learned_file, help="The table, for track --learned.")
-@click.option("--report", metavar="PAGE.html", help="Error against trial, as a page.")
+@click.option("-o", "--output", metavar="LEARNED.h5", help="The table, for track --learned.")
+@report_option
 @force_option
+@own_overwrite_option
 @axis_option
 @json_option
 def learn(
@@ -47,11 +52,12 @@ def learn(
     model_path: str,
     mode: str,
     gains: str | None,
-    follows: Follows,
+    follows: Follows | None,
     trials: int,
     output: str | None,
     report: str | None,
     force: bool,
+    overwrite: bool,
     axis: str,
     json_to: str | None,
 ) -> None:
@@ -60,7 +66,8 @@ def learn(
     WAVE: a periodic path in micrometres, as for track. The best of the trials is kept; it is for
     this model, mode and path, and `phaselead track WAVE --learned LEARNED.h5` plays it.
     """
-    check_output(report, inputs=[model_path])
+    check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path], overwrite=overwrite or force)
+    check_report(report, [model_path])
     waveforms, stage = parse_waves(wave, axis), load_stage(model_path)
     axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
     warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
@@ -72,15 +79,12 @@ def learn(
             stage=stage,
             gains=axis_gains,
             trials=trials,
-            follows=follows,
+            follows=follows or "true",
             force=force,
             on_progress=advance,
         )
+    found = replace(found, wave=wave)
     if output is not None:
         found.save(output)
-    if report is not None:
-        from phaselead.report import write_learning_report  # matplotlib is slow to load and is needed here only
-
-        write_learning_report(report, wave, found)
-    wrote = [f"wrote {name}" for name in (output, report) if name is not None]
-    emit(found.as_dict(), json_to, [*found.tables(), *wrote])
+    wrote = [f"wrote {output}"] if output is not None else []
+    emit(found.as_dict(), json_to, [*found.tables(), *wrote, *write_page(found, report)])

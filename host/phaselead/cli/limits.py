@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from phaselead.cli.common import emit, json_option, port_option
+from phaselead.cli.common import emit_result, json_option, port_option
 from phaselead.cli.listing import top_level
 from phaselead.control import connect
 from phaselead.device import written_limit
@@ -20,7 +20,7 @@ def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any
     return click.option(name, metavar=unit, callback=parsed, help=text)
 
 
-@top_level(order=125)
+@top_level(order=65)
 @click.command()
 @port_option
 @click.option("--axis", type=click.Choice(["x", "y", "z"]), help="The axis to limit; without one, only show.")
@@ -57,4 +57,4 @@ def limits(
             found = device.set_limits(
                 axis, u_min_V=u_min, u_max_V=u_max, slew_V_per_s=slew, x_min_um=x_min, x_max_um=x_max, remove=remove
             )
-    emit(found.as_dict(), json_to, found.tables())
+    emit_result(found, json_to)

@@ -11,6 +11,7 @@ from phaselead.cli.common import (
     duration_option,
     emit,
     emit_pairs,
+    emit_result,
     json_option,
     map_option,
     overwrite_option,
@@ -88,18 +89,18 @@ def trigger(
 @port_option
 @click.option("-o", "--output", metavar="OUT", required=True, help="Ends in .csv, .h5, .mat or .parquet.")
 @click.option("--keep", is_flag=True, help="Leave it frozen; default: it waits for the next fault.")
-@click.option("--force", is_flag=True, help="Write over OUT if it exists.")
+@overwrite_option
 @json_option
-def pull(port: str, output: str, keep: bool, force: bool, json_to: str | None) -> None:
+def pull(port: str, output: str, keep: bool, overwrite: bool, json_to: str | None) -> None:
     """Fetch what the recorder that is always on has frozen: what led to a fault or another trigger."""
     from phaselead.control import connect
     from phaselead.record import SUFFIXES, check_output
     from phaselead.record import export as export_recording
 
-    check_output(output, suffixes=SUFFIXES, overwrite=force)
+    check_output(output, suffixes=SUFFIXES, overwrite=overwrite)
     with connect(port, park_on_exit=False) as device:
         recording = device.pull(keep=True)
-        export_recording(recording, output, overwrite=force)
+        export_recording(recording, output, overwrite=overwrite)
         if not keep:
             device.trigger()
     emit_pairs(recording.facts() | {"output": output}, json_to)
@@ -114,7 +115,7 @@ def faults(port: str, json_to: str | None) -> None:
 
     with connect(port, park_on_exit=False) as device:
         found = device.fault_log()
-    emit(found.as_dict(), json_to, found.tables())
+    emit_result(found, json_to)
 
 
 @log.command()
@@ -221,5 +222,5 @@ def replay(run: str, json_to: str | None) -> None:
     from phaselead.api import replay as execute_again
 
     replayed = execute_again(run)
-    emit(replayed.as_dict(), json_to, replayed.tables())
+    emit_result(replayed, json_to)
     sys.exit(0 if replayed else 1)

@@ -144,11 +144,13 @@ def predict(
 @click.option("-o", "--output", metavar="STAGE.toml", required=True)
 @click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
 @click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
-@click.option("--creep", is_flag=True, help="Also hold 5 V for 12 s an axis and fit its creep; takes a minute more.")
+@click.option("--creep", is_flag=True, help="Also hold 5 V for 12 s and fit the creep; takes 52 s an axis more.")
 @click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10.")
 @click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20.")
 @click.option("--u-max", metavar="V", help="Scale the levels so that the largest is this.")
-@click.option("--duration", metavar="S", help="Thin the grid evenly until it takes no longer than this.")
+@click.option(
+    "--duration", metavar="S", help="Thin the grid evenly until it takes no longer than this; without --creep."
+)
 @click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
 @click.option("--resume", is_flag=True, help="Go on with the recordings that are there.")
 @overwrite_option

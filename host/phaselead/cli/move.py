@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 
 import click
@@ -11,12 +10,15 @@ from phaselead.cli.common import (
     axis_option,
     checked_duration,
     emit,
+    emit_result,
     force_option,
     json_option,
     port_option,
-    warn,
+    show,
+    warnings_said,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.track import gains_option
 from phaselead.control import MODES, Controller, Planned, connect, parse_targets
 from phaselead.model import load_stage
 
@@ -34,7 +36,7 @@ def _after(device: Controller) -> str:
 @port_option
 @click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
 @click.option("--mode", type=click.Choice([mode for mode in MODES if mode != "open"]), help="Default: the best it can.")
-@click.option("--gains", metavar="paper|KP,KI,KD", help="V/um, V/(um s), V s/um; default as for track.")
+@gains_option
 @click.option("--duration", metavar="S", type=float, callback=checked_duration, help="Seconds the move takes.")
 @click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
@@ -63,25 +65,22 @@ def move(
     stage = load_stage(model_path) if model_path else None
 
     def announce(planned: Planned, predicted: Mapping[str, float | None]) -> None:
-        if predicted and json_to != "-":
-            click.echo("\n".join(planned.sentences(predicted)))
+        if json_to != "-":
+            show({}, None, planned.sentences(predicted))
 
-    with connect(port, resume=True) as device:
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            moved = device.move(
-                x=targets.get("x"),
-                y=targets.get("y"),
-                z=targets.get("z"),
-                mode=mode,
-                model=stage,
-                gains=gains,
-                duration=duration,
-                speed=speed,
-                force=force,
-                on_planned=announce,
-            )
-        warn(str(one.message) for one in said)
+    with connect(port, resume=True) as device, warnings_said():
+        moved = device.move(
+            x=targets.get("x"),
+            y=targets.get("y"),
+            z=targets.get("z"),
+            mode=mode,
+            model=stage,
+            gains=gains,
+            duration=duration,
+            speed=speed,
+            force=force,
+            on_planned=announce,
+        )
         if not park_after:
             device.leave_running(model_path)
         emit(moved.as_dict(), json_to, [*moved.tables(), "parked" if park_after else _after(device)])
@@ -109,5 +108,4 @@ def hold(port: str, json_to: str | None) -> None:
 def where(port: str, json_to: str | None) -> None:
     """Print where the axes are, in um and V, and whether they are on target. Nothing moves."""
     with connect(port, resume=True, park_on_exit=False) as device:
-        found = device.where()
-        emit(found.as_dict(), json_to, found.tables())
+        emit_result(device.where(), json_to)

@@ -52,9 +52,8 @@ follows_option = click.option(
     "--track",
     "follows",
     type=click.Choice(FOLLOWS),
-    default="true",
-    show_default=True,
-    help="What follows a periodic path: the stage itself, where the model has its sensor's lag, or what that shows.",
+    help="What follows a periodic path: the stage itself, where the model has its sensor's lag (the default), or what"
+    " that shows.",
 )
 
 
@@ -98,7 +97,7 @@ def track(
     model_path: str | None,
     mode: str | None,
     gains: str | None,
-    follows: Follows,
+    follows: Follows | None,
     trials: int | None,
     table: str | None,
     force: bool,
@@ -128,7 +127,7 @@ def track(
         axis_gains = {name: parse_gains(gains, stage or held, name) for name in waveforms}
         if known is not None:
             axis_gains = axis_gains if gains else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
+            waveforms = known.waveforms(waveforms, stage, mode, axis_gains, follows)
         warn(held_warning(held, mode, axis_gains))
         warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
         if trials is not None:
@@ -140,7 +139,7 @@ def track(
                     stage=stage,
                     gains=axis_gains,
                     trials=trials,
-                    follows=follows,
+                    follows=follows or "true",
                     force=force,
                     on_progress=advance,
                 )
@@ -155,7 +154,7 @@ def track(
                 gains=axis_gains,
                 duration_s=duration,
                 force=force,
-                follows=follows,
+                follows=follows or "true",
                 on_progress=advance,
             )
     warn_of_gaps(run.recording.facts())

@@ -19,10 +19,11 @@ from phaselead.control.held import held_stage, held_warning
 from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
+from phaselead.control.modes import MODES
 from phaselead.control.moving import Moved, Planned
 from phaselead.control.run import Run
 from phaselead.control.targets import parse_targets
-from phaselead.control.tracking import MODES, assumed_limits, loop_warnings, path_warnings, track
+from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings, track
 from phaselead.control.true_position import FOLLOWS, Follows
 
 __all__ = [

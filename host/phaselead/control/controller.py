@@ -15,9 +15,9 @@ from phaselead import interrupt
 from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.held import held_stage, held_warning
-from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
+from phaselead.control.playing import Plays
 from phaselead.control.run import Run
 from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
@@ -27,6 +27,7 @@ from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, w
 from phaselead.device import (
     BAUD,
     IDS_RESERVED,
+    TICK_HZ,
     Device,
     SelfTest,
     StatusInUnits,
@@ -39,11 +40,10 @@ from phaselead.device import (
     status_in_units,
 )
 from phaselead.errors import BadInput, LinkError, PhaseleadError
-from phaselead.model import Stage, StageLike, as_stage
+from phaselead.model import StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, parse_axes
 from phaselead.result import Facts
 from phaselead.serial_ports import default_port
-from phaselead.waveforms import Waveform
 
 if TYPE_CHECKING:
     from phaselead.identify import FitResult
@@ -78,7 +78,7 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     return controller
 
 
-class Controller(HoldsAndMoves, Supervision):
+class Controller(Plays, Supervision):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -127,6 +127,8 @@ class Controller(HoldsAndMoves, Supervision):
             self._alive.end()
             self._note_left()
             self.device.__exit__(kind, error, trace)
+            if self.device.park_on_exit and kind is None:  # after an error it may stand where it stood
+                remember(self.device.session.name, None)
 
     def _at_exit(self) -> None:
         with contextlib.suppress(PhaseleadError, OSError):
@@ -149,15 +151,15 @@ class Controller(HoldsAndMoves, Supervision):
         """What is wrong, in words: link, timing, faults, model, limits, sensors. Nothing moves; takes half a second."""
         return diagnose(self.device)
 
-    def arm(self, model_crc: int | str = 0) -> StatusInUnits:
+    def arm(self, model_crc: int | str = 0, *, timeout: float = 0.0) -> StatusInUnits:
         """Output live at the safe value, until another command. A fallback model must be named by its CRC, as ``info``
-        gives it."""
+        gives it. ``timeout``: seconds without a command after which the device parks by itself; 0: never."""
         try:
             crc = int(model_crc, 16) if isinstance(model_crc, str) else model_crc
         except ValueError:
             raise BadInput(f"{model_crc!r} is no CRC; info()['model_crc'] gives the model's") from None
         try:
-            self.device.set_timeout(0)
+            self.device.set_timeout(round(timeout * TICK_HZ))
             self.device.arm(crc)
             return status_in_units(self.device)
         except (KeyboardInterrupt, LinkError):
@@ -242,7 +244,8 @@ class Controller(HoldsAndMoves, Supervision):
         ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
         evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
         ``resume`` goes on with those that it has, ``overwrite`` measures them again. ``creep``: also
-        hold 5 V for 12 s an axis, and fit its creep.
+        hold 5 V, or the largest level if that is less, for 12 s an axis, and fit its creep; that takes 52 s an axis
+        beside ``duration``, and does not go with ``resume``.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
         from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
@@ -274,7 +277,7 @@ class Controller(HoldsAndMoves, Supervision):
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
         duration: float | None = None,
-        follows: Follows = "true",
+        follows: Follows | None = None,
         learned: Learned | str | os.PathLike[str] | None = None,
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
@@ -289,13 +292,13 @@ class Controller(HoldsAndMoves, Supervision):
 
         ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
         uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)
-        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it, without a
-        model the paper's.
+        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it or for what the
+        device tells of the one it holds; the paper's where nobody has a model.
         Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
         ``duration`` in s; default ten periods, or a move and a second.
-        ``follows``: "true", where the model says by how much the sensor is late, makes the stage itself follow a
-        periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file: played with
-        its mode and gains, and refused for another model or path.
+        ``follows``: "true" (the default), where the model says by how much the sensor is late, makes the stage itself
+        follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
+        played with its mode, gains and ``follows``, and refused for others, or another model or path.
         ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
         ``overwrite``.
 
@@ -312,7 +315,7 @@ class Controller(HoldsAndMoves, Supervision):
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
         if known is not None:
             chosen = chosen if gains is not None else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, chosen)
+            waveforms = known.waveforms(waveforms, stage, mode, chosen, follows)
         for line in [
             *held_warning(held, mode, chosen),
             *loop_warnings(stage, mode, chosen, force=force),
@@ -328,7 +331,7 @@ class Controller(HoldsAndMoves, Supervision):
             gains=chosen,
             duration_s=duration,
             force=force,
-            follows=follows,
+            follows=follows or "true",
             on_progress=on_progress,
         )
         return replace(run, recording=_named(run.recording, path or wave_text(wave, x, y, z)))
@@ -361,7 +364,7 @@ class Controller(HoldsAndMoves, Supervision):
         chosen = {name: gains_of(gains, stage, name) for name in waveforms}
         for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
             warnings.warn(line, stacklevel=2)
-        return learn(
+        found = learn(
             self.device,
             waveforms,
             mode,
@@ -372,11 +375,7 @@ class Controller(HoldsAndMoves, Supervision):
             force=force,
             on_progress=on_progress,
         )
-
-    def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
-        """The model last uploaded, but for axes that it lacks in modes that do without one."""
-        lacks = self.model is not None and not set(waveforms) <= set(self.model.axes)
-        return None if lacks and mode in ("open", "pid") else self.model
+        return replace(found, wave=wave_text(wave, x, y, z))
 
     def record(
         self,

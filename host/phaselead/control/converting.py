@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from phaselead.control.tracking import MODES, run_recording
+from phaselead.control.modes import MODES
+from phaselead.control.tracking import run_recording
 from phaselead.device import (
     TICK_HZ,
     Capture,

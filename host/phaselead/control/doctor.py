@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from phaselead.control.held import held_stage
-from phaselead.device import TICK_HZ, Channel, Device, recording_of, status_in_units
+from phaselead.device import TICK_HZ, Channel, Device, looser_than, read_limits, recording_of, status_in_units
+from phaselead.device import Limits as HardLimits
 from phaselead.model import AxisModel, Stage
 from phaselead.record import AXES, Recording, Samples
 from phaselead.result import Result, Table
@@ -78,6 +79,7 @@ def _checks(device: Device) -> Iterator[Check]:
     yield _model(info, stage)
     axes: Mapping[Any, AxisModel] = stage.axes if stage is not None else {}
     yield from (_limits(name, model) for name, model in axes.items())
+    yield _hard_limits(read_limits(device), axes)
     status = status_in_units(device)
     if status.state != "parked":
         yield Check("sensors", False, f"the device is {status.state}; `phaselead park` it, then look again")
@@ -90,7 +92,7 @@ def _checks(device: Device) -> Iterator[Check]:
         codes = capture.axes[axis].adc
         assert codes is not None
         yield _sensor(axis, codes, recording)
-    lost = capture.stream.dropped_ticks
+    lost = capture.missing
     yield Check("stream", lost == 0, f"{lost} of {LISTENED_TICKS} ticks were lost" + (LOST if lost else ""))
 
 
@@ -153,6 +155,18 @@ def _limits(axis: str, model: AxisModel) -> Check:
             f"limits {axis}", False, f"{said}: beyond the converter's {actuator.u_min_V:.4g}..{actuator.u_max_V:.4g} V"
         )
     return Check(f"limits {axis}", True, said)
+
+
+def _hard_limits(hard: HardLimits, axes: Mapping[str, AxisModel]) -> Check:
+    if hard.lost:
+        said = "were set and cannot be read any more, so nothing is armed: set them again with `phaselead limits`"
+        return Check("hard limits", False, said)
+    held = {axis: looser_than(model, hard[axis]) for axis, model in axes.items()}
+    if any(held.values()):
+        said = "; ".join(f"{axis}: {', '.join(phrases)}" for axis, phrases in held.items() if phrases)
+        return Check("hard limits", False, f"{said}; bring the model's within them, or `phaselead limits`")
+    own = "".join(axis for axis, limits in hard.axes.items() if limits)
+    return Check("hard limits", True, f"set for {own}, none tighter than the model's" if own else "none are set")
 
 
 def _sensor(axis: str, codes: Samples | Any, recording: Recording) -> Check:

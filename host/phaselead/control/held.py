@@ -6,8 +6,9 @@ from phaselead.device import Device, from_device_model
 from phaselead.model import Gains, Stage
 
 
-def held_stage(device: Device) -> Stage | None:
-    """Limits, converters, tables and operators of the model on the device; None when it holds none.
+def held_stage(device: Device, axes: str = "") -> Stage | None:
+    """Limits, converters, tables and operators of the model on the device; None when it holds none. An axis without
+    tables and operator is left out, but for those in ``axes``.
 
     It is for checks and for gains, never for upload: modes and creep do not come back. Gains designed for it are those
     of a stage that shows no mode, an integrator for one anywhere above 100 Hz.
@@ -16,7 +17,11 @@ def held_stage(device: Device) -> Stage | None:
     if blob is None:
         return None
     held = from_device_model(blob)
-    known = {axis: model for axis, model in held.axes.items() if model.table is not None or model.time is not None}
+    known = {
+        axis: model
+        for axis, model in held.axes.items()
+        if axis in axes or model.table is not None or model.time is not None
+    }
     return Stage(name=f"held by the device (stage file {held.stage_sha256[:12]})", axes=known or held.axes)
 
 

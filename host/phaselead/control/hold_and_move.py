@@ -71,14 +71,14 @@ class HoldsAndMoves:
         """Moves the axes together and holds them there; the next move begins where this one ended, without parking.
 
         A number is a place in um, so is "50um"; "+5um" and "-5um" are relative to the last target. The first move arms
-        the device and decides ``mode`` (default: the best the model allows), ``model`` (default: the one last uploaded)
-        and ``gains``; it holds every axis of the model. All axes take the same time: ``duration`` in s, or ``speed`` at
-        its highest in um/s, or as fast as the model's limits allow. ``wait=False`` returns at once; a further move is
-        queued behind. Between two calls the device is kept alive; it parks when the session ends, or a second after
-        the program was killed.
+        the device and decides ``mode`` (default: the best the model allows), ``model`` (default: the one last uploaded,
+        else what the device holds) and ``gains``; it holds every axis of a model that is given. All axes take the same
+        time: ``duration`` in s, or ``speed`` at its highest in um/s, or as fast as the model's limits allow.
+        ``wait=False`` returns at once; a further move is queued behind. Between two calls the device is kept alive; it
+        parks when the session ends, or a second after the program was killed.
 
-        The move runs on the model first, unless ``rehearse`` is False or another move is under way; ``on_planned`` is
-        given the plan and the seconds until each axis will have settled, before it starts.
+        The move runs on a model that is given first, unless ``rehearse`` is False or another move is under way;
+        ``on_planned`` is given the plan and the seconds until each axis will have settled, before it starts.
         Raises BadInput, before anything moves, for a target out of range, a duration or speed that cannot be kept
         (naming the shortest), or a fault on the model; DeviceRefused when a fault ends it.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from phaselead.control.motion_limits import first_mode_Hz, motion_limits, usual_duration_s
-from phaselead.device import LARGEST_STEP, Standing
+from phaselead.device import LARGEST_STEP_V, Standing
 from phaselead.model import AxisModel
-from phaselead.waveforms import Waveform
+from phaselead.waveforms import PEAK_SPEED, Waveform
 
 MODE_PERIODS = 6
 """Of a join: the spectrum of a least-jerk change of T seconds falls with the third power of f T, and is below 1e-4 of
@@ -28,6 +28,6 @@ def enter_s(waveform: Waveform, standing: Standing, mode: str, model: AxisModel 
     if mode == "open":
         way_V = abs(first - standing.u_V)
         ramp_V_per_s = (model or AxisModel()).limits.ramp_V_per_s
-        return 0.0 if way_V <= LARGEST_STEP["V"] else max(quiet_s(model), 1.875 * way_V / ramp_V_per_s)
+        return 0.0 if way_V <= LARGEST_STEP_V else max(quiet_s(model), PEAK_SPEED * way_V / ramp_V_per_s)
     way_um = abs(first - standing.x_um)
     return max(quiet_s(model), GENTLY * usual_duration_s(way_um, motion_limits(model), model, mode))

@@ -7,20 +7,20 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
+import numpy as np
+
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
 from phaselead.control.run_away import run_away
-from phaselead.control.tracking import run_recording, set_up, track
+from phaselead.control.tracking import run_recording, set_up, ticks_of, track
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import (
-    TICK_HZ,
     Capture,
     Device,
     DeviceFault,
     FrameReader,
     after_interrupt,
-    recorded_from,
     recording_of,
     wire,
     write_run,
@@ -170,7 +170,7 @@ def track_to_file(
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
     force: bool = False,
-    follows: Follows = "measured",
+    follows: Follows = "true",
     on_progress: Progress | None = None,
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
@@ -197,9 +197,7 @@ def track_to_file(
         except DeviceFault as fault:
             recording = run_recording(fault.capture, mode, stage)
             file.write(fault.capture, recording)
-            kept = None if output is None else f"the recording is kept in {output}"
-            said = (str(fault), run_away(recording, _rows_until(fault.capture)), kept)
-            fault.args = ("; ".join(part for part in said if part),)
+            _add(fault, run_away(recording, _rows_until(fault.capture)), output and _kept_in(output))
             raise
         file.write(run.capture, run.recording, run.true_um)
     return run
@@ -207,7 +205,17 @@ def track_to_file(
 
 def _rows_until(capture: Capture) -> int:
     """Rows of its recording until the fault."""
-    return max(capture.status.fault_tick - max(recorded_from(capture), capture.first_tick), 0)
+    from_tick, to_tick = np.searchsorted(capture.ticks, [capture.recorded_from, capture.status.fault_tick])
+    return int(max(to_tick - from_tick, 0))
+
+
+def _add(fault: DeviceFault, *said: str | None) -> None:
+    """To what a fault says."""
+    fault.args = ("; ".join([str(fault), *(part for part in said if part)]),)
+
+
+def _kept_in(output: str) -> str:
+    return f"the recording is kept in {output}"
 
 
 def record_to_file(
@@ -226,8 +234,6 @@ def record_to_file(
     ``stage`` has limits and calibration; it is uploaded before anything is played. ``duration_s`` is by default ten
     periods, or 1 s when only listening.
     """
-    if waveforms is not None:
-        rehearse(waveforms, "open", stage, {}, duration_s)
     with run_file(output, device, "open", stage, driven=waveforms is not None) as file:
         if waveforms is None:
             axes, ticks, lead_ticks, tail_ticks = axis, listening_ticks(duration_s), 0, 0
@@ -250,16 +256,14 @@ def record_to_file(
             )
         except DeviceFault as fault:
             file.convert(fault.capture)
+            _add(fault, _kept_in(output))
             raise
         return file.convert(capture)
 
 
 def listening_ticks(duration_s: float | None) -> int:
     """How long to listen. Raises BadInput for less than a tick."""
-    seconds = LISTEN_S if duration_s is None else duration_s
-    if round(seconds * TICK_HZ) < 1:
-        raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
-    return round(seconds * TICK_HZ)
+    return ticks_of(LISTEN_S if duration_s is None else duration_s)
 
 
 def record_open_loop(

@@ -6,6 +6,7 @@ import contextlib
 import threading
 
 from phaselead.device import Session, wire
+from phaselead.errors import PhaseleadError
 
 PERIOD_S = 0.25
 """A quarter of the device's host timeout."""
@@ -21,8 +22,8 @@ class KeepAlive:
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
-        """Nothing to do in virtual time, which stands still between two calls."""
-        if self._session.virtual or self._thread is not None:
+        """Again after it was ended by an error. Nothing to do in virtual time, which stands still between two calls."""
+        if self._session.virtual or (self._thread is not None and self._thread.is_alive()):
             return
         self._thread = threading.Thread(target=self._run, name="phaselead keep-alive", daemon=True)
         self._thread.start()
@@ -37,7 +38,7 @@ class KeepAlive:
 
     def _run(self) -> None:
         lock = self._session.lock
-        with contextlib.suppress(BaseException):  # a device that is gone is found by the next call
+        with contextlib.suppress(PhaseleadError, OSError):  # a device that is gone is found by the next call
             while not self._ended.wait(PERIOD_S):
                 if lock.acquire(blocking=False):  # who holds it is speaking
                     try:

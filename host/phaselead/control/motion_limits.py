@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+from phaselead.control.gains import UNSEEN_MODE
+from phaselead.control.modes import INVERTS
 from phaselead.device import MotionLimits
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, SmallSignal, small_signal
+from phaselead.waveforms import PEAK_SPEED
 
 UNKNOWN_um_per_s = 1000.0
 """Without a model: about what parking at 50 V/s does on a stage of 20 um/V."""
-UNDONE = ("inverse", "inverse+pid")
 SIGMAS = 5.0
 """Of the sensor's noise: a sample beyond them once in 1.7 million, 6 minutes at 5 kHz."""
 WINDOW_S = 0.01
@@ -53,10 +55,27 @@ def _plant(model: AxisModel) -> SmallSignal | None:
 
 def usual_duration_s(way_um: float, limits: MotionLimits, model: AxisModel | None, mode: str) -> float:
     """Of a move that nobody gave a duration: the shortest and, where the mode is not undone, two of its periods: a
-    least-jerk move of that length has next to no power there."""
+    least-jerk move of that length has next to no power there. Where no mode is known, none is undone: two periods of
+    the slowest that gains are designed for."""
     shortest_s = limits.shortest_s(way_um)
-    f_Hz = None if model is None or mode in UNDONE else first_mode_Hz(model)
-    return shortest_s if f_Hz is None else max(shortest_s, 2 / f_Hz)
+    f_Hz = None if model is None else first_mode_Hz(model)
+    if f_Hz is not None and mode in INVERTS:
+        return shortest_s
+    return max(shortest_s, 2 / (f_Hz or UNSEEN_MODE[1]))
+
+
+def refuse_too_fast(axis: str, way_um: float, duration_s: float, model: AxisModel | None) -> None:
+    """Raises BadInput for a move that the limits do not allow, naming the shortest that they do."""
+    shortest_s = motion_limits(model).shortest_s(way_um)
+    if duration_s >= shortest_s * (1 - 1e-9):
+        return
+    guessed = model is None or _plant(model) is None
+    raise BadInput(
+        f"{axis}: a move of {abs(way_um):.4g} um in {duration_s * 1e3:.3g} ms is faster than "
+        + (f"{UNKNOWN_um_per_s:g} um/s, assumed for want of a model" if guessed else "the stage's limits allow")
+        + f"; the shortest is {shortest_s * 1e3:.4g} ms, at {PEAK_SPEED * abs(way_um) / shortest_s:.4g} um/s"
+        + ("; --model STAGE.toml tells what the stage can do" if guessed else "")
+    )
 
 
 def window_um(model: AxisModel | None) -> float:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from phaselead.control.gains import GainsLike, gains_of
-from phaselead.control.motion_limits import WINDOW_S, motion_limits, usual_duration_s, window_um
-from phaselead.control.tracking import NEEDS_MODEL, check_path, loop_warnings
+from phaselead.control.held import held_stage, held_warning
+from phaselead.control.modes import NEEDS_MODEL
+from phaselead.control.motion_limits import WINDOW_S, motion_limits, refuse_too_fast, usual_duration_s, window_um
+from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
     TICK_HZ,
-    Converters,
     Device,
     MotionLimits,
     Where,
@@ -22,7 +23,7 @@ from phaselead.device import (
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
 from phaselead.result import Result, Table
-from phaselead.waveforms import Goto
+from phaselead.waveforms import PEAK_SPEED, Goto
 
 ENGAGE_S = 0.05
 """Of the join from the output there is to holding in closed loop."""
@@ -104,9 +105,11 @@ class Mover:
 
     device: Device
     stage: Stage | None = None
+    """What it was given, and uploads."""
+    known: Stage | None = None
+    """That, else what the device tells of the model it holds."""
     mode: str = ""
     gains: dict[str, Gains] = field(default_factory=dict)
-    _calibration: Mapping[str, Converters] | None = None
 
     @property
     def axes(self) -> str:
@@ -114,16 +117,14 @@ class Mover:
         return "".join(sorted(self.gains))
 
     def model(self, axis: str) -> AxisModel | None:
-        return None if self.stage is None else self.stage.axes.get(axis)
+        return None if self.known is None else self.known.axes.get(axis)
 
     def limits(self, axis: str) -> MotionLimits:
         return motion_limits(self.model(axis))
 
     def where(self) -> Where:
         """Where the axes are; also feeds the host timeout."""
-        if self._calibration is None:
-            self._calibration = self.device.converters()
-        return motion.where(self.device, self._calibration)
+        return motion.where(self.device)
 
     # ---------------------------------------------------------------- holding
 
@@ -137,7 +138,8 @@ class Mover:
         force: bool = False,
     ) -> list[str]:
         """How the axes will be held, before anything is done to the device; when it holds already, checks that it holds
-        these, so. Without a mode the best that the model allows. Returns what the model warns of.
+        these, so. Without a stage by the model that the device holds; without a mode the best that the model allows.
+        Returns what the model warns of.
 
         Raises BadInput, and DeviceRefused where the device cannot be armed.
         """
@@ -147,18 +149,20 @@ class Mover:
             return []
         if now.state not in ("parked", "armed"):
             raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
-        chosen = mode or best_mode(stage, axes)
+        held = held_stage(self.device, axes) if stage is None else None
+        known = stage or held
+        chosen = mode or best_mode(known, axes)
         if chosen == "open":
             raise BadInput(
                 "mode open moves in volts and holds no position; use pid, ff, ff+pid, inverse or inverse+pid"
             )
-        if chosen in NEEDS_MODEL and stage is None:
+        if chosen in NEEDS_MODEL and known is None:
             raise BadInput(f"mode {chosen} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
-        own = {axis: gains_of(gains, stage, axis) for axis in axes}
+        own = {axis: gains_of(gains, known, axis) for axis in axes}
         for axis in axes:
-            check_path(axis, _hold(now, axis), chosen, _model(stage, axis))
-        warnings = loop_warnings(stage, chosen, own, force=force)
-        self.stage, self.mode, self.gains = stage, chosen, own
+            check_path(axis, _hold(now, axis), chosen, _model(known, axis))
+        warnings = [*held_warning(held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
+        self.stage, self.known, self.mode, self.gains = stage, known, chosen, own
         return warnings
 
     def engage(self) -> None:
@@ -169,7 +173,6 @@ class Mover:
             return
         if self.stage is not None:
             self.device.upload_if_other(device_model(self.stage))
-            self._calibration = None
         for axis, gain in self.gains.items():
             self.device.set_axis(axis, self.mode, **gain.model_dump(exclude={"origin"}))
             motion.hold_from_start(self.device, axis, ENGAGE_S)
@@ -190,8 +193,8 @@ class Mover:
 
     def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:
         """Goes on with axes that are held already; their gains are taken for the usual ones."""
-        self.stage, self.mode = stage, mode
-        self.gains = {axis: gains_of(None, stage, axis) for axis in axes}
+        self.stage, self.known, self.mode = stage, stage or held_stage(self.device, axes), mode
+        self.gains = {axis: gains_of(None, self.known, axis) for axis in axes}
 
     # ---------------------------------------------------------------- moving
 
@@ -211,24 +214,20 @@ class Mover:
         start = {axis: one.target_um if one.held else one.x_um for axis, one in now.axes.items() if axis in targets}
         target = {axis: value + (start[axis] if axis in relative else 0.0) for axis, value in targets.items()}
         way = {axis: abs(target[axis] - start[axis]) for axis in targets}
-        shortest_s = max(self.limits(axis).shortest_s(way[axis]) for axis in targets)
         seconds = duration_s
         if speed_um_per_s is not None:
             if not speed_um_per_s > 0:
                 raise BadInput(f"a speed of {speed_um_per_s:g} um/s: give one above 0")
-            seconds = max(1.875 * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
+            seconds = max(PEAK_SPEED * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
         if seconds is None:
             usual = (usual_duration_s(way[a], self.limits(a), self.model(a), self.mode) for a in targets)
             seconds = max(usual)
-        elif seconds < shortest_s * (1 - 1e-9):
-            longest = max(way.values())
-            raise BadInput(
-                f"a move of {longest:.4g} um in {seconds * 1e3:.3g} ms is faster than the stage's limits allow; the "
-                f"shortest is {shortest_s * 1e3:.4g} ms, at {1.875 * longest / shortest_s:.4g} um/s"
-            )
+        else:
+            slowest = max(targets, key=lambda axis: self.limits(axis).shortest_s(way[axis]))
+            refuse_too_fast(slowest, way[slowest], seconds, self.model(slowest))
         for axis in targets:
             goto = Goto(target[axis] - start[axis], start[axis], "um", 1 / seconds)
-            check_path(axis, goto, self.mode, _model(self.stage, axis))
+            check_path(axis, goto, self.mode, _model(self.known, axis))
         return Planned(start, target, seconds)
 
     def move(
@@ -282,7 +281,8 @@ class Mover:
         found = self.where()
         if found.state != "running":
             raise DeviceRefused(
-                f"the move ended in fault {found.fault}; docs/faults.md says why, `phaselead park` clears it"
+                f"the move ended in fault {found.fault}; `phaselead explain {found.fault}` says why, `phaselead park` "
+                "clears it"
             )
         return found
 

@@ -15,7 +15,7 @@ from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
-from phaselead.waveforms import Waveform
+from phaselead.waveforms import Goto, Waveform
 
 LONGEST_S = 2.0
 """Of a rehearsal. What is too fast, or runs away, shows within a few periods of a mode; faults take 0.1 s."""
@@ -49,13 +49,19 @@ def rehearse(
         path = Path(folder) / "model.toml"
         as_played(stage).save(path)
         url = f"sim://{path}"
-        said = _trouble(url, waveforms, mode, stage, gains, duration_s)
+        try:
+            said = _trouble(url, waveforms, mode, stage, gains, duration_s)
+        except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
+            return
         if said is None:
             return
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
 
-        def works(changed: Waveform) -> bool:
-            return _trouble(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
+        def works(changed: Waveform) -> bool | None:
+            try:
+                return _trouble(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
+            except (BadInput, DeviceRefused):
+                return None
 
         found = _nearest(waveforms[axis], works)
     raise BadInput(f"{axis}: on the model this {said}; {found}; or --force")
@@ -85,15 +91,14 @@ def _trouble(
     gains: Mapping[str, Gains],
     duration_s: float | None,
 ) -> str | None:
-    """What goes wrong on the run, in words; None where nothing does, or it cannot be played."""
+    """What goes wrong on the run, in words; None where nothing does. Raises BadInput or DeviceRefused where it cannot
+    be played."""
     seconds = min(duration_s or default_duration_s(waveforms), LONGEST_S)
     try:
         with Device.open(url) as device:
             run = track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
     except DeviceFault as fault:
         return f"ends in {str(fault).partition(' at tick')[0]}"
-    except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
-        return None
     for axis in waveforms:
         share = _cut_share(run.capture, axis, converters(device_model(stage))[axis])
         shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
@@ -113,10 +118,11 @@ def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:
     return float(np.mean(np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V))
 
 
-def _nearest(wave: Waveform, works: Callable[[Waveform], bool]) -> str:
-    """The largest swing and the highest frequency that work, in words."""
+def _nearest(wave: Waveform, works: Callable[[Waveform], bool | None]) -> str:
+    """The largest swing and the highest frequency that work, in words. ``works``: None where it cannot be played."""
+    kept = replace(wave, asked=True) if isinstance(wave, Goto) else wave  # else all are at the usual speed
     swing = _largest_share(lambda share: works(replace(wave, swing=wave.swing * share)))
-    speed = _largest_share(lambda share: works(replace(wave, f_Hz=wave.f_Hz * share)))
+    speed = _largest_share(lambda share: works(replace(kept, f_Hz=wave.f_Hz * share)))
     ways = [f"a swing of up to {wave.swing * swing:.3g} {wave.unit}"] if swing else []
     if speed:
         slower = wave.f_Hz * speed
@@ -124,12 +130,17 @@ def _nearest(wave: Waveform, works: Callable[[Waveform], bool]) -> str:
     return f"{' or '.join(ways)} works there" if ways else "no smaller and no slower path works; choose other gains"
 
 
-def _largest_share(works: Callable[[float], bool]) -> float:
-    """Between 1/64 and 1, where 1 does not work; 0 when none does."""
-    if not works(LEAST_SHARE):
+def _largest_share(works: Callable[[float], bool | None]) -> float:
+    """Between 1/64 and 1, where 1 does not work; 0 when none does. What cannot be played is too small or too slow."""
+    first = works(LEAST_SHARE)
+    if first is False:
         return 0.0
-    low, high = LEAST_SHARE, 1.0
+    low, high, found = LEAST_SHARE, 1.0, LEAST_SHARE if first else 0.0
     for _ in range(HALVINGS):
         middle = (low * high) ** 0.5
-        low, high = (middle, high) if works(middle) else (low, middle)
-    return low
+        outcome = works(middle)
+        if outcome is False:
+            high = middle
+        else:
+            low, found = middle, middle if outcome else found
+    return found

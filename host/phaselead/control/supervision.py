@@ -78,7 +78,7 @@ class Supervision:
     ) -> Facts:
         """Chooses what freezes the transient recorder, which keeps the last 80 ms of all axes at any time.
 
-        A fault always does. ``on``: "fault" (nothing else), "set_point" (a path is started), "input" (the interlock's
+        A fault always does. ``on``: "fault" (nothing else), "set_point" (a path begins), "input" (the interlock's
         line opens), or "threshold": the position of ``axis`` rises above ``above_um`` or falls below ``below_um``.
         ``every=10`` keeps each tenth tick, and so 0.8 s; ``after`` is the share of it after the trigger. Gives
         ``before_s`` and ``after_s``. Raises BadInput for what makes no sense.

@@ -11,7 +11,8 @@ from phaselead.control.errors import tracking_error
 from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
 from phaselead.control.joins import enter_s, quiet_s
-from phaselead.control.motion_limits import motion_limits
+from phaselead.control.modes import INVERTS, NEEDS_MODEL, USES_TABLES
+from phaselead.control.motion_limits import refuse_too_fast
 from phaselead.control.run import Run
 from phaselead.control.true_position import TruePositions
 from phaselead.device import (
@@ -31,10 +32,6 @@ from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
 from phaselead.waveforms import POINTS, Goto, Replaced, Waveform, refuse_out_of_range
 
-MODES = ("open", "pid", "ff", "ff+pid", "inverse", "inverse+pid")
-USES_TABLES = ("ff", "ff+pid")
-INVERTS = ("inverse", "inverse+pid")
-NEEDS_MODEL = (*USES_TABLES, *INVERTS)
 LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
 LAST_PERIODS, WHOLE_RECORD = "last four periods", "whole record"
@@ -44,6 +41,14 @@ LAST_PERIODS, WHOLE_RECORD = "last four periods", "whole record"
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
     """Ten periods of the slowest path; a move and a second."""
     return max(waveform.default_duration_s for waveform in waveforms.values())
+
+
+def ticks_of(duration_s: float) -> int:
+    """A duration in ticks. Raises BadInput for less than one."""
+    ticks = round(duration_s * TICK_HZ)
+    if ticks < 1:
+        raise BadInput(f"a duration of {duration_s:g} s is shorter than one tick of 0.2 ms; use a longer one")
+    return ticks
 
 
 def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None) -> None:
@@ -160,27 +165,28 @@ def set_up(
     stage: Stage | None = None,
     gains: Mapping[str, Gains] | None = None,
     duration_s: float | None = None,
+    endless: bool = False,
     force: bool = False,
 ) -> SetUp:
-    """Gives the device its paths. Raises BadInput as ``track``."""
-    check_paths(waveforms, mode, held_stage(device) if stage is None and mode in NEEDS_MODEL else stage)
+    """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``. Raises BadInput
+    as ``track``."""
+    known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
+    check_paths(waveforms, mode, known)
     loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
         device.upload_if_other(device_model(stage))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
-    ticks = round(seconds * TICK_HZ)
-    if ticks < 1:
-        raise BadInput(f"a duration of {seconds:g} s is shorter than one tick of 0.2 ms; use a longer one")
+    ticks = ticks_of(seconds)
     standing = standings(device)
-    waveforms = {axis: from_standing(axis, waveform, standing[axis], stage) for axis, waveform in waveforms.items()}
+    waveforms = {axis: from_standing(axis, waveform, standing[axis], known) for axis, waveform in waveforms.items()}
     entered_s, left_s = {}, {}
     for axis, waveform in waveforms.items():
-        model = None if stage is None else stage.axes.get(axis)
+        model = None if known is None else known.axes.get(axis)
         entered_s[axis] = enter_s(waveform, standing[axis], mode, model)
         left_s[axis] = quiet_s(model)
     lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
     for axis, waveform in waveforms.items():
-        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), ticks - lead_ticks)
+        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), 0 if endless else ticks - lead_ticks)
         motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if waveform.periodic else 0.0)
     return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ))
 
@@ -245,12 +251,7 @@ def from_standing(axis: str, waveform: Waveform, standing: Standing, stage: Stag
     """
     waveform = waveform.from_start(standing.u_V if waveform.unit == "V" else standing.x_um)
     if isinstance(waveform, Goto) and waveform.asked and waveform.unit == "um":
-        shortest_s = motion_limits(None if stage is None else stage.axes.get(axis)).shortest_s(waveform.swing)
-        if waveform.duration_s < shortest_s * (1 - 1e-9):
-            raise BadInput(
-                f"{axis}: a move of {abs(waveform.swing):.4g} um in {waveform.duration_s * 1e3:.3g} ms is faster than "
-                f"the stage's limits allow; the shortest is {shortest_s * 1e3:.4g} ms"
-            )
+        refuse_too_fast(axis, waveform.swing, waveform.duration_s, None if stage is None else stage.axes.get(axis))
     return waveform
 
 

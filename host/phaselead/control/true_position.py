@@ -58,7 +58,7 @@ class TruePositions:
             return None
         first, positions_um = self._port.true_positions()
         self._port.trace_true_positions(0)
-        rows = capture.start_tick - first + np.rint(recording.t_s * TICK_HZ).astype(int)
+        rows = capture.recorded_from - first + np.rint(recording.t_s * TICK_HZ).astype(int)
         if not len(rows) or rows[0] < 0 or rows[-1] >= len(positions_um):
             return None
         return {axis: positions_um[rows, "xyz".index(axis)].copy() for axis in recording.axes}

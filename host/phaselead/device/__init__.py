@@ -11,14 +11,15 @@ from phaselead.device.fault_log import FaultLog, read_fault_log
 from phaselead.device.flash import flash_board, flash_by_wire
 from phaselead.device.framing import FrameReader, encode_frame
 from phaselead.device.left_running import IDS_RESERVED, LeftRunning, recall, remember
-from phaselead.device.limits import AxisLimits, Limits, held_back, read_limits, set_limits, written_limit
+from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, read_limits, set_limits, written_limit
+from phaselead.device.live import Live, LiveAxis, LiveSamples
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.quantities import TICK_HZ, Converters, converters
-from phaselead.device.run_file import channels_of, read_capture, recorded_from, recording_of, replay_facts, write_run
+from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Session
 from phaselead.device.standing import (
-    LARGEST_STEP,
+    LARGEST_STEP_V,
     Standing,
     StatusInUnits,
     after_interrupt,
@@ -35,7 +36,7 @@ __all__ = [
     "AXES",
     "BAUD",
     "IDS_RESERVED",
-    "LARGEST_STEP",
+    "LARGEST_STEP_V",
     "TICK_HZ",
     "AxisLimits",
     "AxisWhere",
@@ -51,6 +52,9 @@ __all__ = [
     "Gap",
     "LeftRunning",
     "Limits",
+    "Live",
+    "LiveAxis",
+    "LiveSamples",
     "Mode",
     "MotionLimits",
     "SelfTest",
@@ -75,6 +79,7 @@ __all__ = [
     "from_device_model",
     "held_back",
     "inverse_refusal",
+    "looser_than",
     "motion",
     "park_quietly",
     "pull",
@@ -82,7 +87,6 @@ __all__ = [
     "read_fault_log",
     "read_limits",
     "recall",
-    "recorded_from",
     "recording_of",
     "remember",
     "replay_facts",

@@ -13,7 +13,17 @@ from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.session import Pending, Refused, Session
-from phaselead.device.stream import ALL_CHANNELS, HEAD, Capture, Stream, axes_of, decode_samples, mask_of, tick_dtype
+from phaselead.device.stream import (
+    ALL_CHANNELS,
+    AXES,
+    HEAD,
+    Capture,
+    Stream,
+    axes_of,
+    decode_samples,
+    mask_of,
+    tick_dtype,
+)
 from phaselead.errors import DeviceRefused, LinkError
 
 FEED_S = 0.2
@@ -22,6 +32,7 @@ REPLY_S = 0.1
 ATTEMPTS = 30
 """At the status; together as long as a command's."""
 SILENCE_S = 3.0
+ALL_AXES = mask_of(AXES)
 READ_REAL_S, READ_VIRTUAL_S = 0.05, 0.1
 LONGEST_READ_S = 1.0
 """Counted of one read that brings nothing: a host that slept has not listened meanwhile."""
@@ -230,14 +241,16 @@ class _Run:
 
 
 def wait_parked(session: Session, pump_size: int = 0) -> wire.StatusReply:
-    """Polls until the device is parked, or in a fault.
+    """After PARK: polls until the device is parked with every output at its safe value, or in a fault.
+
+    Parked alone does not tell: a device that was parked before ramps in that state.
 
     Raises:
         LinkError: it is still moving after half a minute of its own time.
     """
     status = session.request(wire.StatusRequest())
     last_tick = status.tick + int(PARK_S * TICK_HZ)
-    while status.state not in (wire.State.PARKED, wire.State.FAULT):
+    while status.state != wire.State.FAULT and not (status.state == wire.State.PARKED and status.at_rest == ALL_AXES):
         if status.tick > last_tick:
             raise LinkError(f"the device on {session.name} did not park within {PARK_S:g} s; run `phaselead stop`")
         session.pump(max(64, pump_size))

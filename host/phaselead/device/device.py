@@ -29,7 +29,7 @@ from phaselead.device.capture import (
 from phaselead.device.left_running import LeftRunning
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
-from phaselead.device.status import DeviceStatus, fault_detail, name_of
+from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.serial_ports import BAUD, open_port
@@ -62,6 +62,8 @@ class Device:
         """Axes for which the device's hard limits are tighter than those of the model last uploaded."""
         self._waves: set[str] = set()
         """Axes whose path is a waveform."""
+        self._converters: dict[str, Converters] | None = None
+        """By the model in force, once they were asked for."""
 
     @classmethod
     def open(cls, url: str, *, baud: int = BAUD, park_on_exit: bool = True, left: LeftRunning | None = None) -> Self:
@@ -103,6 +105,7 @@ class Device:
 
     def _find_again(self) -> bool:
         try:
+            self._converters = None
             self.session.request(wire.StatusRequest(), PIECE_WAITS_S)
             return True
         except SessionLostError:
@@ -158,7 +161,7 @@ class Device:
         hello, r = self.hello, self.session.request(wire.InfoRequest())
         return {
             "port": self.session.name,
-            "target": hello.target.rstrip(b"\0").decode("ascii", "replace"),
+            "target": target_of(hello.target),
             "build_id": hello.build_id.hex(),
             "wire": f"{hello.wire_version}.{hello.wire_revision}",
             "wire_fingerprint": f"{hello.schema_fingerprint:08x}",
@@ -202,7 +205,7 @@ class Device:
             return
         if not clear_fault:
             raise DeviceRefused(fault_text(status))
-        while status.at_rest & 7 != 7:
+        while status.at_rest != mask_of(AXES):
             self.session.pump(64)
             status = self.session.request(wire.StatusRequest())
         self.session.request(wire.ClearFaultRequest())
@@ -225,6 +228,10 @@ class Device:
         return status
 
     # ---------------------------------------------------------------- what an axis does
+
+    def mode(self, axis: str) -> wire.Mode | None:
+        """Of an axis, as this session has set it; None before."""
+        return self._modes.get(axis)
 
     def set_axis(
         self,
@@ -295,7 +302,7 @@ class Device:
             Refused: a field failed the device's checks; the message names it. The old model stays.
             LinkError: what was read back differs.
         """
-        request = self.session.request
+        request, self._converters = self.session.request, None
         request(wire.ModelBeginRequest(len(model), crc32(model)))
 
         def send(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
@@ -337,7 +344,9 @@ class Device:
 
     def converters(self) -> dict[str, Converters]:
         """What the converter codes of each axis mean, by the active model."""
-        return converters(self.read_model())
+        if self._converters is None:
+            self._converters = converters(self.read_model())
+        return self._converters
 
     # ---------------------------------------------------------------- recording
 

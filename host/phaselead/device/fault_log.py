@@ -9,11 +9,10 @@ from typing import Any
 from phaselead.device import wire
 from phaselead.device.device import Device
 from phaselead.device.quantities import TICK_HZ
-from phaselead.device.status import fault_detail, name_of
+from phaselead.device.status import NO_AXIS, fault_detail, name_of
 from phaselead.device.stream import axes_of
 from phaselead.result import Result, Table
 
-NO_AXIS = 255
 HEADINGS = ("power cycle", "tick", "after (s)", "fault", "axis", "in state", "detail")
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from phaselead.device.device import Device
 from phaselead.device.session import Session
+from phaselead.device.status import target_of
 from phaselead.device.update import read_images, update
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.result import Facts
@@ -62,7 +63,7 @@ def build(root: Path, environment: str, *targets: str) -> str:
 
 def check_board(device: Device, environment: str, build_id: str) -> None:
     """Raises PhaseleadError when the board does not run that build."""
-    target, runs = device.hello.target.rstrip(b"\0").decode("ascii", "replace"), device.hello.build_id.hex()
+    target, runs = target_of(device.hello.target), device.hello.build_id.hex()
     if target != environment:
         raise PhaseleadError(f"the device is a {target}, not a {environment}; is --port the board's?")
     if runs != build_id:

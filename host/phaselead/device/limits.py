@@ -19,6 +19,8 @@ from phaselead.result import Result, Table
 CODE_MAX, NO_SLEW = 65535, 2**32 - 1
 UNLIMITED = wire.AxisLimits(0, CODE_MAX, NO_SLEW, 0, CODE_MAX)
 HEADINGS = ("axis", "u min (V)", "u max (V)", "slew (V/s)", "x min (um)", "x max (um)")
+ROUNDED = 1e-4
+"""Of a limit, at most, by which its code lies inwards: a code is 0.2 mV of 10 V."""
 ROUNDING = 1e-6
 """Of a code: what a value that is exactly a code may be off by in floating point."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
@@ -196,6 +198,6 @@ def looser_than(model: AxisModel, hard: AxisLimits) -> list[str]:
     said = []
     for name, unit in (("u_min_V", "V"), ("u_max_V", "V"), ("slew_V_per_s", "V/s")):
         wants, most = getattr(model.limits, name), getattr(hard, name)
-        if most is not None and (wants < most if name == "u_min_V" else wants > most):
+        if most is not None and (most - wants if name == "u_min_V" else wants - most) > ROUNDED * max(abs(wants), 1.0):
             said.append(f"{name} {wants:g} is held to {most:.5g} {unit}")
     return said

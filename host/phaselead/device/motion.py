@@ -10,10 +10,12 @@ import numpy as np
 
 from phaselead.device import wire
 from phaselead.device.device import Device, axis_index
-from phaselead.device.quantities import TICK_HZ, Converters, to_i32
+from phaselead.device.quantities import TICK_HZ, to_i32
+from phaselead.device.status import name_of
 from phaselead.device.stream import AXES, mask_of
 from phaselead.errors import BadInput
 from phaselead.result import Result, Table
+from phaselead.waveforms import PEAK_SPEED
 
 FINE = 2.0**40
 """Of a micrometre: the unit of the device's limits of motion."""
@@ -33,7 +35,7 @@ class MotionLimits:
         """The shortest least-jerk move by so much, a whole number of ticks, at least one."""
         way, ways = abs(way_um), [1 / TICK_HZ]
         if self.velocity_um_per_s:
-            ways.append(1.875 * way / self.velocity_um_per_s)
+            ways.append(PEAK_SPEED * way / self.velocity_um_per_s)
         if self.acceleration_um_per_s2:
             ways.append((10 / 3**0.5 * way / self.acceleration_um_per_s2) ** (1 / 2))
         if self.jerk_um_per_s3:
@@ -103,9 +105,9 @@ class Where(Result):
         return [Table(("axis", "position (µm)", "output (V)", "target (µm)", ""), rows)]
 
 
-def where(device: Device, calibration: Mapping[str, Converters] | None = None) -> Where:
-    """Where every axis is; also feeds the host timeout. ``calibration`` is the device's, read when it is not given."""
-    calibration = calibration or device.converters()
+def where(device: Device) -> Where:
+    """Where every axis is; also feeds the host timeout."""
+    calibration = device.converters()
     found = device.session.request(wire.WhereRequest())
 
     def axis(index: int, name: str) -> AxisWhere:
@@ -124,11 +126,10 @@ def where(device: Device, calibration: Mapping[str, Converters] | None = None) -
             near_ticks=found.near_ticks[index],
         )
 
-    states, faults = wire.State, wire.Fault
     return Where(
         found.tick,
-        states(found.state).name.lower(),
-        faults(found.fault).name.lower() if found.fault in list(faults) else f"unknown ({found.fault})",
+        name_of(wire.State, found.state),
+        name_of(wire.Fault, found.fault),
         {name: axis(index, name) for index, name in enumerate(AXES)},
     )
 

@@ -16,19 +16,13 @@ from numpy.typing import NDArray
 
 from phaselead.device import wire
 from phaselead.device.quantities import TICK_HZ, converters
-from phaselead.device.status import name_of
+from phaselead.device.status import name_of, target_of
 from phaselead.device.stream import AxisStream, Capture, Gap, Stream
 from phaselead.errors import BadInput
 from phaselead.record import AxisRecord, Recording, Samples, read_hdf5, write_hdf5
 
 RAIL_CODES = np.array([0, 65535], np.uint16)
 CHANNELS = tuple(field.name for field in fields(AxisStream))
-
-
-def recorded_from(capture: Capture) -> int:
-    """The tick at which its recording begins: where the paths do, unless a fault came on the way to them."""
-    on_the_way = capture.status.fault and capture.status.fault_tick < capture.start_tick
-    return capture.first_tick if capture.start_tick < 0 or on_the_way else capture.start_tick
 
 
 def recording_of(
@@ -38,7 +32,7 @@ def recording_of(
 
     ``closed_loop`` names the axes whose reference is a position (it is volts in mode open, and then left out).
     """
-    first = recorded_from(capture)
+    first = capture.recorded_from
     rows = (capture.ticks >= first) & (capture.ticks < capture.end_tick)
     if not rows.any():
         raise BadInput("the capture holds no ticks; record for longer")
@@ -51,7 +45,7 @@ def recording_of(
         axes[name] = AxisRecord(u_V, x_um, stream.reference[rows] / 2.0**16 if asked else None)  # type: ignore[index]
     facts: dict[str, Any] = {
         "build_id": capture.hello.build_id.hex(),
-        "target": capture.hello.target.rstrip(b"\0").decode("ascii", "replace"),
+        "target": target_of(capture.hello.target),
         "gaps": [[gap.first_tick, gap.ticks] for gap in capture.gaps],
         "dropped_ticks": capture.stream.dropped_ticks,
         "missing_ticks": capture.missing,

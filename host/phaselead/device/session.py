@@ -15,6 +15,7 @@ import serial
 from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.framing import CRC_SIZE, FrameReader, encode_frame
+from phaselead.device.status import target_of
 from phaselead.errors import DeviceRefused, LinkError
 from phaselead.serial_ports import Port
 
@@ -40,10 +41,12 @@ OLDEST_HELLO = struct.Struct("<BQIH")
 """How the reply to a hello begins in every version from 2 on: status, tick, fingerprint, version."""
 VERSION_1_HELLO = 75
 """Bytes of that reply in version 1, which did not tell its number."""
+GREETING_1 = struct.Struct("<BQI20s24s")
+"""How that reply begins in version 1: without number and revision."""
+GREETING = struct.Struct("<BQIHH20s24s")
+"""The same, and what follows in every version from 2 on: build id, target."""
 SHORTEST_REPLY = wire.HEADER.size + wire.REPLY_HEAD.size + CRC_SIZE + 2
 """Bytes on the line: every reply has at least these, so asking for them at once never waits in vain."""
-GREETING = struct.Struct("<BQIHH20s24s")
-"""The same, and what follows in every version that has image slots: build id, target."""
 
 ADVICE = {
     wire.Status.NO_SESSION: "the device has restarted or another host has taken it; run the command again",
@@ -98,7 +101,7 @@ class NoReplyError(LinkError):
 
 @dataclass(frozen=True)
 class Greeting:
-    """How the reply to a hello begins in every version that has image slots."""
+    """What the reply to a hello says in every version of the wire."""
 
     fingerprint: int
     build_id: str
@@ -121,7 +124,8 @@ class Session:
 
     ``samples`` collects the bodies of sample batches, ``events`` the events, for whoever wants them.
     ``log``, when set (to a list), collects (tick of the reply, frame sent) of every command answered.
-    ``sink``, when set, is given every chunk as it came off the line.
+    ``sink``, when set, is given every chunk as it came off the line; ``tap`` the sample batches of every read, which
+    stay in ``samples``.
     """
 
     def __init__(self, port: Port, name: str = "port", *, nonce: int | None = None, last_id: int = 0) -> None:
@@ -132,6 +136,7 @@ class Session:
         self.events: list[wire.Event] = []
         self.log: Log | None = None
         self.sink: Callable[[bytes], None] | None = None
+        self.tap: Callable[[list[bytes]], None] | None = None
         self.lock = threading.RLock()
         self.retries = 0
         self.strays = 0
@@ -162,12 +167,13 @@ class Session:
             Refused: another host is driving the device.
         """
         payload = _payload(self._greeted())
+        if payload and payload[0] != wire.Status.OK:
+            raise Refused(wire.HelloRequest.NAME, payload[0])
         if len(payload) < GREETING.size:
             raise LinkError(f"the device on {self.name} says no hello that this version knows; use `phaselead flash`")
-        status, _, fingerprint, _, _, build_id, target = GREETING.unpack_from(payload)
-        if status != wire.Status.OK:
-            raise Refused(wire.HelloRequest.NAME, status)
-        return Greeting(fingerprint, build_id.hex(), target.rstrip(b"\0").decode("ascii", "replace"))
+        numbers = GREETING_1 if len(payload) == VERSION_1_HELLO else GREETING
+        _, _, fingerprint, *_, build_id, target = numbers.unpack_from(payload)
+        return Greeting(fingerprint, build_id.hex(), target_of(target))
 
     def hello(self) -> wire.HelloReply:
         """Opens the session.
@@ -309,8 +315,11 @@ class Session:
         if chunk:
             if self.sink is not None:
                 self.sink(chunk)
+            before = len(self.samples)
             for body in self.reader.feed(chunk):
                 self._sort(body)
+            if self.tap is not None:
+                self.tap(self.samples[before:])
         return len(chunk)
 
     def _sort(self, body: bytes) -> None:

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from phaselead import interrupt
 from phaselead.device.device import Device
 from phaselead.device.status import DeviceStatus
 from phaselead.errors import PhaseleadError
 from phaselead.result import Table
 
-LARGEST_STEP = {"um": 2.0, "V": 0.1}
+LARGEST_STEP_V = 0.1
 """Between where an axis stands and where its path begins; the device would take it at the slew limit."""
 COUNTERS = ("overruns", "stream_dropped", "rx_errors")
 
@@ -74,6 +75,7 @@ def status_in_units(device: Device) -> StatusInUnits:
 
 def after_interrupt(device: Device) -> str:
     """What has become of the output: a capture parks it on Ctrl-C, which a broken line can prevent."""
+    interrupt.clear()
     with suppress(PhaseleadError, OSError):
         if device.status().state == "parked":
             return "the output is parked"

@@ -72,6 +72,11 @@ def name_of(kind: type[IntEnum], value: int) -> str:
     return kind(value).name.lower() if value in list(kind) else f"unknown ({value})"
 
 
+def target_of(field: bytes) -> str:
+    """The board of a firmware, from its field of fixed width."""
+    return field.rstrip(b"\0").decode("ascii", "replace")
+
+
 def fault_detail(fault: int, detail: int) -> int | str:
     """As a number, but for core_lost: what ended the program, and where."""
     if fault != wire.Fault.CORE_LOST:

@@ -108,11 +108,17 @@ class Capture:
         return self.stream.gaps
 
     @property
+    def recorded_from(self) -> int:
+        """The tick at which its recording begins: where the paths do, unless a fault came on the way to them."""
+        on_the_way = self.status.fault and self.status.fault_tick < self.start_tick
+        return self.first_tick if self.start_tick < 0 or on_the_way else self.start_tick
+
+    @property
     def missing(self) -> int:
-        """Rows between the start of the paths (or of the stream) and ``end_tick`` that are in a gap: dropped by the
-        device or lost on the line."""
-        begin = self.start_tick if self.start_tick >= 0 else self.first_tick
-        spans = ((max(gap.first_tick, begin), min(gap.first_tick + gap.ticks, self.end_tick)) for gap in self.gaps)
+        """Rows between ``recorded_from`` and ``end_tick`` that are in a gap: dropped by the device or lost on the
+        line."""
+        begin, end = self.recorded_from, self.end_tick
+        spans = ((max(gap.first_tick, begin), min(gap.first_tick + gap.ticks, end)) for gap in self.gaps)
         return sum(max(0, end - start) for start, end in spans) // self.stream.decimation
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +12,12 @@ from numpy.typing import NDArray
 from phaselead.device import wire
 from phaselead.device.device import Device, axis_index
 from phaselead.device.quantities import TICK_HZ
-from phaselead.device.status import name_of
+from phaselead.device.status import name_of, target_of
 from phaselead.device.stream import AXES
-from phaselead.errors import BadInput, DeviceRefused
+from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.record import AxisRecord, Recording
 from phaselead.result import Facts
 
-READ_CHUNK = 1024
 ENTRIES = 400
 """What it holds; the device says so too."""
 AXIS = [("reference", "<i4"), ("adc", "<u2"), ("dac", "<u2"), ("feedforward", "<i2"), ("feedback", "<i2")]
@@ -29,7 +29,7 @@ OPEN_LOOP = (wire.Mode.IDLE, wire.Mode.OPEN)
 class Trigger:
     """What freezes the transient recorder beside a fault.
 
-    ``on``: "fault" (nothing else), "set_point" (a path is started), "input" (the interlock's line opens, were it for a
+    ``on``: "fault" (nothing else), "set_point" (a path begins), "input" (the interlock's line opens, were it for a
     single tick), or "threshold": the position of ``axis`` rises above ``above_um`` or falls below ``below_um``.
     ``every`` keeps each so manieth tick only, ``after`` is the share that is kept after the trigger.
     """
@@ -81,18 +81,39 @@ def set_trigger(device: Device, trigger: Trigger) -> Facts:
 def pull(device: Device, *, keep: bool = False) -> Recording:
     """What the transient recorder froze; t_s = 0 is the trigger, and ticks that were never run are ``gaps``.
 
-    It then waits again, for a fault alone, unless ``keep``. Raises DeviceRefused when nothing is frozen.
+    It then waits again, for a fault alone, unless ``keep``. Raises DeviceRefused when nothing is frozen, LinkError when
+    the recorder is set anew meanwhile.
     """
-    data, head = b"", device.session.request(wire.TransientReadRequest(0, READ_CHUNK))
-    if head.state != wire.TransientState.FROZEN:
-        doing = name_of(wire.TransientState, head.state)
-        raise DeviceRefused(f"nothing is frozen: the recorder is {doing}; `phaselead log trigger` says what for")
-    while len(data) < head.size:
-        data += device.session.request(wire.TransientReadRequest(len(data), READ_CHUNK)).data
+    head, data = _read(device)
     found = _recording(device, head, np.frombuffer(data, ENTRY))
     if not keep:
         set_trigger(device, Trigger())
     return found
+
+
+def _read(device: Device) -> tuple[wire.TransientReadReply, bytes]:
+    """The reply to the first read, and all entries. Raises LinkError when others are there before they are read."""
+    head: wire.TransientReadReply | None = None
+    out = b""
+
+    def read(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
+        nonlocal head, out
+        reply = device.session.request(wire.TransientReadRequest(at, length), waits_s)
+        if head is None:
+            if reply.state != wire.TransientState.FROZEN:
+                doing = name_of(wire.TransientState, reply.state)
+                raise DeviceRefused(
+                    f"nothing is frozen: the recorder is {doing}; `phaselead log trigger` says what for"
+                )
+            head = reply
+        if not reply.data or (reply.trigger_tick, reply.size) != (head.trigger_tick, head.size):
+            raise LinkError(f"the recorder was set anew after {len(out)} of {head.size} bytes were read; pull again")
+        out += reply.data
+        return len(out), reply.size
+
+    device.session.transfer(read)
+    assert head is not None
+    return head, out
 
 
 def _recording(device: Device, head: wire.TransientReadReply, entries: NDArray[Any]) -> Recording:
@@ -107,14 +128,14 @@ def _recording(device: Device, head: wire.TransientReadReply, entries: NDArray[A
             calibration[axis].x_um(raw["adc"]),
             raw["reference"] / 2.0**16 if follows else None,
         )
-    missing = np.diff(since) // head.decimation - 1
-    gaps = [[int(since[i] + head.trigger_tick + head.decimation), int(missing[i])] for i in np.flatnonzero(missing > 0)]
+    missing = np.diff(since) - head.decimation
+    gaps = [[int(since[i] + head.trigger_tick + head.decimation), int(missing[i])] for i in np.flatnonzero(missing)]
     meta = {
         "build_id": device.hello.build_id.hex(),
-        "target": device.hello.target.rstrip(b"\0").decode("ascii", "replace"),
+        "target": target_of(device.hello.target),
         "trigger": name_of(wire.Trigger, head.cause),
         "trigger_tick": head.trigger_tick,
-        "dropped_ticks": int(missing.sum()),
+        "missing_ticks": int(missing.sum()) // head.decimation,
         "gaps": gaps,
     }
     return Recording(since / TICK_HZ, axes, source=f"{meta['trigger']} at tick {head.trigger_tick}", meta=meta)

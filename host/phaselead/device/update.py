@@ -13,6 +13,7 @@ from zlib import crc32
 
 from phaselead.device import wire
 from phaselead.device.session import FLASH_WAITS_S, Greeting, Refused, Session
+from phaselead.device.status import target_of
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.result import Facts
 from phaselead.serial_ports import open_port
@@ -53,7 +54,7 @@ def parse_images(content: bytes, name: str) -> list[Image]:
         if len(whole) < max(length, HEADER.size) or crc32(whole[CRC_FROM:]) != crc:
             raise BadInput(f"{name}: an image in it is damaged; build it again with `make firmware`")
         numbers = version >> 16, version >> 8 & 0xFF, version & 0xFF
-        images.append(Image(whole, address, numbers, target.rstrip(b"\0").decode("ascii", "replace"), build_id.hex()))
+        images.append(Image(whole, address, numbers, target_of(target), build_id.hex()))
         at += length
     if not images:
         raise BadInput(f"{name}: is empty; give the update.bin that `make firmware` leaves")

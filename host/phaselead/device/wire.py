@@ -1418,7 +1418,7 @@ class ModelCommitReply(Reply):
 @dataclass(frozen=True, slots=True)
 class ModelCommitRequest(Command[ModelCommitReply]):
     """Checks the CRC, validates every field, expands the tables and swaps the model in between two ticks; while
-    parked.
+    parked and no output moves.
     """
 
     NAME: ClassVar[str] = "model_commit"
@@ -1426,6 +1426,7 @@ class ModelCommitRequest(Command[ModelCommitReply]):
     REPLY: ClassVar[type[Any]] = ModelCommitReply
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.OUTSIDE_LIMITS: "its limits or the device's (`phaselead limits`) leave out its safe value or the output",
+        Status.BUSY: "its outputs are still moving to the safe value; try again",
     }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
@@ -1520,11 +1521,14 @@ class ModelPersistReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class ModelPersistRequest(Command[ModelPersistReply]):
-    """Writes the active model to the older of two flash slots; while parked."""
+    """Writes the active model to the older of two flash slots; while parked and no output moves."""
 
     NAME: ClassVar[str] = "model_persist"
     NUMBER: ClassVar[int] = 0x10
     REPLY: ClassVar[type[Any]] = ModelPersistReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "its outputs are still moving to the safe value; try again",
+    }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
 
@@ -1583,6 +1587,9 @@ class StreamStartRequest(Command[StreamStartReply]):
     NAME: ClassVar[str] = "stream_start"
     NUMBER: ClassVar[int] = 0x11
     REPLY: ClassVar[type[Any]] = StreamStartReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "a tick came into each copy of its state; try again",
+    }
     SIZE: ClassVar[int] = 4
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBH")
     channels: int
@@ -2112,7 +2119,9 @@ class WhereReply(Reply):
     reference: tuple[int, ...]
     """um q16 (V q24 in mode open)."""
     end: tuple[int, ...]
-    """where the last path of the queue ends: a move's target; of others, their offset."""
+    """where the last path of the queue ends: a move's target; of others, their offset; of a hold from_here that
+    waits, the reference.
+    """
     near_ticks: tuple[int, ...]
     """ticks in a row within the window."""
 
@@ -2232,9 +2241,6 @@ class UpdateInfoRequest(Command[UpdateInfoReply]):
     NAME: ClassVar[str] = "update_info"
     NUMBER: ClassVar[int] = 0x30
     REPLY: ClassVar[type[Any]] = UpdateInfoReply
-    REFUSALS: ClassVar[dict[int, str]] = {
-        Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
-    }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
 
@@ -2280,7 +2286,6 @@ class UpdateBeginRequest(Command[UpdateBeginReply]):
         Status.BUSY: "its outputs are on their way to 0 V; try again",
         Status.BAD_VALUE: "the image is for another board or another slot",
         Status.WRONG_STATE: "not while armed, on trial, or in fault away from 0 V; `phaselead park` it first",
-        Status.MODE_UNSUPPORTED: "it has no image slots; `phaselead flash` writes it through a debugger",
     }
     SIZE: ClassVar[int] = 64
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<64s")
@@ -2429,7 +2434,6 @@ class UpdateRestartRequest(Command[UpdateRestartReply]):
     REPLY: ClassVar[type[Any]] = UpdateRestartReply
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BUSY: "its outputs are on their way to 0 V; try again",
-        Status.MODE_UNSUPPORTED: "it cannot restart itself",
     }
     SIZE: ClassVar[int] = 0
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
@@ -2474,7 +2478,6 @@ class UpdateConfirmRequest(Command[UpdateConfirmReply]):
     REPLY: ClassVar[type[Any]] = UpdateConfirmReply
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BAD_VALUE: "it runs another build",
-        Status.MODE_UNSUPPORTED: "it has no image slots",
     }
     SIZE: ClassVar[int] = 20
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<20s")
@@ -2518,7 +2521,9 @@ class LimitsSetReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class LimitsSetRequest(Command[LimitsSetReply]):
-    """Sets the hard limits of all axes and keeps them in flash; while parked. Modes and paths have to be set again."""
+    """Sets the hard limits of all axes and keeps them in flash; while parked and no output moves. Modes and paths
+    have to be set again.
+    """
 
     NAME: ClassVar[str] = "limits_set"
     NUMBER: ClassVar[int] = 0x20
@@ -2526,6 +2531,7 @@ class LimitsSetRequest(Command[LimitsSetReply]):
     REFUSALS: ClassVar[dict[int, str]] = {
         Status.BAD_VALUE: "a lower limit that is not below its upper one, or a slew limit of nothing",
         Status.OUTSIDE_LIMITS: "they leave out the present output, 0 V or the safe value of the model",
+        Status.BUSY: "its outputs are still moving to the safe value; try again",
         Status.FLASH_FAILED: "they could not be kept in flash; those before still hold",
     }
     SIZE: ClassVar[int] = 36

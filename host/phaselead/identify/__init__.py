@@ -26,6 +26,7 @@ from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
+from phaselead.identify.words import noise_um_rms
 
 __all__ = [
     "HELD_OUT",
@@ -57,6 +58,7 @@ __all__ = [
     "frequency_response",
     "identify_device",
     "keeping",
+    "noise_um_rms",
     "plan_of",
     "plan_seconds",
     "play_thresholds",

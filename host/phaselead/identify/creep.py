@@ -10,14 +10,19 @@ from scipy.optimize import nnls
 
 from phaselead.device import TICK_HZ, Channel, Device, Mode, recording_of
 from phaselead.identify.fitting import fit
+from phaselead.identify.plan import Experiment
 from phaselead.model import AdoptedEffect, AxisModel, Stage, lags, simulate
 from phaselead.record import Recording, Samples, refuse_gapped
+from phaselead.waveforms import Goto
 
 TAU_S = np.array([0.1, 1.0, 10.0])
 """Creep is straight in the logarithm of time (Devasia, Eleftheriou and Moheimani 2007): one lag a decade draws it."""
 HOLD_V, MOVE_S, HOLD_S = 5.0, 0.2, 12.0
+"""No further than the largest sine of its axis."""
 WAIT_S = 40.0
 """At rest before: four times the slowest."""
+SECONDS = WAIT_S + HOLD_S
+"""That it takes an axis."""
 FROM_S = 0.3
 """Of the hold: before it the mode rings."""
 EVERY = 50
@@ -26,17 +31,30 @@ TURNS = 2
 """Fits of the time view and of the creep in turn: the second changes creep by 1 %, a third by less than 0.01 %."""
 
 
-def with_creep(
-    device: Device, stage: Stage, axis: str, records: Sequence[Recording], used: Sequence[bool], rest_s: float
-) -> tuple[Stage, Recording]:
-    """The stage with the creep of ``axis``, and the hold at 5 V that is run now to see it. The time view is fitted
-    again, on what those of the ``records`` that are ``used`` show without creep; the table view stays, it is the
-    paper's. The records were run in this order from rest, each after ``rest_s`` at 0 V, and each drives this axis.
+def hold_of(plan: Sequence[Experiment], axis: str) -> Goto:
+    """The move into the hold: to 5 V, or as far as the plan drives this axis."""
+    return Goto(min(HOLD_V, max(e.swing_V for e in plan if e.axis == axis)), 0.0, "V", 1 / MOVE_S)
 
-    Raises BadInput where the hold is gapped.
+
+def hold(device: Device, axis: str, move: Goto) -> Recording:
+    """Rests, moves and holds; the record begins with the move. Raises BadInput where it is gapped."""
+    device.wait(WAIT_S)
+    device.set_axis(axis, Mode.OPEN)
+    device.set_path(axis, "move", swing=move.swing, f_Hz=move.f_Hz, ticks=round(MOVE_S * TICK_HZ))
+    capture = device.capture(round(HOLD_S * TICK_HZ), axes=axis, channels=Channel.ADC | Channel.DAC)
+    recording = replace(recording_of(capture, meta={"mode": "open"}), source=f"{axis}-hold")
+    refuse_gapped(recording)
+    return recording
+
+
+def with_creep(
+    stage: Stage, axis: str, held: Recording, records: Sequence[Recording], used: Sequence[bool], rest_s: float
+) -> Stage:
+    """The stage with the creep of ``axis`` that its hold shows. The time view is fitted again, on what those of the
+    ``records`` that are ``used`` show without creep; the table view stays, it is the paper's. The records were run in
+    this order from rest, each after ``rest_s`` at 0 V, and each drives this axis; the hold came after them.
     """
-    held, highest_V = _hold(device, axis), max(float(r.axes[axis].u_V.max()) for r in records)  # type: ignore[union-attr]
-    found = stage.axis(axis)
+    found, highest_V = stage.axis(axis), max(float(r.axes[axis].u_V.max()) for r in records)  # type: ignore[union-attr]
     k = _creep(found, held, axis, highest_V)
     for _ in range(TURNS):
         without = _less_creep(records, axis, found, k, rest_s)
@@ -46,23 +64,13 @@ def with_creep(
     params = {"k": tuple(map(float, k)), "tau_s": tuple(map(float, TAU_S))}
     effects = (AdoptedEffect(name="creep", params=params), *found.effects)
     found = found.model_copy(update={"effects": effects})
-    return stage.model_copy(update={"axes": {**stage.axes, axis: found}}), held
+    return stage.model_copy(update={"axes": {**stage.axes, axis: found}})
 
 
 def described_creep(model: AxisModel) -> str:
     """How much it creeps, in words."""
     k = np.ravel([e.params["k"] for e in model.effects if e.name == "creep"])
     return f"goes on by {100 * k.sum():.2g} % of a step while it is held for some {HOLD_S:g} s"
-
-
-def _hold(device: Device, axis: str) -> Recording:
-    device.wait(WAIT_S)
-    device.set_axis(axis, Mode.OPEN)
-    device.set_path(axis, "move", swing=HOLD_V, f_Hz=1 / MOVE_S, ticks=round(MOVE_S * TICK_HZ))
-    capture = device.capture(round(HOLD_S * TICK_HZ), axes=axis, channels=Channel.ADC | Channel.DAC)
-    recording = replace(recording_of(capture, meta={"mode": "open"}), source=f"{axis}-hold")
-    refuse_gapped(recording)
-    return recording
 
 
 def _creep(model: AxisModel, held: Recording, axis: str, highest_V: float) -> Samples:

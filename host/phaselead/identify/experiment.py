@@ -6,11 +6,11 @@ This is what `phaselead identify` does.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from phaselead.device import (
-    LARGEST_STEP,
+    LARGEST_STEP_V,
     TICK_HZ,
     Capture,
     Channel,
@@ -23,7 +23,7 @@ from phaselead.device import (
     standings,
 )
 from phaselead.errors import BadInput
-from phaselead.identify.creep import described_creep, with_creep
+from phaselead.identify import creep as creeping
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.kept import Kept
@@ -33,11 +33,26 @@ from phaselead.identify.verifications import Verifications
 from phaselead.model import AxisModel, Stage, provenance_of
 from phaselead.record import AXES, Recording, refuse_gapped
 from phaselead.sim import data_sheet
-from phaselead.waveforms import Sine, refuse_out_of_range
+from phaselead.waveforms import Goto, Sine, refuse_out_of_range
 
 CHANNELS = Channel.ADC | Channel.DAC
 FIT_SHARE = 0.1
 """Of the progress bar, for what comes after the last record."""
+
+
+@dataclass
+class Progress:
+    """The share that is done, for whoever wants to know."""
+
+    driven_s: float
+    """In all."""
+    on_progress: Callable[[float], None] | None
+    done_s: float = 0.0
+
+    def add(self, seconds: float) -> None:
+        self.done_s += seconds
+        if self.on_progress is not None:
+            self.on_progress(self.done_s / self.driven_s * (1 - FIT_SHARE))
 
 
 @dataclass(frozen=True)
@@ -49,11 +64,13 @@ class Identified:
     verifications: dict[View, list[Verification]]
     recordings: list[Recording]
     held_out: list[Recording]
+    holds: dict[str, Recording]
+    """Of the axes whose creep was measured."""
 
     def as_fit(self) -> FitResult:
         """The result as people see it."""
         held_out = {view: Verifications(found, view, self.stage.name) for view, found in self.verifications.items()}
-        return FitResult(self.stage, self.report, self.recordings, held_out)
+        return FitResult(self.stage, self.report, self.recordings, held_out, self.holds)
 
 
 def identify_device(
@@ -71,27 +88,38 @@ def identify_device(
     One axis is recorded alone; for several, all three are recorded while each is driven, which gives the
     cross-coupling. The held-out records of the table view are judged whole; those of the time view from
     their second period on, because in a session no record but the first starts from rest. ``kept`` keeps every record
-    as soon as it is there, and has those of a session that was cut short. Limits and calibration are those of
-    ``stage``, which is uploaded first, else of the model that the device holds, else a built-in stage's own,
-    else the defaults; they go on into what is identified. ``creep``: each axis also holds 5 V for 12 s at the
-    end, after 40 s of rest, and its creep is fitted.
+    of the plan as soon as it is there, and has those of a session that was cut short. Limits and calibration are those
+    of ``stage``, which is uploaded first, else of the model that the device holds, else a built-in stage's own,
+    else the defaults; they go on into what is identified. ``creep``: at the end each axis also holds 5 V, or the
+    largest level of the plan if that is less, for 12 s, after 40 s of rest, and its creep is fitted. That takes the
+    records of one session.
 
     Raises:
-        BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
+        BadInput: the plan leaves the device's limits or ``creep`` is wanted of kept records (nothing has moved), a
+            record is gapped or the fit impossible.
     """
     chosen = list(plan) if plan is not None else plan_grid(axes)
+    holds = {axis: creeping.hold_of(chosen, axis) for axis in (axes if creep else ())}
+    if creep and kept is not None:
+        refuse_resumed(chosen, kept)
+        kept.remedy = "go on with --resume, without --creep"
     if stage is not None:
-        refuse_beyond_limits(chosen, stage)
+        refuse_beyond_limits(chosen, stage, holds)
         device.upload_if_other(device_model(stage))
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
     if parent is None and (sheet := data_sheet(device.session.name)) is not None:
         parent = sheet.model_copy(update={"name": "identified"})
         if not is_assumed(parent):
             device.upload(device_model(parent))
-    refuse_beyond_limits(chosen, parent)
+    refuse_beyond_limits(chosen, parent, holds)
     refuse_away_from_zero(device)
+    progress = Progress(plan_seconds(chosen) + creeping.SECONDS * len(holds), on_progress)
+    held: dict[str, Recording] = {}
     try:
-        records = _recorded(device, chosen, len(set(axes)) == 1, kept, on_progress)
+        records = _recorded(device, chosen, len(set(axes)) == 1, kept, progress)
+        for axis, move in holds.items():
+            held[axis] = creeping.hold(device, axis, move)
+            progress.add(creeping.SECONDS)
     except KeyboardInterrupt as ended:
         ended.args = (after_interrupt(device),)
         raise
@@ -100,19 +128,19 @@ def identify_device(
     found, report = fit(used, name="identified", parent=parent)
     origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
     found = found.model_copy(update={"provenance": origin})
-    for axis in axes if creep else ():
+    for axis, record in held.items():
         mine = [(r, e) for r, e in zip(records, chosen, strict=True) if e.axis == axis]
         fits, rest_s = [not e.held_out for _, e in mine], mine[0][1].rest_s
-        found, held = with_creep(device, found, axis, [r for r, _ in mine], fits, rest_s)
-        source = provenance_of(None, [replace(held, sha256=_digest(held))]).data
+        found = creeping.with_creep(found, axis, record, [r for r, _ in mine], fits, rest_s)
+        source = provenance_of(None, [replace(record, sha256=_digest(record))]).data
         origin = found.provenance.model_copy(update={"data": (*found.provenance.data, *source)})
         found = found.model_copy(update={"provenance": origin})
-        report.messages.append(f"axis {axis}: {described_creep(found.axis(axis))}; adopted as effect creep")
+        report.messages.append(f"axis {axis}: {creeping.described_creep(found.axis(axis))}; adopted as effect creep")
     apart = [after_first_period(r, e) for r, e in _held_out(chosen, held_out)]
     verifications: dict[View, list[Verification]] = {"time": verify(found, apart, "time")}
     if all(found.axis(e.axis).table is not None for e in chosen):
         verifications["table"] = verify(found, held_out, "table")
-    return Identified(found, report, verifications, used, held_out)
+    return Identified(found, report, verifications, used, held_out, held)
 
 
 def _recorded(
@@ -120,10 +148,9 @@ def _recorded(
     plan: Sequence[Experiment],
     alone: bool,
     kept: Kept | None,
-    on_progress: Callable[[float], None] | None,
+    progress: Progress,
 ) -> list[Recording]:
     """Every experiment of the plan, run now or found among what was kept."""
-    total_s, done_s = plan_seconds(plan) / (1 - FIT_SHARE), 0.0
     records = []
     for experiment in plan:
         capture = kept.found(experiment.name, device) if kept is not None else None
@@ -134,9 +161,7 @@ def _recorded(
         if kept is not None and not known:
             kept.add(capture, recording)
         records.append(recording)
-        done_s += experiment.seconds
-        if on_progress is not None:
-            on_progress(done_s / total_s)
+        progress.add(experiment.seconds)
     return records
 
 
@@ -155,10 +180,25 @@ def held_by(device: Device) -> tuple[Stage | None, str | None]:
     return Stage(name="identified", axes=held.axes), held.stage_sha256
 
 
-def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None) -> None:
-    """Raises BadInput for the first level of the plan that the limits (without a parent: the defaults) leave out."""
+def refuse_resumed(plan: Sequence[Experiment], kept: Kept) -> None:
+    """Raises BadInput where records of the plan are there already: creep goes on from one record into the next, and a
+    session that was broken off did not rest between two of them as planned."""
+    if there := [e.name for e in plan if kept.path(e.name).exists()]:
+        raise BadInput(
+            f"{kept.folder}: holds {len(there)} records of an earlier session, and creep takes those of one; leave "
+            "--creep out, or measure all again with --overwrite instead of --resume"
+        )
+
+
+def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None, holds: Mapping[str, Goto]) -> None:
+    """Raises BadInput for the first level of the plan, or move into a hold, that the limits (without a parent: the
+    defaults) leave out."""
+
+    def model_of(axis: str) -> AxisModel:
+        return parent.axes.get(axis, AxisModel()) if parent is not None else AxisModel()
+
     for e in plan:
-        model = parent.axes.get(e.axis, AxisModel()) if parent is not None else AxisModel()
+        model = model_of(e.axis)
         try:
             refuse_out_of_range(Sine(e.swing_V, 0.0, "V", e.f_Hz), model)
         except BadInput as error:
@@ -168,12 +208,20 @@ def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None) -> No
                 f"({limits.u_min_V:g}..{limits.u_max_V:g} V, {limits.slew_V_per_s:g} V/s): identify drives from 0 V; "
                 "widen them with --model if the stage bears it, else record smaller sines and fit those"
             ) from error
+    for axis, move in holds.items():
+        try:
+            refuse_out_of_range(move, model_of(axis))
+        except BadInput as error:
+            raise BadInput(
+                f"{axis}: --creep moves to {move.swing:g} V at up to {move.steepest():.3g} V/s, which its slew limit "
+                f"({model_of(axis).limits.slew_V_per_s:g} V/s) does not bear; leave it out, or choose smaller levels"
+            ) from error
 
 
 def refuse_away_from_zero(device: Device) -> None:
     """Raises BadInput when an output does not stand at 0 V, where every experiment begins: it would jump there."""
     for axis, standing in standings(device).items():
-        if abs(standing.u_V) >= LARGEST_STEP["V"]:
+        if abs(standing.u_V) >= LARGEST_STEP_V:
             raise BadInput(
                 f"{axis}: its output stands at {standing.u_V:.3g} V but the experiments begin at 0 V; "
                 "identify with a model whose u_park_V is 0, once the device is parked there"

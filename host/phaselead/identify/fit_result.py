@@ -25,7 +25,8 @@ class FitResult(Result):
     ``report.lines()`` has every number.
 
     ``model`` is the ``Stage``, ``report`` has the standard errors and residuals, ``records`` are what was fitted,
-    ``held_out`` are verifications by view ("time", "table"), after ``identify`` only.
+    ``held_out`` are verifications by view ("time", "table"), after ``identify`` only; ``holds`` by axis what was
+    recorded for creep.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
@@ -43,6 +44,7 @@ class FitResult(Result):
     report: FitReport
     records: Sequence[Recording] = ()
     held_out: Mapping[View, Verifications] = field(default_factory=dict)
+    holds: Mapping[str, Recording] = field(default_factory=dict)
 
     @property
     def axes(self) -> Mapping[Any, AxisModel]:

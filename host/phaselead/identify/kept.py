@@ -26,6 +26,8 @@ class Kept:
         self.folder = folder
         self.names: list[str] = []
         """Of this session, found or added."""
+        self.remedy = "go on with --resume"
+        """When the session is cut short."""
 
     def path(self, name: str) -> Path:
         """Of the record of this experiment."""
@@ -90,7 +92,7 @@ def keeping(
         yield kept
     except (PhaseleadError, KeyboardInterrupt, OSError) as error:
         if kept.names:
-            _add(error, f"{len(kept.names)} of {len(plan)} records are kept in {kept.folder}: go on with --resume")
+            _add(error, f"{len(kept.names)} of {len(plan)} records are kept in {kept.folder}: {kept.remedy}")
         else:
             kept.discard()
         raise

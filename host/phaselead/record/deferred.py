@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from phaselead import interrupt
+
 
 class DeferredErrors(io.FileIO):
     """Behaves as if every write had worked; ``raise_error`` says whether it had."""
@@ -52,12 +54,15 @@ class DeferredErrors(io.FileIO):
 def new_hdf5(path: str | os.PathLike[str]) -> Iterator[tuple[Any, DeferredErrors]]:
     """A new file of h5py over the one at ``path``, and what it is written through.
 
+    An interrupt waits until it is closed: raised while HDF5 writes, it would be swallowed there and leave a file that
+    lacks rows.
+
     Raises:
         OSError: it could not be written whole, once it is closed.
     """
     import h5py
 
-    with DeferredErrors(path, "r+") as through:
+    with interrupt.held(), DeferredErrors(path, "r+") as through:
         with h5py.File(through, "w") as file:
             yield file, through
         through.raise_error()

@@ -194,7 +194,7 @@ def _decoded(path: str) -> str:
 
 
 def _first_row(path: str, lines: list[str]) -> tuple[int, str]:
-    """The first line of numbers, which the next one goes on with, and what separates them."""
+    """The first line that is nothing but numbers, counted from 0, and what separates them."""
     for i, line in enumerate(lines[:MOST_HEADING_LINES]):
         for delimiter in _DELIMITERS:
             fields = _split(line, delimiter)
@@ -232,8 +232,8 @@ def _value(field: str, comma: bool) -> float:
 
 
 def _heading(lines: list[str], delimiter: str, width: int) -> tuple[list[str], list[str]]:
-    """Labels and units of the columns: the last line above the data that has a word for each, and a line of units
-    between them."""
+    """Labels and units of the columns: of the lines above the data the last that has a word for each, or the one before
+    where that last one holds nothing but units."""
     found: list[list[str]] = []
     for line in reversed(lines):
         text = line.strip().lstrip("#% ")
@@ -253,6 +253,7 @@ def _heading(lines: list[str], delimiter: str, width: int) -> tuple[list[str], l
 
 
 UNIT_WORDS = frozenset(
-    ("s", "ms", "us", "\u00b5s", "\u03bcs", "ns", "min", "V", "mV", "uV", "\u00b5V", "kV")
-) | frozenset(("um", "\u00b5m", "\u03bcm", "nm", "mm", "cm", "m", "pm"))
+    ["s", "ms", "us", "\u00b5s", "\u03bcs", "ns", "min", "V", "mV", "uV", "\u00b5V", "kV"]
+    + [prefix + "m" for prefix in ("", "c", "m", "u", "\u00b5", "\u03bc", "n", "p")]
+)
 """Of a line of units under the labels."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead import interrupt
 from phaselead.record.atomic import atomic_path
 from phaselead.record.columns import UNITS, columns_of
 from phaselead.record.deferred import DeferredErrors, new_hdf5
@@ -56,6 +57,7 @@ class Hdf5Parts:
         data[len(data) - rows :] = np.concatenate(self._waiting[name])
         self._waiting[name], self._rows[name] = [], 0
         self._through.raise_error()
+        interrupt.raise_if_held()
 
     def append_rows(self, part: Recording) -> None:
         """Adds the columns of a recording, time and all."""

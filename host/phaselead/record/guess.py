@@ -86,7 +86,7 @@ def unit_of(column: ForeignColumn) -> str:
     found = column.unit
     if not found:
         match = re.search(r"[(\[/]\s*([^)\]/]+?)\s*[)\]]?$", column.label) or re.search(
-            r"_([a-zA-Z\u00b5\u03bc]+)$", column.label
+            r"[_ ]([a-zA-Z\u00b5\u03bc]+)$", column.label.strip()
         )
         found = match[1] if match else ""
     found = found.strip().replace("\u00b5", "u").replace("\u03bc", "u")

@@ -6,7 +6,6 @@ from phaselead.report import figures
 from phaselead.report.campaign import write_campaign_report
 from phaselead.report.demo import DemoResults, HeldOut, tracked, write_demo_report
 from phaselead.report.gap import gap_page
-from phaselead.report.learning import write_learning_report
 from phaselead.report.page import save_figure, save_png
 from phaselead.report.results import result_page
 from phaselead.report.run_figures import SHOWN, Shown, runs_figure
@@ -25,5 +24,4 @@ __all__ = [
     "tracked",
     "write_campaign_report",
     "write_demo_report",
-    "write_learning_report",
 ]

@@ -1,4 +1,4 @@
-"""The page of a fit, of a verification or of a run: its figures and tables under the questions that they answer."""
+"""Pages of results: of a fit, a verification, a run, a learning; figures and tables under what they answer."""
 
 from __future__ import annotations
 
@@ -10,11 +10,26 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from phaselead.control import Run
+from phaselead.control import Learned, Run
 from phaselead.identify import FitResult, Verifications
+from phaselead.report.axis_figures import (
+    CREEP_FROM_S,
+    bode_figure,
+    creep_figure,
+    noise_figure,
+    step_figure,
+    timed,
+)
 from phaselead.report.page import render
 from phaselead.report.run_figures import runs_figure
 from phaselead.result import Table
+
+CAPTION_OF_LEARNING = (
+    "Left: the error of each trial over its last four periods; trial 0 is the path as it was asked for, the grey line "
+    "the trial that is kept. Right: what the kept table adds to one period of the path. The error is that of the "
+    "measured position against the path that was asked for; where the true position follows, against what a sensor as "
+    "late as the model's would show of it."
+)
 
 
 @dataclass(frozen=True)
@@ -45,9 +60,30 @@ def _(result: FitResult) -> str:
             for view, found in result.held_out.items()
         ),
         Part("What is the loop?", (), _html(result.model.tables()), result.model.plot(), "The model, driven slowly."),
+        *(_parts_of_axes(result) if timed(result) else ()),
     ]
     origin = f"From {len(result.records)} records; stage {result.model.sha256[:12]}."
     return _page(f"The model of {result.model.name}", " ".join(result.summary()), _cards_of_fit(result), parts, origin)
+
+
+def _parts_of_axes(result: FitResult) -> list[Part]:
+    noise, creep = noise_figure(result), creep_figure(result)
+    none = ["This model has no creep: `phaselead identify --creep` holds each axis and fits it."]
+    return [
+        Part(
+            "How does it answer each frequency?", (), (), bode_figure(result),
+            "Lines: the model, from the step below. Points: the sines of the table view; gain grows with the swing.",
+        ),
+        Part("How does it answer a step?", (), (), step_figure(result), "The model; no step was driven."),
+        Part(
+            "How far does it go on while it is held?", () if creep else none, (), creep,
+            f"Counted from {CREEP_FROM_S:g} s after the step.",
+        ),
+        *([Part(
+            "How much of what is left is noise?", (), (), noise,
+            "What the model leaves of the quietest record of each axis; dashed: white noise as large as the sensor's.",
+        )] if noise else []),
+    ]  # fmt: skip
 
 
 @result_page.register
@@ -73,6 +109,22 @@ def _(result: Run) -> str:
     if cards:
         parts.append(Part("At which frequencies is the error?", (), (), runs_figure([result.recording], "spectrum")))
     return _page(f"A run in mode {result.mode}", result.recording.source, cards, parts, "")
+
+
+@result_page.register
+def _(result: Learned) -> str:
+    table, reason = result.tables()
+    assert isinstance(table, Table)
+    cards = [
+        {
+            "value": f"{rms_um:.3g} µm",
+            "label": f"rms error of {axis} in the trial that is kept, number {result.best.number}",
+        }
+        for axis, rms_um in result.best.rms_um.items()
+    ]
+    part = Part("What did each trial leave?", (), _html([table]), result.plot(), CAPTION_OF_LEARNING)
+    path = result.wave or "a path"
+    return _page(f"Learned: {path}", f"{table.title}; {reason}.", cards, [part], "")
 
 
 def _cards_of_fit(result: FitResult) -> list[dict[str, str]]:

@@ -7,19 +7,17 @@ import enum
 import os
 import re
 import shutil
-import signal
 import struct
 import subprocess
 import tempfile
-import threading
-from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead import interrupt
 from phaselead.compiled import library_path
 from phaselead.device import BAUD
 from phaselead.errors import BadInput, PhaseleadError
@@ -139,28 +137,6 @@ def check_qemu() -> str:
     if version != QEMU_VERSION:
         raise BadInput(f"{path} is version {version}; the emulated board is made for {QEMU_VERSION} (Debian 12's)")
     return path
-
-
-@contextlib.contextmanager
-def _interrupt_held() -> Iterator[None]:
-    """Ctrl-C waits until this is done, so that the board can still be parked; a second one does not."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-
-    def hold(number: int, frame: FrameType | None) -> None:
-        if came:
-            raise KeyboardInterrupt
-        came.append(number)
-
-    before = signal.signal(signal.SIGINT, hold)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came and callable(before):
-        before(came[0], None)
 
 
 class EmulatedStage:
@@ -314,7 +290,7 @@ class EmulatedDevice:
         """
         if self._process is None:
             raise PhaseleadError("the emulated board is switched off")
-        with _interrupt_held():
+        with interrupt.held(once=True):  # so that the board can still be parked
             try:
                 return self._exchange(what, payload)
             except BaseException:  # half an exchange would be taken for the next one's answer

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
+from urllib.parse import parse_qsl
 
 from phaselead.device import AXES
 from phaselead.errors import BadInput
@@ -15,6 +16,8 @@ from phaselead.serial_ports import behind_line
 from phaselead.sim.linked import add_effects, linked_parameters
 from phaselead.sim.structures import LinkedParameters
 
+DEFAULT_STAGE = "xyz250"
+"""Behind an emulated board, unless another is named."""
 LATCH_S = 30e-6
 """From the sample of a tick to its DAC output, in every build of the firmware."""
 PLAYS, DEADZONES, CREEPS, MODES, DELAY_TICKS = 64, 32, 8, 4, 63
@@ -132,7 +135,8 @@ def built_in(name: str) -> Stage:
     text = folder.joinpath(f"{name}.toml")
     if not name.replace("-", "_").isidentifier() or not text.is_file():
         names = sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml"))
-        raise BadInput(f"there is no built-in stage {name!r}; use sim://FILE.toml, or one of {', '.join(names)}")
+        ports = ", ".join(f"sim://{known}" for known in names)
+        raise BadInput(f"there is no built-in stage {name!r}; use sim://FILE.toml, or one of {ports}")
     return parse_stage(text.read_text("utf-8"), name)
 
 
@@ -140,8 +144,10 @@ def data_sheet(url: str) -> Stage | None:
     """Limits, sensor and converter of the built-in stage that a port's URL names, and nothing else of it; None for
     another port. What its user would read on paper."""
     scheme, _, place = behind_line(url).partition("://")
-    name = place.partition("?")[0]
-    if scheme != "sim" or _is_file(name):
+    name, _, query = place.partition("?")
+    if scheme == "qemu":
+        name = dict(parse_qsl(query)).get("stage", DEFAULT_STAGE)
+    if scheme not in ("sim", "qemu") or _is_file(name):
         return None
     known = {
         axis: AxisModel(limits=m.limits, sensor=m.sensor, actuator=m.actuator)

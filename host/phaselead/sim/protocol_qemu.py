@@ -16,7 +16,7 @@ from phaselead.device import BAUD
 from phaselead.errors import BadInput
 from phaselead.sim import protocol_sim
 from phaselead.sim.emulated import BOARDS, EmulatedDevice
-from phaselead.sim.plant import load_any, plant_parameters
+from phaselead.sim.plant import DEFAULT_STAGE, load_any, plant_parameters
 from phaselead.sim.protocol_sim import SimulatedDevice, number_option, read_flash
 
 SCHEME = "qemu://"
@@ -27,7 +27,7 @@ class Place:
     """What a qemu:// URL says."""
 
     board: str
-    stage: str = "xyz250"
+    stage: str = DEFAULT_STAGE
     seed: int = 0
     state: Path | None = None
     baud: int = BAUD

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
-from phaselead.waveforms.goto import SETTLE_S, Goto
+from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
 from phaselead.waveforms.replaced import Replaced
 from phaselead.waveforms.sine import Sine
@@ -13,6 +13,7 @@ from phaselead.waveforms.written import Written
 
 __all__ = [
     "JUDGED_PERIODS",
+    "PEAK_SPEED",
     "POINTS",
     "SETTLE_S",
     "Goto",

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
+from typing import TypeVar
 
 from phaselead.errors import BadInput
 from phaselead.waveforms.scan import Scan
@@ -19,23 +20,28 @@ from phaselead.waveforms.waveform import Waveform
 from phaselead.waveforms.written import Written, short
 
 ROOM = __name__.rpartition(".")[0]
+Kind = TypeVar("Kind", type[Waveform], type[Scan])
 
 
 @cache
 def kinds() -> Mapping[str, type[Waveform]]:
     """Every kind of waveform by its word: the classes of this folder that have a ``kind`` of their own."""
-    modules = [import_module(f"{ROOM}.{found.name}") for found in iter_modules(import_module(ROOM).__path__)]
-    classes = [one for module in modules for one in vars(module).values() if isinstance(one, type)]
-    found = [one for one in classes if issubclass(one, Waveform) and "kind" in vars(one)]
-    return MappingProxyType({one.kind: one for one in sorted(found, key=lambda one: (one.order, one.kind))})
+    return _by_word(one for one in _with_kind() if issubclass(one, Waveform))
 
 
 @cache
 def scans() -> Mapping[str, type[Scan]]:
     """Every kind of scan by its word, found likewise."""
+    return _by_word(one for one in _with_kind() if issubclass(one, Scan))
+
+
+def _with_kind() -> list[type]:
     modules = [import_module(f"{ROOM}.{found.name}") for found in iter_modules(import_module(ROOM).__path__)]
     classes = [one for module in modules for one in vars(module).values() if isinstance(one, type)]
-    found = [one for one in classes if issubclass(one, Scan) and "kind" in vars(one)]
+    return [one for one in classes if "kind" in vars(one)]
+
+
+def _by_word(found: Iterable[Kind]) -> Mapping[str, Kind]:
     return MappingProxyType({one.kind: one for one in sorted(found, key=lambda one: (one.order, one.kind))})
 
 

@@ -68,10 +68,6 @@ class Replaced(Sampled):
         return self.trial_s is not None or self.wanted.judged_apart
 
     @property
-    def has_corners(self) -> bool:
-        return self.wanted.has_corners
-
-    @property
     def unplayed(self) -> float:
         return self.wanted.unplayed
 

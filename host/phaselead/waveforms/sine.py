@@ -30,9 +30,5 @@ class Sine(Periodic):
         return self.shape(turns)
 
     @property
-    def has_corners(self) -> bool:
-        return False
-
-    @property
     def steepest_share(self) -> float:
         return math.pi

@@ -14,10 +14,6 @@ MOST_TURNS = 25
 """Out, and as many in: 20 points a turn."""
 
 
-class Turned(Sampled):
-    """One axis of a spiral."""
-
-
 class Spiral(Scan):
     """Its radius rises and falls as a sine does, once a period; it begins and ends in the middle, without a corner."""
 
@@ -34,7 +30,7 @@ class Spiral(Scan):
         once = np.arange(POINTS) / POINTS
         radius, angle = (1 - np.cos(2 * np.pi * once)) / 2, 2 * np.pi * 2 * turns * once
 
-        def axis(wave: Shares) -> Turned:
-            return Turned(across, lowest, unit, f_Hz / (2 * turns), (1 + radius * wave) / 2)
+        def axis(wave: Shares) -> Sampled:
+            return Sampled(across, lowest, unit, f_Hz / (2 * turns), (1 + radius * wave) / 2)
 
         return {"x": axis(np.cos(angle)), "y": axis(np.sin(angle))}

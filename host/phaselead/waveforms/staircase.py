@@ -20,7 +20,7 @@ MOST_STEPS = 32
 class Staircase(Periodic):
     """Up in equal steps and down again, each step a least-jerk edge and a rest."""
 
-    steps: int = 12
+    steps: int
 
     kind = "staircase"
     written = (("staircase:60um/12@0.5Hz", "up by 60 um in 12 steps and down again, a rest on each"),)

@@ -9,7 +9,7 @@ from phaselead.waveforms.goto import Goto
 from phaselead.waveforms.written import Written
 
 JUMP_s = 0.0006
-"""Three ticks, the shortest move of the device."""
+"""Three ticks: at once for a loop, whose bandwidth is some hundred hertz at most."""
 
 
 @dataclass(frozen=True, eq=False)

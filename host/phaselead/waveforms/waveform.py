@@ -88,11 +88,6 @@ class Waveform(ABC):
         return self.unplayed > 0
 
     @property
-    def has_corners(self) -> bool:
-        """Whether it needs more than the rate of its steepest part: not where it is smooth."""
-        return True
-
-    @property
     def path_s(self) -> float | None:
         """How long the path takes; None: as long as it is driven."""
         return None

@@ -74,6 +74,8 @@ class Learned(Result):
     trials: tuple[Trial, ...]
     reason: str
     """Why it ended."""
+    wave: str = ""
+    """The path as it was written, where that is known."""
 
     @property
     def best(self) -> Trial:
@@ -85,11 +87,16 @@ class Learned(Result):
         return {axis: path.gains for axis, path in self.paths.items() if path.gains is not None}
 
     def waveforms(
-        self, wanted: Mapping[str, Waveform], stage: Stage | None, mode: str, gains: Mapping[str, Gains]
+        self,
+        wanted: Mapping[str, Waveform],
+        stage: Stage | None,
+        mode: str,
+        gains: Mapping[str, Gains],
+        follows: Follows | None = None,
     ) -> dict[str, Waveform]:
-        """The paths with what was learned in place of them.
+        """The paths with what was learned in place of them; ``follows`` None is as it was learned.
 
-        Raises BadInput where it was learned for another model, mode, gains, axis or path.
+        Raises BadInput where it was learned for another model, mode, gains, axis, path or position that follows.
         """
         if stage is None:
             raise BadInput("a learned table needs the model it was learned with: --model STAGE.toml")
@@ -100,6 +107,11 @@ class Learned(Result):
             )
         if mode != self.mode:
             raise BadInput(f"the learned table is for mode {self.mode}, not {mode}; give --mode {self.mode}")
+        if follows not in (None, self.follows):
+            raise BadInput(
+                f"the learned table is for the {self.follows} position, not the {follows} one; leave out --track, or "
+                "learn again"
+            )
         for axis, own in self.gains().items():
             if axis in gains and gains[axis].model_dump(exclude={"origin"}) != own.model_dump(exclude={"origin"}):
                 written = f"{own.kp_V_per_um:g},{own.ki_V_per_um_s:g},{own.kd_V_s_per_um:g}"
@@ -180,7 +192,7 @@ class Learned(Result):
 
         with atomic_path(os.fspath(path), overwrite=overwrite) as temporary, h5py.File(temporary, "w") as file:
             file.attrs.update(format=FORMAT, version=VERSION, stage_sha256=self.stage_sha256, mode=self.mode)
-            file.attrs.update(follows=self.follows, reason=self.reason)
+            file.attrs.update(follows=self.follows, reason=self.reason, wave=self.wave)
             file.attrs["trials"] = json.dumps([asdict(trial) for trial in self.trials])
             for axis, known in self.paths.items():
                 group = file.create_group(axis)
@@ -230,4 +242,5 @@ def _read(file: Any) -> Learned:
     said = {name: str(file.attrs[name]) for name in ("stage_sha256", "mode", "reason")}
     if not paths or not any(trial.kept for trial in trials):
         raise ValueError
-    return Learned(follows=file.attrs["follows"], paths=paths, trials=trials, **said)
+    wave = str(file.attrs.get("wave", ""))
+    return Learned(follows=file.attrs["follows"], paths=paths, trials=trials, wave=wave, **said)

@@ -14,7 +14,8 @@ from phaselead.waveforms import POINTS
 Amplitudes = NDArray[np.complex128]
 Numbers = NDArray[np.int64]
 MOST_LINES = POINTS // 4
-"""A line of a period that is played from points needs four of them: joined by straight lines they keep 99 % of it."""
+"""A line of a period that is played from points needs four of them: joined by straight lines they keep 81 % of it,
+sinc^2(1/4)."""
 NEIGHBOURS = 5
 """Lines on either side that share a figure of the noise, which is broad: with four periods one line alone has but three
 differences to tell it from."""

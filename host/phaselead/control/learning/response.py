@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from phaselead.control.feedback_loop import pid_response, plant_response
+from phaselead.control.feedback_loop import local_gains, pid_response, plant_response
 from phaselead.control.gains import MODE_SHIFT, UNSEEN_MODE
 from phaselead.control.learning.lines import Amplitudes
 from phaselead.model import AxisModel, Gains, SmallSignal, compensation, small_signal
@@ -59,13 +59,15 @@ def model_response(axis: AxisModel, gains: Gains | None, f_Hz: Samples) -> Respo
     BadInput for a model without an inverse.
     """
     plant = small_signal(axis)
-    nominal = _response(axis, plant, gains, f_Hz, float(np.sqrt(np.prod(plant.gain_um_per_V))))
+    found = compensation(axis)
+    inverse = found.shape_response(f_Hz) * found.drive.response(f_Hz) * np.exp(2j * np.pi * f_Hz * found.preview_s)
+    lowest, middle, highest = local_gains(plant)
+    nominal = _response(inverse, plant, gains, f_Hz, middle)
     ways = itertools.product((1 - MODE_SHIFT, 1.0, 1 + MODE_SHIFT), (1 - GAIN_ERROR, 1.0, 1 + GAIN_ERROR))
-    low, high = plant.gain_um_per_V
     others = [
-        _response(axis, plant.with_modes_at(shift), gains, f_Hz, local, share)
+        _response(inverse, plant.with_modes_at(shift), gains, f_Hz, local, share)
         for shift, share in ways
-        for local in (max(low, 0.1 * high), high)
+        for local in (lowest, highest)
     ]
     furthest = np.max(np.abs(np.array(others) - nominal), axis=0)
     first_Hz = min((mode[1] for mode in plant.modes), default=UNSEEN_MODE[1])
@@ -74,13 +76,11 @@ def model_response(axis: AxisModel, gains: Gains | None, f_Hz: Samples) -> Respo
 
 
 def _response(
-    axis: AxisModel, plant: SmallSignal, gains: Gains | None, f_Hz: Samples, local: float, share: float = 1.0
+    inverse: Amplitudes, plant: SmallSignal, gains: Gains | None, f_Hz: Samples, local: float, share: float = 1.0
 ) -> Amplitudes:
-    """``share``: the stage's gain against what the inverse takes it for."""
-    found = compensation(axis)
+    """``inverse`` (m,): of the dynamics; ``share``: the stage's gain against what the inverse takes it for."""
     dynamics = plant_response(plant, f_Hz) * share
-    sections = found.shape_response(f_Hz) * found.drive.response(f_Hz)
-    forward = dynamics * sections * np.exp(2j * np.pi * f_Hz * found.preview_s)
+    forward = dynamics * inverse
     if gains is None:
         return np.asarray(forward)
     loop = local * dynamics * pid_response(gains, np.maximum(f_Hz, 1e-3))

@@ -12,9 +12,10 @@ from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
 from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, values_of
 from phaselead.control.learning.response import Response, model_response
+from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
-from phaselead.control.tracking import INVERTS, check_paths, loop_warnings, track
+from phaselead.control.tracking import check_paths, loop_warnings, track
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import TICK_HZ, Device, DeviceFault
 from phaselead.errors import BadInput
@@ -22,15 +23,16 @@ from phaselead.model import Gains, Stage
 from phaselead.waveforms import Replaced, Waveform
 
 SETTLE_S = 0.5
-"""Before a trial is looked at: a mode of 100 Hz and a damping of 0.02 has decayed to a thousandth."""
+"""Before a trial is looked at: a mode of 100 Hz and a damping of 0.02 has decayed to a five-hundredth."""
 LEAST_S, LEAST_PERIODS = 0.4, 4
-"""Looked at, at least: the noise of one line is then 50 times below that of a sample."""
+"""Looked at, at least: the noise of one line, 2 / sqrt(n) of that of n samples, is then 22 times below it."""
 LARGEST_CORRECTION = 2.0
 """Of the swing. A path at the mode of a model that has it 10 % off takes 1.7; what is further off is another stage."""
 SHRINKS = 0.98
 """An error that falls by less than 2 % a trial has settled."""
 MOST_FAILURES = 3
-"""Trials in a row that were no better than the best, each with half of the step before it, before it is given up."""
+"""Trials in a row that took less than 2 % off the best, before it is given up; after one that took nothing off the step
+is halved."""
 AT_LIMIT = 0.995
 """Of the slew limit: a code of the converter is 0.2 % of the usual one, a tick long."""
 

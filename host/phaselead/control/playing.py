@@ -1,0 +1,116 @@
+"""Paths that go on until told otherwise: what ``Controller.play`` does."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+
+from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.held import held_stage, held_warning
+from phaselead.control.hold_and_move import HoldsAndMoves
+from phaselead.control.modes import NEEDS_MODEL
+from phaselead.control.motion_limits import WINDOW_S, window_um
+from phaselead.control.moving import Mover
+from phaselead.control.rehearsal import rehearse
+from phaselead.control.tracking import check_paths, loop_warnings, path_warnings, set_up
+from phaselead.control.true_position import Follows, followed
+from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves
+from phaselead.device import Live, motion
+from phaselead.errors import DeviceRefused
+from phaselead.model import Stage, StageLike, as_stage
+from phaselead.waveforms import Waveform
+
+
+class Plays(HoldsAndMoves):
+    """The part of a controller that leaves paths running, and shows what happens meanwhile."""
+
+    def play(
+        self,
+        wave: WavesLike | None = None,
+        *,
+        mode: str | None = None,
+        axis: str = "x",
+        x: WaveLike | None = None,
+        y: WaveLike | None = None,
+        z: WaveLike | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        follows: Follows = "true",
+        force: bool = False,
+    ) -> None:
+        """Drives along a path until told otherwise; returns at once. ``hold`` stops it where it is, ``move`` goes on
+        from there, ``park`` and ``stop`` end it. Without a feedback mode (open) only the last two do.
+
+        Arguments are those of ``track``; a path of its own length is held at its end. The path runs on the model first.
+        ``live`` shows what happens meanwhile. The device must be parked or armed; raises as ``track`` does.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     dev.play("sine:20um@5Hz", mode="pid")
+        ...     playing = dev.where()
+        ...     held = dev.hold()
+        >>> playing.x.moving, held.x.moving
+        (True, False)
+        """
+        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
+        mode = mode or "ff+pid"
+        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
+        said = play_on(self._mover, waveforms, mode, stage=stage, gains=gains, follows=follows, force=force)
+        self._alive.begin()
+        self.model = stage or self.model
+        for line in said:
+            warnings.warn(line, stacklevel=2)
+
+    def live(self, axes: str = "xyz") -> Live:
+        """A stream of every tick of these axes, as it comes; ``with dev.live() as live: live.read()``.
+
+        Commands may be given meanwhile. Raises DeviceRefused when the line is too slow for so many axes.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev, dev.live("xy") as live:
+        ...     first = live.read(0.02)[0]
+        >>> sorted(first.axes), first.ticks > 0
+        (['x', 'y'], True)
+        """
+        return Live(self.device, axes)
+
+    def _own_model(self, waveforms: Mapping[str, Waveform], mode: str) -> Stage | None:
+        """The model last uploaded, but for axes that it lacks in modes that do without one."""
+        lacks = self.model is not None and not set(waveforms) <= set(self.model.axes)
+        return None if lacks and mode in ("open", "pid") else self.model
+
+
+def play_on(
+    mover: Mover,
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    *,
+    stage: Stage | None,
+    gains: GainsLike | Mapping[str, GainsLike] | None,
+    follows: Follows,
+    force: bool,
+) -> list[str]:
+    """Starts the paths and leaves them running, held by ``mover`` from then on. Returns what the model warns of.
+
+    Raises BadInput before anything moves, as ``track``; DeviceRefused when the device runs already.
+    """
+    device, state = mover.device, mover.where().state
+    if state not in ("parked", "armed"):
+        raise DeviceRefused(f"the device is {state}; `phaselead park` ends that")
+    held = held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms)) if stage is None else None
+    known = stage or held
+    closed = mode != "open"
+    chosen = {axis: gains_of(gains, known, axis) for axis in waveforms} if closed else {}
+    warnings = [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
+    check_paths(waveforms, mode, known)
+    paths = followed(waveforms, stage, follows)
+    if not force:
+        rehearse(paths, mode, stage, chosen)
+    set_up(device, paths, mode, stage=stage, gains=chosen, endless=True, force=force)
+    mover.stage, mover.known, mover.mode, mover.gains = stage, known, mode, chosen
+    for axis in chosen:
+        motion.set_motion(device, axis, mover.limits(axis), window_um(mover.model(axis)), WINDOW_S)
+    if state == "parked":
+        device.arm()
+    device.start("".join(sorted(waveforms)))
+    return [*warnings, *path_warnings(waveforms)]

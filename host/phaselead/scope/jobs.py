@@ -1,0 +1,147 @@
+"""What takes minutes and is started from the page: each an entry of ``JOBS``, which the page lists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import PurePath
+from typing import Any
+
+from phaselead.errors import BadInput
+from phaselead.record import gather, write_text
+from phaselead.scope.hub import Hub, Order
+
+Arguments = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Field:
+    """What the page asks for before a job."""
+
+    name: str
+    label: str
+    default: str
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job as the page lists it."""
+
+    run: Order
+    title: str
+    what: str
+    fields: tuple[Field, ...]
+
+
+def _given(job: Job, given: Arguments) -> dict[str, str]:
+    values = {field.name: given.get(field.name, field.default) for field in job.fields}
+    for name, value in values.items():
+        if not isinstance(value, str):
+            raise BadInput(f"{name}: {value!r} is no text")
+    return {name: value.strip() for name, value in values.items()}
+
+
+def _number(name: str, value: str) -> float | None:
+    try:
+        return float(value) if value else None
+    except ValueError:
+        raise BadInput(f"{name}: {value!r} is no number") from None
+
+
+def _stamp() -> str:
+    return f"{datetime.now():%Y%m%d-%H%M%S}"
+
+
+def _at_rest(hub: Hub) -> None:
+    if hub.dev.where().state != "parked":
+        hub.dev.park()
+
+
+def identify(hub: Hub, given: Arguments) -> str:
+    """Drives in volts, fits, uploads the model; keeps the stage file."""
+    values = _given(JOBS["identify"], given)
+    _at_rest(hub)
+    with hub.working("identify"):
+        found = hub.dev.identify(
+            values["axes"] or "x",
+            model=hub.stage,
+            u_max=_number("largest voltage", values["u_max"]),
+            duration=_number("duration", values["duration"]),
+            on_progress=hub.progress,
+        )
+        name = f"stage-{_stamp()}.toml"
+        found.model.save(hub.new_file(name))
+        hub.dev.upload(found.model)
+    hub.stage = found.model
+    return f"identified {values['axes'] or 'x'} and uploaded; the model is in {hub.folder / name}"
+
+
+def learn(hub: Hub, given: Arguments) -> str:
+    """Trials along a periodic path, each corrected by the error that repeats."""
+    values = _given(JOBS["learn"], given)
+    trials = _number("trials", values["trials"]) or 0
+    _at_rest(hub)
+    with hub.working("learn"):
+        found = hub.dev.learn(values["wave"], model=hub.stage, trials=int(trials), on_progress=hub.progress)
+        name = f"learned-{_stamp()}.h5"
+        found.save(hub.new_file(name))
+    before, after = found.trials[0].rms_um, found.best.rms_um
+    said = (f"{axis} from {before[axis]:.3g} to {after[axis]:.3g} um rms" for axis in before)
+    return f"learned {values['wave']}: {', '.join(said)}; {found.reason}; kept in {hub.folder / name}"
+
+
+def gap(hub: Hub, given: Arguments) -> str:
+    """Where model and saved recordings disagree, and what is missing."""
+    from phaselead.gap import run_gap  # slow to load, needed here only
+    from phaselead.report import gap_page
+
+    values = _given(JOBS["gap"], given)
+    if hub.stage is None:
+        raise BadInput("gap compares a model with recordings; upload a model, or identify the stage")
+    train, holdout = (values[part].split() for part in ("train", "holdout"))
+    if not train or not holdout:
+        raise BadInput("gap needs recordings to fit and others to judge by; save some first")
+    for name in train + holdout:
+        if PurePath(name.partition("@")[0]).name != name.partition("@")[0]:
+            raise BadInput(f"{name}: name a recording in {hub.folder}, without a folder")
+    _at_rest(hub)
+    with hub.working("gap", streams=False):
+        parts = [gather([str(hub.folder / name) for name in part]) for part in (train, holdout)]
+        result = run_gap(hub.stage, *parts, on_progress=hub.progress)
+        page, following = f"gap-{_stamp()}.html", f"next-{_stamp()}.toml"
+        write_text(str(hub.new_file(page)), gap_page(result, hub.stage, hub.stage.name))
+        result.next_model.save(hub.new_file(following))
+    named = ", ".join(effect.name for effect in result.effects) or "nothing"
+    return f"gap: {', '.join(result.verdicts)} ({named}); page {hub.folder / page}, model {hub.folder / following}"
+
+
+JOBS: dict[str, Job] = {
+    "identify": Job(
+        identify,
+        "Identify",
+        "Parks, drives sines in volts and fits a model, which is uploaded.",
+        (
+            Field("axes", "Axes", "x", "x, or x,y,z"),
+            Field("u_max", "Largest voltage (V)", "", "empty: the usual levels"),
+            Field("duration", "Seconds", "60", "of sines, at least 52 for each axis; empty: all of them"),
+        ),
+    ),
+    "learn": Job(
+        learn,
+        "Learn",
+        "Parks and drives a periodic path again and again, corrected by the error that repeats.",
+        (Field("wave", "Waveform", "x=sine:40um@5Hz"), Field("trials", "Trials", "5")),
+    ),
+    "gap": Job(
+        gap,
+        "Gap",
+        "Parks and compares the model with saved recordings: where do they disagree, and what is missing?",
+        (
+            Field("train", "Fitted to", "", "names of saved .h5, spaces between"),
+            Field("holdout", "Judged by", "", "other saved .h5"),
+        ),
+    ),
+}
+"""By the name of the order. A further job is one entry here."""

@@ -1,0 +1,280 @@
+// Traces, spectrum and loop with uPlot. Every column of a trace is drawn from its lowest to its highest value.
+
+const TICK_HZ = 5000;
+const ROOM = 0.08;
+const R = 0, X = 1, E = 2, U = 3, FF = 4, FB = 5;
+const AXIS_WIDTH = 58;
+// Of a trace: as many as an ordinary laptop draws 60 times a second for three axes without a GPU.
+const MOST_COLUMNS = 600;
+
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export function colours() {
+  const named = Object.fromEntries(["x", "y", "z", "ink", "soft", "grid", "drop", "line"].map((name) => [name, css(`--${name}`)]));
+  return { ...named, of: (axis) => named[axis] };
+}
+
+function look(colour) {
+  const axis = { stroke: colour.soft, grid: { stroke: colour.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
+  const seconds = (plot, values) => values.map((value) => `${value} s`);
+  return { axes: [{ ...axis, size: 26, values: seconds }, { ...axis, size: AXIS_WIDTH }], legend: { show: false }, cursor: { show: false }, padding: [8, 10, 0, 0] };
+}
+
+// A range that follows its data at once when they grow, and only when they shrink to less than three quarters.
+function steady(now, low, high) {
+  if (!(high >= low)) return now ?? [-1, 1];
+  const room = Math.max((high - low) * ROOM, 1e-3 * Math.max(1, Math.abs(high)));
+  const wanted = [low - room, high + room];
+  if (now && wanted[0] + room >= now[0] && wanted[1] - room <= now[1] && wanted[1] - wanted[0] > 0.75 * (now[1] - now[0])) return now;
+  return wanted;
+}
+
+// Whole decades, five at most, and none that no amplitude can have.
+function decades(low, high) {
+  const top = high > 1e-6 && high < 1e6 ? Math.ceil(Math.log10(high)) : 0;
+  const bottom = low > 1e-7 ? Math.floor(Math.log10(low)) : top - 5;
+  return [10 ** Math.min(top - 1, Math.max(bottom, top - 5)), 10 ** top];
+}
+
+class Traces {
+  constructor(host, axes, lines, onResize) {
+    this.host = host;
+    this.lines = axes.flatMap((axis, i) => lines.map((line) => ({ ...line, axis, at: i })));
+    this.shown = new Set(axes);
+    this.onResize = onResize;
+    this.range = null;
+    this.build();
+    new ResizeObserver(() => this.fit()).observe(host);
+  }
+
+  build() {
+    const colour = colours();
+    this.plot?.destroy();
+    const series = this.lines.map((line) => ({
+      fill: colour.of(line.axis) + (line.pale ?? ""), width: 0, points: { show: false }, show: this.shown.has(line.axis),
+      paths: (plot) => ({ stroke: null, fill: this.band(plot, line), clip: null, band: null, gaps: null, flags: 1 }),
+    }));
+    const lost = (plot) => this.drawLost(plot, colour);
+    this.plot = new uPlot({
+      ...look(colour), ...this.size(),
+      scales: { x: { time: false, range: () => this.span ?? [-1, 0] }, y: { range: () => this.range ?? [-1, 1] } },
+      series: [{}, ...series], hooks: { drawClear: [lost] },
+    }, [[], ...this.lines.map(() => [])], this.host);
+  }
+
+  size() {
+    return { width: Math.max(this.host.clientWidth, 120), height: this.host.clientHeight };
+  }
+
+  fit() {
+    this.plot.setSize(this.size());
+    this.onResize?.();
+  }
+
+  show(axis, on) {
+    if (on) this.shown.add(axis); else this.shown.delete(axis);
+    this.lines.forEach((line, i) => line.axis === axis && this.plot.setSeries(i + 1, { show: on }));
+    this.range = null;
+  }
+
+  // The band from the lowest to the highest value of every column: filled, it costs a fraction of a stroked line.
+  band(plot, line) {
+    const path = new Path2D(), { store } = this;
+    if (!store) return path;
+    const [low, high] = store.trace(line.at, line.trace);
+    const { left, top, width, height } = plot.bbox, { min, max } = plot.scales.y;
+    const perColumn = width / store.capacity, perUnit = height / (max - min);
+    const half = ((line.width ?? 1.4) * devicePixelRatio) / 2;
+    const y = (value) => top + (max - value) * perUnit;
+    for (let i = 0; i < low.length; i++) {
+      if (low[i] !== low[i]) continue;
+      let end = i;
+      while (end < low.length && low[end] === low[end]) end++;
+      path.moveTo(left + i * perColumn, y(high[i]) - half);
+      for (let k = i + 1; k < end; k++) path.lineTo(left + k * perColumn, y(high[k]) - half);
+      for (let k = end - 1; k >= i; k--) path.lineTo(left + k * perColumn, y(low[k]) + half);
+      path.closePath();
+      i = end;
+    }
+    return path;
+  }
+
+  drawLost(plot, colour) {
+    if (this.store?.shot) this.drawTrigger(plot, colour);
+    if (!this.store?.anyLost) return;
+    const { ctx, bbox } = plot, { lost, capacity } = this.store;
+    const width = bbox.width / capacity;
+    ctx.save();
+    ctx.fillStyle = colour.drop;
+    for (let i = 0; i < capacity; i++) {
+      if (lost[i]) ctx.fillRect(bbox.left + i * width, bbox.top, Math.max(width, 2), bbox.height);
+    }
+    ctx.restore();
+  }
+
+  drawTrigger({ ctx, bbox, valToPos }, colour) {
+    ctx.fillStyle = colour.soft;
+    ctx.fillRect(Math.round(valToPos(0, "x", true)), bbox.top, Math.max(1, devicePixelRatio), bbox.height);
+  }
+
+  draw(store) {
+    this.store = store;
+    this.span = store.span;
+    let low = Infinity, high = -Infinity;
+    const data = [store.t];
+    for (const line of this.lines) {
+      const [lows, highs] = store.trace(line.at, line.trace);
+      data.push(highs);
+      if (!this.shown.has(line.axis)) continue;
+      for (let i = 0; i < lows.length; i++) {
+        if (lows[i] < low) low = lows[i];
+        if (highs[i] > high) high = highs[i];
+      }
+    }
+    this.range = steady(this.range, low, high);
+    this.plot.setData(data, true);
+  }
+}
+
+// What has come of every trace: its lowest and its highest value in every column, newest last.
+export class Store {
+  constructor(axes, traces) {
+    this.axes = axes;
+    this.traces = traces;
+    this.reset(1, 1, null);
+  }
+
+  reset(capacity, ticks, start) {
+    this.capacity = capacity;
+    const made = () => Array.from({ length: this.axes * this.traces }, () => new Float32Array(capacity).fill(NaN));
+    this.low = made();
+    this.high = made();
+    this.lost = new Uint8Array(capacity);
+    this.anyLost = false;
+    this.shot = start !== null;
+    const dt = ticks / TICK_HZ, from = start ?? -capacity * dt;
+    this.t = Float64Array.from({ length: capacity }, (_, i) => from + i * dt);
+    this.span = [from, from + capacity * dt];
+  }
+
+  trace(axis, trace) {
+    const row = axis * this.traces + trace;
+    return [this.low[row], this.high[row]];
+  }
+
+  add(frame, capacity) {
+    const shot = !Number.isNaN(frame.trigger);
+    if (frame.anew) this.reset(shot ? frame.columns : capacity, frame.ticks, shot ? (frame.first - frame.trigger) / TICK_HZ : null);
+    const n = Math.min(frame.columns, this.capacity), skip = frame.columns - n;
+    for (const [rows, came] of [[this.low, frame.low], [this.high, frame.high]]) {
+      rows.forEach((values, row) => {
+        values.copyWithin(0, n);
+        values.set(came.subarray(row * frame.columns + skip, (row + 1) * frame.columns), values.length - n);
+      });
+    }
+    this.lost.copyWithin(0, n);
+    this.lost.set(frame.lost.subarray(skip), this.capacity - n);
+    this.anyLost = this.lost.some((one) => one);
+  }
+}
+
+export class Figures {
+  constructor(axes, onResize) {
+    const at = (id) => document.getElementById(id);
+    this.axes = axes;
+    this.traces = [
+      new Traces(at("position"), axes, [{ trace: R, pale: "70", width: 1 }, { trace: X }], onResize),
+      new Traces(at("error"), axes, [{ trace: E }]),
+      new Traces(at("effort"), axes, [{ trace: FF, pale: "70", width: 1 }, { trace: U }]),
+      new Traces(at("feedback"), axes, [{ trace: FB }]),
+    ];
+    this.shown = new Set(axes);
+    this.spectrumHost = at("spectrum");
+    this.loopHost = at("loop");
+    this.buildRest();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      this.traces.forEach((one) => one.build());
+      this.buildRest();
+    });
+    new ResizeObserver(() => {
+      this.spectrum.setSize(this.sizeOf(this.spectrumHost));
+      this.loop.setSize(this.sizeOf(this.loopHost));
+    }).observe(this.spectrumHost);
+  }
+
+  sizeOf(host) {
+    return { width: Math.max(host.clientWidth, 120), height: host.clientHeight };
+  }
+
+  buildRest() {
+    const colour = colours();
+    this.spectrum?.destroy();
+    this.loop?.destroy();
+    const series = this.axes.map((axis) => ({ stroke: colour.of(axis), width: 1.25, points: { show: false }, show: this.shown.has(axis) }));
+    const base = look(colour);
+    const decade = (v) => Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6;
+    const grid = { ...base.axes[0].grid, filter: (plot, splits) => splits.map((v) => (decade(v) ? v : null)) };
+    const tidy = (values) => values.map((v) => (v === null || !decade(v) ? "" : v >= 1 ? `${v}` : `${+v.toPrecision(1)}`));
+    this.spectrum = new uPlot({
+      ...base, ...this.sizeOf(this.spectrumHost),
+      axes: [{ ...base.axes[0], grid, values: (u, v) => tidy(v).map((one) => one && `${one} Hz`) }, { ...base.axes[1], grid, values: (u, v) => tidy(v) }],
+      scales: { x: { time: false, distr: 3, range: () => [0.6, 2500] }, y: { distr: 3, range: (u, low, high) => decades(low, high) } },
+      series: [{}, ...series],
+    }, [[1], ...this.axes.map(() => [1])], this.spectrumHost);
+    const draw = (u, index) => {
+      uPlot.orient(u, index, (one, dataX, dataY, scaleX, scaleY, posX, posY, left, top, width, height) => {
+        const [across, up] = u.data[index];
+        const path = new Path2D();
+        let pen = false;
+        for (let i = 0; i < across.length; i++) {
+          if (Number.isNaN(across[i]) || Number.isNaN(up[i])) { pen = false; continue; }
+          const px = posX(across[i], scaleX, width, left), py = posY(up[i], scaleY, height, top);
+          if (pen) path.lineTo(px, py); else path.moveTo(px, py);
+          pen = true;
+        }
+        u.ctx.save();
+        u.ctx.strokeStyle = colour.of(this.axes[index - 1]);
+        u.ctx.lineWidth = 1.25 * devicePixelRatio;
+        u.ctx.stroke(path);
+        u.ctx.restore();
+      });
+      return null;
+    };
+    const facets = [{ scale: "x", auto: true }, { scale: "y", auto: true }];
+    this.loop = new uPlot({
+      ...base, ...this.sizeOf(this.loopHost), mode: 2, axes: [{ ...base.axes[0], values: (u, v) => v }, base.axes[1]],
+      scales: { x: { time: false, range: () => this.loopRange?.[0] ?? [-1, 1] }, y: { range: () => this.loopRange?.[1] ?? [-1, 1] } },
+      series: [null, ...this.axes.map(() => ({ facets, paths: draw }))],
+    }, [null, ...this.axes.map(() => [[0], [0]])], this.loopHost);
+  }
+
+  show(axis, on) {
+    if (on) this.shown.add(axis); else this.shown.delete(axis);
+    this.traces.forEach((one) => one.show(axis, on));
+    this.spectrum.setSeries(this.axes.indexOf(axis) + 1, { show: on });
+  }
+
+  columns() {
+    return Math.max(100, Math.min(MOST_COLUMNS, document.getElementById("position").clientWidth - AXIS_WIDTH - 10));
+  }
+
+  draw(store) {
+    this.traces.forEach((one) => one.draw(store));
+  }
+
+  drawSpectrum(frame) {
+    this.spectrum.setData([frame.fHz, ...frame.amplitude.map((values) => values.map((v) => (v > 0 ? v : NaN)))]);
+  }
+
+  drawLoop(frame) {
+    const nothing = [new Float32Array(0), new Float32Array(0)];
+    const shown = this.axes.map((axis, i) => (this.shown.has(axis) && frame.pairs[i]) || nothing);
+    const ends = [0, 1].map((side) => {
+      let low = Infinity, high = -Infinity;
+      for (const pair of shown) for (const value of pair[side]) { if (value < low) low = value; if (value > high) high = value; }
+      return [low, high];
+    });
+    this.loopRange = ends.map(([low, high], i) => steady(this.loopRange?.[i], low, high));
+    this.loop.setData([null, ...shown]);
+  }
+}

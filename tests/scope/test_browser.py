@@ -1,0 +1,161 @@
+"""The page in headless Chromium against the virtual stage: ``make test-browser``."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: make test-browser")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: make test-browser")]
+
+ENDED = "ERR_CONNECTION_REFUSED"
+"""Of a page whose scope has ended before it."""
+SIZES = {"desktop": (1440, 1100), "phone": (390, 844)}
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with sync_api.sync_playwright() as browsers:
+        browser = browsers.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The link of a scope that runs as a user runs it, and its process."""
+    command = [sys.executable, "-m", "phaselead", "scope", "--no-browser", "--out", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ}) as scope:
+        assert scope.stdout is not None
+        yield next(line for line in scope.stdout if line.startswith("http")).strip(), scope
+        if scope.poll() is None:
+            scope.send_signal(signal.SIGINT)
+        assert scope.wait(20) == 0
+
+
+@pytest.fixture
+def context(chromium: Any) -> Iterator[Any]:
+    """A browser of its own, in which no script may fail."""
+    context = chromium.new_context(viewport=dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
+    context.set_default_timeout(30_000)
+    wrong: list[str] = []
+    context.on("weberror", lambda error: wrong.append(str(error.error)))
+    context.on("console", lambda message: message.type == "error" and wrong.append(message.text))
+    yield context
+    context.close()
+    assert [line for line in wrong if ENDED not in line] == []
+
+
+def opened(context: Any, link: str) -> Any:
+    page = context.new_page()
+    page.goto(link)
+    page.locator("#state[data-state=parked]").wait_for()
+    return page
+
+
+def play(page: Any, wave: str = "sine:40um@5Hz") -> None:
+    page.get_by_label("waveform of x").fill(wave)
+    page.get_by_role("button", name="Play").click()
+    page.locator("#state[data-state=running]").wait_for()
+
+
+def ink(page: Any, plot: str) -> int:
+    """Pixels of a plot that are not its ground."""
+    return page.evaluate(
+        """(id) => {
+          const canvas = document.querySelector(`#${id} canvas`);
+          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+          let count = 0;
+          for (let i = 3; i < data.length; i += 4) count += data[i] > 128;
+          return count;
+        }""",
+        plot,
+    )
+
+
+def test_play_and_the_space_bar_stops(context, served):
+    page = opened(context, served[0])
+    play(page)
+    sync_api.expect(page.locator(".readout b").first).to_have_text(re.compile("^3"))
+    for plot in ("position", "error", "effort", "feedback", "spectrum", "loop"):
+        assert ink(page, plot) > 500, plot
+    page.keyboard.press("Space")
+    page.locator("#state[data-state=parked]").wait_for()
+    assert "STOP" in page.inner_text("#lines")
+
+
+def test_set_points_refusals_and_saving(context, served, tmp_path):
+    page = opened(context, served[0])
+    page.select_option("#mode", "pid")
+    page.get_by_label("target of x, µm").fill("30")
+    page.get_by_role("button", name="Move").click()
+    page.get_by_text("on target").wait_for()
+    page.get_by_label("target of x, µm").evaluate("(input) => { input.value = 900; input.form.noValidate = true; }")
+    page.get_by_role("button", name="Move").click()
+    page.locator("#alert:not([hidden])").wait_for()
+    assert "sensor" in page.inner_text("#alert")
+    page.locator("#saving [name=name]").fill("kept.h5")
+    page.get_by_role("button", name="Save HDF5").click()
+    page.get_by_role("link", name="kept.h5").wait_for()
+    assert (tmp_path / "kept.h5").exists()
+
+
+def test_a_reload_goes_on_and_a_second_tab_looks_on(context, served):
+    page = opened(context, served[0])
+    play(page)
+    page.reload()
+    page.locator("#state[data-state=running]").wait_for()
+    page.locator("#park:enabled").wait_for()
+    second = context.new_page()
+    second.goto(page.url)
+    second.locator("#who", has_text="looks on").wait_for()
+    assert second.locator("#park").is_disabled()
+    second.locator("#stop").click()
+    page.locator("#state[data-state=parked]").wait_for()
+
+
+def test_a_fault_is_said_and_stays_in_view(context, served):
+    page = opened(context, served[0])
+    for name, gain in (("Kp", "0.017"), ("Ki", "8.62"), ("Kd", "0")):
+        page.get_by_label(f"{name} of x").fill(gain)
+    page.get_by_label("waveform of x").fill("sine:60um@5Hz")
+    page.get_by_role("button", name="Play").click()
+    page.locator("#state[data-state=fault]").wait_for()
+    assert "oscillation" in page.inner_text("#alert")
+    page.get_by_text("Cause: the loop runs away").wait_for()
+    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Park").click()
+    page.locator("#state[data-state=parked]").wait_for()
+
+
+def test_the_scope_that_ends_is_said(context, served):
+    page = opened(context, served[0])
+    served[1].send_signal(signal.SIGINT)
+    page.get_by_text("does not answer").wait_for()
+    served[1].wait(20)
+
+
+def test_it_fits_every_screen(context, served):
+    """Nothing sticks out, and STOP is in view wherever the page is scrolled to."""
+    page = opened(context, served[0])
+    for scheme, size in itertools.product(["light", "dark"], SIZES):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size(dict(zip(("width", "height"), SIZES[size], strict=True)))
+        page.evaluate("scrollTo(0, document.body.scrollHeight)")
+        assert page.evaluate("document.documentElement.scrollWidth") <= SIZES[size][0], (scheme, size)
+        box = page.locator("#stop").bounding_box()
+        assert box is not None
+        assert 0 <= box["y"] <= SIZES[size][1] - box["height"], (scheme, size)
+        assert box["height"] >= 44, (scheme, size)

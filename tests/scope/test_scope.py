@@ -1,0 +1,190 @@
+"""The hub through its websocket: what is seen, who drives, what stops, what is kept."""
+
+from __future__ import annotations
+
+import math
+import time
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import phaselead as pl
+from phaselead.scope.view import COLUMNS, HEAD, LOOP, SPECTRUM
+
+WAVE = {"x": "sine:20um@5Hz"}
+
+
+def heads(tab) -> list[tuple]:
+    return [HEAD.unpack_from(frame) for frame in tab.frames]
+
+
+def running(tab) -> bool:
+    return tab.state.get("state") == "running"
+
+
+def at_rest(tab) -> bool:
+    return tab.state.get("state") == "parked"
+
+
+def test_traces_spectrum_and_loop_come_while_nothing_moves(rig):
+    tab = rig.open()
+    tab.ask(view={"window_s": 0.5, "columns": 200, "spectrum": "x_um", "loop": "y/x"})
+    tab.until(lambda: {COLUMNS, SPECTRUM, LOOP} <= {head[0] for head in heads(tab)})
+    assert tab.state["state"] == "parked"
+    assert tab.welcome["axes"] == "xyz"
+    assert {job["name"] for job in tab.welcome["jobs"]} >= {"identify", "learn", "gap"}
+    assert not tab.ask(view={"window_s": "long"})["ok"]
+
+
+def test_move_play_hold_park(rig):
+    tab = rig.open()
+    assert "x to 30.000 um" in tab.order("move", targets={"x": "30um"}, mode="pid")
+    tab.until(lambda: running(tab) and tab.state["axes"]["x"]["on_target"])
+    tab.order("move", targets={"x": "+5um"})
+    tab.until(lambda: abs(tab.state["axes"]["x"]["x_um"] - 35) < 0.5)
+    assert "mode pid" in tab.order("play", waves=WAVE)
+    tab.until(lambda: tab.state["axes"]["x"]["moving"])
+    tab.order("hold")
+    tab.until(lambda: running(tab) and not tab.state["axes"]["x"]["moving"])
+    assert tab.order("park") == "parked"
+    tab.until(lambda: at_rest(tab))
+    tab.order("arm")
+    tab.until(lambda: tab.state["state"] == "armed")
+
+
+def test_refusals_are_the_lines_of_the_api(rig):
+    tab = rig.open()
+    assert "sensor" in tab.refused("move", targets={"x": "4000um"})
+    assert "needs a model" in tab.refused("play", waves=WAVE, mode="inverse")
+    assert "wobble" in tab.refused("play", waves={"x": "wobble"})
+    assert "without a model" in tab.refused("loop", axis="x")
+    assert "is no order" in tab.refused("format")
+    assert "no text" in tab.refused("move", targets={"x": 7})
+    assert "is no number" in tab.refused("move", targets={"x": "7um"}, duration="soon")
+    tab.until(lambda: any(kind == "refused" for _, kind, _ in tab.state["lines"]))
+    assert at_rest(tab)
+
+
+def test_a_second_tab_looks_on_but_stops(rig):
+    first, second = rig.open(), rig.open()
+    first.order("play", waves=WAVE)
+    second.until(lambda: running(second))
+    assert second.state["drives"] is False
+    assert "looks on" in second.refused("park")
+    assert not second.ask(take=True)["ok"]
+    second.until(lambda: second.frames)
+    second.socket.send_json({"stop": True})
+    second.until(lambda: at_rest(second))
+    first.until(lambda: any("STOP" in words for _, _, words in first.state["lines"]))
+
+
+def test_a_reload_goes_on_driving_and_a_tab_that_is_gone_is_followed(rig, monkeypatch):
+    tabs = import_module("phaselead.scope.tabs")
+    monkeypatch.setattr(tabs, "RELOAD_S", math.inf)
+    first = rig.open()
+    name = first.welcome["tab"]
+    second = rig.open(name)
+    assert second.welcome["tab"] != name  # a copy of a tab that is open
+    first.socket.close()
+    second.until(lambda: name not in rig.site.tabs.open)
+    again = rig.open(name)
+    again.until(lambda: "drives" in again.state)
+    assert again.state["drives"]
+    again.socket.close()
+    second.until(lambda: name not in rig.site.tabs.open)
+    assert not second.ask(take=True)["ok"]
+    monkeypatch.setattr(tabs, "RELOAD_S", 0.0)
+    second.until(lambda: second.state.get("may_take"))
+    assert second.ask(take=True)["ok"]
+    assert "parked" in second.order("park")
+
+
+def test_nothing_moves_unattended(make_rig):
+    said = []
+    rig = make_rig(park_after_s=0.5, say=said.append)
+    tab = rig.open()
+    tab.order("play", waves=WAVE)
+    tab.until(lambda: running(tab))
+    tab.socket.close()
+    end_s = time.monotonic() + 20
+    while rig.hub.state()["state"] != "parked" and time.monotonic() < end_s:
+        rig.hub._ending.wait(0.05)
+    assert rig.hub.state()["state"] == "parked"
+    assert said == ["parked: no page was open for 0.5 s"]
+    again = rig.open()
+    again.until(lambda: any("no page was open" in words for _, _, words in again.state.get("lines", [])))
+
+
+def test_what_is_saved_is_what_was_recorded(rig, tmp_path):
+    tab = rig.open()
+    tab.order("play", waves=WAVE)
+    tab.until(lambda: rig.hub.samples.end - rig.hub.samples.begin > 6000)
+    assert "saved 5000 ticks" in tab.order("save", name="run.h5", seconds=1.0)
+    (found,) = pl.read(str(tmp_path / "run.h5"))
+    assert len(found.t_s) == 5000
+    assert found.rate_Hz == pytest.approx(5000)
+    assert np.ptp(found.x_um) > 15
+    assert "run.h5" in rig.browser.get("/files/run.h5").headers.get("content-disposition", "run.h5")
+    assert rig.browser.get("/files/run.h5").content == (tmp_path / "run.h5").read_bytes()
+    assert rig.browser.get("/files/other.h5").status_code == 404
+    assert "exists" in tab.refused("save", name="run.h5", seconds=1.0)
+    for name in ("../run.h5", "run.csv", ".h5"):
+        tab.refused("save", name=name)
+
+
+def test_a_trigger_freezes_its_stretch_and_that_is_saved(rig, tmp_path):
+    tab = rig.open()
+    tab.order("trigger", run="single", axis="x", trace="x_um", level=10.0, before=0.5, window_s=0.2)
+    tab.order("play", waves=WAVE)
+    tab.frames.clear()
+    tab.until(lambda: any(not math.isnan(head[8]) for head in heads(tab)))
+    head = next(one for one in heads(tab) if not math.isnan(one[8]))
+    assert head[8] - head[7] == pytest.approx(500)
+    tab.order("save", name="shot.h5")
+    (found,) = pl.read(str(tmp_path / "shot.h5"))
+    assert found.t_s[0] == pytest.approx(-0.1)
+    assert found.axes["x"].x_um[500] >= 10 > found.axes["x"].x_um[499]
+
+
+def test_drops_are_shown_and_a_pulled_cable_is_found_again(make_rig):
+    rig = make_rig("faulty://sim://xyz250#lose=0.0002&seed=5")
+    tab = rig.open()
+    tab.until(
+        lambda: tab.state.get("dropped", 0) > 0 and any(frame[-heads(tab)[-1][4] :].count(1) for frame in tab.frames)
+    )
+    tab.order("play", waves=WAVE)
+    tab.until(lambda: running(tab))
+    rig.hub.dev.device.session.port.line.unplug()
+    tab.until(lambda: any("has gone away" in words for _, _, words in tab.state["lines"]))
+    tab.until(lambda: "there again" in tab.state["lines"][-1][2] or tab.state["state"] == "fault")
+    tab.until(lambda: "host_timeout" in tab.state["fault"])
+    tab.order("park")
+    tab.until(lambda: at_rest(tab))
+
+
+def test_jobs_show_progress_and_stop_ends_them(rig, tmp_path):
+    tab = rig.open()
+    number = 4711
+    tab.socket.send_json({"order": "identify", "id": number, "axes": "x", "duration": ""})
+    tab.until(lambda: (tab.state.get("job") or {}).get("share", 0) > 0.01)
+    tab.frames.clear()
+    tab.until(lambda: tab.frames)
+    tab.socket.send_json({"stop": True})
+    tab.until(lambda: number in tab._replies)
+    assert tab._replies[number]["said"] == "stopped"
+    tab.until(lambda: at_rest(tab) and tab.state["job"] is None)
+    assert "identified x" in tab.order("identify", axes="x", duration="60")
+    tab.until(lambda: tab.state["model"] is not None)
+    (file,) = tab.state["files"]
+    assert pl.load(str(tmp_path / file)).axes.keys() == {"x"}
+    assert "peak sensitivity" in tab.order("loop", axis="x")
+    assert "um rms" in tab.order("learn", wave="x=sine:20um@10Hz", trials="1")
+    for name, volts in (("a", 3), ("b", 2)):
+        tab.order("play", waves={"x": f"sine:{volts}V@5Hz"}, mode="open")
+        tab.until(lambda: running(tab))
+        end = rig.hub.samples.end + 5000
+        tab.until(lambda end=end: rig.hub.samples.end > end)
+        tab.order("save", name=f"{name}.h5", seconds=0.5)
+        tab.order("park")
+    assert "a folder" in tab.refused("gap", train="../a.h5", holdout="b.h5")
