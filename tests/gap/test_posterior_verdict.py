@@ -106,9 +106,17 @@ def test_beside_a_tie_another_effect_is_named():
 
 
 def test_more_rivals_than_say_something_are_no_tie():
-    many = NAMES[: MOST_TIED + 1]
-    assert not judge(contest({(): 0.0} | {(name,): 30.0 for name in many})).claims
-    assert judge(contest({(): 0.0} | {(name,): 30.0 for name in many[:-1]})).claims
+    many = ("rate_dependence", "hysteresis", "backlash", "creep", "delay", "softening")
+    assert len(many) == MOST_TIED + 1
+    logs = {(): 0.0} | {(name,): 30.0 for name in many[1:]} | {("rate_dependence",): 30.01}
+    assert not judge(contest(logs)).claims
+    del logs[many[-1:]]
+    assert judge(contest(logs)).claims
+
+
+def test_what_the_catalogue_does_not_confuse_is_no_tie():
+    assert not judge(contest({(): 0.0, ("delay",): 30.0, ("gain_change",): 30.0})).claims
+    assert judge(contest({(): 0.0, ("delay",): 30.0, ("sensor_lowpass",): 30.0})).claims
 
 
 @pytest.mark.parametrize(("held_out", "named"), [(12.0, True), (0.0, True), (-5.0, True), (31.0, False)])

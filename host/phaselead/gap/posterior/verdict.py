@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.posterior.likelihood import Fit, Names
+from phaselead.gap.posterior.likelihood import Fit, Names, confused
 from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.refit import SizedEffect
@@ -69,9 +69,11 @@ def judge(contest: Contest) -> Judgement:
     best = max(sets, key=lambda names: sets[names])
     single = {name: _with_any(sets, (name,)) for names in sets for name in names}
     nearest_only = 1 - sum(probability * contest.fits[names].named for names, probability in sets.items())
+    effects = {effect.name: effect for fit in contest.fits.values() for effect, _ in fit.entries}
     claims = []
     for effect, _ in contest.fits[best].entries:
-        group, probability = _group(effect.name, best, sets, single)
+        rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
+        group, probability = _group(effect, rivals, sets, single)
         claim = _claim(contest, effect, group, sets, single)
         if probability >= SURE and claim.borne_out and nearest_only < MORE_LIKELY_THAN_NOT:
             claims.append(claim)
@@ -92,12 +94,14 @@ def _with_any(sets: Mapping[Names, float], names: Names) -> float:
     return min(1.0, sum(p for members, p in sets.items() if set(members) & set(names)))
 
 
-def _group(name: str, best: Names, sets: Mapping[Names, float], single: Mapping[str, float]) -> tuple[Names, float]:
-    """The smallest group of an effect of the best set and its rivals that is sure to be there, or the largest allowed,
-    and its probability."""
-    group: Names = (name,)
+def _group(
+    effect: Effect, rivals: Mapping[str, Effect], sets: Mapping[Names, float], single: Mapping[str, float]
+) -> tuple[Names, float]:
+    """The smallest group of an effect and its rivals that is sure to be there, or the largest allowed, and its
+    probability. Only what may be taken for the effect can stand in its place."""
+    group: Names = (effect.name,)
     while _with_any(sets, group) < SURE and len(group) < MOST_TIED:
-        gains = {n: _with_any(sets, (*group, n)) for n in single if n not in best and n not in group}
+        gains = {n: _with_any(sets, (*group, n)) for n in single if n in rivals and n not in group}
         if not gains:
             break
         group = (*group, max(gains, key=lambda n: gains[n]))
