@@ -57,6 +57,7 @@ lint: $(STAMP)
 	@$(BIN)/ruff format --check host tests protocol firmware benchmarks setup.py
 	@$(BIN)/clang-format --dry-run --Werror $$(find firmware host tests -name '*.[ch]')
 	@$(BIN)/mypy
+	@$(BIN)/python tests/static_analysis.py
 
 generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py

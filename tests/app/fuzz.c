@@ -26,7 +26,7 @@ static uint32_t running_ticks, inverse_ticks, faults;
 static bool armed; /* since the last reset */
 static uint16_t codes[AXES];
 
-static void fail(const char *what, int line)
+_Noreturn static void fail(const char *what, int line)
 {
     fprintf(stderr, "line %d: %s (tick %" PRIu64 ")\n", line, what, device.control.tick);
     abort();
@@ -42,6 +42,7 @@ static uint64_t random_bits(void)
 
 static uint32_t below(uint32_t limit)
 {
+    CHECK(limit > 0);
     return (uint32_t)(random_bits() % limit);
 }
 
@@ -220,10 +221,10 @@ static void send_model(void)
                                                  .b_q40 = {5875700000, 2283600000, 139270000}};
     for (unsigned i = 0; i < AXES; i++) { /* limits of all kinds, some of them impossible */
         int32_t most = (int32_t)below(10);
-        model.axes[i].u_min_q24 += (int32_t)below(40) / 13 << 24;
+        model.axes[i].u_min_q24 += (int32_t)(below(40) / 13) << 24;
         model.axes[i].u_max_q24 = most << 24;
         model.axes[i].u_park_q24 = (int32_t)below((uint32_t)most + 1) << 24;
-        model.axes[i].slew_q24 >>= below(50) ? below(5) : 24;
+        model.axes[i].slew_q24 >>= below(50) ? (int32_t)below(5) : 24;
         model.axes[i].ramp_q24 = model.axes[i].slew_q24 >> below(3);
         make_invertible(&model.axes[i], i);
     }
