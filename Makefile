@@ -15,6 +15,7 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 	--custom-compile-command "make lock"
 
 .PHONY: demo test test-browser bench campaign link-trial big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test bench campaign link-trial soak coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -47,6 +48,14 @@ campaign: $(STAMP)
 EACH ?= 10000
 link-trial: $(STAMP)
 	@$(BIN)/python tests/sim/link_trial.py --each $(EACH)
+
+# 10^8 ticks of a host that says anything, and 24 h of device time of one that works: 6 minutes.
+soak: $(STAMP)
+	@$(BIN)/python tests/soak/driver.py
+
+# Branches of firmware/core and firmware/app that their tests take; the pages are in out/coverage/.
+coverage: $(STAMP)
+	@$(BIN)/python tests/coverage_of_c.py -n 2
 
 # 44 h of one axis in virtual time: takes 10 GB for the journal and 3 GB beside it, and about 20 minutes.
 big-recording: $(STAMP)
