@@ -31,13 +31,6 @@ def main() -> int:
         return 1
     ignored = [f"--ignore={path}" for path in LEFT_OUT]
     done = tree.test("-n", arguments.n, "--basetemp", str(tree.folder / "tests-built"), *ignored, *TESTS)
-        "-n",
-        arguments.n,
-        "--basetemp",
-        str(tree.folder / "tests-built"),
-        *(f"--ignore={path}" for path in LEFT_OUT),
-        *TESTS,
-    )
     print(done.stdout.splitlines()[-1])
     if done.returncode:
         print(done.stdout, done.stderr, file=sys.stderr)

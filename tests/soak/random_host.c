@@ -1,5 +1,6 @@
 #include "random_host.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,7 +13,7 @@
 
 #define ROUNDS_OF_POWER 2000
 
-uint64_t random_bits(struct random_host *host)
+static uint64_t noise_bits(struct random_host *host)
 {
     uint64_t z = host->random += 0x9E3779B97F4A7C15u;
     z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
@@ -20,9 +21,23 @@ uint64_t random_bits(struct random_host *host)
     return z ^ (z >> 31);
 }
 
+/* The next bytes of the input, lowest first; zeros behind its end. */
+static uint64_t taken(struct random_host *host, size_t size)
+{
+    uint64_t bits = 0;
+    for (size_t i = 0; i < size && host->input_left > 0; i++, host->input_left--)
+        bits |= (uint64_t)*host->input++ << 8 * i;
+    return bits;
+}
+
+uint64_t random_bits(struct random_host *host)
+{
+    return host->input ? taken(host, sizeof(uint64_t)) : noise_bits(host);
+}
+
 uint32_t below(struct random_host *host, uint32_t limit)
 {
-    const uint64_t bits = random_bits(host);
+    const uint64_t bits = host->input ? taken(host, limit <= 256 ? 1 : limit <= 65536 ? 2 : 4) : noise_bits(host);
     return limit > 1 ? (uint32_t)(bits % limit) : 0;
 }
 
@@ -54,12 +69,54 @@ void fill(struct random_host *host, uint8_t *to, size_t size)
     }
 }
 
+_Noreturn static void give_up(const char *what)
+{
+    fprintf(stderr, "random_host.c: %s\n", what);
+    abort();
+}
+
+/* What a tick works with, and what only a command may change while it keeps ticks out. */
+static void keep_owned(struct random_host *host)
+{
+    const struct device *device = &host->device;
+    host->owned = device->control;
+    memcpy(host->owned_models, device->model_of, sizeof host->owned_models);
+    host->owned_rest = device->resting;
+}
+
+static void check_owned(const struct random_host *host)
+{
+    const struct device *device = &host->device;
+    if (memcmp(&host->owned, &device->control, sizeof host->owned) != 0 ||
+        memcmp(host->owned_models, device->model_of, sizeof host->owned_models) != 0 ||
+        host->owned_rest != device->resting)
+        give_up("a change of what ticks work with, without their lock");
+}
+
+static void lock(void *context)
+{
+    struct random_host *host = context;
+    if (host->locked)
+        give_up("a lock that is held already");
+    check_owned(host);
+    host->locked = true;
+}
+
+static void unlock(void *context)
+{
+    struct random_host *host = context;
+    if (!host->locked)
+        give_up("an unlock without a lock");
+    host->locked = false;
+    keep_owned(host);
+}
+
 static void take_outgoing(struct random_host *host)
 {
     size_t size;
     while (service_outgoing(&host->device, &size) != NULL) {
         if (size > FRAME_MAX)
-            abort();
+            give_up("a frame that is too long");
         service_sent(&host->device, 1 + below(host, (uint32_t)size));
     }
 }
@@ -69,6 +126,9 @@ static void receive(struct random_host *host, const uint8_t *bytes, size_t size)
     while (size > 0) {
         host->obeyed = 0;
         size_t taken = service_receive(&host->device, bytes, size);
+        check_owned(host);
+        if (host->locked)
+            give_up("a lock that is kept");
         invariants_after_command(&host->seen, &host->device, host->obeyed);
         bytes += taken;
         size -= taken;
@@ -99,7 +159,7 @@ void random_host_send(struct random_host *host, uint8_t type, uint64_t session, 
 /* As a sensor that works: wild ones end a closed loop at once. */
 static uint16_t walked(struct random_host *host, unsigned axis)
 {
-    uint32_t code = host->codes[axis] + below(host, 2001);
+    uint32_t code = host->codes[axis] + (uint32_t)(noise_bits(host) % 2001);
     host->codes[axis] = (uint16_t)(code < 2000 ? 2000 : code > 64000 ? 62000 : code - 1000);
     return host->codes[axis];
 }
@@ -123,17 +183,18 @@ static void run(struct random_host *host, unsigned count)
         for (unsigned axis = 0; axis < AXES; axis++) {
             adc[axis] = walked(host, axis);
             if (railed || wild)
-                adc[axis] = (uint16_t)(railed ? UINT16_MAX * below(host, 2) : random_bits(host));
+                adc[axis] = (uint16_t)(railed ? UINT16_MAX * (noise_bits(host) % 2) : noise_bits(host));
         }
         const uint32_t fault = host->device.control.fault;
         device_tick(&host->device, adc, dac);
+        keep_owned(host);
         invariants_after_tick(&host->seen, &host->device);
         if (host->device.control.fault != fault)
             host->faults_of[host->device.control.fault]++;
         count_tick(host);
-        if (below(host, 2))
+        if (noise_bits(host) % 2)
             take_outgoing(host);
-        if (below(host, 4) == 0)
+        if (noise_bits(host) % 4 == 0)
             fault_log_write(&host->device);
     }
 }
@@ -175,6 +236,8 @@ static void power_on(struct random_host *host)
     struct device_port port = {.baud = 2000000,
                                .target = "soak",
                                .reset_cause = (enum wire_reset_cause)below(host, 5),
+                               .lock = lock,
+                               .unlock = unlock,
                                .obeyed = note_obeyed,
                                .context = host};
     if (host->ticks == 0 || below(host, 3) == 0)
@@ -191,6 +254,7 @@ static void power_on(struct random_host *host)
     update_read_record(&host->device.update, &host->device.port.update);
     if (below(host, 2))
         wind_up(host);
+    keep_owned(host);
     invariants_reset(&host->seen, &host->device);
     random_host_send(host, WIRE_HELLO, SESSION, NULL, 0);
     host->rounds = 0;
@@ -211,10 +275,12 @@ static void recover(struct random_host *host)
     random_host_send(host, WIRE_CLEAR_FAULT, SESSION, NULL, 0);
 }
 
-void random_host_begin(struct random_host *host, uint64_t seed)
+void random_host_begin(struct random_host *host, uint64_t seed, const uint8_t *input, size_t size)
 {
     memset(host, 0, sizeof *host);
     host->random = seed;
+    host->input = input;
+    host->input_left = size;
     power_on(host);
 }
 

@@ -12,19 +12,26 @@
 
 struct random_host {
     uint64_t random;
+    const uint8_t *input; /* NULL: none */
+    size_t input_left;
     struct device device;
     struct host_flash flash;
     struct invariants seen;
     uint16_t next_id;
     uint16_t codes[AXES]; /* of the sensors */
-    uint8_t obeyed;       /* type of the last command that was carried out; 0: none since it was looked at */
-    uint32_t rounds;      /* since power came */
+    struct control owned; /* by ticks: as it was when the last one, or the last lock, had ended */
+    struct axis_model owned_models[AXES];
+    uint32_t owned_rest;
+    bool locked;
+    uint8_t obeyed;  /* type of the last command that was carried out; 0: none since it was looked at */
+    uint32_t rounds; /* since power came */
     uint64_t frames, replies, ok_replies, ticks;
     uint64_t path_ticks, inverse_ticks; /* of all axes */
     uint64_t ticks_in[WIRE_STATE_COUNT], faults_of[WIRE_FAULT_COUNT];
 };
 
-void random_host_begin(struct random_host *host, uint64_t seed);
+/* What it does is chosen by the bytes of an input, NULL: by the seed alone, as sensors and line always are. */
+void random_host_begin(struct random_host *host, uint64_t seed, const uint8_t *input, size_t size);
 
 /* Says or does one thing, and lets a few ticks pass. The invariants are checked after every tick and every command. */
 void random_host_round(struct random_host *host);

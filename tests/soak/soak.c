@@ -11,7 +11,7 @@
 static void random_life(uint64_t seed, uint64_t ticks)
 {
     static struct random_host host;
-    random_host_begin(&host, seed);
+    random_host_begin(&host, seed, NULL, 0);
     while (host.ticks < ticks)
         random_host_round(&host);
     printf("{\"ticks\": %" PRIu64 ", \"frames\": %" PRIu64 ", \"replies\": %" PRIu64 ", \"ok\": %" PRIu64, host.ticks,
