@@ -19,7 +19,7 @@ def test_nothing_a_host_sends_does_worse_than_an_error_reply(driver, seed):
     # It must have got somewhere, or it proves nothing.
     assert seen["replies"] > seen["frames"] // 2
     assert seen["ok"] > seen["frames"] // 10
-    assert min(seen["ticks_in"]) > 1000
+    assert min(seen["ticks_in"]) > 100
     assert seen["path_ticks"] > seen["ticks"] // 50
     assert seen["inverse_ticks"] > seen["path_ticks"] // 40
     met = {fault for fault in wire.Fault if seen["faults_of"][fault]}
