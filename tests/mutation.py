@@ -24,7 +24,13 @@ from firmware_tree import ROOT, FirmwareTree
 
 LEFT_OUT = ("test_builds.py", "test_arrows.py", "test_neighbours.py", "test_generated.py")
 """They read the source, or would tell any change of it."""
-GENERATED = "wire.c"
+TESTS = [
+    str(path.relative_to(ROOT))
+    for room in ("core", "app", "soak", "wire")
+    for path in sorted((ROOT / "tests" / room).glob("test_*.py"))
+    if path.name not in LEFT_OUT
+]
+GENERATED = ("wire.c", "wire.h")
 FIRST = {
     "axes": ("app/test_paths", "app/test_motion"),
     "axis": ("core/test_axis", "core/test_watch"),
@@ -111,7 +117,7 @@ def places(path: Path) -> Iterator[Mutant]:
 def sample(count: int, seed: int, only: str | None) -> list[Mutant]:
     """So many places, drawn evenly over all of the code; a twentieth of them are locks, of which there are few."""
     files = [f for part in ("core", "app") for f in sorted((ROOT / "firmware" / part).glob("*.[ch]"))]
-    found = [m for f in files if f.name not in (GENERATED, "wire.h") for m in places(f) if only in (None, m.path)]
+    found = [m for f in files if f.name not in GENERATED for m in places(f) if only in (None, m.path)]
     draw = random.Random(seed)
     locks = [m for m in found if m.kind == "lock"]
     others = [m for m in found if m.kind != "lock"]
@@ -123,9 +129,7 @@ def order(mutant: Mutant) -> tuple[list[str], list[str]]:
     """Test files for a mutant: those to run first, and the rest."""
     stem = Path(mutant.path).stem
     first = [f"tests/{name}.py" for name in FIRST.get(stem, (f"core/test_{stem}", f"app/test_{stem}"))]
-    everything = [str(p.relative_to(ROOT)) for d in ("core", "app", "soak", "wire") for p in (ROOT / "tests" / d).glob("test_*.py")]
-    everything = [name for name in sorted(everything) if Path(name).name not in LEFT_OUT]
-    return [name for name in first if name in everything], [name for name in everything if name not in first]
+    return [name for name in first if name in TESTS], [name for name in TESTS if name not in first]
 
 
 def try_mutant(tree: FirmwareTree, mutant: Mutant) -> str:
@@ -167,6 +171,8 @@ def main() -> int:
     tree = FirmwareTree(folder / "tree")
     if not tree.build():
         raise SystemExit("the firmware does not compile")
+    if tree.test("-x", *TESTS).returncode != 0:
+        raise SystemExit("the tests fail without any mutant")
     for mutant in chosen:
         if mutant not in done:
             begun = time.monotonic()
