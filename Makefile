@@ -16,6 +16,7 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 
 .PHONY: demo test test-browser bench campaign link-trial big-recording lint generate setup package lock toolchain firmware budget clean
 .PHONY: demo test bench campaign link-trial soak coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test bench campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -52,6 +53,16 @@ link-trial: $(STAMP)
 # 10^8 ticks of a host that says anything, and 24 h of device time of one that works: 6 minutes.
 soak: $(STAMP)
 	@$(BIN)/python tests/soak/driver.py
+
+# Inputs nobody thought of, SECONDS for each of the five targets; needs clang with libclang-rt.
+SECONDS ?= 60
+fuzz: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -e .[fuzz]
+	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
+
+# Breaks the firmware in 200 places, one at a time, and counts what the tests notice: an hour.
+mutation: $(STAMP)
+	@$(BIN)/python tests/mutation.py
 
 # Branches of firmware/core and firmware/app that their tests take; the pages are in out/coverage/.
 coverage: $(STAMP)

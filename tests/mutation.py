@@ -126,10 +126,16 @@ def sample(count: int, seed: int, only: str | None) -> list[Mutant]:
 
 
 def order(mutant: Mutant) -> tuple[list[str], list[str]]:
-    """Test files for a mutant: those to run first, and the rest."""
-    stem = Path(mutant.path).stem
-    first = [f"tests/{name}.py" for name in FIRST.get(stem, (f"core/test_{stem}", f"app/test_{stem}"))]
-    return [name for name in first if name in TESTS], [name for name in TESTS if name not in first]
+    """Test files for a mutant: those to run first, and the rest of those that run this code."""
+    path = Path(mutant.path)
+    rooms = {"core", "app", "soak"} if path.parent.name == "core" else {"app", "soak"}
+    if path.stem in ("cobs", "crc32", "frame"):
+        rooms.add("wire")
+    first = [f"tests/{name}.py" for name in FIRST.get(path.stem, (f"core/test_{path.stem}", f"app/test_{path.stem}"))]
+    if mutant.kind == "lock":
+        first = ["tests/soak/test_soak.py"]
+    known = [name for name in TESTS if Path(name).parent.name in rooms]
+    return [name for name in first if name in known], [name for name in known if name not in first]
 
 
 def try_mutant(tree: FirmwareTree, mutant: Mutant) -> str:
