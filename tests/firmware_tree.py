@@ -66,8 +66,8 @@ class FirmwareTree:
 
     def test(self, *arguments: str, timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
         """Runs pytest there; the result says what it printed."""
-        environment = {**os.environ, "PYTHONPATH": str(self.folder / "host"), "CC": str(self.compiler)}
-        environment |= {"PYTHONDONTWRITEBYTECODE": "1"}
+        environment = {**os.environ, "CC": str(self.compiler), "PYTHONDONTWRITEBYTECODE": "1"}
+        environment["PYTHONPATH"] = f"{self.folder / 'host'}:{self.folder / 'tests'}"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
         return subprocess.run(
             command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=timeout_s, check=False

@@ -181,9 +181,12 @@ void invariants_after_command(struct invariants *seen, const struct device *devi
         CHECK((from == WIRE_STATE_PARKED && to == WIRE_STATE_ARMED && type == WIRE_ARM) ||
               (from == WIRE_STATE_ARMED && to == WIRE_STATE_RUNNING && type == WIRE_START) ||
               (drove && to == WIRE_STATE_STOPPING && stops) ||
-              (from == WIRE_STATE_FAULT && to == WIRE_STATE_PARKED && type == WIRE_CLEAR_FAULT && at_home(device)));
+              (from == WIRE_STATE_FAULT && to == WIRE_STATE_PARKED && type == WIRE_CLEAR_FAULT && at_home(device)) ||
+              (from == WIRE_STATE_PARKED && to == WIRE_STATE_FAULT && now->fault == WIRE_FAULT_FLASH_ERROR));
     }
-    CHECK(now->fault == seen->fault || type == WIRE_CLEAR_FAULT);
+    CHECK(now->fault == seen->fault || type == WIRE_CLEAR_FAULT || from == WIRE_STATE_PARKED);
+    if (from != to)
+        note_way_home(seen, device);
     if (to == WIRE_STATE_PARKED && (type == WIRE_UPDATE_BEGIN || type == WIRE_UPDATE_RESTART))
         seen->goes_to_zero = true;
     seen->goes_to_zero = seen->goes_to_zero && to == WIRE_STATE_PARKED;

@@ -244,6 +244,7 @@ static void power_on(struct random_host *host)
         host_flash_init(&host->flash, NULL, 0);
     else if (below(host, 2))
         fill(host, host->flash.cells.bytes + below(host, HOST_FLASH_CELLS - 8), 8);
+    host->flash.power_limited = false;
     port.flash = host_flash_models(&host->flash);
     port.records = host_flash_journal(&host->flash);
     port.update =
@@ -252,6 +253,8 @@ static void power_on(struct random_host *host)
                              .slot = (uint8_t)below(host, IMAGE_SLOTS)};
     device_init(&host->device, &port);
     update_read_record(&host->device.update, &host->device.port.update);
+    host->flash.power_limited = below(host, 8) == 0; /* from some byte on it takes nothing more */
+    host->flash.power_left = below(host, 20000);
     if (below(host, 2))
         wind_up(host);
     keep_owned(host);
