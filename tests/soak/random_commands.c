@@ -6,6 +6,7 @@
 #include "app/model_check.h"
 
 #define MODEL_CHUNK 900
+#define IMAGE_PART 512 /* a table of vectors */
 
 void send_random(struct random_host *host)
 {
@@ -233,4 +234,26 @@ void send_streams(struct random_host *host)
     random_host_send(host, WIRE_STREAM_START, SESSION, payload, sizeof payload);
     wire_pack_transient_arm_request(&arm, arm_payload, sizeof arm_payload);
     random_host_send(host, WIRE_TRANSIENT_ARM, SESSION, arm_payload, sizeof arm_payload);
+}
+
+/* An image for the slot that does not run, most of them whole. */
+void send_update(struct random_host *host)
+{
+    const struct update_port *port = &host->device.port.update;
+    uint8_t chunk[4 + IMAGE_PART];
+    struct image_header header = {.magic = IMAGE_MAGIC,
+                                  .length = IMAGE_HEADER_SIZE + IMAGE_PART,
+                                  .address = port->places.address[1 - port->slot],
+                                  .version = 1};
+    const uint32_t offset = IMAGE_HEADER_SIZE;
+    memcpy(header.target, host->device.port.target, strlen(host->device.port.target));
+    memcpy(chunk, &offset, 4);
+    fill(host, chunk + 4, IMAGE_PART);
+    header.crc = crc32(0, (const uint8_t *)&header + IMAGE_CRC_FROM, IMAGE_HEADER_SIZE - IMAGE_CRC_FROM);
+    header.crc = crc32(header.crc, chunk + 4, IMAGE_PART) ^ (below(host, 8) == 0);
+    random_host_send(host, WIRE_UPDATE_BEGIN, SESSION, (const uint8_t *)&header, sizeof header);
+    random_host_send(host, WIRE_UPDATE_CHUNK, SESSION, chunk, sizeof chunk);
+    random_host_send(host, WIRE_UPDATE_COMMIT, SESSION, NULL, 0);
+    if (below(host, 4) == 0)
+        random_host_send(host, WIRE_UPDATE_RESTART, SESSION, NULL, 0);
 }

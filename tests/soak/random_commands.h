@@ -13,5 +13,6 @@ void send_limits(struct random_host *host);
 void send_queue(struct random_host *host);
 void send_joins_and_bounds(struct random_host *host);
 void send_streams(struct random_host *host);
+void send_update(struct random_host *host);
 
 #endif

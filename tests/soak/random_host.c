@@ -253,8 +253,8 @@ static void power_on(struct random_host *host)
                              .slot = (uint8_t)below(host, IMAGE_SLOTS)};
     device_init(&host->device, &port);
     update_read_record(&host->device.update, &host->device.port.update);
-    host->flash.power_limited = below(host, 8) == 0; /* from some byte on it takes nothing more */
-    host->flash.power_left = below(host, 20000);
+    host->flash.power_limited = below(host, 4) == 0; /* from some byte on it takes nothing more */
+    host->flash.power_left = below(host, 8000);
     if (below(host, 2))
         wind_up(host);
     keep_owned(host);
@@ -331,6 +331,10 @@ void random_host_round(struct random_host *host)
     case 10:
         send_queue(host);
         run(host, below(host, 500));
+        break;
+    case 12:
+        if (below(host, 4) == 0)
+            send_update(host);
         break;
     default:
         send_random(host);
