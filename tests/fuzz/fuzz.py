@@ -92,6 +92,9 @@ def keep(target: str) -> None:
         str(OUT / target),
     ]
     subprocess.run(merge, check=True, capture_output=True)
+    if not any(smallest.iterdir()):
+        print(f"{target}: nothing was merged, the corpus stays")
+        return
     shutil.rmtree(CORPUS / target, ignore_errors=True)
     (CORPUS / target).mkdir(parents=True)
     left = KEPT_LONGEST
