@@ -78,13 +78,6 @@ def test_no_warnings(compiler, compiler_name, level, tmp_path):
     compile_core(tmp_path / "libcore.so", compiler(compiler_name), level, "-shared", "-fPIC")
 
 
-def test_cppcheck(compiler):
-    command = [compiler("cppcheck"), "--std=c11", "--enable=warning,style,performance,portability"]
-    command += ["--error-exitcode=1", "-q", f"-I{FIRMWARE}", str(CORE)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
 # ---------------------------------------------------------------- what the tick is made of
 @pytest.fixture(scope="module")
 def cortex_m4(compiler):
