@@ -27,7 +27,7 @@ class LoopFilter(Part):
 
     def section(self) -> Section:
         """At the device's tick; poles and zeros are mapped as z = exp(s T)."""
-        zeros = _roots_z(self.zeros_Hz, self.zeros_zeta) if self.zeros_Hz else []
+        zeros = _roots_z(self.zeros_Hz, self.zeros_zeta) if self.zeros_Hz else [0j]
         return section_of(zeros, _roots_z(self.poles_Hz, self.poles_zeta))
 
 

@@ -17,7 +17,7 @@ from phaselead.control.tuning.result import ClosedLoop, Tuned
 from phaselead.control.tuning.shaping import Range, predicted, shape
 from phaselead.device import Device
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
+from phaselead.model import AdoptedEffect, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
 from phaselead.sim import data_sheet
 
 FINE = Plan(Grid.odd_random(8192, 290.0), settle_periods=1, periods=4)
@@ -31,6 +31,8 @@ GAIN_SHARE = 0.1
 WITHOUT_TIME_VIEW = (0.7, 1.7)
 """Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
+RINGS = 0.3
+"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
 SHARES = (0.3, 0.45, 0.8, 1.0)
 """Progress after each part."""
 
@@ -92,7 +94,7 @@ def tune(
         )
     return Tuned(
         axis=axis,
-        model=_with(parent, axis, gains),
+        model=_with(parent, axis, fitted, gains),
         measured=measured,
         plant=fitted,
         over=over,
@@ -167,9 +169,23 @@ def _refuse_measured(measured: Measured, fitted: FittedPlant, gains: Gains, over
         )
 
 
-def _with(stage: Stage, axis: str, gains: Gains) -> Stage:
+def _with(stage: Stage, axis: str, fitted: FittedPlant, gains: Gains) -> Stage:
     """The stage with these gains, made from the one before."""
-    known = stage.axes.get(axis, AxisModel())
+    known = with_modes(stage.axes.get(axis, AxisModel()), fitted.plant)
     axes = {**stage.axes, axis: known.model_copy(update={"gains": gains})}
     origin = provenance_of(stage, []).model_copy(update={"data": stage.provenance.data})
     return stage.model_copy(update={"axes": axes, "provenance": origin})
+
+
+def with_modes(model: AxisModel, plant: SmallSignal) -> AxisModel:
+    """A model whose time view shows no mode gets the measured ones: on it the loop would be another. What they delay is
+    taken from its dead time."""
+    found = [mode for mode in plant.modes if mode[2] < RINGS]
+    if model.time is None or small_signal(model).modes or not found:
+        return model
+    whole = sum(c for c, _, _ in found)
+    shares, f_Hz, zeta = zip(*((c / whole, f, z) for c, f, z in sorted(found, key=lambda mode: mode[1])), strict=True)
+    late_s = sum(c * z / (np.pi * f) for c, f, z in zip(shares, f_Hz, zeta, strict=True))
+    time = model.time.model_copy(update={"delay_s": max(model.time.delay_s - float(late_s), 0.0)})
+    mode = AdoptedEffect(name="resonance", params={"c": shares, "f_Hz": f_Hz, "zeta": zeta})
+    return model.model_copy(update={"time": time, "effects": (*model.effects, mode)})

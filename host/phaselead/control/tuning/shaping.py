@@ -29,7 +29,7 @@ GAINS = 3
 """Local gains that a design is for: lowest, middle (geometric), highest."""
 BELOW = 0.99
 """Of the allowed peak: what rounding the gains to four digits may take."""
-KEEPS = 0.85
+KEEPS = 0.75
 """Of the widest bandwidth."""
 HELD_IN_LOOP = 15.9
 """Of a section's b (firmware/core/loop_filter.h)."""
@@ -37,6 +37,7 @@ LOWEST_Hz = 0.5
 FASTEST_Hz = 2000.0
 POINTS_A_DECADE = 60
 POPULATION, GENERATIONS, SIMPLEX, SIMPLEXES = 8, 90, 1500, 6
+LACKING = 20.0
 UNSTABLE, OVER_PEAK = 1e3, 1e2
 """Costs, far above those of a loop that has its margin."""
 
@@ -220,18 +221,17 @@ class _Search:
         return over if over else -math.log(self._narrowest_Hz(sensitivities))
 
     def unrest(self, values: Samples, least_Hz: float) -> float:
-        """log of the largest integral of (t y)^2 after a push."""
+        """log of the largest integral of (t y)^2 after a push; a bandwidth below ``least_Hz`` costs far more than the
+        calm that it would buy."""
         sensitivities, over = self._sensitivities(values)
         if over:
             return over
-        lacking = least_Hz / self._narrowest_Hz(sensitivities)
-        if lacking > 1:
-            return OVER_PEAK + lacking
+        lacking = max(math.log(least_Hz / self._narrowest_Hz(sensitivities)), 0.0)
         largest = 0.0
         for case, sensitivity in zip(self._cases, sensitivities, strict=True):
             slope = np.gradient(sensitivity * case.pushed, axis=1) / case.step_Hz
             largest = max(largest, float((np.abs(slope) ** 2 * case.step_Hz).sum(axis=1).max()))
-        return math.log(largest)
+        return math.log(largest) + LACKING * lacking
 
     def _narrowest_Hz(self, sensitivities: Sequence[Response]) -> float:
         pairs = zip(self._cases, sensitivities, strict=True)
