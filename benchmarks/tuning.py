@@ -19,6 +19,8 @@ from phaselead.sim import built_in
 
 STAGES = ("xyz250", "xyz250-hard")
 PUSH_s, LENGTH_s = 4.0, 4.6
+SEEN_um, BACK_um = 0.1, 0.05
+"""A push has begun once the stage has gone so far, two ticks after the force; it is over within this."""
 TICK_HZ = 5000
 IDENTIFY_s = 60.0
 MIDDLE_um = {"xy30": 15.0, "x100": 50.0}
@@ -50,13 +52,12 @@ def back_ms(tuned: Tuned, stage: Stage, folder: Path, place_um: float) -> float:
     """After a push of 1 um on the stage itself: until its true position stays within 5 % of that."""
     with pl.connect(port_of(stage, folder, f"?force=x:1um@{PUSH_s:g}s")) as dev:
         run = dev.track(f"goto:{place_um:g}um", mode="pid", model=tuned.model, duration=LENGTH_s)
-        opened = run.capture.ticks[0]
     true = run.true_um["x"]
-    pushed = round(PUSH_s * TICK_HZ) - int(opened)
-    assert 2500 < pushed < len(true) - 1000
-    off = np.abs(true - true[pushed - 500 : pushed].mean())[pushed:]
-    late = np.flatnonzero(off > 0.05)
-    return float((late[-1] + 1) / TICK_HZ * 1e3) if len(late) else 0.0
+    settled = slice(round((PUSH_s - 1.0) * TICK_HZ), round((PUSH_s - 0.5) * TICK_HZ))
+    off = np.abs(true - true[settled].mean())[settled.stop :]
+    pushed = int(np.argmax(off > SEEN_um))
+    late = np.flatnonzero(off[pushed : pushed + TICK_HZ // 4] > BACK_um)
+    return float((late[-1] + 1) / TICK_HZ * 1e3)
 
 
 def rms_at_rest_nm(tuned: Tuned, stage: Stage, folder: Path, place_um: float) -> str:

@@ -22,7 +22,7 @@ from phaselead.record import check_output
 VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 
 
-@top_level(order=25, group="model")
+@top_level(order=55, group="model")
 @click.command()
 @port_option
 @click.option("-o", "--output", metavar="STAGE.toml", required=True, help="The stage file with the new gains.")

@@ -2,27 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from phaselead.control.feedback_loop import frequencies, pid_response, plant_response
+from phaselead.control.tuning.plant import FittedPlant
+from phaselead.control.tuning.response import Measured, Response
+from phaselead.control.tuning.shaping import Range
 from phaselead.drawing import BLUE, GREY, ORANGE, RED, figure_style, new_figure
-
-if TYPE_CHECKING:
-    from phaselead.control.tuning.result import Tuned
+from phaselead.model import Gains
+from phaselead.record import Samples
 
 LOWEST_Hz = 1.0
 
 
-def tuning_figure(tuned: Tuned) -> Figure:
+class Closed(Protocol):
+    """A closed loop as it was measured, at frequencies (m,)."""
+
+    @property
+    def f_Hz(self) -> Samples: ...
+    @property
+    def complementary(self) -> Response: ...
+    @property
+    def sensitivity(self) -> Response: ...
+
+
+def tuning_figure(
+    fitted: FittedPlant, gains: Gains, over: Range, measured: Measured, closed: Closed, open_loop: Response
+) -> Figure:
     """Bode of the response above with what is not linear in it, Nyquist and sensitivities of the loop below."""
-    plant, gains, over = tuned.plant.plant, tuned.gains, tuned.over
+    plant, sure = fitted.plant, measured.reliable()
     f_Hz = frequencies(plant)
     f_Hz = f_Hz[f_Hz >= LOWEST_Hz]
-    response = tuned.plant.gain_um_per_V * plant_response(plant, f_Hz)
-    measured, sure = tuned.measured, tuned.measured.reliable()
+    response = fitted.gain_um_per_V * plant_response(plant, f_Hz)
     with figure_style():
         figure = new_figure(10.4, 7.6)
         (bode, phase, besides), (nyquist, of_s, of_t) = figure.subplots(2, 3)
@@ -50,10 +64,9 @@ def tuning_figure(tuned: Tuned) -> Figure:
         turn = np.exp(2j * np.pi * np.linspace(0, 1, 200))
         ring = turn / over.peak - 1
         nyquist.fill(ring.real, ring.imag, color=RED, alpha=0.15)
-        lines = tuned.open_loop[sure]
+        lines = open_loop[sure]
         nyquist.plot(lines.real, lines.imag, ".", color=GREY, markersize=3)
         nyquist.set(xlim=(-3, 2), ylim=(-3, 2), title="loop about −1", xlabel="real", ylabel="imaginary")
-        closed = tuned.closed
         of_s.loglog(closed.f_Hz, np.abs(closed.sensitivity), ".", color=RED, markersize=4, label="measured")
         of_s.axhline(over.peak, color=RED, linewidth=0.8)
         of_s.set(title="|S|, from disturbance", xlabel="frequency (Hz)", ylim=(1e-2, 5))

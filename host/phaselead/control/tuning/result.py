@@ -162,7 +162,7 @@ class Tuned(Result):
         """Bode, Nyquist and sensitivity, predicted and measured."""
         from phaselead.control.tuning.pictures import tuning_figure  # matplotlib is slow to load, needed here only
 
-        return tuning_figure(self)
+        return tuning_figure(self.plant, self.gains, self.over, self.measured, self.closed, self.open_loop)
 
     def __repr__(self) -> str:
         return f"<Tuned axis {self.axis}: bandwidth {self.closed.bandwidth_Hz:.3g} Hz>"

@@ -29,7 +29,7 @@ GAINS = 3
 """Local gains that a design is for: lowest, middle (geometric), highest."""
 BELOW = 0.99
 """Of the allowed peak: what rounding the gains to four digits may take."""
-KEEPS = 0.75
+KEEPS = 0.85
 """Of the widest bandwidth."""
 HELD_IN_LOOP = 15.9
 """Of a section's b (firmware/core/loop_filter.h)."""
