@@ -14,7 +14,7 @@ from phaselead.control.tuning.excitation import Grid
 from phaselead.control.tuning.plant import FittedPlant, fit_plant
 from phaselead.control.tuning.response import Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
-from phaselead.control.tuning.shaping import Range, predicted, shape
+from phaselead.control.tuning.shaping import RINGS, Range, predicted, shape
 from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.model import AdoptedEffect, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
@@ -31,8 +31,6 @@ GAIN_SHARE = 0.1
 WITHOUT_TIME_VIEW = (0.7, 1.7)
 """Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
-RINGS = 0.3
-"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
 SHARES = (0.3, 0.45, 0.8, 1.0)
 """Progress after each part."""
 

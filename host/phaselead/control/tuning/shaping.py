@@ -24,6 +24,8 @@ from phaselead.record import Samples
 
 Response = NDArray[np.complex128]
 
+RINGS = 0.3
+"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
 FILTERS = 2
 GAINS = 3
 """Local gains that a design is for: lowest, middle (geometric), highest."""
@@ -142,7 +144,8 @@ class _Search:
     def __init__(self, plant: SmallSignal, over: Range, on_progress: Callable[[float], None] | None) -> None:
         self._over, self._on_progress, self._evaluated = over, on_progress, 0
         self._cases = [_Case(one, over.gains()) for one in over.plants(plant)]
-        self._modes_Hz = sorted(f for _, f, _ in plant.modes)
+        ringing = sorted(f for _, f, zeta in plant.modes if zeta < RINGS)
+        self._modes_Hz = ringing or sorted(f for _, f, _ in plant.modes)
         middle, w = over.gains()[1], 2 * np.pi * self._modes_Hz[0]
         pid = [(0.005 * w, 3 * w), (1e-4, 10.0), (1e-3 / w, 10 / w)]
         fastest_Hz = min(10 * self._modes_Hz[0], FASTEST_Hz)
