@@ -81,7 +81,7 @@ static const struct {
     {"park", {9, 9, false}, 0x86},
     {"clear_fault", {0, 0, false}, 0x07},
     {"clear_fault", {9, 9, false}, 0x87},
-    {"set_axis", {18, 18, false}, 0x08},
+    {"set_axis", {18, 58, false}, 0x08},
     {"set_axis", {9, 9, false}, 0x88},
     {"set_path", {26, 26, false}, 0x09},
     {"set_path", {17, 17, false}, 0x89},
@@ -115,7 +115,7 @@ static const struct {
     {"queue", {12, 12, false}, 0xC1},
     {"set_joins", {6, 6, false}, 0x44},
     {"set_joins", {9, 9, false}, 0xC4},
-    {"set_gains", {17, 17, false}, 0x42},
+    {"set_gains", {17, 57, false}, 0x42},
     {"set_gains", {9, 9, false}, 0xC2},
     {"where", {0, 0, false}, 0x43},
     {"where", {72, 72, false}, 0xC3},
@@ -662,7 +662,11 @@ int32_t wire_pack_set_axis_request(const struct wire_set_axis_request *from, uin
     out = put_u32(out, (uint32_t)from->kp_q24);
     out = put_u32(out, (uint32_t)from->ki_ts_q32);
     out = put_u32(out, (uint32_t)from->kd_over_ts_q24);
-    put_u32(out, (uint32_t)from->d_alpha_q31);
+    out = put_u32(out, (uint32_t)from->d_alpha_q31);
+    for (size_t i = 0; i < 2; i++) {
+        wire_pack_biquad(&from->filters[i], out, WIRE_BIQUAD_SIZE);
+        out += WIRE_BIQUAD_SIZE;
+    }
     return WIRE_SET_AXIS_REQUEST_SIZE;
 }
 
@@ -676,6 +680,10 @@ bool wire_unpack_set_axis_request(struct wire_set_axis_request *to, const uint8_
     to->ki_ts_q32 = (int32_t)get_u32(&in);
     to->kd_over_ts_q24 = (int32_t)get_u32(&in);
     to->d_alpha_q31 = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 2; i++) {
+        wire_unpack_biquad(&to->filters[i], in, WIRE_BIQUAD_SIZE);
+        in += WIRE_BIQUAD_SIZE;
+    }
     return true;
 }
 
@@ -1161,7 +1169,11 @@ int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, u
     out = put_u32(out, (uint32_t)from->kp_q24);
     out = put_u32(out, (uint32_t)from->ki_ts_q32);
     out = put_u32(out, (uint32_t)from->kd_over_ts_q24);
-    put_u32(out, (uint32_t)from->d_alpha_q31);
+    out = put_u32(out, (uint32_t)from->d_alpha_q31);
+    for (size_t i = 0; i < 2; i++) {
+        wire_pack_biquad(&from->filters[i], out, WIRE_BIQUAD_SIZE);
+        out += WIRE_BIQUAD_SIZE;
+    }
     return WIRE_SET_GAINS_REQUEST_SIZE;
 }
 
@@ -1174,6 +1186,10 @@ bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint
     to->ki_ts_q32 = (int32_t)get_u32(&in);
     to->kd_over_ts_q24 = (int32_t)get_u32(&in);
     to->d_alpha_q31 = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 2; i++) {
+        wire_unpack_biquad(&to->filters[i], in, WIRE_BIQUAD_SIZE);
+        in += WIRE_BIQUAD_SIZE;
+    }
     return true;
 }
 
