@@ -15,6 +15,8 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 	--custom-compile-command "make lock"
 
 .PHONY: demo test test-browser bench campaign link-trial big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test bench campaign link-trial soak coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test bench campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -48,6 +50,24 @@ EACH ?= 10000
 link-trial: $(STAMP)
 	@$(BIN)/python tests/sim/link_trial.py --each $(EACH)
 
+# 10^8 ticks of a host that says anything, and 24 h of device time of one that works: 6 minutes.
+soak: $(STAMP)
+	@$(BIN)/python tests/soak/driver.py
+
+# Inputs nobody thought of, SECONDS for each of the five targets; needs clang with libclang-rt.
+SECONDS ?= 60
+fuzz: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -e .[fuzz]
+	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
+
+# Breaks the firmware in 200 places, one at a time, and counts what the tests notice: an hour.
+mutation: $(STAMP)
+	@$(BIN)/python tests/mutation.py
+
+# Branches of firmware/core and firmware/app that their tests take; the pages are in out/coverage/.
+coverage: $(STAMP)
+	@$(BIN)/python tests/coverage_of_c.py -n 2
+
 # 44 h of one axis in virtual time: takes 10 GB for the journal and 3 GB beside it, and about 20 minutes.
 big-recording: $(STAMP)
 	@$(BIN)/python benchmarks/big_recording.py --gigabytes 10
@@ -57,6 +77,7 @@ lint: $(STAMP)
 	@$(BIN)/ruff format --check host tests protocol firmware benchmarks setup.py
 	@$(BIN)/clang-format --dry-run --Werror $$(find firmware host tests -name '*.[ch]')
 	@$(BIN)/mypy
+	@$(BIN)/python tests/static_analysis.py
 
 generate: $(STAMP)
 	@$(BIN)/python protocol/generate.py

@@ -61,6 +61,10 @@ TOO_MUCH, MUCH_MORE = "ABOVE ITS CEILING", "more than 10 % above the last"
 STARTS = 120
 """More than the 39 ticks of a batch and the 7 between questions have phases that matter two by two."""
 UNFILTERED = 0x7FFF_FFFF
+ONE = 1 << 26
+NEAR_ONE = wire.Biquad(ONE + 4, -ONE // 4 - 4, 2, -ONE // 4, 2)
+"""A section that does next to nothing and has all that one can have."""
+NO_FILTERS, FILTERS = (wire.Biquad(0, 0, 0, 0, 0),) * 2, (NEAR_ONE,) * 2
 ANSWER_TICKS = 20_000
 """An erase takes a second."""
 
@@ -143,14 +147,12 @@ def tables_alone() -> bytes:
 def full() -> bytes:
     """Every place in use: 32 plays, 24 dead zones, 8 creep terms, 7 sections an axis, coupling, tables."""
     sent = wire.Model.unpack(model())
-    one = 1 << 26
-    lead = wire.Biquad(2 * one, -one - one // 4 - 3, 4, -one // 4, 1)  # (2 - 1.25/z) / (1 - 0.25/z), all but
-    near = wire.Biquad(one + 4, -one // 4 - 4, 2, -one // 4, 2)
+    lead = wire.Biquad(2 * ONE, -ONE - ONE // 4 - 3, 4, -ONE // 4, 1)  # (2 - 1.25/z) / (1 - 0.25/z), all but
     axes = tuple(
         replace(
             axis,
-            shape=(lead, lead, near, near, near, near),
-            drive=(near,),
+            shape=(lead, lead, *[NEAR_ONE] * 4),
+            drive=(NEAR_ONE,),
             creep_k_q30=(2 << 20,) * 8,
             creep_alpha_q48=tuple((1 << 38) >> i for i in range(8)),
             play_r_q24=tuple(round((0.01 + 0.004 * i * i) * V) for i in range(32)),
@@ -173,7 +175,7 @@ def axis(index: int, mode: wire.Mode, swing: int, f_Hz: float) -> list[wire.Comm
     kp, ki_ts = round(gains.kp_V_per_um * V), round(gains.ki_V_per_um_s / 5000 * 2**32)
     kd_over_ts, step = round(gains.kd_V_s_per_um * 5000 * V), round(f_Hz / 5000 * 2**64)
     return [
-        wire.SetAxisRequest(index, mode, kp, ki_ts, kd_over_ts, 1 << 30),
+        wire.SetAxisRequest(index, mode, kp, ki_ts, kd_over_ts, 1 << 30, FILTERS),
         wire.SetPathRequest(index, wire.PathKind.SINE, swing, 0, step, 0),
     ]
 
@@ -192,7 +194,11 @@ def one_axis(elf: Path, blob: bytes) -> Counts:
     set_axis, set_path = axis(0, wire.Mode.FF_PID, 60 * UM, 5)
     found = []
     for model_blob, ticks, runs in ((blob, 3000, 1), (slow(blob), 3000, 1), (blob, 12, STARTS), (slow(blob), 250, 45)):
-        board.ask(*upload(model_blob), replace(set_axis, d_alpha_q31=UNFILTERED), replace(set_path, ticks=ticks))
+        board.ask(
+            *upload(model_blob),
+            replace(set_axis, d_alpha_q31=UNFILTERED, filters=NO_FILTERS),
+            replace(set_path, ticks=ticks),
+        )
         board.ask(wire.StreamStartRequest(31, 1, 1))
         board.most(0)
         for run in range(runs):
@@ -235,7 +241,8 @@ def joins(board: Counted, mode: wire.Mode) -> Counts:
     for _ in range(4):  # an unstable loop may have met a rail
         board.try_to(queued(wire.PathKind.SINE, 0, 60 * UM, step, 50))
         board.try_to(queued(wire.PathKind.MOVE, here, 40 * UM, 2**64 // 200, 0))
-    board.ask(wire.StreamStartRequest(31, 7, 1), wire.WhereRequest(), wire.SetGainsRequest(0, 1 << 18, 0, 0, 1 << 30))
+    gains = wire.SetGainsRequest(0, 1 << 18, 0, 0, 1 << 30, FILTERS)
+    board.ask(wire.StreamStartRequest(31, 7, 1), wire.WhereRequest(), gains)
     board.most(1500)
     board.try_to(queued(wire.PathKind.HOLD, here, 0, 0, 0, at_once=1))
     return board.most(500)

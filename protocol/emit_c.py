@@ -251,14 +251,15 @@ def _pack(schema: Schema, name: str, fields: tuple[Field, ...]) -> list[str]:
     out.append("        return -1;")
     for f in fields:
         member = f"from->{f.name}"
+        moves_on = "" if f is fields[-1] else "out = "
         if f.is_tail:
-            out.append(f"    out = put_bytes(out, {member}, {member}_size);")
+            out.append(f"    {moves_on}put_bytes(out, {member}, {member}_size);")
         elif f.base == "u8" and f.count:
-            out.append(f"    out = put_bytes(out, {member}, {f.count});")
+            out.append(f"    {moves_on}put_bytes(out, {member}, {f.count});")
         elif f.base in C_TYPES and f.count:
             out += _loop(f, [f"out = {_put(f, f'{member}[i]')};"])
         elif f.base in C_TYPES:
-            out.append(f"    out = {_put(f, member)};")
+            out.append(f"    {moves_on}{_put(f, member)};")
         else:
             sub = f"WIRE_{f.base.upper()}_SIZE"
             out += _loop(f, [f"wire_pack_{f.base}(&{member}[i], out, {sub});", f"out += {sub};"])

@@ -209,7 +209,7 @@ def _dataclass(
     constants.append(f'LAYOUT: ClassVar[struct.Struct] = struct.Struct("{_struct_text(schema, fixed)}")')
     body = [*constants]
     for f in fields:
-        body.append(f"{f.name}: {_annotation(f)}")
+        body.append(f"{f.name}: {_annotation(f)}{_default(f)}")
         if f.doc:
             body += [line[4:] for line in _docstring(f.doc)]
     body += ["", *_pack(cls, name, fields), "", *_unpack(schema, cls, fields)]
@@ -230,6 +230,16 @@ def _annotation(field: Field) -> str:
         return "bytes"
     base = "int" if field.base in SCALARS else class_name(field.base)
     return f"tuple[{base}, ...]" if field.count else base
+
+
+def _default(field: Field) -> str:
+    """Of what a revision added: zero is what there was before it."""
+    if not field.since:
+        return ""
+    if field.is_blob:
+        return f" = bytes({field.count})"
+    zero = "0" if field.base in SCALARS else f"{class_name(field.base)}.unpack(bytes({class_name(field.base)}.SIZE))"
+    return f" = ({zero},) * {field.count}" if field.count else f" = {zero}"
 
 
 def _struct_text(schema: Schema, fields: tuple[Field, ...]) -> str:

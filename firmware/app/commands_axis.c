@@ -4,6 +4,7 @@
 #include "app/command.h"
 #include "app/crc32.h"
 #include "app/path_check.h"
+#include "app/wire_biquad.h"
 
 #define WAVE_ONE_Q30 (1 << 30)
 
@@ -12,8 +13,9 @@ enum wire_status command_set_axis(struct device *device, const struct request *r
     struct wire_set_axis_request set;
     (void)answer;
     wire_unpack_set_axis_request(&set, request->payload, request->size);
+    struct loop_filter_config filter;
     if (set.axis >= AXES || set.mode >= WIRE_MODE_COUNT || set.kp_q24 < 0 || set.ki_ts_q32 < 0 ||
-        set.kd_over_ts_q24 < 0 || set.d_alpha_q31 <= 0)
+        set.kd_over_ts_q24 < 0 || set.d_alpha_q31 <= 0 || !loop_filter_of(set.filters, &filter))
         return WIRE_STATUS_BAD_VALUE;
     if (axis_mode_uses_tables(set.mode) && !device_tables(device, set.axis))
         return WIRE_STATUS_NO_MODEL;
@@ -22,6 +24,7 @@ enum wire_status command_set_axis(struct device *device, const struct request *r
     struct axis_config *config = &device->control.config[set.axis];
     config->mode = set.mode;
     config->pid = (struct pid_config){set.kp_q24, set.ki_ts_q32, set.kd_over_ts_q24, set.d_alpha_q31};
+    config->filter = filter;
     memset(&config->path, 0, sizeof config->path); /* its unit may have changed with the mode */
     memset(&config->point, 0, sizeof config->point);
     config->enter_ticks = config->leave_ticks = 0;

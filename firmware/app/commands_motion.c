@@ -4,6 +4,7 @@
 #include "app/command.h"
 #include "app/motion.h"
 #include "app/path_check.h"
+#include "app/wire_biquad.h"
 #include "core/fixed.h"
 
 /* The path that a new one comes after. */
@@ -237,12 +238,16 @@ enum wire_status command_set_gains(struct device *device, const struct request *
     struct wire_set_gains_request set;
     (void)answer;
     wire_unpack_set_gains_request(&set, request->payload, request->size);
-    if (set.axis >= AXES || set.kp_q24 < 0 || set.ki_ts_q32 < 0 || set.kd_over_ts_q24 < 0 || set.d_alpha_q31 <= 0)
+    struct loop_filter_config filter;
+    if (set.axis >= AXES || set.kp_q24 < 0 || set.ki_ts_q32 < 0 || set.kd_over_ts_q24 < 0 || set.d_alpha_q31 <= 0 ||
+        !loop_filter_of(set.filters, &filter))
         return WIRE_STATUS_BAD_VALUE;
     struct axis_config *config = &device->control.config[set.axis];
     const struct pid_config after = {set.kp_q24, set.ki_ts_q32, set.kd_over_ts_q24, set.d_alpha_q31};
     pid_exchange(&config->pid, &after, &device->control.axis[set.axis].pid);
+    loop_filter_exchange(&config->filter, &filter, &device->control.axis[set.axis].filter);
     config->pid = after;
+    config->filter = filter;
     return WIRE_STATUS_OK;
 }
 

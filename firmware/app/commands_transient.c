@@ -25,8 +25,10 @@ enum wire_status command_transient_read(struct device *device, const struct requ
     if (transient->state == WIRE_TRANSIENT_STATE_FROZEN) { /* before, it still changes */
         reply.size = transient->count * (uint32_t)sizeof transient->entries[0];
         reply.data_size = read.length;
-        if (read.length > WIRE_MAX_PAYLOAD - WIRE_TRANSIENT_READ_REPLY_SIZE ||
-            (reply.data = transient_bytes(transient, read.offset, &reply.data_size)) == NULL)
+        if (read.length > WIRE_MAX_PAYLOAD - WIRE_TRANSIENT_READ_REPLY_SIZE)
+            return WIRE_STATUS_BAD_VALUE;
+        reply.data = transient_bytes(transient, read.offset, &reply.data_size);
+        if (reply.data == NULL)
             return WIRE_STATUS_BAD_VALUE;
     }
     answer->size = (size_t)wire_pack_transient_read_reply(&reply, answer->payload, WIRE_MAX_PAYLOAD);

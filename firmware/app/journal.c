@@ -177,7 +177,7 @@ bool journal_write(struct journal *journal, const struct flash_port *flash, cons
                    const struct wire_logged_fault *fault)
 {
     struct wire_device_record record = journal->newest;
-    record.sequence = record.sequence + 1 == 0 ? 1 : record.sequence + 1;
+    record.sequence = record.sequence == UINT32_MAX ? 1 : record.sequence + 1;
     record.fault[0] = fault ? *fault : (struct wire_logged_fault){0};
     if (limits) {
         memcpy(record.limits, limits, sizeof record.limits);

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "app/wire_biquad.h"
 #include "core/fixed.h"
 #include "core/inverse_make.h"
 
@@ -13,23 +14,17 @@ _Static_assert(sizeof(((struct wire_axis_model *)0)->play_r_q24) / sizeof(int32_
 _Static_assert(sizeof(((struct wire_axis_model *)0)->knot_d_q24) / sizeof(int32_t) == INVERSE_KNOTS, "schema and core");
 _Static_assert(sizeof(((struct wire_axis_model *)0)->creep_k_q30) / sizeof(int32_t) == CREEP_TERMS, "schema and core");
 
-static struct biquad_config biquad(const struct wire_biquad *section)
-{
-    const int32_t c_q26[] = {section->b0_q26, section->b1_q26, section->b2_q26, section->a1_q26, section->a2_q26};
-    return biquad_of(c_q26);
-}
-
 static enum model_field filters(const struct wire_axis_model *model, struct compensation *compensation)
 {
     if (model->preview_ticks_q16 > PREVIEW_MOST_Q16)
         return FIELD_PREVIEW;
     compensation->preview_ticks_q16 = model->preview_ticks_q16;
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++) {
-        compensation->shape[i] = biquad(&model->shape[i]);
+        compensation->shape[i] = biquad_of_wire(&model->shape[i]);
         if (!biquad_is_usable(&compensation->shape[i]))
             return FIELD_SHAPE;
     }
-    compensation->drive = biquad(&model->drive[0]);
+    compensation->drive = biquad_of_wire(&model->drive[0]);
     return biquad_is_usable(&compensation->drive) ? FIELD_NONE : FIELD_DRIVE;
 }
 

@@ -121,9 +121,9 @@ static enum record_kind read_record(const struct flash_port *flash, unsigned at,
 /* Not whether the other slot holds a record: that may be an older one, which has gone bad. */
 static bool is_marked(const struct flash_port *flash, unsigned at)
 {
-    uint8_t mark[MARK_SIZE];
-    flash->read(flash->context, at, MARK_OFFSET, mark, sizeof mark);
-    return !is_blank(mark, sizeof mark);
+    uint8_t there[MARK_SIZE];
+    flash->read(flash->context, at, MARK_OFFSET, there, sizeof there);
+    return !is_blank(there, sizeof there);
 }
 
 static bool mark(const struct flash_port *flash, unsigned at)
@@ -182,7 +182,7 @@ enum wire_status model_store_persist(struct model_store *store, const struct fla
         return WIRE_STATUS_OK; /* it is there already: no erase for nothing */
     const struct model_slot *slot = &store->slots[store->active];
     unsigned at = store->sequence == 0 ? 0 : 1u - store->newest_slot;
-    uint32_t next = store->sequence + 1 == 0 ? 1 : store->sequence + 1;
+    uint32_t next = store->sequence == UINT32_MAX ? 1 : store->sequence + 1;
     uint8_t head[RECORD_HEADER_SIZE];
     put_u32(head, RECORD_MAGIC);
     put_u32(head + 4, next);

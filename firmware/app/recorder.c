@@ -120,9 +120,12 @@ enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const
     enum recorder_took took = RECORDER_TOOK;
     if (!recorder->recording)
         return RECORDER_TOOK;
-    if (recorder->freeze_left != 0 && --recorder->freeze_left == 0) {
-        recorder_stop(recorder);
-        return RECORDER_TURNED;
+    if (recorder->freeze_left != 0) {
+        recorder->freeze_left--;
+        if (recorder->freeze_left == 0) {
+            recorder_stop(recorder);
+            return RECORDER_TURNED;
+        }
     }
     if (recorder->skip > 0) {
         recorder->skip--;

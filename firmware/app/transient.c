@@ -104,8 +104,11 @@ void transient_tick(struct transient *transient, uint64_t tick, const uint16_t a
     }
     transient->skip = (uint16_t)(transient->trigger.decimation - 1);
     put(transient, tick, adc_codes, traces);
-    if (transient->state == WIRE_TRANSIENT_STATE_TRIGGERED && transient->left-- == 0)
+    if (transient->state != WIRE_TRANSIENT_STATE_TRIGGERED)
+        return;
+    if (transient->left == 0)
         transient->state = WIRE_TRANSIENT_STATE_FROZEN;
+    transient->left--;
 }
 
 const uint8_t *transient_bytes(const struct transient *transient, uint32_t offset, size_t *size)

@@ -81,7 +81,7 @@ static const struct {
     {"park", {9, 9, false}, 0x86},
     {"clear_fault", {0, 0, false}, 0x07},
     {"clear_fault", {9, 9, false}, 0x87},
-    {"set_axis", {18, 18, false}, 0x08},
+    {"set_axis", {18, 58, false}, 0x08},
     {"set_axis", {9, 9, false}, 0x88},
     {"set_path", {26, 26, false}, 0x09},
     {"set_path", {17, 17, false}, 0x89},
@@ -115,7 +115,7 @@ static const struct {
     {"queue", {12, 12, false}, 0xC1},
     {"set_joins", {6, 6, false}, 0x44},
     {"set_joins", {9, 9, false}, 0xC4},
-    {"set_gains", {17, 17, false}, 0x42},
+    {"set_gains", {17, 57, false}, 0x42},
     {"set_gains", {9, 9, false}, 0xC2},
     {"where", {0, 0, false}, 0x43},
     {"where", {72, 72, false}, 0xC3},
@@ -193,7 +193,7 @@ int32_t wire_pack_header(const struct wire_header *from, uint8_t *out, size_t ca
         return -1;
     out = put_u8(out, from->type);
     out = put_u16(out, from->id);
-    out = put_u64(out, from->session);
+    put_u64(out, from->session);
     return WIRE_HEADER_SIZE;
 }
 
@@ -212,7 +212,7 @@ int32_t wire_pack_reply_head(const struct wire_reply_head *from, uint8_t *out, s
     if (capacity < WIRE_REPLY_HEAD_SIZE)
         return -1;
     out = put_u8(out, from->status);
-    out = put_u64(out, from->tick);
+    put_u64(out, from->tick);
     return WIRE_REPLY_HEAD_SIZE;
 }
 
@@ -233,7 +233,7 @@ int32_t wire_pack_biquad(const struct wire_biquad *from, uint8_t *out, size_t ca
     out = put_u32(out, (uint32_t)from->b1_q26);
     out = put_u32(out, (uint32_t)from->b2_q26);
     out = put_u32(out, (uint32_t)from->a1_q26);
-    out = put_u32(out, (uint32_t)from->a2_q26);
+    put_u32(out, (uint32_t)from->a2_q26);
     return WIRE_BIQUAD_SIZE;
 }
 
@@ -301,7 +301,7 @@ int32_t wire_pack_axis_model(const struct wire_axis_model *from, uint8_t *out, s
         out = put_u32(out, (uint32_t)from->coupling_q28[i]);
     out = put_u32(out, (uint32_t)from->error_limit_q16);
     out = put_u32(out, from->error_ticks);
-    out = put_u32(out, (uint32_t)from->oscillation_limit_q16);
+    put_u32(out, (uint32_t)from->oscillation_limit_q16);
     return WIRE_AXIS_MODEL_SIZE;
 }
 
@@ -372,7 +372,7 @@ int32_t wire_pack_segment(const struct wire_segment *from, uint8_t *out, size_t 
     out = put_u64(out, from->step_turn64);
     out = put_u64(out, from->ticks);
     out = put_u16(out, from->enter_ticks);
-    out = put_u16(out, from->leave_ticks);
+    put_u16(out, from->leave_ticks);
     return WIRE_SEGMENT_SIZE;
 }
 
@@ -425,7 +425,7 @@ int32_t wire_pack_axis_limits(const struct wire_axis_limits *from, uint8_t *out,
     out = put_u16(out, from->dac_max);
     out = put_u32(out, from->slew_codes_q16);
     out = put_u16(out, from->adc_min);
-    out = put_u16(out, from->adc_max);
+    put_u16(out, from->adc_max);
     return WIRE_AXIS_LIMITS_SIZE;
 }
 
@@ -450,7 +450,7 @@ int32_t wire_pack_logged_fault(const struct wire_logged_fault *from, uint8_t *ou
     out = put_u32(out, from->detail);
     out = put_u8(out, from->fault);
     out = put_u8(out, from->axis);
-    out = put_u8(out, from->state);
+    put_u8(out, from->state);
     return WIRE_LOGGED_FAULT_SIZE;
 }
 
@@ -523,7 +523,7 @@ int32_t wire_pack_hello_reply(const struct wire_hello_reply *from, uint8_t *out,
     out = put_u8(out, from->reset_cause);
     out = put_u8(out, from->model_flags);
     out = put_u32(out, from->model_crc);
-    out = put_u16(out, from->max_payload);
+    put_u16(out, from->max_payload);
     return WIRE_HELLO_REPLY_SIZE;
 }
 
@@ -571,7 +571,7 @@ int32_t wire_pack_status_reply(const struct wire_status_reply *from, uint8_t *ou
     out = put_u32(out, from->overruns);
     out = put_u32(out, from->stream_dropped);
     out = put_u32(out, from->rx_errors);
-    out = put_u32(out, from->model_crc);
+    put_u32(out, from->model_crc);
     return WIRE_STATUS_REPLY_SIZE;
 }
 
@@ -605,7 +605,7 @@ int32_t wire_pack_arm_request(const struct wire_arm_request *from, uint8_t *out,
 {
     if (capacity < WIRE_ARM_REQUEST_SIZE)
         return -1;
-    out = put_u32(out, from->model_crc);
+    put_u32(out, from->model_crc);
     return WIRE_ARM_REQUEST_SIZE;
 }
 
@@ -621,7 +621,7 @@ int32_t wire_pack_start_request(const struct wire_start_request *from, uint8_t *
 {
     if (capacity < WIRE_START_REQUEST_SIZE)
         return -1;
-    out = put_u8(out, from->axis_mask);
+    put_u8(out, from->axis_mask);
     return WIRE_START_REQUEST_SIZE;
 }
 
@@ -639,7 +639,7 @@ int32_t wire_pack_start_reply(const struct wire_start_reply *from, uint8_t *out,
         return -1;
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
-    out = put_u64(out, from->first_tick);
+    put_u64(out, from->first_tick);
     return WIRE_START_REPLY_SIZE;
 }
 
@@ -663,6 +663,10 @@ int32_t wire_pack_set_axis_request(const struct wire_set_axis_request *from, uin
     out = put_u32(out, (uint32_t)from->ki_ts_q32);
     out = put_u32(out, (uint32_t)from->kd_over_ts_q24);
     out = put_u32(out, (uint32_t)from->d_alpha_q31);
+    for (size_t i = 0; i < 2; i++) {
+        wire_pack_biquad(&from->filters[i], out, WIRE_BIQUAD_SIZE);
+        out += WIRE_BIQUAD_SIZE;
+    }
     return WIRE_SET_AXIS_REQUEST_SIZE;
 }
 
@@ -676,6 +680,10 @@ bool wire_unpack_set_axis_request(struct wire_set_axis_request *to, const uint8_
     to->ki_ts_q32 = (int32_t)get_u32(&in);
     to->kd_over_ts_q24 = (int32_t)get_u32(&in);
     to->d_alpha_q31 = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 2; i++) {
+        wire_unpack_biquad(&to->filters[i], in, WIRE_BIQUAD_SIZE);
+        in += WIRE_BIQUAD_SIZE;
+    }
     return true;
 }
 
@@ -688,7 +696,7 @@ int32_t wire_pack_set_path_request(const struct wire_set_path_request *from, uin
     out = put_u32(out, (uint32_t)from->swing);
     out = put_u32(out, (uint32_t)from->offset);
     out = put_u64(out, from->step_turn64);
-    out = put_u64(out, from->ticks);
+    put_u64(out, from->ticks);
     return WIRE_SET_PATH_REQUEST_SIZE;
 }
 
@@ -712,7 +720,7 @@ int32_t wire_pack_set_path_reply(const struct wire_set_path_reply *from, uint8_t
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u32(out, (uint32_t)from->inverse_gain_q28);
-    out = put_u32(out, (uint32_t)from->lead_turn32);
+    put_u32(out, (uint32_t)from->lead_turn32);
     return WIRE_SET_PATH_REPLY_SIZE;
 }
 
@@ -734,7 +742,7 @@ int32_t wire_pack_wave_chunk_request(const struct wire_wave_chunk_request *from,
         return -1;
     out = put_u8(out, from->axis);
     out = put_u16(out, from->offset);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_WAVE_CHUNK_REQUEST_SIZE + from->data_size);
 }
 
@@ -754,7 +762,7 @@ int32_t wire_pack_wave_commit_request(const struct wire_wave_commit_request *fro
     if (capacity < WIRE_WAVE_COMMIT_REQUEST_SIZE)
         return -1;
     out = put_u8(out, from->axis);
-    out = put_u32(out, from->crc);
+    put_u32(out, from->crc);
     return WIRE_WAVE_COMMIT_REQUEST_SIZE;
 }
 
@@ -772,7 +780,7 @@ int32_t wire_pack_model_begin_request(const struct wire_model_begin_request *fro
     if (capacity < WIRE_MODEL_BEGIN_REQUEST_SIZE)
         return -1;
     out = put_u32(out, from->size);
-    out = put_u32(out, from->crc);
+    put_u32(out, from->crc);
     return WIRE_MODEL_BEGIN_REQUEST_SIZE;
 }
 
@@ -791,7 +799,7 @@ int32_t wire_pack_model_chunk_request(const struct wire_model_chunk_request *fro
         capacity < WIRE_MODEL_CHUNK_REQUEST_SIZE + from->data_size)
         return -1;
     out = put_u32(out, from->offset);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_MODEL_CHUNK_REQUEST_SIZE + from->data_size);
 }
 
@@ -812,7 +820,7 @@ int32_t wire_pack_model_commit_reply(const struct wire_model_commit_reply *from,
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u16(out, from->invalid_field);
-    out = put_u8(out, from->held_back);
+    put_u8(out, from->held_back);
     return WIRE_MODEL_COMMIT_REPLY_SIZE;
 }
 
@@ -832,7 +840,7 @@ int32_t wire_pack_model_read_request(const struct wire_model_read_request *from,
     if (capacity < WIRE_MODEL_READ_REQUEST_SIZE)
         return -1;
     out = put_u32(out, from->offset);
-    out = put_u16(out, from->length);
+    put_u16(out, from->length);
     return WIRE_MODEL_READ_REQUEST_SIZE;
 }
 
@@ -854,7 +862,7 @@ int32_t wire_pack_model_read_reply(const struct wire_model_read_reply *from, uin
     out = put_u64(out, from->tick);
     out = put_u32(out, from->size);
     out = put_u32(out, from->crc);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_MODEL_READ_REPLY_SIZE + from->data_size);
 }
 
@@ -877,7 +885,7 @@ int32_t wire_pack_model_persist_reply(const struct wire_model_persist_reply *fro
         return -1;
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
-    out = put_u32(out, from->sequence);
+    put_u32(out, from->sequence);
     return WIRE_MODEL_PERSIST_REPLY_SIZE;
 }
 
@@ -897,7 +905,7 @@ int32_t wire_pack_stream_start_request(const struct wire_stream_start_request *f
         return -1;
     out = put_u8(out, from->channels);
     out = put_u8(out, from->axis_mask);
-    out = put_u16(out, from->decimation);
+    put_u16(out, from->decimation);
     return WIRE_STREAM_START_REQUEST_SIZE;
 }
 
@@ -919,7 +927,7 @@ int32_t wire_pack_stream_start_reply(const struct wire_stream_start_reply *from,
     out = put_u64(out, from->tick);
     out = put_u32(out, from->bytes_per_s);
     out = put_u32(out, from->budget_bytes_per_s);
-    out = put_u32(out, from->state_size);
+    put_u32(out, from->state_size);
     return WIRE_STREAM_START_REPLY_SIZE;
 }
 
@@ -942,7 +950,7 @@ int32_t wire_pack_stream_stop_reply(const struct wire_stream_stop_reply *from, u
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u64(out, from->sent_ticks);
-    out = put_u64(out, from->dropped_ticks);
+    put_u64(out, from->dropped_ticks);
     return WIRE_STREAM_STOP_REPLY_SIZE;
 }
 
@@ -963,7 +971,7 @@ int32_t wire_pack_snapshot_read_request(const struct wire_snapshot_read_request 
         return -1;
     out = put_u8(out, from->region);
     out = put_u32(out, from->offset);
-    out = put_u16(out, from->length);
+    put_u16(out, from->length);
     return WIRE_SNAPSHOT_READ_REQUEST_SIZE;
 }
 
@@ -985,7 +993,7 @@ int32_t wire_pack_snapshot_read_reply(const struct wire_snapshot_read_reply *fro
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
     out = put_u32(out, from->size);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_SNAPSHOT_READ_REPLY_SIZE + from->data_size);
 }
 
@@ -1005,7 +1013,7 @@ int32_t wire_pack_set_timeout_request(const struct wire_set_timeout_request *fro
 {
     if (capacity < WIRE_SET_TIMEOUT_REQUEST_SIZE)
         return -1;
-    out = put_u32(out, from->ticks);
+    put_u32(out, from->ticks);
     return WIRE_SET_TIMEOUT_REQUEST_SIZE;
 }
 
@@ -1033,7 +1041,7 @@ int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, s
     out = put_u8(out, from->brown_out_level);
     out = put_u8(out, from->last_fault);
     out = put_u32(out, from->last_fault_detail);
-    out = put_u32(out, from->flash_sequence);
+    put_u32(out, from->flash_sequence);
     return WIRE_INFO_REPLY_SIZE;
 }
 
@@ -1066,7 +1074,7 @@ int32_t wire_pack_motion_request(const struct wire_motion_request *from, uint8_t
     out = put_u64(out, from->acceleration);
     out = put_u64(out, from->jerk);
     out = put_u32(out, (uint32_t)from->window_q16);
-    out = put_u32(out, from->window_ticks);
+    put_u32(out, from->window_ticks);
     return WIRE_MOTION_REQUEST_SIZE;
 }
 
@@ -1117,7 +1125,7 @@ int32_t wire_pack_queue_reply(const struct wire_queue_reply *from, uint8_t *out,
         return -1;
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
-    out = put_bytes(out, from->queued, 3);
+    put_bytes(out, from->queued, 3);
     return WIRE_QUEUE_REPLY_SIZE;
 }
 
@@ -1138,7 +1146,7 @@ int32_t wire_pack_set_joins_request(const struct wire_set_joins_request *from, u
     out = put_u8(out, from->axis);
     out = put_u8(out, from->flags);
     out = put_u16(out, from->enter_ticks);
-    out = put_u16(out, from->leave_ticks);
+    put_u16(out, from->leave_ticks);
     return WIRE_SET_JOINS_REQUEST_SIZE;
 }
 
@@ -1162,6 +1170,10 @@ int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, u
     out = put_u32(out, (uint32_t)from->ki_ts_q32);
     out = put_u32(out, (uint32_t)from->kd_over_ts_q24);
     out = put_u32(out, (uint32_t)from->d_alpha_q31);
+    for (size_t i = 0; i < 2; i++) {
+        wire_pack_biquad(&from->filters[i], out, WIRE_BIQUAD_SIZE);
+        out += WIRE_BIQUAD_SIZE;
+    }
     return WIRE_SET_GAINS_REQUEST_SIZE;
 }
 
@@ -1174,6 +1186,10 @@ bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint
     to->ki_ts_q32 = (int32_t)get_u32(&in);
     to->kd_over_ts_q24 = (int32_t)get_u32(&in);
     to->d_alpha_q31 = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 2; i++) {
+        wire_unpack_biquad(&to->filters[i], in, WIRE_BIQUAD_SIZE);
+        in += WIRE_BIQUAD_SIZE;
+    }
     return true;
 }
 
@@ -1241,7 +1257,7 @@ int32_t wire_pack_update_info_reply(const struct wire_update_info_reply *from, u
     out = put_u32(out, from->slot_size);
     out = put_u32(out, from->free_address);
     out = put_u32(out, from->version);
-    out = put_u32(out, from->trial_ticks);
+    put_u32(out, from->trial_ticks);
     return WIRE_UPDATE_INFO_REPLY_SIZE;
 }
 
@@ -1265,7 +1281,7 @@ int32_t wire_pack_update_begin_request(const struct wire_update_begin_request *f
 {
     if (capacity < WIRE_UPDATE_BEGIN_REQUEST_SIZE)
         return -1;
-    out = put_bytes(out, from->header, 64);
+    put_bytes(out, from->header, 64);
     return WIRE_UPDATE_BEGIN_REQUEST_SIZE;
 }
 
@@ -1283,7 +1299,7 @@ int32_t wire_pack_update_chunk_request(const struct wire_update_chunk_request *f
         capacity < WIRE_UPDATE_CHUNK_REQUEST_SIZE + from->data_size)
         return -1;
     out = put_u32(out, from->offset);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_UPDATE_CHUNK_REQUEST_SIZE + from->data_size);
 }
 
@@ -1301,7 +1317,7 @@ int32_t wire_pack_update_confirm_request(const struct wire_update_confirm_reques
 {
     if (capacity < WIRE_UPDATE_CONFIRM_REQUEST_SIZE)
         return -1;
-    out = put_bytes(out, from->build_id, 20);
+    put_bytes(out, from->build_id, 20);
     return WIRE_UPDATE_CONFIRM_REQUEST_SIZE;
 }
 
@@ -1403,7 +1419,7 @@ int32_t wire_pack_transient_arm_request(const struct wire_transient_arm_request 
     out = put_u8(out, from->falling);
     out = put_u32(out, (uint32_t)from->level);
     out = put_u16(out, from->decimation);
-    out = put_u16(out, from->after);
+    put_u16(out, from->after);
     return WIRE_TRANSIENT_ARM_REQUEST_SIZE;
 }
 
@@ -1427,7 +1443,7 @@ int32_t wire_pack_transient_arm_reply(const struct wire_transient_arm_reply *fro
         return -1;
     out = put_u8(out, from->status);
     out = put_u64(out, from->tick);
-    out = put_u16(out, from->entries);
+    put_u16(out, from->entries);
     return WIRE_TRANSIENT_ARM_REPLY_SIZE;
 }
 
@@ -1446,7 +1462,7 @@ int32_t wire_pack_transient_read_request(const struct wire_transient_read_reques
     if (capacity < WIRE_TRANSIENT_READ_REQUEST_SIZE)
         return -1;
     out = put_u32(out, from->offset);
-    out = put_u16(out, from->length);
+    put_u16(out, from->length);
     return WIRE_TRANSIENT_READ_REQUEST_SIZE;
 }
 
@@ -1472,7 +1488,7 @@ int32_t wire_pack_transient_read_reply(const struct wire_transient_read_reply *f
     out = put_u16(out, from->decimation);
     out = put_bytes(out, from->modes, 3);
     out = put_u32(out, from->size);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_TRANSIENT_READ_REPLY_SIZE + from->data_size);
 }
 
@@ -1504,7 +1520,7 @@ int32_t wire_pack_samples(const struct wire_samples *from, uint8_t *out, size_t 
     out = put_u8(out, from->channels);
     out = put_u8(out, from->axis_mask);
     out = put_u16(out, from->decimation);
-    out = put_bytes(out, from->data, from->data_size);
+    put_bytes(out, from->data, from->data_size);
     return (int32_t)(WIRE_SAMPLES_SIZE + from->data_size);
 }
 
@@ -1529,7 +1545,7 @@ int32_t wire_pack_event(const struct wire_event *from, uint8_t *out, size_t capa
         return -1;
     out = put_u64(out, from->tick);
     out = put_u8(out, from->kind);
-    out = put_u32(out, from->value);
+    put_u32(out, from->value);
     return WIRE_EVENT_SIZE;
 }
 

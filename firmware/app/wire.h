@@ -11,7 +11,7 @@
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
 #define WIRE_FINGERPRINT 0xD1C20CFCu
 #define WIRE_VERSION 2
-#define WIRE_REVISION 1
+#define WIRE_REVISION 2
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
 #define WIRE_CRC_SIZE 4
@@ -449,7 +449,7 @@ struct wire_start_reply {
 };
 
 /* 0x08: Mode and gains of one axis; while parked or armed */
-#define WIRE_SET_AXIS_REQUEST_SIZE 18
+#define WIRE_SET_AXIS_REQUEST_SIZE 58
 struct wire_set_axis_request {
     uint8_t axis;
     uint8_t mode;
@@ -457,6 +457,7 @@ struct wire_set_axis_request {
     int32_t ki_ts_q32; /* V/um per tick */
     int32_t kd_over_ts_q24; /* V/um */
     int32_t d_alpha_q31; /* derivative filter y += alpha (x - y); 0x7fffffff: no filter */
+    struct wire_biquad filters[2]; /* behind the PID, one after the other; all of it 0: none */
 };
 
 /* 0x09: Reference of one axis; while parked or armed. Looks the feed-forward tables up and refuses what they do not cover */
@@ -651,13 +652,14 @@ struct wire_set_joins_request {
 };
 
 /* 0x42: Gains of one axis, also while it runs: the output goes on from where it is */
-#define WIRE_SET_GAINS_REQUEST_SIZE 17
+#define WIRE_SET_GAINS_REQUEST_SIZE 57
 struct wire_set_gains_request {
     uint8_t axis;
     int32_t kp_q24; /* V/um */
     int32_t ki_ts_q32; /* V/um per tick */
     int32_t kd_over_ts_q24; /* V/um */
     int32_t d_alpha_q31;
+    struct wire_biquad filters[2]; /* as in SET_AXIS */
 };
 
 /* 0xC3: Where the axes are, and where they go; also feeds the host timeout */

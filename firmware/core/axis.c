@@ -23,6 +23,7 @@ void axis_start(struct axis_state *state)
     state->watch = (struct watch_state){0};
     state->join.step_turn64 = 0;
     state->near_ticks = 0;
+    state->filter.primed = 0;
     state->oscillation = (struct oscillation_state){0};
     state->drive = DRIVE_PATH;
 }
@@ -97,7 +98,8 @@ static int32_t feedback_q24(const struct axis_config *config, struct axis_state 
         return 0;
     if (state->pid.primed == 0)
         pid_preset(&config->pid, &state->pid, error_q16, state->u_q24, state->target.feedforward_q24);
-    return pid_step_q24(&config->pid, &state->pid, error_q16, saturated);
+    const int32_t u_q24 = pid_step_q24(&config->pid, &state->pid, error_q16, saturated);
+    return loop_filter_step_q24(&config->filter, &state->filter, u_q24, saturated);
 }
 
 /* Slew limit and clamp, with anti-windup for what they cut off. */

@@ -8,6 +8,7 @@
 #include "core/compensation.h"
 #include "core/converter.h"
 #include "core/feedforward.h"
+#include "core/loop_filter.h"
 #include "core/oscillation.h"
 #include "core/output.h"
 #include "core/path.h"
@@ -31,7 +32,7 @@ struct axis_config { /* fixed-size fields, explicit padding: read back as it lie
     uint32_t error_ticks;
     uint32_t code_min, code_max;   /* of the sensor: outside of them an axis that follows a path is a fault */
     int32_t oscillation_limit_q16; /* under feedback, um rms above the loop's band: from here on it matters */
-    uint32_t padding;
+    struct loop_filter_config filter;
     uint64_t enter_turn64, leave_turn64; /* of `path`, as in struct segment */
     uint32_t enter_ticks, leave_ticks;
     int32_t window_q16;    /* on target: no further off than this */
@@ -74,10 +75,11 @@ struct axis_state {
     uint32_t near_ticks; /* in a row within the window; saturates */
     uint32_t reserved;
     struct oscillation_state oscillation;
+    struct loop_filter_state filter;
 };
 
 /* Both are copied byte for byte between 32- and 64-bit builds, so neither may contain padding of the compiler's. */
-_Static_assert(sizeof(struct axis_config) == 152 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
-_Static_assert(sizeof(struct axis_state) == 824 && offsetof(struct axis_state, join) == 592, "axis_state is padded");
+_Static_assert(sizeof(struct axis_config) == 192 && offsetof(struct axis_config, path) == 32, "axis_config is padded");
+_Static_assert(sizeof(struct axis_state) == 872 && offsetof(struct axis_state, join) == 592, "axis_state is padded");
 
 #endif

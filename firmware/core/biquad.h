@@ -26,7 +26,7 @@ struct biquad_state {
 };
 
 /* From b0, b1, b2, a1, a2. A coefficient INT32_MIN has no negative: it stays, and the section is not usable. */
-struct biquad_config biquad_of(const int32_t coefficients_q26[5]);
+struct biquad_config biquad_of(const int32_t c_q26[5]);
 
 /* Stable, and with a static gain of exactly 1: 1 + a1 + a2 = b0 + b1 + b2. The one usable section without effect is b0
  * = 1 and nothing else. */

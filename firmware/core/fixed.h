@@ -77,9 +77,14 @@ static inline int64_t sat_below_power_i64(int64_t value, unsigned bits, bool *sa
     return sat_between_i64(value, -((int64_t)1 << bits), ((int64_t)1 << bits) - 1, saturated);
 }
 
+/* One comparison where nothing saturates: that is what a tick does all the time. */
 static inline int32_t sat_i32(int64_t value, bool *saturated)
 {
-    return (int32_t)sat_between_i64(value, INT32_MIN, INT32_MAX, saturated);
+    const int32_t low = (int32_t)(uint32_t)(uint64_t)value;
+    if (low == value)
+        return low;
+    *saturated = true;
+    return value < 0 ? INT32_MIN : INT32_MAX;
 }
 
 static inline int32_t sat_add_i32(int32_t a, int32_t b, bool *saturated)

@@ -55,7 +55,7 @@ static bool plays_fit(const struct inverse_config *config, const struct inverse_
 {
     int64_t up_before_q24 = 0, down_before_q24 = 0;
     for (unsigned i = 0; i < config->plays; i++) {
-        int64_t from_q24 = (int64_t)inverse_play_q24(config, state, i) - state->v_q24;
+        int64_t from_q24 = inverse_play_q24(config, state, i) - state->v_q24;
         int64_t up_q24 = config->play[i].r_q24 + from_q24, down_q24 = config->play[i].r_q24 - from_q24;
         if (up_q24 < up_before_q24 || down_q24 < down_before_q24)
             return false;

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
         verify,
         write_report,
     )
-    from phaselead.control import Controller, Learned, Loop, Run, connect
+    from phaselead.control import Controller, Learned, Loop, Run, Tuned, connect
     from phaselead.device import DeviceFault
     from phaselead.errors import BadInput, DeviceRefused, LinkError, PhaseleadError
     from phaselead.gap import GapResult
@@ -72,6 +72,7 @@ __all__ = [
     "Recordings",
     "Run",
     "Stage",
+    "Tuned",
     "Verifications",
     "__version__",
     "campaign",
@@ -101,7 +102,7 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "control": ("Controller", "Learned", "Loop", "Run", "connect"),
+    "control": ("Controller", "Learned", "Loop", "Run", "Tuned", "connect"),
     "device": ("DeviceFault",),
     "errors": ("BadInput", "DeviceRefused", "LinkError", "PhaseleadError"),
     "gap": ("GapResult",),

@@ -42,7 +42,7 @@ int main(int count, char **arguments)
 {
     if (count != 2 || !host_flash_init(&flash, NULL, 0))
         return 2;
-    fault = (enum wire_fault)atoi(arguments[1]);
+    fault = (enum wire_fault)strtol(arguments[1], NULL, 10);
     records = host_flash_journal(&flash);
     struct device_port port = {.flash = host_flash_models(&flash), .records = records, .target = "host"};
     port.records.program = program;

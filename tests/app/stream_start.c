@@ -37,7 +37,7 @@ int main(int count, char **arguments)
                                .target = "host"};
     device_init(&device, &port);
     device.latched_valid = true; /* of a stream before */
-    left = (unsigned)atoi(arguments[1]);
+    left = (unsigned)strtoul(arguments[1], NULL, 10);
 
     const struct wire_stream_start_request start = {.channels = WIRE_CHANNEL_DAC, .axis_mask = 1, .decimation = 1};
     uint8_t payload[WIRE_MAX_PAYLOAD], reply[WIRE_MAX_PAYLOAD];

@@ -266,6 +266,32 @@ def test_a_hold_within_a_move_stops_between_here_and_its_target():
     assert 4 * V < where.reference[0] < 5 * V
 
 
+def test_a_hold_within_a_sine_stops_where_that_is_half_a_join_later():
+    """No test saw a look ahead of half as many ticks."""
+    stopped, going = holding(), holding()
+    for bench in (stopped, going):
+        assert queue(bench, x=sine(4 * V, 0, 5, 0)) == wire.Status.OK
+        bench.run(330)
+    assert queue(stopped, x=hold(flags=HERE, enter=200), at_once=1) == wire.Status.OK
+    begun = going.status().tick
+    for bench in (stopped, going):
+        bench.run(400)
+    begun -= going.samples[0].first_tick
+    along = references(going)["x"][begun + 95 : begun + 106]
+    assert along.min() < references(stopped)["x"][-1] < along.max()
+
+
+def test_a_hold_follows_where_a_move_that_says_its_own_begin_ends():
+    """No test saw the swing of such a move taken for its end."""
+    bench = holding()
+    a_to_b = wire.Segment(wire.PathKind.MOVE, 0, 3 * V, V, per(100), 0, 0, 0)
+    assert queue(bench, x=move_to(V, 100)) == wire.Status.OK
+    assert queue(bench, x=a_to_b) == wire.Status.OK
+    for elsewhere in (3 * V, 6 * V, V):
+        assert queue(bench, x=hold(elsewhere)) == wire.Status.BAD_VALUE
+    assert queue(bench, x=hold(4 * V)) == wire.Status.OK
+
+
 def test_start_enters_a_path_and_says_when_it_begins():
     bench = Bench()
     assert bench.set_axis(0, wire.Mode.OPEN) == wire.Status.OK

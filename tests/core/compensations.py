@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from core_bindings import Biquad, Compensation, CompensationState, Creep, Inverse, whole
+from core_bindings import Biquad, Compensation, CompensationState, Creep, Inverse, LoopFilterConfig, whole
 from hypothesis import strategies as st
 
 V, UM = 2**24, 2**16
@@ -35,6 +35,13 @@ def _sections(draw):
 
 sections = _sections().filter(lambda section: sum(coefficients_b(section)) == ONE_Q26 + section.a1_q26 + section.a2_q26)
 """Those whose coefficients fit: ctypes would wrap the others."""
+loop_sections = sections.filter(lambda section: max(map(abs, coefficients_b(section))) < 16 * ONE_Q26)
+any_filter = st.builds(
+    lambda in_use, one, other: LoopFilterConfig(in_use, (Biquad * 2)(one, other)),
+    st.integers(0, 3),
+    loop_sections,
+    loop_sections,
+)
 creeps = st.builds(
     lambda alphas, ks: Creep(tuple(alphas), tuple(ks)),
     st.lists(whole(0, ONE_Q64 // 4), min_size=8, max_size=8),

@@ -15,7 +15,7 @@ CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
 STRAIGHT = ["axis", "axis_mode", "axis_path", "biquad", "converter", "feedforward", "output", "path", "pid", "segment"]
 STRAIGHT += ["sine", "watch"]
-COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse", "oscillation"]
+COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse", "loop_filter", "oscillation"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
 """Sources whose every function may run in a tick."""
@@ -115,6 +115,49 @@ class ConverterConfig(ct.Structure):
     ]
 
 
+class Biquad(ct.Structure):
+    """Given and asked for its a1 and a2, of which the core holds the negatives."""
+
+    _fields_ = [(f"{name}_q26", ct.c_int32) for name in ("b0", "b1", "b2", "minus_a1", "minus_a2")]
+
+    def __init__(self, b0=0, b1=0, b2=0, a1=0, a2=0):
+        super().__init__(b0, b1, b2, -a1, -a2)
+
+    @property
+    def a1_q26(self):
+        return -self.minus_a1_q26
+
+    @property
+    def a2_q26(self):
+        return -self.minus_a2_q26
+
+
+class BiquadValue(ct.Structure):
+    """high x 2^28 + low, q40."""
+
+    _fields_ = [("high_q12", ct.c_int32), ("low_q40", ct.c_int32)]
+
+    @property
+    def q40(self):
+        return (self.high_q12 << 28) + self.low_q40
+
+
+class BiquadState(ct.Structure):
+    _fields_ = [(name, BiquadValue) for name in ("x1", "x2", "y1", "y2")]
+
+
+class LoopFilterConfig(ct.Structure):
+    _fields_ = [("in_use", ct.c_uint32), ("section", Biquad * 2)]
+
+
+class LoopSectionState(ct.Structure):
+    _fields_ = [*((name, ct.c_int32) for name in ("x1_q24", "x2_q24", "y1_q24", "y2_q24")), ("rest_q50", ct.c_uint32)]
+
+
+class LoopFilterState(ct.Structure):
+    _fields_ = [("primed", ct.c_uint32), ("reserved", ct.c_uint32), ("section", LoopSectionState * 2)]
+
+
 class AxisConfig(ct.Structure):
     _fields_ = [
         ("mode", ct.c_uint32),
@@ -130,7 +173,7 @@ class AxisConfig(ct.Structure):
         ("code_min", ct.c_uint32),
         ("code_max", ct.c_uint32),
         ("oscillation_limit_q16", ct.c_int32),
-        ("padding", ct.c_uint32),
+        ("filter", LoopFilterConfig),
         ("enter_turn64", ct.c_uint64),
         ("leave_turn64", ct.c_uint64),
         ("enter_ticks", ct.c_uint32),
@@ -167,37 +210,6 @@ class JoinState(ct.Structure):
 
 class MotionBounds(ct.Structure):
     _fields_ = [(name, ct.c_uint64) for name in ("velocity", "acceleration", "jerk")]
-
-
-class Biquad(ct.Structure):
-    """Given and asked for its a1 and a2, of which the core holds the negatives."""
-
-    _fields_ = [(f"{name}_q26", ct.c_int32) for name in ("b0", "b1", "b2", "minus_a1", "minus_a2")]
-
-    def __init__(self, b0=0, b1=0, b2=0, a1=0, a2=0):
-        super().__init__(b0, b1, b2, -a1, -a2)
-
-    @property
-    def a1_q26(self):
-        return -self.minus_a1_q26
-
-    @property
-    def a2_q26(self):
-        return -self.minus_a2_q26
-
-
-class BiquadValue(ct.Structure):
-    """high x 2^28 + low, q40."""
-
-    _fields_ = [("high_q12", ct.c_int32), ("low_q40", ct.c_int32)]
-
-    @property
-    def q40(self):
-        return (self.high_q12 << 28) + self.low_q40
-
-
-class BiquadState(ct.Structure):
-    _fields_ = [(name, BiquadValue) for name in ("x1", "x2", "y1", "y2")]
 
 
 class Creep(ct.Structure):
@@ -349,6 +361,7 @@ class AxisState(ct.Structure):
         ("near_ticks", ct.c_uint32),
         ("reserved", ct.c_uint32),
         ("oscillation", OscillationState),
+        ("filter", LoopFilterState),
     ]
 
 
@@ -471,6 +484,13 @@ PROTOTYPES = {
     "feedforward_lookup": (ct.c_bool, [ct.POINTER(FeedforwardTables), I32, I32, ct.POINTER(Point)]),
     "feedforward_static_q24": (I32, [ct.POINTER(FeedforwardTables), I32]),
     "feedforward_step_q24": (I32, [ct.POINTER(Point), I32, FLAG]),
+    "loop_filter_make": (ct.c_bool, [ct.POINTER(LoopFilterConfig), ct.POINTER(Biquad)]),
+    "loop_filter_exchange": (
+        None,
+        [ct.POINTER(LoopFilterConfig), ct.POINTER(LoopFilterConfig), ct.POINTER(LoopFilterState)],
+    ),
+    "loop_filter_is_usable": (ct.c_bool, [ct.POINTER(LoopFilterConfig)]),
+    "loop_filter_step_q24": (I32, [ct.POINTER(LoopFilterConfig), ct.POINTER(LoopFilterState), I32, FLAG]),
     "axis_start": (None, [ct.POINTER(AxisState)]),
     "axis_begin": (
         None,

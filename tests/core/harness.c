@@ -182,7 +182,8 @@ size_t h_sizeof(int which)
         sizeof(struct feedforward_model),  sizeof(struct feedforward_tables), sizeof(struct path_config),
         sizeof(struct path_state),         sizeof(struct pid_state),          sizeof(struct compensation),
         sizeof(struct compensation_state), sizeof(struct decoupling),         sizeof(struct axis_target),
-        sizeof(struct watch_state),        sizeof(struct watch_config),       sizeof(struct watch_tick)};
+        sizeof(struct watch_state),        sizeof(struct watch_config),       sizeof(struct watch_tick),
+        sizeof(struct loop_filter_config), sizeof(struct loop_filter_state)};
     return sizes[which];
 }
 
@@ -271,6 +272,8 @@ int main(void)
         struct axis_state state = {0};
         int32_t range_f[2];
         take(&config, sizeof config);
+        if (!loop_filter_is_usable(&config.filter))
+            config.filter.in_use = 0;
         take(&law, sizeof law);
         take(&compensation, sizeof compensation);
         take(play_w_q20, sizeof play_w_q20);

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from compensations import any_compensation, memory_of
+from compensations import any_compensation, any_filter, memory_of
 from core_bindings import (
     INT32_MAX,
     AxisConfig,
@@ -20,6 +20,8 @@ from core_bindings import (
     FeedforwardModel,
     FeedforwardTables,
     Kind,
+    LoopFilterConfig,
+    LoopFilterState,
     Mode,
     OutputConfig,
     PathConfig,
@@ -80,7 +82,7 @@ sane_path = st.builds(
 @st.composite
 def configs(draw, modes=tuple(Mode)):
     low, high = sorted((draw(any_i32), draw(any_i32)))
-    return AxisConfig(
+    config = AxisConfig(
         draw(st.sampled_from(modes)),
         draw(any_i32),
         draw(whole(0, INT32_MAX)),
@@ -91,6 +93,8 @@ def configs(draw, modes=tuple(Mode)):
         draw(st.sampled_from([OUTPUT, OutputConfig(low, high, draw(whole(0, INT32_MAX)))])),
         draw(st.sampled_from([CONVERTER, ConverterConfig(draw(any_i32), draw(any_i32), draw(any_i32), draw(any_i32))])),
     )
+    config.filter = draw(any_filter)
+    return config
 
 
 INVERSE = (Mode.INVERSE, Mode.INVERSE_PID)
@@ -141,6 +145,7 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
             if not state.pid.primed:
                 core.pid_preset(config.pid, state.pid, error, state.u_q24, ff)
             fb = block("pid_step_q24", config.pid, state.pid, error)
+            fb = block("loop_filter_step_q24", config.filter, state.filter, fb)
         asked = ff + fb
     else:
         flags.clear()  # nothing came of it
@@ -186,7 +191,7 @@ def test_axis_is_its_blocks(core, tables, wave, mode, data, ticks, with_model):
 def test_struct_sizes_are_those_of_the_bindings(core):
     structs = [AxisConfig, AxisState, AxisTrace, FeedforwardModel, FeedforwardTables]
     structs += [PathConfig, PathState, PidState, Compensation, CompensationState, Decoupling, AxisTarget]
-    structs += [WatchState, WatchConfig, WatchTick]
+    structs += [WatchState, WatchConfig, WatchTick, LoopFilterConfig, LoopFilterState]
     assert [core.h_sizeof(i) for i in range(len(structs))] == [ct.sizeof(s) for s in structs]
 
 
@@ -195,14 +200,14 @@ def test_start_sets_the_whole_state(core):
         PathState(1, 2, 0, 4), AxisTarget(1, 2, 3, 4), PidState(1, 2, 3, 4, 5), CompensationState(primed=1)
     )
     state.u_q24, state.drive, state.saturations = 777, Command.RAMP, 8
-    state.watch.rail_ticks, state.watch.primed = 9, 1
+    state.watch.rail_ticks, state.watch.primed, state.filter.primed = 9, 1, 3
     state.compensation.inverse.v_q24 = 5
     core.axis_start(state)
     assert bytes(state.path) == bytes(PathState(0, 0, 1, 0))
     assert bytes(state.pid) == bytes(PidState())
     assert (state.u_q24, state.drive, state.saturations) == (777, Command.PATH, 8)
     assert bytes(state.watch) == bytes(WatchState())
-    assert state.target.flags == 0
+    assert (state.target.flags, state.filter.primed) == (0, 0)
     assert (state.compensation.primed, state.compensation.inverse.v_q24) == (0, 5)
 
 

@@ -190,3 +190,18 @@ def test_the_built_in_stage_is_as_the_page_says() -> None:
         assert {row[0]: numbers(row[column]) for row in rows} == parameters(stage["axes"][axis])
     _, *coupling = rows_under(text_of("xyz250.md"), "responding")
     assert [[float(cell) for cell in row[1:]] for row in coupling] == stage["cross_coupling"]
+
+
+def test_every_test_that_a_promise_names_is_there():
+    text = text_of("promises.md")
+    named = re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text)
+    assert len(named) > 30
+    for path, test in named:
+        assert (ROOT / path).is_file(), path
+        assert f"def {test}" in (ROOT / path).read_text(), f"{path}::{test}"
+
+
+def test_every_promise_names_a_test():
+    rows = [line for line in text_of("promises.md").splitlines() if line.startswith("| ")]
+    headings = ("| what may happen |", "| question |", "| mutant |", "| `core/")
+    assert [row for row in rows if "`tests/" not in row and not row.startswith(headings)] == []

@@ -30,6 +30,12 @@ def step(f_Hz):
     return round(f_Hz / 5000 * 2**64)
 
 
+ONE = 1 << 26
+NEAR_ONE = wire.Biquad(ONE + 4, -ONE // 4 - 4, 2, -ONE // 4, 2)
+SLOWER = wire.Biquad(ONE - ONE // 16, -ONE // 2, 0, -ONE // 2 - ONE // 16, 0)
+"""Sections that the loops can stand."""
+
+
 def with_gains(axis, mode):
     gains = PAPER_GAINS
     kp, ki_ts = round(gains.kp_V_per_um * V), round(gains.ki_V_per_um_s / 5000 * 2**32)
@@ -64,7 +70,8 @@ def paths_one_after_another(talker):
     )
     talker.run(3500)
     hold = queued(wire.PathKind.HOLD, here, 0, 0, 0, 0, 150, 0)
-    talker.ok(replace(hold, at_once=1), wire.SetGainsRequest(0, V // 100, 1 << 20, 0, 0x7FFFFFFF), wire.WhereRequest())
+    gains = wire.SetGainsRequest(0, V // 100, 1 << 20, 0, 0x7FFFFFFF, (SLOWER, NEAR_ONE))
+    talker.ok(replace(hold, at_once=1), gains, wire.WhereRequest())
     talker.run(400)
     talker.ok(wire.ParkRequest())
     talker.run(2500)
@@ -91,7 +98,7 @@ def script(talker):
     talker.run(2500)
     paths_one_after_another(talker)
     talker.ok(
-        with_gains(0, wire.Mode.PID),
+        replace(with_gains(0, wire.Mode.PID), filters=(NEAR_ONE, SLOWER)),
         wire.SetPathRequest(0, wire.PathKind.SINE, 20 * UM, 10 * UM, step(80), 30_000),
         wire.SetAxisRequest(1, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF),
         wire.SetPathRequest(1, wire.PathKind.SINE, 11 * V, -1 * V, step(60), 0),  # faster than the slew limit

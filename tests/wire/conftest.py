@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ sys.path.insert(0, str(ROOT / "protocol"))
 from layout import Field, Schema, load  # noqa: E402
 
 SOURCES = [str(ROOT / "firmware" / "app" / f"{name}.c") for name in ("wire", "cobs", "crc32", "frame")]
-CC = ["cc", "-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'firmware'}"]
+CC = [os.environ.get("CC", "cc"), "-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", f"-I{ROOT / 'firmware'}"]
 
 DRIVER = """\
 #include "app/frame.h"

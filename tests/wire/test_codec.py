@@ -154,8 +154,8 @@ def test_codecs_accept_the_same_of_any_payload(number: int, payload: bytes, know
         size = wire.MESSAGES[kind].SIZE if kind in wire.MESSAGES else 0
         for cut in (payload, (payload * 2 + bytes(size))[:size], bytes(size + 1), bytes(max(size - 1, 0))):
             line = encode_frame(wire.HEADER.pack(kind, 1, 2) + cut)
-            longer = kind in wire.MESSAGES and not wire.MESSAGES[kind].TAIL and len(cut) > size
-            assert line_c.accepted(line) == ([] if longer else accepted(line))  # the device shortens it before
+            fitted = kind in wire.MESSAGES and not wire.MESSAGES[kind].TAIL and len(cut) != size
+            assert line_c.accepted(line) == ([] if fitted else accepted(line))  # the device fits it before
 
 
 def test_both_refuse_a_payload_over_the_limit(line_c: Any) -> None:

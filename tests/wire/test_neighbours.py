@@ -30,7 +30,7 @@ ADDED = {
     '{ name = "model_crc", type = "u32" },\n]\n\n[[commands]]\nname = "arm"': '{ name = "model_crc", type = "u32" },\n'
     '  { name = "uptime_s", type = "u32", since = 1 },\n]\n\n[[commands]]\nname = "arm"',
     'stream_overflow: ticks dropped so far" },\n]': 'stream_overflow: ticks dropped so far" },\n'
-    '  { name = "severity", type = "u8", since = 2 },\n]',
+    '  { name = "severity", type = "u8", since = 3 },\n]',
     'doc = "What an unsolicited event reports"\n': 'doc = "What an unsolicited event reports"\n'
     "since = { warmed_up = 1 }\n",
     "stream_overflow = 2, path_done = 3 }": "stream_overflow = 2, path_done = 3, warmed_up = 4 }",
@@ -39,11 +39,12 @@ COMMAND = """
 [[commands]]
 name = "echo"
 number = 0x60
-since = 2
+since = 3
 doc = "Sends a word back"
 request = [{ name = "word", type = "u32" }]
 reply = [{ name = "word", type = "u32" }]
 """
+AHEAD = 3
 HANDLER = """
 #include "app/command.h"
 enum wire_status command_echo(struct device *device, const struct request *request, struct answer *answer)
@@ -68,7 +69,7 @@ def newer_text() -> str:
 
 @pytest.fixture(scope="module")
 def newer(tmp_path_factory: pytest.TempPathFactory) -> Tree:
-    """A source tree two revisions ahead, its firmware compiled beside that of today."""
+    """A source tree revisions ahead, its firmware compiled beside that of today."""
     tree = copy_tree(tmp_path_factory.mktemp("newer"), "host/phaselead", "firmware", "protocol", "docs/wire.md")
     (tree.root / "protocol/schema.toml").write_text(newer_text())
     tree.run("protocol/generate.py")
@@ -90,7 +91,7 @@ def newer(tmp_path_factory: pytest.TempPathFactory) -> Tree:
 
 @pytest.fixture
 def newer_device(newer: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every sim:// port of this process leads to a device two revisions ahead."""
+    """Every sim:// port of this process leads to a device revisions ahead."""
     library = load_library(str(newer.root / "newer.so"))
     parameters = plant_parameters(load_any("xyz250"), 0)
     monkeypatch.setattr(protocol_sim, "open_device", lambda parsed: VirtualDevice(parameters, library=library))
@@ -99,7 +100,7 @@ def newer_device(newer: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_revision_has_the_fingerprint_of_its_version(tmp_path: Path) -> None:
     (tmp_path / "schema.toml").write_text(newer_text())
     ahead, today = load(tmp_path / "schema.toml"), load(ROOT / "protocol/schema.toml")
-    assert (ahead.fingerprint, ahead.version, ahead.revision) == (today.fingerprint, today.version, 2)
+    assert (ahead.fingerprint, ahead.version, ahead.revision) == (today.fingerprint, today.version, AHEAD)
 
 
 USE = """
@@ -135,7 +136,7 @@ def told_by(tree: Tree) -> dict[str, Any]:
 def test_a_newer_host_and_a_device_of_today(newer: Tree) -> None:
     """What the device does not know is zero, and what it cannot do is refused with what to update."""
     told = told_by(newer)
-    assert (told["ours"], told["theirs"]) == (2, wire.REVISION)
+    assert (told["ours"], told["theirs"]) == (AHEAD, wire.REVISION)
     assert (told["uptime_s"], told["severities"]) == (0, [0])
     assert told["grace"].startswith("set_timeout refused (bad_length): its firmware is older than a part of this")
     assert told["echo"].startswith("echo refused (unknown_command): its firmware is older than this command; flash")
@@ -148,7 +149,7 @@ def test_a_host_of_today_and_a_newer_device() -> None:
     """What the host does not know it leaves out."""
     with Device.open("sim://xyz250") as device:
         assert device.hello.build_id == b"\x11" * 20
-        assert (device.hello.wire_version, device.hello.wire_revision) == (wire.VERSION, 2)
+        assert (device.hello.wire_version, device.hello.wire_revision) == (wire.VERSION, AHEAD)
         assert device.status().state == "parked"
         device.set_timeout(5000)
         device.set_axis("x", "open")
@@ -156,7 +157,7 @@ def test_a_host_of_today_and_a_newer_device() -> None:
         capture = device.capture(500)
         assert len(capture.ticks) >= 500
         assert {event.kind for event in capture.events} >= {wire.EventKind.STATE_CHANGE}
-        assert device.info()["wire"] == f"{wire.VERSION}.2"
+        assert device.info()["wire"] == f"{wire.VERSION}.{AHEAD}"
 
 
 def test_a_newer_host_and_a_newer_device(newer: Tree) -> None:
@@ -168,7 +169,12 @@ def test_a_newer_host_and_a_newer_device(newer: Tree) -> None:
         told = told_by(newer)
     finally:
         library.write_bytes(today)
-    assert (told["theirs"], told["uptime_s"], told["grace"], told["echo"]) == (2, 77, "SetTimeoutReply", "EchoReply")
+    assert (told["theirs"], told["uptime_s"], told["grace"], told["echo"]) == (
+        AHEAD,
+        77,
+        "SetTimeoutReply",
+        "EchoReply",
+    )
 
 
 @pytest.mark.parametrize(

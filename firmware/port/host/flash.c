@@ -60,7 +60,7 @@ static bool program_at(struct host_flash *flash, size_t from, const uint8_t *byt
 
 static size_t slot_size(unsigned slot)
 {
-    if (slot < IMAGE_SLOT)
+    if (slot < IMAGE_SLOT) /* NOLINTNEXTLINE(bugprone-branch-clone): two sizes that are equal at present */
         return slot < JOURNAL_SLOT ? HOST_MODEL_SLOT_SIZE : HOST_JOURNAL_SLOT_SIZE;
     return slot < IMAGE_SLOT + BOOT_RECORD_SLOT ? HOST_IMAGE_SLOT_SIZE : BOOT_RECORD_SIZE;
 }

@@ -254,7 +254,8 @@ static bool is_control(const struct control *control)
     for (unsigned axis = 0; axis < AXES; axis++)
         if (control->config[axis].mode >= WIRE_MODE_COUNT || control->config[axis].path.kind >= WIRE_PATH_KIND_COUNT ||
             control->axis[axis].drive > DRIVE_RAMP || control->queue[axis].count > SEGMENTS_QUEUED ||
-            control->axis[axis].join.path.kind >= WIRE_PATH_KIND_COUNT)
+            control->axis[axis].join.path.kind >= WIRE_PATH_KIND_COUNT ||
+            !loop_filter_is_usable(&control->config[axis].filter))
             return false;
     return true;
 }

@@ -10,6 +10,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "identify --port /dev/ttyACM0 -o stage.toml --save kept",
         "identify --port /dev/ttyACM0 -o stage.toml --u-max 5V --duration 120s",
     ),
+    "tune": (
+        "tune --port /dev/ttyACM0 --model stage.toml -o tuned.toml --report tuned.html",
+        "tune --axis y --model tuned.toml -o both.toml --peak 1.7",
+    ),
     "fit": (
         "fit kept/x-5V-5Hz.h5 kept/x-5V-10Hz.h5 -o stage.toml",
         "fit rig.csv@5:7 --map t_s=2,u_V=4,x_um=3 -o stage.toml",

@@ -25,6 +25,7 @@ from phaselead.control.run import Run
 from phaselead.control.targets import parse_targets
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings, track
 from phaselead.control.true_position import FOLLOWS, Follows
+from phaselead.control.tuning import Tuned, tune
 
 __all__ = [
     "FOLLOWS",
@@ -41,6 +42,7 @@ __all__ = [
     "Planned",
     "Run",
     "TrackingError",
+    "Tuned",
     "assumed_limits",
     "connect",
     "describe_gains",
@@ -61,5 +63,6 @@ __all__ = [
     "track",
     "track_to_file",
     "tracking_error",
+    "tune",
     "with_gains",
 ]

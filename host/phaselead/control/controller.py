@@ -22,6 +22,7 @@ from phaselead.control.run import Run
 from phaselead.control.supervision import Supervision
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows
+from phaselead.control.tuning import Tunes
 from phaselead.control.uploaded import Upload
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.device import (
@@ -78,7 +79,7 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     return controller
 
 
-class Controller(Plays, Supervision):
+class Controller(Plays, Tunes, Supervision):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and

@@ -23,7 +23,7 @@ from phaselead.device import (
     replay_facts,
     wire,
 )
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, LinkError
 from phaselead.model import Stage, parse_stage
 from phaselead.record import Hdf5Parts, JournalReader, Recording, facts_of, hdf5_in_parts
 
@@ -60,10 +60,21 @@ class Written:
 
 def read_header(journal: JournalReader, path: str) -> Stage | None:
     """The stage that the run was driven by. Raises BadInput for a journal that this version cannot read."""
-    header = journal.header
-    if header.get("schema_fingerprint") != wire.FINGERPRINT or header.get("mode") not in MODES:
+    if not _is_readable(journal.header):
         raise BadInput(f"{path}: was written by another version of phaselead; recover it with that one")
-    return parse_stage(header["stage"], "journal") if header["stage"] else None
+    stage = journal.header["stage"]
+    return parse_stage(stage, "journal") if stage else None
+
+
+def _is_readable(header: dict[str, Any]) -> bool:
+    if header.get("schema_fingerprint") != wire.FINGERPRINT or header.get("mode") not in list(MODES):
+        return False
+    try:
+        wire.HelloReply.unpack(bytes.fromhex(header["hello"]))
+        header["session"].to_bytes(8, "little")
+    except (KeyError, AttributeError, TypeError, ValueError, OverflowError, LinkError):
+        return False
+    return isinstance(header.get("stage"), str)
 
 
 def convert(path: str, output: str, capture: Capture | None = None) -> dict[str, Any]:
@@ -117,7 +128,7 @@ def _samples(journal: JournalReader, reader: FrameReader, session: int, file: Hd
             for body in reader.feed(payload):
                 if body[0] == wire.Samples.NUMBER and body[3:11] == nonce:
                     yield body
-        elif kind == ANSWERED:
+        elif kind == ANSWERED and len(payload) >= 8:
             file.append("replay/command_ticks", np.frombuffer(payload, np.int64, count=1))
             file.append_frame("replay/command_frames", payload[8:])
 

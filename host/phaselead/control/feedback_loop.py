@@ -1,7 +1,8 @@
 """The feedback loop on a model: open loop, sensitivity, margins, at the device's tick.
 
 The plant is discretised exactly for a held voltage (Franklin, Powell and Workman 1998, Digital Control of Dynamic
-Systems, section 4.3 and appendix on fractional delays); the controller is that of ``firmware/core/pid.h``.
+Systems, section 4.3 and appendix on fractional delays); the controller is that of
+``firmware/core/pid.h`` and ``firmware/core/loop_filter.h``.
 """
 
 from __future__ import annotations
@@ -185,13 +186,17 @@ def open_loop(plant: SmallSignal, gains: Gains, f_Hz: Samples) -> Response:
 
 
 def pid_response(gains: Gains, f_Hz: Samples) -> Response:
-    """V/um, shape (m,): Kp + Ki Ts / (1 - 1/z) + Kd/Ts (1 - 1/z), the derivative behind its filter if it has one."""
+    """V/um, shape (m,): Kp + Ki Ts / (1 - 1/z) + Kd/Ts (1 - 1/z), the derivative behind its filter if it has one, all
+    of it behind the filters of the loop."""
     back = np.exp(-2j * np.pi * f_Hz * TICK_S)
     derivative = gains.kd_V_s_per_um / TICK_S * (1 - back)
     if gains.derivative_filter_Hz is not None:
         kept = np.exp(-2 * np.pi * gains.derivative_filter_Hz * TICK_S)
         derivative = derivative * (1 - kept) / (1 - kept * back)
-    return np.asarray(gains.kp_V_per_um + gains.ki_V_per_um_s * TICK_S / (1 - back) + derivative)
+    found = np.asarray(gains.kp_V_per_um + gains.ki_V_per_um_s * TICK_S / (1 - back) + derivative)
+    for one in gains.filters or ():
+        found = found * one.section().response(f_Hz)
+    return found
 
 
 def plant_response(plant: SmallSignal, f_Hz: Samples) -> Response:

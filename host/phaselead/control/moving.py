@@ -174,7 +174,7 @@ class Mover:
         if self.stage is not None:
             self.device.upload_if_other(device_model(self.stage))
         for axis, gain in self.gains.items():
-            self.device.set_axis(axis, self.mode, **gain.model_dump(exclude={"origin"}))
+            self.device.set_axis(axis, self.mode, **gain.sent())
             motion.hold_from_start(self.device, axis, ENGAGE_S)
             motion.set_motion(self.device, axis, self.limits(axis), window_um(self.model(axis)), WINDOW_S)
         if state == "parked":

@@ -235,7 +235,7 @@ def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
 
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
     """Sends mode, gains, waveform and path of one axis to the device."""
-    device.set_axis(axis, mode, **(gains.model_dump(exclude={"origin"}) if gains is not None else {}))
+    device.set_axis(axis, mode, **(gains.sent() if gains is not None else {}))
     if waveform.points is not None:
         device.upload_wave(axis, waveform.points)
     length = ticks if waveform.path_s is None else round(waveform.path_s * TICK_HZ)

@@ -32,6 +32,7 @@ from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Sess
 from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
+from phaselead.model import LoopFilter
 from phaselead.serial_ports import BAUD, open_port
 
 RETRY_S = 0.2
@@ -242,16 +243,17 @@ class Device:
         ki_V_per_um_s: float = 0.0,
         kd_V_s_per_um: float = 0.0,
         derivative_filter_Hz: float | None = None,
+        filters: Sequence[LoopFilter] | None = None,
     ) -> None:
-        """Mode and gains of one axis; while parked or armed. ``mode`` by value or by name ("ff+pid" too).
+        """Mode, gains and filters of one axis; while parked or armed. ``mode`` by value or by name ("ff+pid" too).
 
         Raises:
-            BadInput: a gain its format cannot hold, with the figure; an unknown mode.
+            BadInput: a gain or a filter its format cannot hold, with the figure; an unknown mode.
         """
         chosen = mode_of(mode)
         index = axis_index(axis)
         self.session.request(
-            axis_request(index, chosen, kp_V_per_um, ki_V_per_um_s, kd_V_s_per_um, derivative_filter_Hz)
+            axis_request(index, chosen, kp_V_per_um, ki_V_per_um_s, kd_V_s_per_um, derivative_filter_Hz, filters or ())
         )
         self._modes[axis] = chosen
         self._waves.discard(axis)  # the device has dropped the path with the mode

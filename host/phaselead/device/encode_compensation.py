@@ -10,10 +10,10 @@ from typing import TypedDict
 import numpy as np
 
 from phaselead.device import wire
+from phaselead.device.encode_filters import ONE_Q26, encode_section
 from phaselead.errors import BadInput
-from phaselead.model import KNOTS, PLAYS, SECTIONS, TERMS, TICK_S, Compensation, Section
+from phaselead.model import KNOTS, PLAYS, SECTIONS, TERMS, TICK_S, Compensation
 
-ONE_Q26 = 1 << 26
 ONE_Q28 = 1 << 28
 UNUSED = 2**31 - 1
 """Threshold of a play or dead zone that is not in use."""
@@ -80,13 +80,13 @@ def encode_compensation(found: Compensation, key: str, fixed: Fixed) -> Compensa
         held = [fixed(value, bits, f"{key}.time.{name}[{i}]") for i, value in enumerate(values)]
         return (*held, *[unused] * (count - len(held)))
 
-    sections = [_encode_section(section, f"{key}: section {i}", fixed) for i, section in enumerate(found.shape)]
+    sections = [encode_section(section, f"{key}: section {i}") for i, section in enumerate(found.shape)]
     alphas = [round(-math.expm1(-TICK_S / tau_s) * 2**48) for tau_s in found.creep_tau_s]
     creep_k = [fixed(k, 30, f"{key}: creep k[{i}]") for i, k in enumerate(found.creep_k)]
     return CompensationFields(
         preview_ticks_q16=round(ticks * 2**16),
         shape=(*sections, *[wire.Biquad(ONE_Q26, 0, 0, 0, 0)] * (SECTIONS - len(sections))),
-        drive=(_encode_section(found.drive, f"{key}: amplifier", fixed),),
+        drive=(encode_section(found.drive, f"{key}: amplifier"),),
         creep_k_q30=(*creep_k, *[0] * (TERMS - len(creep_k))),
         creep_alpha_q48=(*alphas, *[0] * (TERMS - len(alphas))),
         gain_q20=fixed(view.gain_um_per_V, 20, f"{key}.time.gain_um_per_V"),
@@ -97,17 +97,6 @@ def encode_compensation(found: Compensation, key: str, fixed: Fixed) -> Compensa
         knot_d_q24=each(view.deadzone_d_V, 24, "deadzone_d_V", KNOTS, UNUSED),
         knot_s_q20=each(view.deadzone_s_um_per_V, 20, "deadzone_s_um_per_V", KNOTS, 0),
     )
-
-
-def _encode_section(section: Section, key: str, fixed: Fixed) -> wire.Biquad:
-    """b1 takes what rounding leaves, so that the static gain stays exactly 1."""
-    b0, b2 = (fixed(value, 26, f"{key}, b{i}") for i, value in ((0, section.b[0]), (2, section.b[2])))
-    a1, a2 = (fixed(value, 26, f"{key}, a{i + 1}") for i, value in enumerate(section.a))
-    b1 = ONE_Q26 + a1 + a2 - b0 - b2
-    fixed(b1 / ONE_Q26, 26, f"{key}, b1")
-    if not (a2 < ONE_Q26 and abs(a1) < ONE_Q26 + a2):
-        raise BadInput(f"{key}: rounded to the device's format it is not stable; its corner is too slow to be undone")
-    return wire.Biquad(b0, b1, b2, a1, a2)
 
 
 def refuse_singular(matrix: Sequence[Sequence[float]]) -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.device import wire
+from phaselead.device.encode_filters import encode_filters
 from phaselead.device.stream import AXES
 from phaselead.errors import BadInput
+from phaselead.model import LoopFilter
 
 TICK_HZ = 5000
 UNFILTERED_Q31 = 0x7FFFFFFF
@@ -52,8 +55,9 @@ def axis_request(
     ki_V_per_um_s: float,
     kd_V_s_per_um: float,
     derivative_filter_Hz: float | None,
+    filters: Sequence[LoopFilter] = (),
 ) -> wire.SetAxisRequest:
-    """Gains as they travel: Kp, Ki Ts, Kd/Ts (DESIGN: the fixed-point contract)."""
+    """Gains as they travel: Kp, Ki Ts, Kd/Ts (DESIGN: the fixed-point contract); and the filters behind them."""
     return wire.SetAxisRequest(
         axis,
         mode,
@@ -61,6 +65,7 @@ def axis_request(
         _per_tick(ki_V_per_um_s / TICK_HZ, 32, "Ki", ki_V_per_um_s, TICK_HZ, "V/(um s)"),
         _per_tick(kd_V_s_per_um * TICK_HZ, 24, "Kd", kd_V_s_per_um, 1 / TICK_HZ, "V s/um"),
         derivative_alpha_q31(derivative_filter_Hz),
+        encode_filters(filters),
     )
 
 

@@ -15,7 +15,7 @@ from phaselead.errors import LinkError
 
 FINGERPRINT = 0xD1C20CFC
 VERSION = 2
-REVISION = 1
+REVISION = 2
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -1078,10 +1078,11 @@ class SetAxisRequest(Command[SetAxisReply]):
     NUMBER: ClassVar[int] = 0x08
     REPLY: ClassVar[type[Any]] = SetAxisReply
     REFUSALS: ClassVar[dict[int, str]] = {
-        Status.BAD_VALUE: "gains must be zero or positive, and the derivative filter above zero",
+        Status.BAD_VALUE: "gains must not be negative, and filters stable with a static gain of 1",
     }
-    SIZE: ClassVar[int] = 18
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiii")
+    SIZE: ClassVar[int] = 58
+    LEAST: ClassVar[int | None] = 18
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBiiii40s")
     axis: int
     mode: int
     kp_q24: int
@@ -1092,8 +1093,12 @@ class SetAxisRequest(Command[SetAxisReply]):
     """V/um."""
     d_alpha_q31: int
     """derivative filter y += alpha (x - y); 0x7fffffff: no filter."""
+    filters: tuple[Biquad, ...] = (Biquad.unpack(bytes(Biquad.SIZE)),) * 2
+    """behind the PID, one after the other; all of it 0: none."""
 
     def pack(self) -> bytes:
+        if len(self.filters) != 2:
+            raise WireError(f"set_axis: 2 filters expected, got {len(self.filters)}")
         return _pack(
             SetAxisRequest.NAME,
             SetAxisRequest.LAYOUT,
@@ -1103,13 +1108,14 @@ class SetAxisRequest(Command[SetAxisReply]):
             self.ki_ts_q32,
             self.kd_over_ts_q24,
             self.d_alpha_q31,
+            b"".join(item.pack() for item in self.filters),
         )
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetAxisRequest:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5], tuple(Biquad.unpack(v[6][i : i + 20]) for i in range(0, 40, 20)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -2060,10 +2066,11 @@ class SetGainsRequest(Command[SetGainsReply]):
     NUMBER: ClassVar[int] = 0x42
     REPLY: ClassVar[type[Any]] = SetGainsReply
     REFUSALS: ClassVar[dict[int, str]] = {
-        Status.BAD_VALUE: "gains must be zero or positive, and the derivative filter above zero",
+        Status.BAD_VALUE: "gains must not be negative, and filters stable with a static gain of 1",
     }
-    SIZE: ClassVar[int] = 17
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Biiii")
+    SIZE: ClassVar[int] = 57
+    LEAST: ClassVar[int | None] = 17
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Biiii40s")
     axis: int
     kp_q24: int
     """V/um."""
@@ -2072,8 +2079,12 @@ class SetGainsRequest(Command[SetGainsReply]):
     kd_over_ts_q24: int
     """V/um."""
     d_alpha_q31: int
+    filters: tuple[Biquad, ...] = (Biquad.unpack(bytes(Biquad.SIZE)),) * 2
+    """as in SET_AXIS."""
 
     def pack(self) -> bytes:
+        if len(self.filters) != 2:
+            raise WireError(f"set_gains: 2 filters expected, got {len(self.filters)}")
         return _pack(
             SetGainsRequest.NAME,
             SetGainsRequest.LAYOUT,
@@ -2082,13 +2093,14 @@ class SetGainsRequest(Command[SetGainsReply]):
             self.ki_ts_q32,
             self.kd_over_ts_q24,
             self.d_alpha_q31,
+            b"".join(item.pack() for item in self.filters),
         )
 
     @classmethod
     def unpack(cls, payload: bytes) -> SetGainsRequest:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4])
+        return cls(v[0], v[1], v[2], v[3], v[4], tuple(Biquad.unpack(v[5][i : i + 20]) for i in range(0, 40, 20)))
 
 
 @dataclass(frozen=True, slots=True)

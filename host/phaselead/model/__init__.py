@@ -46,6 +46,7 @@ from phaselead.model.effects import (
 )
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.linearised import SmallSignal, small_signal
+from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
     plays,
     predict_time_view,
@@ -76,6 +77,7 @@ __all__ = [
     "LONGEST_DELAY_S",
     "PLAYS",
     "SECTIONS",
+    "SECTIONS_IN_LOOP",
     "TERMS",
     "TICK_S",
     "XU_LI_2010",
@@ -93,6 +95,7 @@ __all__ = [
     "Extra",
     "Gains",
     "Limits",
+    "LoopFilter",
     "Mode",
     "ModePart",
     "NotPlayed",

@@ -6,11 +6,12 @@ The parts of a stage file (``stage_file``) that the operator and the effects wor
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from phaselead.model.fields import Interval95, NotNegative, Number, Numbers, ParameterValue, Part, Positive, Span
+from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.table import TableView
 from phaselead.model.validation_errors import fault
 
@@ -142,6 +143,16 @@ class Gains(Part):
     kd_V_s_per_um: Number = Field(description="derivative, V s/um")
     derivative_filter_Hz: Positive | None = Field(None, description="derivative filter, Hz; left out: none")
     origin: str | None = Field(None, description="where they come from; left out: somebody's choice")
+    filters: tuple[LoopFilter, ...] | None = Field(
+        None,
+        min_length=1,
+        max_length=SECTIONS_IN_LOOP,
+        description="second-order filters behind the PID, one after the other; left out: none",
+    )
+
+    def sent(self) -> dict[str, Any]:
+        """What a device is given of them, by name."""
+        return {name: getattr(self, name) for name in type(self).model_fields if name != "origin"}
 
 
 AdoptedStatus = Literal["named", "provisional"]

@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from phaselead.control import Learned, Run
+from phaselead.control import Learned, Run, Tuned
 from phaselead.identify import FitResult, Verifications
 from phaselead.report.axis_figures import (
     CREEP_FROM_S,
@@ -125,6 +125,24 @@ def _(result: Learned) -> str:
     part = Part("What did each trial leave?", (), _html([table]), result.plot(), CAPTION_OF_LEARNING)
     path = result.wave or "a path"
     return _page(f"Learned: {path}", f"{table.title}; {reason}.", cards, [part], "")
+
+
+@result_page.register
+def _(result: Tuned) -> str:
+    said, tables = _parted(result.tables())
+    closed = result.closed
+    cards = [
+        {"value": f"{closed.bandwidth_Hz:.3g} Hz", "label": "bandwidth (-3 dB), measured"},
+        {"value": f"{closed.peak_sensitivity:.2f}", "label": "peak sensitivity, measured"},
+        {"value": f"{result.predicted.peak_sensitivity:.2f}", "label": "the largest predicted over all it is for"},
+    ]
+    caption = (
+        "Above: the response, its phase, and what is heard where nothing is driven. Below: the loop about the circle "
+        "that the peak sensitivity allows, |S| and |T|; blue: predicted for every gain and place of the modes, dots: "
+        "measured."
+    )
+    part = Part("Has the loop its margin?", said, tables, result.plot(), caption)
+    return _page(f"The loop of axis {result.axis}", result.gains.origin or "", cards, [part], "")
 
 
 def _cards_of_fit(result: FitResult) -> list[dict[str, str]]:

@@ -168,9 +168,9 @@ int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info *info, int a
     (void)info;
     for (int i = 0; i < argc; i++) {
         if (strncmp(argv[i], "in=", 3) == 0)
-            in = atoi(argv[i] + 3);
+            in = (int)strtol(argv[i] + 3, NULL, 10);
         else if (strncmp(argv[i], "out=", 4) == 0)
-            out = atoi(argv[i] + 4);
+            out = (int)strtol(argv[i] + 4, NULL, 10);
         else if (strncmp(argv[i], "library=", 8) == 0)
             library = argv[i] + 8;
         else if (strcmp(argv[i], "delays=1") == 0)
@@ -178,7 +178,7 @@ int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info *info, int a
         else if (strcmp(argv[i], "chip=F446") == 0)
             board.f446 = true;
         else if (strncmp(argv[i], "usart=", 6) == 0)
-            board.usart = (unsigned)atoi(argv[i] + 6);
+            board.usart = (unsigned)strtoul(argv[i] + 6, NULL, 10);
         else if (strncmp(argv[i], "count=", 6) == 0)
             count_open(id, argv[i] + 6);
     }

@@ -159,8 +159,8 @@ void cycles_cache_cold(void);
 /* ---- count.c: instructions and modelled cycles between two places */
 #define COUNT_FIGURES 5
 void count_open(qemu_plugin_id_t id, const char *argument);
-void count_wait(unsigned cycles); /* the processor waits so long for a part that takes no time here */
+void count_wait(unsigned waited); /* the processor waits so long for a part that takes no time here */
 /* Since the last report: runs; of one run the most instructions, cycles, cycles to a mark; the longest lock, cycles. */
-size_t count_report(uint64_t *figures, size_t room);
+size_t count_report(uint64_t *to, size_t room);
 
 #endif

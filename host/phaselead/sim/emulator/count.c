@@ -154,9 +154,9 @@ static void translate(qemu_plugin_id_t id, struct qemu_plugin_tb *tb)
     }
 }
 
-static const char *places(const char *text, uint64_t *to, unsigned *count)
+static const char *places(const char *text, uint64_t *to, unsigned room, unsigned *count)
 {
-    while (*text && *text != ':' && *count < PLACES) {
+    while (*text && *text != ':' && *count < room) {
         char *end_of_number;
         to[(*count)++] = strtoull(text, &end_of_number, 16);
         text = *end_of_number == '+' ? end_of_number + 1 : end_of_number;
@@ -168,9 +168,9 @@ static const char *places(const char *text, uint64_t *to, unsigned *count)
 void count_open(qemu_plugin_id_t id, const char *argument)
 {
     unsigned one = 0;
-    argument = places(argument, &entry, &one);
-    argument = places(argument, exits, &exit_count);
-    places(argument, marks, &mark_count);
+    argument = places(argument, &entry, 1, &one);
+    argument = places(argument, exits, PLACES, &exit_count);
+    places(argument, marks, PLACES, &mark_count);
     qemu_plugin_register_vcpu_tb_trans_cb(id, translate);
 }
 

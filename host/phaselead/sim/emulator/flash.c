@@ -74,7 +74,9 @@ static bool change(uint8_t *cell, uint8_t to)
 {
     if (cut_after == 0)
         return false;
-    if (cut_after > 0 && --cut_after == 0) {
+    if (cut_after > 0)
+        cut_after--;
+    if (cut_after == 0) {
         *cell = (uint8_t)((*cell & ~HALF_DONE) | (to & HALF_DONE));
         inject(INJECT_BROWN_OUT, 0);
         return false;

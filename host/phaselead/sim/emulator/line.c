@@ -50,9 +50,10 @@ static void put(struct bytes *queue, const uint8_t *data, size_t size)
         memmove(queue->data, queue->data + queue->first, queue->size);
         queue->first = 0;
         queue->capacity = 2 * (queue->size + size) + 4096;
-        queue->data = realloc(queue->data, queue->capacity);
-        if (!queue->data)
+        uint8_t *moved = realloc(queue->data, queue->capacity);
+        if (!moved)
             board_broken("out of memory");
+        queue->data = moved;
     }
     memcpy(queue->data + queue->first + queue->size, data, size);
     queue->size += size;

@@ -83,13 +83,15 @@ static int enable_register(unsigned reg_offset)
 static int64_t enable_delay_ns(int which)
 {
     if (which == 0)
-        return AHB_CLOCKS * CLOCK_NS;
+        return (int64_t)AHB_CLOCKS * CLOCK_NS;
     return (int64_t)(APB_CLOCKS + rcc_sysclk_Hz() / rcc_apb_Hz((unsigned)which)) * CLOCK_NS;
 }
 
 bool rcc_on(unsigned reg_offset, unsigned bit)
 {
     int which = enable_register(reg_offset);
+    if (which < 0)
+        board_broken("0x%02x is no register that enables clocks", reg_offset);
     if (!(regs[reg_offset / 4] >> bit & 1u))
         return false;
     return !board.delays || now_ns() - enabled_ns[which][bit] >= enable_delay_ns(which);

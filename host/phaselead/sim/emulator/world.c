@@ -135,7 +135,7 @@ static void open_stage(const uint8_t *bytes, size_t size)
     uint8_t *parameters = room(size - 8); /* kept: a linked stage may go on looking at them */
     memcpy(parameters, bytes + 8, size - 8);
     const void *linked = size - 8 > own ? parameters + own : NULL;
-    memcpy(parameters + pointer, &linked, sizeof linked);
+    memcpy(parameters + pointer, (const void *)&linked, sizeof linked);
     plant = stage.open(parameters);
     uint8_t opened = plant != NULL;
     answer(&opened, 1);
@@ -218,9 +218,10 @@ static void log_codes(unsigned which, const uint16_t codes[AXES])
 {
     if (logged == log_capacity) {
         log_capacity = 2 * log_capacity + 4096;
-        codes_log = realloc(codes_log, log_capacity * sizeof *codes_log);
-        if (!codes_log)
+        void *moved = realloc(codes_log, log_capacity * sizeof *codes_log);
+        if (!moved)
             board_broken("out of memory");
+        codes_log = moved;
     }
     memcpy(codes_log[logged][which], codes, AXES * sizeof *codes);
 }

@@ -133,9 +133,12 @@ struct plant *plant_open(const struct plant_parameters *parameters)
             return NULL;
         }
     }
-    if (parameters->linked && !(plant->linked = linked_open(parameters->linked))) {
-        free(plant);
-        return NULL;
+    if (parameters->linked) {
+        plant->linked = linked_open(parameters->linked);
+        if (!plant->linked) {
+            free(plant);
+            return NULL;
+        }
     }
     return plant;
 }
@@ -199,7 +202,7 @@ static void sensed_positions(struct plant *plant, double x_um[PLANT_AXES])
 
 void plant_sample(struct plant *plant, uint16_t adc_codes[PLANT_AXES])
 {
-    double x_um[PLANT_AXES], true_um[PLANT_AXES];
+    double x_um[PLANT_AXES], true_um[PLANT_AXES] = {0};
     if (plant->linked)
         linked_sample(plant->linked, x_um, true_um);
     else

@@ -1,0 +1,79 @@
+"""tune: a loop with margins, shaped on the measured response."""
+
+from __future__ import annotations
+
+import click
+
+from phaselead.cli.common import (
+    check_report,
+    emit,
+    json_option,
+    number,
+    port_option,
+    progress,
+    report_option,
+    write_page,
+)
+from phaselead.cli.listing import top_level
+from phaselead.device import Device
+from phaselead.model import load_stage
+from phaselead.record import check_output
+
+VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
+
+
+@top_level(order=55, group="model")
+@click.command()
+@port_option
+@click.option("-o", "--output", metavar="STAGE.toml", required=True, help="The stage file with the new gains.")
+@click.option("--model", "model_path", metavar="M", help="Stage file; default: what the device holds.")
+@click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+@click.option("--level", metavar="V", help="Peak-to-peak of the multisine; default: a sixtieth of the limits.")
+@click.option("--middle", metavar="V", help="What it is about; default: the middle of the limits.")
+@click.option("--peak", type=float, default=2.0, show_default=True, help="Allowed peak sensitivity.")
+@click.option("--mode-shift", type=float, default=10.0, show_default=True, help="Of the modes, up and down, %.")
+@click.option("--gain-share", type=float, default=10.0, show_default=True, help="Of the gain, up and down, %.")
+@report_option
+@json_option
+def tune(
+    port: str,
+    output: str,
+    model_path: str | None,
+    axis: str,
+    level: str | None,
+    middle: str | None,
+    peak: float,
+    mode_shift: float,
+    gain_share: float,
+    report: str | None,
+    json_to: str | None,
+) -> None:
+    """Measure the response of an axis, shape PID and filters on it, and measure the loop they make.
+
+    A multisine of some micrometres is played in open loop, then one in closed loop. The gains have their margin at
+    every local gain of the model and with modes and gain up and down; they go into the stage file, where `track` finds
+    them.
+    """
+    from phaselead.control import tune as tune_axis
+
+    inputs = [model_path] if model_path else []
+    check_output(output, suffixes=(".toml",), inputs=inputs)
+    check_report(report, inputs)
+    level_V, middle_V = number("--level", level, VOLTS), number("--middle", middle, VOLTS)
+    stage = load_stage(model_path) if model_path else None
+    with Device.open(port) as device, progress(f"tuning {axis}", 1.0) as advance:
+        found = tune_axis(
+            device,
+            axis,
+            stage=stage,
+            level_V=level_V,
+            middle_V=middle_V,
+            peak=peak,
+            mode_shift=mode_shift / 100,
+            gain_share=gain_share / 100,
+            on_progress=advance,
+        )
+    found.save(output)
+    emit(
+        found.as_dict() | {"output": output}, json_to, [*found.tables(), f"wrote {output}", *write_page(found, report)]
+    )

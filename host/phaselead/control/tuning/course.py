@@ -1,0 +1,189 @@
+"""Measure, shape, and measure again: what ``phaselead tune`` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from phaselead.control.feedback_loop import pid_response, plant_response
+from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
+from phaselead.control.held import held_stage
+from phaselead.control.tuning.excitation import Grid
+from phaselead.control.tuning.plant import FittedPlant, fit_plant
+from phaselead.control.tuning.response import Measured, Plan, measure
+from phaselead.control.tuning.result import ClosedLoop, Tuned
+from phaselead.control.tuning.shaping import RINGS, Range, predicted, shape
+from phaselead.device import Device
+from phaselead.errors import BadInput
+from phaselead.model import AdoptedEffect, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
+from phaselead.sim import data_sheet
+
+FINE = Plan(Grid.odd_random(8192, 290.0), settle_periods=1, periods=4)
+"""Lines 1.2 Hz apart: three across a mode of 100 Hz with a damping of 0.02."""
+FAST = Plan(Grid.odd_random(1024, 2250.0), settle_periods=8, periods=32)
+CLOSED = Plan(Grid.odd_random(2048, 1000.0), settle_periods=4, periods=12)
+LEVEL_SHARE = 1 / 60
+"""Of the voltages allowed, peak-to-peak: 0.2 V of 12. A mode with a Q of 25 then moves some micrometres."""
+GAIN_SHARE = 0.1
+"""Of the measured gain, up and down."""
+WITHOUT_TIME_VIEW = (0.7, 1.7)
+"""Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
+have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
+SHARES = (0.3, 0.45, 0.8, 1.0)
+"""Progress after each part."""
+
+Progress = Callable[[float], None]
+
+
+def tune(
+    device: Device,
+    axis: str = "x",
+    *,
+    stage: Stage | None = None,
+    level_V: float | None = None,
+    middle_V: float | None = None,
+    peak: float = PEAK_SENSITIVITY,
+    mode_shift: float = MODE_SHIFT,
+    gain_share: float = GAIN_SHARE,
+    on_progress: Progress | None = None,
+) -> Tuned:
+    """Measures the response of one axis in open loop, shapes PID and filters on it, and measures the closed loop.
+
+    ``level_V`` is the peak-to-peak of the multisine, ``middle_V`` what it is about: the middle of the limits. The loop
+    is shaped for a peak sensitivity of ``peak`` with modes ``mode_shift`` and gains ``gain_share`` up and down, and
+    over the local gains of the stage's time view.
+
+    Raises:
+        BadInput: nothing has moved: a level outside limits. No loop was closed: no coherence, a response that is none
+            of modes, no loop with the margin. Or the loop that was closed has a peak sensitivity above 3.
+        DeviceFault: the device latched one on the way.
+    """
+    told = on_progress or (lambda share: None)
+    _refuse(peak, mode_shift, gain_share)
+    parent = stage if stage is not None else _known(device, axis)
+    limits = parent.axis(axis).limits
+    level_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V) if level_V is None else level_V
+    middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
+    measured = _open_response(device, axis, parent, level_V, middle_V, told)
+    sure = measured.reliable()
+    fitted = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
+    over = Range(local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share), mode_shift, peak)
+    first, last = SHARES[1], SHARES[2]
+    gains = shape(fitted.plant, over, lambda done: told(first + (last - first) * done))
+    _refuse_measured(measured, fitted, gains, over)
+    swing_um = round(level_V * fitted.gain_um_per_V / 2 * 2**16) / 2**16
+    closed = measure(
+        device,
+        axis,
+        CLOSED,
+        swing=swing_um,
+        middle=measured.middle_um,
+        stage=parent,
+        gains=gains,
+        on_progress=lambda done: told(last + (1 - last) * done),
+    )
+    loop = ClosedLoop(closed)
+    if loop.peak_sensitivity > WARN_ABOVE:
+        raise BadInput(
+            f"{axis}: the closed loop has a peak sensitivity of {loop.peak_sensitivity:.2g}, {peak:g} was predicted: "
+            "the stage is not what was measured in open loop; tune again, with a lower --level"
+        )
+    return Tuned(
+        axis=axis,
+        model=_with(parent, axis, fitted, gains),
+        measured=measured,
+        plant=fitted,
+        over=over,
+        predicted=predicted(fitted.plant, gains, over),
+        expected=predicted(fitted.plant, gains, replace(over, gain_um_per_V=_only(fitted), mode_shift=0.0)),
+        closed=loop,
+    )
+
+
+def _refuse(peak: float, mode_shift: float, gain_share: float) -> None:
+    if not 1.2 <= peak <= WARN_ABOVE:
+        raise BadInput(f"a peak sensitivity of {peak:g}: choose 1.2 to {WARN_ABOVE:g}; 1.4 to 2 is usual")
+    for name, share in (("modes", mode_shift), ("gains", gain_share)):
+        if not 0 <= share <= 0.5:
+            raise BadInput(f"{name} {100 * share:g} % up and down: choose 0 to 50 %")
+
+
+def _known(device: Device, axis: str) -> Stage:
+    """What is known of the stage without a stage file: the model that the device holds, or a data sheet."""
+    held = held_stage(device)
+    found = held if held is not None and axis in held.axes else data_sheet(device.session.name)
+    if found is None:
+        raise BadInput("tuning needs limits and calibration: --model STAGE.toml (`phaselead identify` makes one)")
+    return found.model_copy(update={"name": "tuned"})
+
+
+def _open_response(
+    device: Device, axis: str, stage: Stage, level_V: float, middle_V: float, told: Progress
+) -> Measured:
+    first, second = SHARES[0], SHARES[1]
+    fine = measure(
+        device, axis, FINE, swing=level_V, middle=middle_V, stage=stage, on_progress=lambda done: told(first * done)
+    )
+    fast = measure(
+        device,
+        axis,
+        FAST,
+        swing=level_V,
+        middle=middle_V,
+        stage=stage,
+        on_progress=lambda done: told(first + (second - first) * done),
+    )
+    return fine.joined(fast)
+
+
+def local_range(model: AxisModel, gain_um_per_V: float, share: float) -> tuple[float, float]:
+    """Local gains in um/V that a loop meets: those of the time view, and the measured one ``share`` up and down."""
+    low, high = (1 - share) * gain_um_per_V, (1 + share) * gain_um_per_V
+    if model.time is None:
+        return min(low, WITHOUT_TIME_VIEW[0] * gain_um_per_V), max(high, WITHOUT_TIME_VIEW[1] * gain_um_per_V)
+    known = small_signal(model).gain_um_per_V
+    return min(low, max(known[0], 0.1 * known[1])), max(high, known[1])
+
+
+def _only(fitted: FittedPlant) -> tuple[float, float]:
+    return fitted.gain_um_per_V, fitted.gain_um_per_V
+
+
+def _refuse_measured(measured: Measured, fitted: FittedPlant, gains: Gains, over: Range) -> None:
+    """Where the loop on the measured lines themselves is nearer to -1 than the plant behind them says."""
+    sure = measured.reliable()
+    f_Hz, gain = measured.f_Hz[sure], measured.gain[sure] / fitted.gain_um_per_V
+    rows = over.gains()[:, None] * gain * pid_response(gains, f_Hz)
+    plain: SmallSignal = fitted.plant
+    planned = over.gains()[:, None] * plant_response(plain, f_Hz) * pid_response(gains, f_Hz)
+    peaks = [float((1 / np.abs(1 + each)).max()) for each in (rows, planned)]
+    if peaks[0] > max(WARN_ABOVE, 1.25 * peaks[1]):
+        worst = float(f_Hz[np.argmax((1 / np.abs(1 + rows)).max(axis=0))])
+        raise BadInput(
+            f"the loop has no margin at {worst:.4g} Hz, where the measured response is not that of its modes (peak "
+            f"sensitivity {peaks[0]:.2g} there); measure with a higher --level"
+        )
+
+
+def _with(stage: Stage, axis: str, fitted: FittedPlant, gains: Gains) -> Stage:
+    """The stage with these gains, made from the one before."""
+    known = with_modes(stage.axes.get(axis, AxisModel()), fitted.plant)
+    axes = {**stage.axes, axis: known.model_copy(update={"gains": gains})}
+    origin = provenance_of(stage, []).model_copy(update={"data": stage.provenance.data})
+    return stage.model_copy(update={"axes": axes, "provenance": origin})
+
+
+def with_modes(model: AxisModel, plant: SmallSignal) -> AxisModel:
+    """A model whose time view shows no mode gets the measured ones: on it the loop would be another. What they delay is
+    taken from its dead time."""
+    found = [mode for mode in plant.modes if mode[2] < RINGS]
+    if model.time is None or small_signal(model).modes or not found:
+        return model
+    whole = sum(c for c, _, _ in found)
+    shares, f_Hz, zeta = zip(*((c / whole, f, z) for c, f, z in sorted(found, key=lambda mode: mode[1])), strict=True)
+    late_s = sum(c * z / (np.pi * f) for c, f, z in zip(shares, f_Hz, zeta, strict=True))
+    time = model.time.model_copy(update={"delay_s": max(model.time.delay_s - float(late_s), 0.0)})
+    mode = AdoptedEffect(name="resonance", params={"c": shares, "f_Hz": f_Hz, "zeta": zeta})
+    return model.model_copy(update={"time": time, "effects": (*model.effects, mode)})

@@ -1,0 +1,132 @@
+"""The linear plant behind a measured response: static gain, modes, a lag and dead time, at the device's tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.control.feedback_loop import HOLD_S, plant_response
+from phaselead.errors import BadInput
+from phaselead.model import SmallSignal
+from phaselead.record import Samples
+
+Response = NDArray[np.complex128]
+
+MOST_MODES = 6
+LEAST_DEVIATION = 0.02
+"""Of a line, as a share: local slopes of the hysteresis differ by more from place to place."""
+SLOWEST_MODE_Hz = 30.0
+"""Slower motion is hysteresis and creep. Flexure stages that move 100 um and more have their first mode between 100 and
+1000 Hz, levered ones some tens of hertz lower (Devasia, Eleftheriou and Moheimani 2007)."""
+LONGEST_DEAD_s, LONGEST_LAG_s = 0.01, 0.005
+DAMPING = (0.001, 0.7)
+"""Of modes of flexure stages: 0.005 to 0.05 is usual (Devasia, Eleftheriou and Moheimani 2007)."""
+SHARES = (-0.3, 1.3)
+"""Of the motion: a mode beyond the first that carried more would be the first."""
+LARGEST_MISFIT = 0.25
+"""Median over the lines: the loop of a peak sensitivity of 2 stands a plant off by half (Skogestad and Postlethwaite
+2005, Multivariable Feedback Control, section 7.4)."""
+
+
+@dataclass(frozen=True)
+class FittedPlant:
+    """The plant, its gain in um/V, and how far it leaves the measured lines (m,), as shares."""
+
+    plant: SmallSignal
+    gain_um_per_V: float
+    misfit: Samples
+
+
+def fit_plant(f_Hz: Samples, measured: Response, deviation: Samples) -> FittedPlant:
+    """As many modes as the lines (m,) ask for by the Bayesian information criterion (Schwarz 1978).
+
+    Raises BadInput for a response that falls with the voltage, or that no such plant has.
+    """
+    if np.median(measured[: max(3, len(f_Hz) // 20)].real) <= 0:
+        raise BadInput("its sensor counts backwards, and the loop's sign is fixed in the firmware; swap its polarity")
+    weight = 1 / np.hypot(deviation, LEAST_DEVIATION)
+    best, modes = None, [_first_mode(f_Hz, measured)]
+    while len(modes) <= MOST_MODES:
+        found = _descend(f_Hz, measured, weight, modes)
+        if best is not None and not _better(found, best):
+            break
+        best = found
+        modes = [*found.modes, _next_mode(f_Hz, found.misfit)]
+    assert best is not None
+    fitted = best.fitted()
+    if np.median(np.abs(fitted.misfit)) > LARGEST_MISFIT:
+        raise BadInput(
+            f"the measured response is not that of modes behind a dead time (half of it is off by more than "
+            f"{100 * np.median(np.abs(fitted.misfit)):.0f} %); raise the level, or look at the figure of the response"
+        )
+    return fitted
+
+
+ModeOf = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class _Descended:
+    values: Samples
+    misfit: Response
+    cost: float
+
+    @property
+    def modes(self) -> list[ModeOf]:
+        return _modes(self.values)
+
+    def fitted(self) -> FittedPlant:
+        gain, plant = _plant_of(self.values)
+        return FittedPlant(plant, gain, np.asarray(np.abs(self.misfit)))
+
+
+def _better(found: _Descended, before: _Descended) -> bool:
+    lines = 2 * len(found.misfit)
+    return bool(lines * np.log(found.cost / before.cost) + 3 * np.log(lines) < 0)
+
+
+def _first_mode(f_Hz: Samples, measured: Response) -> ModeOf:
+    return 1.0, float(f_Hz[np.argmax(np.abs(measured) * (f_Hz > SLOWEST_MODE_Hz))]), 0.02
+
+
+def _next_mode(f_Hz: Samples, misfit: Response) -> ModeOf:
+    smooth = np.convolve(np.abs(misfit), np.ones(3) / 3, mode="same")
+    return 0.01, float(f_Hz[np.argmax(smooth)]), 0.01
+
+
+def _modes(values: Samples) -> list[ModeOf]:
+    return [(float(c), float(np.exp(f)), float(np.exp(z))) for c, f, z in values[3:].reshape(-1, 3)]
+
+
+def _plant_of(values: Samples) -> tuple[float, SmallSignal]:
+    gain = float(np.exp(values[0]))
+    lags = (float(values[2]),) if values[2] > 0 else ()
+    return gain, SmallSignal((gain, gain), tuple(_modes(values)), lags, HOLD_S + float(values[1]))
+
+
+def _descend(f_Hz: Samples, measured: Response, weight: Samples, modes: Sequence[ModeOf]) -> _Descended:
+    from scipy.optimize import least_squares  # slow to load, needed here only
+
+    def misfit(values: Samples) -> Response:
+        gain, plant = _plant_of(values)
+        return np.asarray(gain * plant_response(plant, f_Hz) / measured - 1)
+
+    def residual(values: Samples) -> Samples:
+        left = misfit(values) * weight
+        return np.concatenate([left.real, left.imag])
+
+    gain = float(np.median(np.abs(measured[: max(3, len(f_Hz) // 20)])))
+    start = [np.log(gain), 1e-5, 5e-5]
+    low, high = [start[0] - 3, 0.0, 0.0], [start[0] + 3, LONGEST_DEAD_s, LONGEST_LAG_s]
+    for c, f, zeta in modes:
+        inside = float(np.clip(f, 1.01 * SLOWEST_MODE_Hz, 0.99 * f_Hz[-1]))
+        start += [c, np.log(inside), np.log(np.clip(zeta, 1.01 * DAMPING[0], 0.99 * DAMPING[1]))]
+        low += [SHARES[0], np.log(SLOWEST_MODE_Hz), np.log(DAMPING[0])]
+        high += [SHARES[1], np.log(f_Hz[-1]), np.log(DAMPING[1])]
+    found = least_squares(
+        residual, np.clip(start, low, high), bounds=(low, high), x_scale="jac", loss="soft_l1", max_nfev=200
+    )
+    return _Descended(np.asarray(found.x), misfit(found.x), float(found.cost))

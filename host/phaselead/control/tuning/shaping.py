@@ -1,0 +1,297 @@
+"""Loop shaping: the PID and filters with the widest bandwidth whose peak sensitivity stays allowed.
+
+The peak sensitivity is bounded at every local gain and every position of the modes at once, so what is found has its
+margin over the whole range (Astrom, Panagopoulos and Hagglund 1998, Automatica 34, 585, for one plant). Among loops
+that keep most of the widest bandwidth the one is taken that calms a push on the stage soonest: the smallest integral of
+(t y)^2, which is that of |dY/dw|^2. Both searches are differential evolution with one filter (Storn and Price 1997),
+then with two, from a fixed seed, with a simplex after each: the same plant gives the same gains.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.control.feedback_loop import BANDWIDTH, frequencies, peak_sensitivity, pid_response, plant_response
+from phaselead.errors import BadInput
+from phaselead.model import TICK_S, Gains, LoopFilter, SmallSignal
+from phaselead.record import Samples
+
+Response = NDArray[np.complex128]
+
+RINGS = 0.3
+"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
+FILTERS = 2
+GAINS = 3
+"""Local gains that a design is for: lowest, middle (geometric), highest."""
+BELOW = 0.99
+"""Of the allowed peak: what rounding the gains to four digits may take."""
+KEEPS = 0.85
+"""Of the widest bandwidth."""
+HELD_IN_LOOP = 15.9
+"""Of a section's b (firmware/core/loop_filter.h)."""
+LOWEST_Hz = 0.5
+FASTEST_Hz = 2000.0
+POINTS_A_DECADE = 60
+POPULATION, GENERATIONS, SIMPLEX, SIMPLEXES = 8, 90, 1500, 6
+LACKING = 20.0
+UNSTABLE, OVER_PEAK = 1e3, 1e2
+"""Costs, far above those of a loop that has its margin."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a loop must stand: local gains in um/V, modes at 1 -+ ``mode_shift`` of their frequencies."""
+
+    gain_um_per_V: tuple[float, float]
+    mode_shift: float
+    peak: float
+
+    def gains(self) -> Samples:
+        return np.geomspace(*self.gain_um_per_V, GAINS)
+
+    def plants(self, plant: SmallSignal) -> list[SmallSignal]:
+        """With the modes at each of their positions."""
+        moved = (1 - self.mode_shift, 1.0, 1 + self.mode_shift)
+        return [replace(plant.with_modes_at(factor), gain_um_per_V=self.gain_um_per_V) for factor in moved]
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Of a loop over a range: largest |S|, and the -3 dB bandwidth where it is narrowest and widest."""
+
+    peak_sensitivity: float
+    bandwidth_Hz: tuple[float, float]
+
+
+def predicted(plant: SmallSignal, gains: Gains, over: Range) -> Predicted:
+    """Of any gains, on the plant over the range."""
+    peak, bandwidths = 0.0, []
+    for moved in over.plants(plant):
+        f_Hz = frequencies(moved)
+        rows = over.gains()[:, None] * plant_response(moved, f_Hz) * pid_response(gains, f_Hz)
+        peak = max(peak, peak_sensitivity(rows))
+        bandwidths += list(bandwidth_Hz(f_Hz, rows / (1 + rows)))
+    return Predicted(peak, (float(min(bandwidths)), float(max(bandwidths))))
+
+
+def bandwidth_Hz(f_Hz: Samples, complementary: Response) -> Samples:
+    """Where |T| (k, m) first falls below -3 dB, (k,), between lines as a straight line goes."""
+    size = np.abs(complementary)
+    below = size < BANDWIDTH
+    first = np.maximum(np.where(below.any(axis=1), np.argmax(below, axis=1), len(f_Hz) - 1), 1)
+    rows = np.arange(len(size))
+    before, after = size[rows, first - 1], size[rows, first]
+    share = np.clip((before - BANDWIDTH) / np.maximum(before - after, 1e-9), 0.0, 1.0)
+    return np.asarray(f_Hz[first - 1] + share * (f_Hz[first] - f_Hz[first - 1]))
+
+
+def shape(plant: SmallSignal, over: Range, on_progress: Callable[[float], None] | None = None) -> Gains:
+    """The gains and filters for a plant over a range. Raises BadInput where none has its margin."""
+    search = _Search(plant, over, on_progress)
+    widest = search.best(search.narrowness)
+    if widest.cost >= OVER_PEAK:
+        low, high = over.gain_um_per_V
+        raise BadInput(
+            f"no PID with {FILTERS} filters keeps a peak sensitivity of {over.peak:g} with local gains of {low:.3g} to "
+            f"{high:.3g} um/V and modes {100 * over.mode_shift:g} % up and down; allow a higher peak (--peak) or less"
+        )
+    least_Hz = KEEPS * math.exp(-widest.cost)
+    return search.gains_of(search.best(lambda values: search.unrest(values, least_Hz), widest.values).values)
+
+
+@dataclass(frozen=True)
+class _Found:
+    values: Samples
+    cost: float
+
+
+class _Case:
+    """The plant with its modes at one place: L = plants C, (gains, m), at frequencies (m,)."""
+
+    def __init__(self, plant: SmallSignal, gains: Samples) -> None:
+        near = frequencies(plant)
+        decades = np.log10(near[-1] / LOWEST_Hz)
+        coarse = np.geomspace(LOWEST_Hz, near[-1], int(POINTS_A_DECADE * decades))
+        fine = [near[(near > 0.8 * f) & (near < 1.2 * f)] for _, f, _ in plant.modes]
+        self.f_Hz = np.unique(np.concatenate([coarse, *fine]))
+        moving = plant_response(plant, self.f_Hz)
+        self.plants = gains[:, None] * moving
+        self.pushed = moving / (2j * np.pi * self.f_Hz)
+        self.back = np.exp(-2j * np.pi * self.f_Hz * TICK_S)
+        self.step_Hz = np.gradient(self.f_Hz)
+
+    def controller(self, values: Samples) -> Response:
+        ki, kp, kd = np.exp(values[:3])
+        found = kp + ki * TICK_S / (1 - self.back) + kd / TICK_S * (1 - self.back)
+        for f_zeros, zeta_zeros, f_poles, zeta_poles in np.exp(values[3:]).reshape(-1, 4):
+            found = found * self._factor(f_zeros, zeta_zeros) / self._factor(f_poles, zeta_poles)
+        return np.asarray(found)
+
+    def _factor(self, f_Hz: float, zeta: float) -> Response:
+        one, other = _roots_z(f_Hz, zeta)
+        return np.asarray((1 - one * self.back) * (1 - other * self.back) / ((1 - one) * (1 - other)))
+
+
+class _Search:
+    """Costs of loops by the logarithms of Ki, Kp, Kd and, of each filter, f and zeta of zeros and poles."""
+
+    def __init__(self, plant: SmallSignal, over: Range, on_progress: Callable[[float], None] | None) -> None:
+        self._over, self._on_progress, self._evaluated = over, on_progress, 0
+        self._cases = [_Case(one, over.gains()) for one in over.plants(plant)]
+        ringing = sorted(f for _, f, zeta in plant.modes if zeta < RINGS)
+        self._modes_Hz = ringing or sorted(f for _, f, _ in plant.modes)
+        middle, w = over.gains()[1], 2 * np.pi * self._modes_Hz[0]
+        pid = [(0.005 * w, 3 * w), (1e-4, 10.0), (1e-3 / w, 10 / w)]
+        fastest_Hz = min(10 * self._modes_Hz[0], FASTEST_Hz)
+        zeros, poles = (0.3 * self._modes_Hz[0], fastest_Hz), (0.5 * self._modes_Hz[0], fastest_Hz)
+        self._pid = np.log(np.array(pid) / middle)
+        self._filter = np.log(np.array([zeros, (0.02, 2.0), poles, (0.3, 1.5)]))
+
+    def best(self, cost: Callable[[Samples], float], start: Samples | None = None) -> _Found:
+        """From what evolution finds with one filter and two, from a notch at the first mode, and from ``start``."""
+        one = self._evolve(cost, 1)
+        starts = [np.concatenate([one, self._neutral(3 * self._modes_Hz[0])]), self._evolve(cost, FILTERS)]
+        starts += [
+            np.concatenate([self._notched(), self._neutral(f)]) for f in (*self._modes_Hz[1:3], self._modes_Hz[0])
+        ]
+        starts += [start] if start is not None else []
+        return min((self._descend(cost, values) for values in starts), key=lambda found: found.cost)
+
+    def _notched(self) -> Samples:
+        """An integrator behind a notch at the first mode."""
+        first_Hz = self._modes_Hz[0]
+        slow = [self._pid[0].mean() - 1, *self._pid[1:, 0]]
+        return np.concatenate([slow, np.log([first_Hz, 0.1, first_Hz, 1.0])])
+
+    def _neutral(self, f_Hz: float) -> Samples:
+        """A filter that does nothing yet."""
+        inside = min(f_Hz, 0.9 * float(np.exp(self._filter[2, 1])))
+        return np.log([inside, 0.7, inside, 0.7])
+
+    def _room(self, filters: int) -> Samples:
+        return np.vstack([self._pid, *[self._filter] * filters])
+
+    def _evolve(self, cost: Callable[[Samples], float], filters: int) -> Samples:
+        from scipy.optimize import differential_evolution  # slow to load, needed here only
+
+        room = self._room(filters)
+        found = differential_evolution(
+            self._counted(cost), room, seed=1, popsize=POPULATION, maxiter=GENERATIONS, tol=1e-4, polish=False
+        )
+        return np.asarray(found.x)
+
+    def _descend(self, cost: Callable[[Samples], float], start: Samples) -> _Found:
+        """A simplex, begun again for as long as that brings 1 %."""
+        from scipy.optimize import minimize
+
+        filters = (len(start) - len(self._pid)) // len(self._filter)
+        within = self._room(filters).T
+        counted = self._counted(cost)
+        found = _Found(np.clip(start, *within), cost(np.clip(start, *within)))
+        for _ in range(SIMPLEXES):
+            done = minimize(
+                lambda values: counted(np.clip(values, *within)),
+                found.values,
+                method="Nelder-Mead",
+                options={"maxfev": SIMPLEX, "adaptive": True, "xatol": 1e-4, "fatol": 1e-5},
+            )
+            better = _Found(np.clip(done.x, *within), float(done.fun))
+            ended, found = better.cost > found.cost - 0.01, better
+            if ended:
+                break
+        return found
+
+    def _counted(self, cost: Callable[[Samples], float]) -> Callable[[Samples], float]:
+        expected = 2 * (POPULATION * 18 * (GENERATIONS + 1) + 12 * SIMPLEX)
+
+        def counted(values: Samples) -> float:
+            self._evaluated += 1
+            if self._on_progress is not None and self._evaluated % 100 == 0:
+                self._on_progress(min(self._evaluated / expected, 1.0))
+            return cost(values)
+
+        return counted
+
+    def narrowness(self, values: Samples) -> float:
+        """-log of the narrowest bandwidth."""
+        sensitivities, over = self._sensitivities(values)
+        return over if over else -math.log(self._narrowest_Hz(sensitivities))
+
+    def unrest(self, values: Samples, least_Hz: float) -> float:
+        """log of the largest integral of (t y)^2 after a push; a bandwidth below ``least_Hz`` costs far more than the
+        calm that it would buy."""
+        sensitivities, over = self._sensitivities(values)
+        if over:
+            return over
+        lacking = max(math.log(least_Hz / self._narrowest_Hz(sensitivities)), 0.0)
+        largest = 0.0
+        for case, sensitivity in zip(self._cases, sensitivities, strict=True):
+            slope = np.gradient(sensitivity * case.pushed, axis=1) / case.step_Hz
+            largest = max(largest, float((np.abs(slope) ** 2 * case.step_Hz).sum(axis=1).max()))
+        return math.log(largest) + LACKING * lacking
+
+    def _narrowest_Hz(self, sensitivities: Sequence[Response]) -> float:
+        pairs = zip(self._cases, sensitivities, strict=True)
+        return float(min(bandwidth_Hz(case.f_Hz, 1 - one).min() for case, one in pairs))
+
+    def _sensitivities(self, values: Samples) -> tuple[list[Response], float]:
+        """S (gains, m) by case and 0, or the cost of a loop that has not its margin."""
+        amplified = max(_largest_b(row) for row in np.exp(values[3:]).reshape(-1, 4)) / HELD_IN_LOOP
+        if amplified > 1:
+            return [], UNSTABLE + 1000 * min(amplified, 50)
+        found, unstable, nearest = [], 0, np.inf
+        for case in self._cases:
+            distance = 1 + case.plants * case.controller(values)
+            turned = np.angle(distance[:, 0]) + np.angle(distance[:, 1:] * distance[:, :-1].conj()).sum(axis=1)
+            unstable += int((np.abs(turned) >= np.pi / 2).sum())
+            nearest = min(nearest, float(np.abs(distance).min()))
+            found.append(1 / distance)
+        if unstable:
+            return [], UNSTABLE + 100 * unstable
+        beyond = 1 / nearest - BELOW * self._over.peak
+        return found, OVER_PEAK + 10 * min(beyond, 50) if beyond > 0 else 0.0
+
+    def gains_of(self, values: Samples) -> Gains:
+        """In four digits, as a stage file shows them."""
+        ki, kp, kd = (_rounded(value) for value in np.exp(values[:3]))
+        low, high = self._over.gain_um_per_V
+        origin = (
+            f"tuned on the measured response for peak sensitivity {self._over.peak:.1f} (local gains of {low:.3g} to "
+            f"{high:.3g} um/V, modes +-{100 * self._over.mode_shift:g} %)"
+        )
+        return Gains(
+            kp_V_per_um=kp,
+            ki_V_per_um_s=ki,
+            kd_V_s_per_um=kd,
+            origin=origin,
+            filters=tuple(_filter(row) for row in np.exp(values[3:]).reshape(-1, 4)),
+        )
+
+
+def _largest_b(row: Samples) -> float:
+    """Of the coefficients of a section by its zeros and poles: the device holds less than 16."""
+    zeros_Hz, zeta_zeros, poles_Hz, zeta_poles = row
+    zeros, poles = (_roots_z(f, z) for f, z in ((zeros_Hz, zeta_zeros), (poles_Hz, zeta_poles)))
+    b0 = abs((1 - poles[0]) * (1 - poles[1])) / abs((1 - zeros[0]) * (1 - zeros[1]))
+    return float(b0 * max(1.0, abs(zeros[0] + zeros[1])))
+
+
+def _roots_z(f_Hz: float, zeta: float) -> tuple[complex, complex]:
+    w = 2 * math.pi * f_Hz
+    split = w * cmath.sqrt(zeta**2 - 1)
+    return cmath.exp((-zeta * w + split) * TICK_S), cmath.exp((-zeta * w - split) * TICK_S)
+
+
+def _filter(row: Samples) -> LoopFilter:
+    zeros_Hz, zeros_zeta, poles_Hz, poles_zeta = map(_rounded, row)
+    return LoopFilter(zeros_Hz=zeros_Hz, zeros_zeta=zeros_zeta, poles_Hz=poles_Hz, poles_zeta=poles_zeta)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")

@@ -1,0 +1,286 @@
+"""Loops with margins: what is measured, what is shaped on it, and what the firmware makes of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import phaselead as pl
+from phaselead.control.feedback_loop import HOLD_S, pid_response, plant_response
+from phaselead.control.tuning import shaping
+from phaselead.control.tuning.course import local_range, with_modes
+from phaselead.control.tuning.excitation import Grid, multisine
+from phaselead.control.tuning.plant import fit_plant
+from phaselead.control.tuning.response import response_of
+from phaselead.control.tuning.shaping import Range, bandwidth_Hz, predicted, shape
+from phaselead.device.encode_filters import encode_filters
+from phaselead.errors import BadInput
+from phaselead.model import (
+    TICK_S,
+    AxisModel,
+    Gains,
+    LoopFilter,
+    SmallSignal,
+    Stage,
+    parse_stage,
+    save_stage,
+    stage_text,
+)
+from phaselead.sim import built_in
+
+corner = st.floats(5.0, 2200.0)
+damping = st.floats(0.02, 1.9)
+filters = st.builds(
+    LoopFilter, zeros_Hz=st.one_of(st.just(0.0), corner), zeros_zeta=damping, poles_Hz=corner, poles_zeta=damping
+)
+PLANT = SmallSignal((14.0, 28.0), ((0.97, 200.0, 0.02), (0.03, 640.0, 0.012)), (8e-5,), HOLD_S + 1e-4)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shorter search: it finds loops with the same margin, if not the widest."""
+    monkeypatch.setattr(shaping, "GENERATIONS", 15)
+    monkeypatch.setattr(shaping, "SIMPLEX", 250)
+    monkeypatch.setattr(shaping, "SIMPLEXES", 2)
+
+
+# ---------------------------------------------------------------- filters
+@given(filters)
+def test_a_filter_has_its_gain_at_rest_and_its_zeros_where_they_are_written(one: LoopFilter) -> None:
+    section = one.section()
+    assert abs(section.response(np.array([0.0]))[0] - 1) < 1e-6
+    assert np.abs(np.roots([1.0, *section.a])).max() < 1
+    if one.zeros_Hz and one.zeros_zeta < 1:
+        w, zeta = 2 * np.pi * one.zeros_Hz, one.zeros_zeta
+        at = np.exp(w * complex(-zeta, math.sqrt(1 - zeta**2)) * TICK_S)
+        assert abs(np.polyval(section.b, at)) < 1e-6 * sum(map(abs, section.b))
+
+
+@given(st.lists(filters, min_size=1, max_size=2))
+def test_what_the_device_is_sent_is_the_filter_or_is_refused(chosen: list[LoopFilter]) -> None:
+    try:
+        sent = encode_filters(chosen)
+    except BadInput:
+        largest = max(abs(b) for one in chosen for b in one.section().b)
+        assert largest > 15.99 or min(one.poles_Hz * one.poles_zeta for one in chosen) < 10
+        return
+    for one, held in zip(chosen, sent, strict=False):
+        values = np.array([held.b0_q26, held.b1_q26, held.b2_q26, held.a1_q26, held.a2_q26]) / 2**26
+        section = one.section()
+        assert np.abs(values - [*section.b, *section.a]).max() < 3 / 2**26 + 1e-12
+        assert held.b0_q26 + held.b1_q26 + held.b2_q26 == (1 << 26) + held.a1_q26 + held.a2_q26
+
+
+def test_filters_go_through_a_stage_file() -> None:
+    one = LoopFilter(zeros_Hz=200.0, zeros_zeta=0.1, poles_Hz=200.0, poles_zeta=1.0)
+    gains = Gains(kp_V_per_um=0.0, ki_V_per_um_s=2.0, kd_V_s_per_um=0.0, filters=(one, one))
+    stage = Stage(name="s", axes={"x": AxisModel(gains=gains), "y": AxisModel(gains=replaced(gains))})
+    read = parse_stage(stage_text(stage), "s.toml")
+    assert read == stage
+    assert "filters" not in stage_text(stage).split("[axes.y")[1]
+    with pytest.raises(BadInput, match="poles_zeta"):
+        parse_stage(stage_text(stage).replace("poles_zeta = 1.0", "poles_zeta = 0.0"), "s.toml")
+
+
+def replaced(gains: Gains) -> Gains:
+    return gains.model_copy(update={"filters": None})
+
+
+@given(filters, st.floats(1.0, 2400.0))
+def test_the_analysed_controller_has_its_filters(one: LoopFilter, f_Hz: float) -> None:
+    plain = Gains(kp_V_per_um=0.01, ki_V_per_um_s=20.0, kd_V_s_per_um=1e-5)
+    at = np.array([f_Hz])
+    filtered = plain.model_copy(update={"filters": (one, one)})
+    assert np.allclose(pid_response(filtered, at), pid_response(plain, at) * one.section().response(at) ** 2)
+
+
+# ---------------------------------------------------------------- the response
+def test_the_grid_is_odd_and_some_of_it_listens() -> None:
+    grid = Grid.odd_random(1024, 2250.0)
+    assert not np.intersect1d(grid.excited, grid.odd).size
+    assert (np.concatenate([grid.excited, grid.odd]) % 2 == 1).all()
+    assert 0.2 < len(grid.odd) / len(grid.excited) < 0.4
+
+
+@given(st.floats(0.05, 3.0), st.floats(-1.0, 5.0), st.integers(0, 100))
+def test_a_multisine_has_its_swing_about_its_middle_and_nothing_else(swing: float, middle: float, seed: int) -> None:
+    grid = Grid.odd_random(1024, 2250.0)
+    wave = multisine(grid, swing, middle, "V", seed)
+    values = wave.value(np.arange(1024) / 5000)
+    assert np.ptp(values) == pytest.approx(swing)
+    assert values.mean() == pytest.approx(middle, abs=1e-6)
+    lines = np.abs(np.fft.rfft(values))
+    assert lines[np.concatenate([grid.odd, grid.even])].max() < 1e-9 * lines[grid.excited].max()
+
+
+@pytest.mark.parametrize("noise", [1e-4, 0.01])
+@pytest.mark.parametrize(("odd", "even"), [(0.0, 0.0), (0.03, 0.0), (0.0, 0.03), (0.02, 0.01)])
+def test_distortion_and_noise_are_told_apart(odd: float, even: float, noise: float) -> None:
+    """A gain of 2 behind x + even x^2 + odd x^3."""
+    grid, rng = Grid.odd_random(1024, 1000.0), np.random.default_rng(1)
+    t_s = np.arange(1024) / 5000
+    u = np.array([np.tile(multisine(grid, 2.0, 0.0, "V", draw).value(t_s), (16, 1)) for draw in (0, 1)])
+    parts = {"even": 2 * even * u**2, "odd": 2 * odd * u**3}
+    y = 2 * u + parts["even"] + parts["odd"] + rng.normal(0, noise, u.shape)
+    given_, found = (np.fft.rfft(part, axis=2) * np.sqrt(2) / 1024 for part in (u, y))
+    measured = response_of(given_, found, grid)
+    line = noise / np.sqrt(512 * 16)  # half of the power of 1024 samples, over 16 periods
+    assert rms(measured.noise.um) == pytest.approx(line, rel=0.2)
+    for name, silent, heard in (("even", grid.even, measured.even.um), ("odd", grid.odd, measured.odd.um)):
+        wanted = np.abs(np.fft.rfft(parts[name][:, 0], axis=1)[:, silent] * np.sqrt(2) / 1024)
+        assert rms(heard) == pytest.approx(rms(wanted), rel=0.1, abs=2 * line)
+    assert np.median(np.abs(measured.gain / 2 - 1)) < 0.01 + 2 * odd
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
+
+
+def test_no_coherence_is_refused() -> None:
+    grid, rng = Grid.odd_random(1024, 1000.0), np.random.default_rng(1)
+    given_, found = (rng.normal(size=(2, 16, 513)) + 1j * rng.normal(size=(2, 16, 513)) for _ in range(2))
+    with pytest.raises(BadInput, match=r"no coherence: at none of .* is the amplifier on"):
+        response_of(given_, found, grid)
+
+
+@pytest.mark.parametrize(
+    ("f_Hz", "zeta", "ratio", "share", "dead_s", "gain"),
+    [(85, 0.02, 3.6, 0.07, 1e-4, 40.0), (200, 0.02, 3.25, 0.03, 1e-4, 18.0), (420, 0.015, 3.0, 0.04, 0.0, 8.0),
+     (900, 0.02, 2.1, 0.05, 3e-4, 2.5), (150, 0.06, 2.5, 0.1, 4e-4, 10.0)],
+)  # fmt: skip
+def test_the_plant_behind_lines_is_found(
+    f_Hz: float, zeta: float, ratio: float, share: float, dead_s: float, gain: float
+) -> None:
+    """Both modes, with 1 % of error on every line."""
+    modes = ((1 - share, f_Hz, zeta), (share, ratio * f_Hz, 0.01))
+    lines = np.unique(np.concatenate([np.arange(1.2, 290, 1.2), np.arange(292.0, 2240, 9.77)]))
+    rng = np.random.default_rng(1)
+    error = 1 + 0.01 * (rng.normal(size=len(lines)) + 1j * rng.normal(size=len(lines)))
+    measured = gain * plant_response(SmallSignal((1, 1), modes, (), HOLD_S + dead_s), lines) * error
+    found = fit_plant(lines, measured, np.full(len(lines), 0.01))
+    assert found.gain_um_per_V == pytest.approx(gain, rel=0.02)
+    first = max(found.plant.modes, key=lambda mode: mode[0] / mode[2])
+    assert first[1] == pytest.approx(f_Hz, rel=0.01)
+    assert np.median(found.misfit) < 0.02
+
+
+# ---------------------------------------------------------------- the loop
+@pytest.mark.parametrize("plant", [PLANT, replace(PLANT, modes=((1.0, 420.0, 0.015),)), replace(PLANT, delay_s=1e-3)])
+def test_a_shaped_loop_has_its_margin_and_fits_the_device(plant: SmallSignal) -> None:
+    over = Range((14.0, 28.0), 0.1, 2.0)
+    gains = shape(plant, over)
+    found = predicted(plant, gains, over)
+    assert found.peak_sensitivity <= 2.0
+    assert found.bandwidth_Hz[0] > 20
+    encode_filters(gains.filters or ())
+    for factor in np.linspace(0.9, 1.1, 7):  # in between the places that it was shaped for as well
+        assert predicted(plant.with_modes_at(factor), gains, replace(over, mode_shift=0.0)).peak_sensitivity < 2.3
+
+
+def test_the_same_plant_gives_the_same_gains() -> None:
+    over, plain = Range((14.0, 28.0), 0.1, 2.0), replace(PLANT, modes=((1.0, 200.0, 0.02),))
+    assert shape(plain, over) == shape(plain, over)
+
+
+def test_a_range_without_a_margin_is_refused() -> None:
+    """A dead time of a second turns every loop that is quicker than it."""
+    slow = replace(PLANT, delay_s=0.9)
+    with pytest.raises(BadInput, match=r"no PID with 2 filters keeps a peak sensitivity of 1\.2"):
+        shape(slow, Range((0.01, 1000.0), 0.5, 1.2))
+
+
+@given(st.floats(10.0, 400.0))
+def test_bandwidth_is_where_it_falls(corner_Hz: float) -> None:
+    f_Hz = np.geomspace(1, 2500, 500)
+    assert bandwidth_Hz(f_Hz, 1 / (1 + 1j * f_Hz / corner_Hz)[None])[0] == pytest.approx(corner_Hz, rel=0.01)
+
+
+def test_local_gains_are_those_of_the_time_view_and_the_measured_one() -> None:
+    axis = built_in("xyz250").axis("x")
+    low, high = local_range(axis, 18.0, 0.1)
+    assert (low, high) == pytest.approx((13.163, 28.404), abs=0.01)
+    assert local_range(axis, 40.0, 0.1)[1] == pytest.approx(44)
+    assert local_range(AxisModel(), 10.0, 0.1) == pytest.approx((7.0, 17.0))
+
+
+def test_a_model_that_shows_no_mode_gets_the_measured_ones() -> None:
+    axis = built_in("xyz250").axis("x").model_copy(update={"effects": ()})
+    found = with_modes(axis, SmallSignal((18, 18), ((0.05, 54.0, 0.7), (0.95, 200.0, 0.02)), (), 3e-4))
+    assert [effect.name for effect in found.effects] == ["resonance"]
+    assert found.effects[0].params["c"] == (1.0,)
+    shown = built_in("xyz250").axis("x")
+    assert with_modes(shown, PLANT) is shown
+
+
+# ---------------------------------------------------------------- on the device
+@pytest.fixture(scope="module")
+def tuned() -> pl.Tuned:
+    with pytest.MonkeyPatch.context() as patch, pl.connect("sim://xyz250") as dev:
+        patch.setattr(shaping, "GENERATIONS", 40)
+        patch.setattr(shaping, "SIMPLEX", 600)
+        patch.setattr(shaping, "SIMPLEXES", 2)
+        return dev.tune("x", model=built_in("xyz250"))
+
+
+def test_what_is_measured_is_what_was_predicted(tuned: pl.Tuned) -> None:
+    """The stage is compiled code of its own: it shares nothing with the plant that was fitted."""
+    assert tuned.predicted.peak_sensitivity <= 2.0
+    assert tuned.closed.peak_sensitivity == pytest.approx(tuned.expected.peak_sensitivity, rel=0.1)
+    assert tuned.closed.bandwidth_Hz == pytest.approx(tuned.expected.bandwidth_Hz[0], rel=0.1)
+    first = max(tuned.plant.plant.modes, key=lambda mode: mode[0] / mode[2])
+    assert first[1] == pytest.approx(200.0, rel=0.01)
+    assert first[2] == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_it_holds_a_stage_whose_mode_has_moved(tuned: pl.Tuned, factor: float, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """And rings no more than its noise asks for."""
+    stage = built_in("xyz250")
+    axis = stage.axis("x")
+    effects = tuple(
+        one.model_copy(update={"params": {**one.params, "f_Hz": 200.0 * factor}}) if one.name == "resonance" else one
+        for one in axis.effects
+    )
+    moved = stage.model_copy(update={"axes": {"x": axis.model_copy(update={"effects": effects})}})
+    save_stage(tmp_path / "moved.toml", moved)
+    with pl.connect(f"sim://{tmp_path}/moved.toml") as dev:
+        run = dev.track("goto:60um", mode="pid", model=tuned.model, duration=1.5)
+    assert np.std(run.x_um[-2500:]) < 0.03
+
+
+def test_a_run_with_filters_is_replayed_bit_for_bit(tuned: pl.Tuned) -> None:
+    with pl.connect() as dev:
+        run = dev.track("sine:20um@5Hz", mode="pid", model=tuned.model, duration=0.4)
+    assert bool(pl.replay(run))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"peak": 7.0}, "a peak sensitivity of 7: choose 1.2 to 3"),
+        ({"mode_shift": 0.9}, "modes 90 % up and down: choose 0 to 50 %"),
+        ({"level": 30.0}, "outside"),
+        ({"axis": "q"}, "q"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_before_anything_moves(wrong: dict[str, float], words: str) -> None:
+    with pl.connect() as dev:
+        before = dev.status().tick
+        with pytest.raises(BadInput, match=words):
+            dev.tune(**wrong)  # type: ignore[arg-type]
+        assert dev.status().state == "parked"
+        assert dev.status().tick - before < 5000
+
+
+def test_it_prints_saves_and_draws(tuned: pl.Tuned, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    assert "measured" in str(tuned)
+    tuned.save(tmp_path / "tuned.toml")
+    assert pl.load(tmp_path / "tuned.toml").axis("x").gains == tuned.gains
+    pl.write_report(tuned, tmp_path / "page.html")
+    assert "Has the loop its margin?" in (tmp_path / "page.html").read_text()
+    assert tuned.as_dict()["measured"]["bandwidth_Hz"] == tuned.closed.bandwidth_Hz
