@@ -11,9 +11,8 @@ import pytest
 
 from phaselead.gap.design import excitation_of, modes_crossed_Hz
 from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, repeats, span_V
-from phaselead.gap.design.next_experiment import coarser, sensor_for
+from phaselead.gap.design.next_experiment import sensor_for
 from phaselead.gap.findings import NextExperiment
-from phaselead.gap.noise import Noise
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.result import GapResult
@@ -158,18 +157,6 @@ def test_a_repeated_record_drives_every_mode_that_its_harmonics_reach():
         )
         crossed.append(modes_crossed_Hz(vars(made), stage, "x"))
     assert crossed == [[pytest.approx(20.0)], []]
-
-
-def test_coarser_noise_is_the_mean_of_rows():
-    """White or coloured, means over many rows scatter as the coarser model says."""
-    fine = Noise(np.array([1.0, -0.6]), 0.01, 0.0, 1.0, 0.0, np.ones(1))
-    rng = np.random.default_rng(0)
-    drawn = np.zeros(400_000)
-    for k, w in enumerate(rng.normal(0, fine.sigma_um, len(drawn))):
-        drawn[k] = 0.6 * drawn[k - 1] + w
-    means = drawn.reshape(-1, 100).mean(axis=1)
-    assert coarser(fine, 100).sigma_um == pytest.approx(means.std(), rel=0.05)
-    assert coarser(fine, 1) is fine
 
 
 @pytest.mark.parametrize(

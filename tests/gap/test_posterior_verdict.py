@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from math import comb, exp, log
+from types import SimpleNamespace as Made
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.gap.posterior.evidence import SetFit
+from phaselead.gap.posterior.likelihood import Fit
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
-from phaselead.gap.posterior.verdict import MOST_TIED, SURE, judge
+from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SURE, judge
 from phaselead.gap.refit import to_internal
 from phaselead.model.effects import effect
 
@@ -26,16 +28,17 @@ def typical(name):
     return found, {p.name: p.typical for p in found.parameters}
 
 
-def contest(logs, held_out=None):
+def contest(logs, held_out=None, named=None):
     """Of sets given as tuples of names with their log posterior odds; ``held_out`` is what of them the held-out
-    records add."""
+    records add, ``named`` how probable it is that they leave no more than their equations may miss, by default sure."""
     fits = {}
     for names, value in logs.items():
         log_evidence = value - log_prior_of_set(len(names), CATALOGUE)
         fitted = log_evidence - (held_out or {}).get(names, 0.4 * value)
-        entries = tuple(typical(name) for name in names)
-        fits[tuple(sorted(names))] = SetFit(entries, {0.07: log_evidence}, {0.07: fitted})
-    return Contest(None, fits, {}, CATALOGUE)
+        terms = Made(entries=tuple(typical(name) for name in names))
+        sure = (named or {}).get(names, 1.0)
+        fits[tuple(sorted(names))] = Fit(terms, log_evidence, fitted, sure, (0.05, 1.0), np.zeros((0, 0)))
+    return Contest(None, fits, CATALOGUE)
 
 
 sets = st.sets(st.sampled_from(NAMES), max_size=3).map(lambda s: tuple(sorted(s)))
@@ -56,16 +59,17 @@ def test_probabilities_are_probabilities_and_claims_are_sure(logs):
         assert sum(q for names, q in found.sets.items() if group & set(names)) >= SURE - 1e-9
         assert len(claim.tied) == 1 or claim.probability < SURE
         assert claim.borne_out
+    assert found.nearest_only == pytest.approx(0.0)
 
 
 @given(st.dictionaries(sets, st.floats(-30, 30), max_size=8).map(lambda d: {(): 0.0} | d), st.floats(-1e5, 1e5))
 def test_only_differences_of_evidence_count(logs, shift):
     plain = contest(logs)
     shifted = {
-        n: SetFit(f.entries, {0.07: f.log_evidence + shift}, {0.07: f.log_evidence_fitted + shift})
+        n: replace(f, log_evidence=f.log_evidence + shift, log_evidence_fitted=f.log_evidence_fitted + shift)
         for n, f in plain.fits.items()
     }
-    found, again = judge(plain), judge(Contest(None, shifted, {}, CATALOGUE))
+    found, again = judge(plain), judge(Contest(None, shifted, CATALOGUE))
     assert found.sets == pytest.approx(again.sets, abs=1e-6)
 
 
@@ -102,9 +106,17 @@ def test_beside_a_tie_another_effect_is_named():
 
 
 def test_more_rivals_than_say_something_are_no_tie():
-    many = NAMES[: MOST_TIED + 1]
-    assert not judge(contest({(): 0.0} | {(name,): 30.0 for name in many})).claims
-    assert judge(contest({(): 0.0} | {(name,): 30.0 for name in many[:-1]})).claims
+    many = ("rate_dependence", "hysteresis", "backlash", "creep", "delay", "softening")
+    assert len(many) == MOST_TIED + 1
+    logs = {(): 0.0} | {(name,): 30.0 for name in many[1:]} | {("rate_dependence",): 30.01}
+    assert not judge(contest(logs)).claims
+    del logs[many[-1:]]
+    assert judge(contest(logs)).claims
+
+
+def test_what_the_catalogue_does_not_confuse_is_no_tie():
+    assert not judge(contest({(): 0.0, ("delay",): 30.0, ("gain_change",): 30.0})).claims
+    assert judge(contest({(): 0.0, ("delay",): 30.0, ("sensor_lowpass",): 30.0})).claims
 
 
 @pytest.mark.parametrize(("held_out", "named"), [(12.0, True), (0.0, True), (-5.0, True), (31.0, False)])
@@ -112,6 +124,32 @@ def test_what_only_the_held_out_records_show_is_not_named(held_out, named):
     """With 30 log units in all, of which the held-out records add these."""
     found = judge(contest({(): 0.0, ("delay",): 30.0}, {("delay",): held_out}))
     assert bool(found.claims) is named
+
+
+@pytest.mark.parametrize(("short", "claimed"), [(0.01, True), (-0.01, False)])
+def test_the_nearest_set_names_nothing_where_it_is_probably_no_more_than_that(short, claimed):
+    """Neither an effect nor a tie. Its probability stays what it was."""
+    named = MORE_LIKELY_THAN_NOT + short
+    for logs in (
+        {(): 0.0, ("delay",): 40.0},
+        {(): 0.0, ("delay",): 40.0, ("amplifier_lowpass",): 39.8},
+        {(): 0.0, ("creep", "delay"): 60.0, ("amplifier_lowpass", "creep"): 59.5, ("delay",): 20.0},
+    ):
+        found = judge(contest(logs, named=dict.fromkeys(logs, named) | {(): 1.0}))
+        assert found.nearest_only == pytest.approx(1 - named, abs=1e-6)
+        assert bool(found.claims) is claimed
+        assert found.sets == judge(contest(logs)).sets
+
+
+@given(
+    st.dictionaries(sets, st.tuples(st.floats(-30, 30), st.floats(0, 1)), max_size=8).map(
+        lambda d: {(): (0.0, 1.0)} | d
+    )
+)
+def test_the_nearest_only_is_what_every_set_may_miss_by_its_probability(both):
+    found = judge(contest({n: value for n, (value, _) in both.items()}, named={n: q for n, (_, q) in both.items()}))
+    assert found.nearest_only == pytest.approx(sum(found.sets[n] * (1 - q) for n, (_, q) in both.items()), abs=1e-9)
+    assert not (found.claims and found.nearest_only >= MORE_LIKELY_THAN_NOT)
 
 
 @given(st.integers(1, 40))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from phaselead.errors import BadInput
-from phaselead.gap.posterior import intervals_alone
+from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.problem import make_problem
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import refit
@@ -52,7 +52,8 @@ def find_memory(
     described = tried.get(becoming[0].name)
     if chance > BY_CHANCE or saved.sum() <= max(others, default=0.0) or described is None:
         return axis, None
-    params = intervals_alone(problem, described.entries)[-1]
+    likelihood = likelihood_of([modelled_run(axis, run) for run in runs], None)
+    params = intervals_alone(likelihood, described.entries)[-1]
     why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
     return given, Memory(becoming[0], params, 1 - chance, why)
 

@@ -7,18 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.gap.findings import ONE_SIDED_95, Bound, NamedEffect
-from phaselead.gap.metric import LEAST_POWER
-from phaselead.gap.posterior import KNOWN_BEFORE, Beside, beside
-from phaselead.gap.regressors import Index, RegressorGroup
+from phaselead.gap.findings import Bound, NamedEffect
+from phaselead.gap.posterior import KNOWN_BEFORE, largest_sizes
 from phaselead.gap.selection import Selection
 from phaselead.model import Effect, catalogue
-from phaselead.record import Samples
 
-ROUNDS = 3
-"""In which a bound and what the equation of an effect of that size may miss are found in turn."""
 MANY_TIMES = 1000.0
-"""Typical sizes from which a bound is not even worth saying."""
+"""Typical sizes from which the records do not excite an effect."""
 
 
 def upper_bounds(
@@ -30,55 +25,21 @@ def upper_bounds(
     size as unknown as it was.
     """
     assert selection.contest is not None
-    problem = selection.problem
-    others = beside(selection.contest.solver, selection.fitted.entries)
-    moments = others.moments(problem.train)
+    likelihood = selection.contest.likelihood
+    others = likelihood.fit(selection.fitted.entries, steps=0)
+    absent = [effect for effect in effects if effect.name not in without]
+    largest = largest_sizes(likelihood, others, absent)
     found, untestable = [], {}
-    for effect in effects:
-        if effect.name in without:
-            continue
-        places = [
-            (group, problem.layout.columns_of(i)) for i, group in enumerate(problem.layout.groups)
-            if group.effect.name == effect.name
-        ]  # fmt: skip
-        shown = [(group, columns) for group, columns in places if moments[columns[0], columns[0]] > LEAST_POWER]
-        if not shown:
-            untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
-            continue
-        upper = max(_largest(others, moments, shown), _in_place_of_a_named(selection, effect))
+    for effect in absent:
         size = effect.sizes[0]
-        if upper > KNOWN_BEFORE * size.typical or upper >= max(abs(size.low), size.high):
+        upper = max(largest.get(effect.name, np.inf), _in_place_of_a_named(selection, effect))
+        if upper > MANY_TIMES * size.typical:
+            untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
+        elif upper > KNOWN_BEFORE * size.typical or upper >= max(abs(size.low), size.high):
             untestable[effect.name] = f"{_hidden(upper / size.typical)}; what would show it: {effect.reveals}"
-            continue
-        found.append(Bound(effect.name, upper, size.unit, axis))
+        else:
+            found.append(Bound(effect.name, upper, size.unit, axis))
     return found, untestable
-
-
-def _largest(others: Beside, moments: Samples, shown: Sequence[tuple[RegressorGroup, Index]]) -> float:
-    """The largest bound of an effect's first size over its shapes, with what its own equation may miss at the shape
-    that allows most. ``moments`` (k, k) are of all columns and, last, the residual."""
-    of_shapes = [
-        (_at_most(moments[np.ix_([*columns, -1], [*columns, -1])]) * abs(group.steps[0]), i)
-        for i, (group, columns) in enumerate(shown)
-    ]
-    largest, i = max(of_shapes)
-    group = shown[i][0]
-    if largest > KNOWN_BEFORE * group.effect.sizes[0].typical:
-        return largest
-    own = others.own_moments(group)
-    steps = largest / abs(group.steps[0])
-    for _ in range(ROUNDS):
-        steps = _at_most(others.with_own_misfit(own, len(group.steps), steps))
-    return max(largest, steps * abs(group.steps[0]))
-
-
-def _at_most(moments: Samples) -> float:
-    """Upper bound at 95 %, in steps, of the first of some sizes from the moments (q + 1, q + 1) of their columns and
-    the residual: the estimate and its deviation."""
-    normal = moments[:-1, :-1] + KNOWN_BEFORE**-2 * np.diag([0.0, *np.ones(len(moments) - 2)])
-    inverse = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
-    deviation = float(np.sqrt(max(inverse[0, 0], 1 / normal[0, 0])))
-    return abs(float(inverse[0] @ moments[:-1, -1])) + ONE_SIDED_95 * deviation
 
 
 def raised_bounds(bounds: Sequence[Bound], provisional: Sequence[NamedEffect]) -> list[Bound]:
@@ -95,8 +56,6 @@ def raised_bounds(bounds: Sequence[Bound], provisional: Sequence[NamedEffect]) -
 
 def _hidden(times: float) -> str:
     """How much could hide in these records, in typical sizes, for a person."""
-    if not times < MANY_TIMES:
-        return "any size could hide here"
     return f"{times:.0f} times its typical size could hide here"
 
 

@@ -13,13 +13,13 @@ from dataclasses import replace
 from phaselead.gap.adopt import adopted
 from phaselead.gap.findings import NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.posterior import intervals_alone
-from phaselead.gap.problem import Problem, make_problem
+from phaselead.gap.plain_fits import each_fitted, plain_problem
+from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import Fitted, refit
+from phaselead.gap.refit import Fitted
+from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
-from phaselead.gap.scan import refit_best, scan
-from phaselead.model import AxisModel, Effect
+from phaselead.model import Effect
 
 MOST_PROVISIONAL = 3
 """Effects that are adopted one after the other: as many as the trials hide."""
@@ -38,29 +38,18 @@ def nearest_that_pays(
     the axis in the result.
     """
     found: list[NamedEffect] = []
-    learned = [run for run in runs if run.role != "reference"]
     for _ in range(MOST_PROVISIONAL):
         taken = {e.name for e in (*named, *found)}
         left = [e for e in effects if e.name not in taken]
-        problem = _problem(adopted(final.axis, [*named, *found]), learned, left)
-        best = _best_that_pays(final, _each_refitted(problem, left))
+        problem = plain_problem(adopted(final.axis, [*named, *found]), runs, left)
+        best = _best_that_pays(final, each_fitted(problem, left))
         if best is None:
             break
         final = final.with_entries(best.entries)
-        params = intervals_alone(problem, best.entries)[0]
+        beside = likelihood_of([modelled_run(problem.axis, run) for run in runs], None)
+        params = intervals_alone(beside, best.entries)[0]
         found.append(NamedEffect(best.entries[0][0].name, label, params, 0.0))
     return final, [replace(e, share=final.share_of(e.name)) for e in found]
-
-
-def _problem(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect]) -> Problem:
-    """What the axis leaves of the runs, in um."""
-    return make_problem(axis, runs, effects, frozen=True, unwhitened=True)
-
-
-def _each_refitted(problem: Problem, effects: Sequence[Effect]) -> list[Fitted]:
-    """Every promising effect by itself, fitted to the training runs."""
-    bare = refit(problem.train_common, problem.discrepancy, [])
-    return [one.fitted for one in refit_best(problem, bare, scan(problem, bare, effects))]
 
 
 def _best_that_pays(final: FinalFit, tried: Sequence[Fitted]) -> Fitted | None:

@@ -149,6 +149,11 @@ def conditional_moments(regressors: Regressors, discrepancy: Discrepancy, fresh:
     return _Conditional(regressors, discrepancy).moments(regressors.total_with_columns(fresh))
 
 
+def parameters_of(entries: Sequence[SizedEffect]) -> list[tuple[int, Parameter]]:
+    """Every parameter, after the number of the entry it belongs to."""
+    return [(i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters]
+
+
 def bounded(effect: Effect, params: Mapping[str, float]) -> dict[str, float]:
     """The parameters, those out of their bounds moved to the nearest."""
     return {p.name: float(np.clip(params[p.name], p.low, p.high)) for p in effect.parameters}

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from phaselead.gap.base_operator import find_memory
-from phaselead.gap.findings import NAMED, Candidate
-from phaselead.gap.posterior import Claim, Contest, Judgement, intervals, judge, search_sets
+from phaselead.gap.best_prediction import best_predicting
+from phaselead.gap.findings import NAMED, Candidate, Estimate
+from phaselead.gap.posterior import Claim, Contest, Judgement, intervals, judge, likelihood_of, search_sets
 from phaselead.gap.problem import Problem, make_problem, with_effects
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, SizedEffect, squares_left
+from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection
 from phaselead.model import AxisModel, Effect
@@ -33,15 +35,11 @@ def select_effects(
     on_progress(0.1)
     left = [effect for effect in effects if memory is None or effect.name != memory.effect.name]
     problem = make_problem(base, runs, left, frozen, open_plays=memory is not None)
-    contest = search_sets(problem, left, lambda share: on_progress(0.2 + 0.8 * share))
+    free = problem.freedom if problem.reference is None and not frozen else None
+    likelihood = likelihood_of([modelled_run(base, run) for run in runs], free)
+    contest = search_sets(likelihood, left, lambda share: on_progress(0.2 + 0.8 * share))
     found = judge(contest)
-    claims = _that_pay(problem, found)
-    claimed = {claim.effect.name for claim in claims}
-    entries = tuple(entry for entry in found.best.entries if entry[0].name in claimed)
-    values = []
-    if entries:
-        entries, covariance = contest.solver.estimate(entries)
-        values = intervals(entries, covariance)
+    claims, entries, values = _estimated(problem, contest, found.best.entries, found.claims)
     after = with_effects(problem, entries) if entries else problem
     return Selection(
         after,
@@ -52,20 +50,37 @@ def select_effects(
         contest,
         _candidates(contest, found),
         memory,
+        found.nearest_only,
     )
 
 
-def _that_pay(problem: Problem, found: Judgement) -> tuple[Claim, ...]:
+def _estimated(
+    problem: Problem, contest: Contest, best: Sequence[SizedEffect], claims: Sequence[Claim]
+) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], list[dict[str, Estimate]]]:
+    """The claims that do not harm, their effects with the parameters that predict best, and the interval of each."""
+    while claims:
+        entries = tuple(entry for entry in best if entry[0].name in {claim.effect.name for claim in claims})
+        fit = contest.likelihood.fit(entries)
+        likeliest, covariance = fit.entries, fit.covariance
+        entries = best_predicting(likeliest, covariance, problem.train_runs())
+        harmless = _that_pay(problem, entries, claims)
+        if len(harmless) == len(claims):
+            return tuple(claims), entries, intervals(likeliest, covariance, entries)
+        claims = harmless
+    return (), (), []
+
+
+def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:
     """The claims without which the held-out records are not predicted better, in um, than with them. Where the base's
     plays move with every effect that says nothing before they are fitted anew."""
     if problem.open_plays:
-        return found.claims
-    held, kept = problem.holdout.metric.modelled_runs, list(found.claims)
-    for claim in found.claims:
+        return tuple(claims)
+    held, kept = problem.holdout.metric.modelled_runs, list(claims)
+    for claim in claims:
         names = {one.effect.name for one in kept}
-        entries = [entry for entry in found.best.entries if entry[0].name in names]
-        without = [entry for entry in entries if entry[0].name != claim.effect.name]
-        if probability_by_chance(saved_by_block(held, entries, held, without)) < BY_CHANCE:
+        tried = [entry for entry in entries if entry[0].name in names]
+        without = [entry for entry in tried if entry[0].name != claim.effect.name]
+        if probability_by_chance(saved_by_block(held, tried, held, without)) < BY_CHANCE:
             kept.remove(claim)
     return tuple(kept)
 

@@ -39,5 +39,7 @@ class Selection:
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None
+    nearest_only: float = 0.0
+    """Probability that the nearest set leaves more than its equations may miss."""
     messages: tuple[str, ...] = ()
     """For a person."""

@@ -8,16 +8,13 @@ a name needs, whichever of the two is true, nineteen times out of twenty. The sh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, excitations, repeats, span_V
 from phaselead.gap.findings import ONE_SIDED_95, NextExperiment
-from phaselead.gap.metric import metric_of
-from phaselead.gap.noise import Noise
 from phaselead.gap.posterior import SURE, Claim, Contest, Forecast, names_of
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import SizedEffect
@@ -26,8 +23,6 @@ from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-MOST_PREDICTED_ROWS = 10_000
-"""Of one prediction; of longer excitations as many means over rows are predicted."""
 MOST_PREDICTED = 16
 """Excitations that are predicted with everything that may be missed: what the time for an answer allows."""
 LENGTHENED = 3
@@ -109,10 +104,9 @@ class _Predicted:
 
     def __init__(self, selection: Selection, contest: Contest, sets: Sets) -> None:
         self._problem, self._sets = selection.problem, sets
-        self._forecast = Forecast(contest.solver, selection.problem, sets)
+        self._forecast = Forecast(contest.likelihood, sets)
         self._needed = needed_log_odds(contest, sets)
-        self._records = [record.modelled for record in contest.solver.space.records]
-        self._weight = contest.solver.space.usual_weight()
+        self._records = [run.modelled for run in contest.likelihood.runs]
 
     @property
     def _step_s(self) -> float:
@@ -130,18 +124,16 @@ class _Predicted:
         for excitation in self.options():
             made = self._made(excitation)
             if self._within_sensor(made) and self._within_fitted_voltages(made):
-                white = self._whitener(made)(np.stack([made.answer(entries) for entries in self._sets], axis=1))
-                least = min(float(np.sum((a - b) ** 2)) for a, b in combinations(white.T, 2))
-                apart[excitation] = least / excitation.seconds
+                squared = self._forecast.squared_distances(made, free=False)
+                apart[excitation] = float(_between(squared).min()) / excitation.seconds
         return sorted(apart, key=lambda excitation: -apart[excitation])[:MOST_PREDICTED]
 
     def of(self, excitation: Excitation) -> Prediction:
         """The prediction for one."""
         made = self._made(excitation)
-        squared = self._forecast.squared_distances(made, self._whitener(made))
-        pairs = ~np.eye(len(squared), dtype=bool)
+        squared = self._forecast.squared_distances(made)
         short = self._needed + ONE_SIDED_95 * np.sqrt(squared) - squared / 2
-        return Prediction(excitation, float(squared[pairs].min()) / 2, float(short[pairs].max()))
+        return Prediction(excitation, float(_between(squared).min()) / 2, float(_between(short).max()))
 
     def lengthened(self, excitation: Excitation) -> list[Prediction]:
         """Predictions for an excitation that lasts longer, until one is good."""
@@ -150,13 +142,6 @@ class _Predicted:
             if seconds > excitation.seconds and not (found and found[-1].good):
                 found.append(self.of(replace(excitation, seconds=seconds)))
         return found
-
-    def _whitener(self, made: ModelledRun) -> Callable[[Samples], Samples]:
-        """From columns (n, k) in um to whitened ones, of means where there are many rows."""
-        every = int(np.ceil(len(made.run.t_s) / MOST_PREDICTED_ROWS))
-        metric = metric_of([_means(made, every)], coarser(self._problem.noise, every))
-        metric = metric.weighted([np.full(len(w), self._weight) for w in metric.weights])
-        return lambda columns: metric.project(0, _mean_rows(columns, every))
 
     def _made(self, excitation: Excitation) -> ModelledRun:
         """The run that it would give, without a measurement."""
@@ -185,32 +170,9 @@ class _Predicted:
         return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)
 
 
-def _means(made: ModelledRun, every: int) -> ModelledRun:
-    """A run of the means over ``every`` scored rows, for its metric alone."""
-    if every == 1:
-        return made
-    t, u = (_mean_rows(a[made.run.rows, None], every)[:, 0] for a in (made.run.t_s, made.run.u_V))
-    run = replace(made.run, t_s=t, u_V=u, x_um=np.zeros(len(t)), start=0, stop=len(t))
-    return ModelledRun(run, made.axis, made.chain, made.plays_V, _mean_rows(made.nuisances, every))
-
-
-def _mean_rows(columns: Samples, every: int) -> Samples:
-    """Means (n / every, k) over so many rows of columns (n, k)."""
-    whole = len(columns) // every * every
-    return np.asarray(columns[:whole].reshape(-1, every, columns.shape[1]).mean(axis=1))
-
-
-def coarser(noise: Noise, every: int) -> Noise:
-    """The noise of means over ``every`` rows, for signals that change little over so many."""
-    if every == 1:
-        return noise
-    slow_um = noise.sigma_um / abs(float(np.sum(noise.sensor)))
-    return replace(
-        noise,
-        sensor=np.ones(1),
-        sigma_um=slow_um / float(np.sqrt(every)),
-        rest=np.array([abs(float(np.sum(noise.rest)))]),
-    )
+def _between(values: Samples) -> Samples:
+    """The values (n, n) between different members."""
+    return np.asarray(values[~np.eye(len(values), dtype=bool)])
 
 
 def sensor_for(effects: Sequence[Effect]) -> str:

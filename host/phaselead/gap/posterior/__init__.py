@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from phaselead.gap.posterior.absent import Beside, beside
+from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone
+from phaselead.gap.posterior.likelihood import Likelihood, names_of
 from phaselead.gap.posterior.priors import KNOWN_BEFORE
-from phaselead.gap.posterior.search import Contest, names_of, search_sets
+from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.verdict import SURE, Claim, Judgement, judge
 
 __all__ = [
     "KNOWN_BEFORE",
     "SURE",
-    "Beside",
     "Claim",
     "Contest",
     "Forecast",
     "Judgement",
-    "beside",
+    "Likelihood",
     "intervals",
     "intervals_alone",
     "judge",
+    "largest_sizes",
+    "likelihood_of",
     "names_of",
     "search_sets",
 ]

@@ -7,25 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
-from phaselead.gap.posterior.build import space_of
-from phaselead.gap.posterior.evidence import Solver
-from phaselead.gap.posterior.misfit import parameters_of
-from phaselead.gap.problem import Problem
-from phaselead.gap.refit import SizedEffect, from_internal, to_internal
+from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.refit import SizedEffect, from_internal, parameters_of, to_internal
 from phaselead.record import Samples
 
 
-def intervals(entries: Sequence[SizedEffect], covariance: Samples) -> list[dict[str, Estimate]]:
+def intervals(
+    entries: Sequence[SizedEffect], covariance: Samples, chosen: Sequence[SizedEffect] | None = None
+) -> list[dict[str, Estimate]]:
     """Value, unit and interval of every parameter of every effect, from the covariance (parameters, parameters) in
-    internal units. An interval ends where the catalogue does."""
+    internal units about ``entries``. An interval ends where the catalogue does. The values are those of ``chosen``, by
+    default the same."""
+    values = entries if chosen is None else chosen
     found: list[dict[str, Estimate]] = [{} for _ in entries]
     for (i, p), variance in zip(parameters_of(entries), np.diag(covariance), strict=True):
-        value, half = float(entries[i][1][p.name]), TWO_SIDED_95 * float(np.sqrt(max(variance, 0.0)))
-        ends = sorted(from_internal(p, to_internal(p, value) + side * half) for side in (-1, 1))
+        value, half = float(values[i][1][p.name]), TWO_SIDED_95 * float(np.sqrt(max(variance, 0.0)))
+        middle = to_internal(p, float(entries[i][1][p.name]))
+        ends = sorted(from_internal(p, middle + side * half) for side in (-1, 1))
         found[i][p.name] = (value, p.unit, (min(ends[0], value), max(ends[1], value)))
     return found
 
 
-def intervals_alone(problem: Problem, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
-    """``intervals`` of effects that were fitted to the records of a problem outside a contest."""
-    return intervals(entries, Solver(space_of(problem), {}, {}).spread(entries))
+def intervals_alone(likelihood: Likelihood, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
+    """``intervals`` of effects that were fitted outside a contest."""
+    return intervals(entries, likelihood.fit(entries, steps=0).covariance)

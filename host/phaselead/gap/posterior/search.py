@@ -1,8 +1,4 @@
-"""Which sets of effects are worth comparing: a beam search over sets, each effect started from several shapes.
-
-A set grows by one effect at a time. Whether the larger set is worth more is asked under its own covariance, which both
-get: with what its equations may miss, and with its effects as faults that the base might have in all records.
-"""
+"""Which sets of effects are worth comparing: a beam search over sets, each effect begun from several shapes."""
 
 from __future__ import annotations
 
@@ -11,54 +7,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.posterior.build import space_of
-from phaselead.gap.posterior.evidence import SetFit, Solver, confused, together
+from phaselead.gap.posterior.blocks import blocked
+from phaselead.gap.posterior.expected import expected_of
+from phaselead.gap.posterior.likelihood import Fit, Likelihood, Names, names_of
 from phaselead.gap.posterior.priors import log_prior_of_set
-from phaselead.gap.problem import Problem, with_effects
-from phaselead.gap.refit import Fitted, SizedEffect, refit
-from phaselead.gap.scan import ScannedShape, different_shapes, is_mode, linear_start, mode_starts, scan
+from phaselead.gap.posterior.starts import Start, Starts
+from phaselead.gap.refit import SizedEffect
+from phaselead.gap.regressors import Freedom, base_columns
+from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
 
 BEAM, LARGEST_SET, TRIED_BESIDE, TRIED_ALONE = 2, 4, 4, 9
 """Sets that grow at a time, the most effects of one, and how many effects are tried beside a set and alone: what the
 time for an answer allows."""
-WORTH_FITTING = 6.0
-"""Whitened squares that an effect must explain by its sensitivities to be fitted: three log units, less than what its
-prior takes off."""
-ROUGH_STEPS, STARTS = 3, 2
-"""Steps in which a start is refined by the scan's metric, and how many of them are fitted."""
-WITHIN, MOST_EFFECTS = 15.0, 7
+WORTH_FITTING = 1.0
+"""Log units that an effect must be expected to bring to be fitted."""
+ROUGH_STEPS = 2
+"""In which every start is tried before the best is fitted to the end."""
+WITHIN, MOST_CONTESTED = 15.0, 12
 """Log units behind the best set, beyond which a set has no part in the last contest (a probability of e^-15), and the
-most effects in it."""
-
+most sets in it."""
+CONTESTS = 3
+"""Contests at most until the winner is the set whose misfit all have."""
 AT_END = 0.001
 """Relative distance to an end of its range from which a parameter stands at it."""
-
-Names = tuple[str, ...]
-"""Of a set of effects, sorted."""
-
-
-@dataclass(frozen=True)
-class Grown:
-    """A set of effects in the beam."""
-
-    entries: tuple[SizedEffect, ...]
-    value: float
-    """Log of posterior odds against nothing: the sum of its steps, each under the covariance of the larger set."""
-
-    @property
-    def names(self) -> Names:
-        """Of its effects."""
-        return names_of(self.entries)
 
 
 @dataclass(frozen=True)
 class Contest:
-    """Sets of effects under one covariance."""
+    """Sets of effects beside one base."""
 
-    solver: Solver
-    fits: Mapping[Names, SetFit]
-    grown: Mapping[Names, Grown]
+    likelihood: Likelihood
+    fits: Mapping[Names, Fit]
     catalogue_size: int
 
     def log_posterior(self, names: Names) -> float:
@@ -66,132 +46,93 @@ class Contest:
         return self.fits[names].log_evidence + log_prior_of_set(len(names), self.catalogue_size)
 
 
-def names_of(entries: Sequence[SizedEffect]) -> Names:
-    """Names of some effects, sorted."""
-    return tuple(sorted(effect.name for effect, _ in entries))
+def likelihood_of(runs: Sequence[ModelledRun], freedom: Freedom | None) -> Likelihood:
+    """Of what effects do in the runs that are no reference. ``freedom``: what may be wrong with the base's own
+    parameters; None is nothing, as where reference records say what the base misses."""
+    every = blocked(runs)
+    expected = expected_of(every, [run.spread(run.power(run.modelled.answer())) for run in every])
+    own = [
+        np.zeros((run.edges[-1], 0)) if freedom is None else run.coefficients(base_columns(run.modelled, freedom))
+        for run in every
+    ]
+    return Likelihood(tuple(every), expected, tuple(own))
 
 
-def search_sets(problem: Problem, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
-    """The sets of ``effects`` that the records of a problem with reference records leave in the contest."""
-    bare = refit(problem.train_common, problem.discrepancy, [])
-    alone = _starts_beside(problem, bare, effects, most=len(effects))
-    solver = _solver(problem, effects, alone)
-    nothing = Grown((), 0.0)
-    pool: dict[Names, Grown] = {(): nothing}
-    for i, starts in enumerate(list(alone.values())[:TRIED_ALONE]):
-        _add(pool, _best_grown(solver, nothing, starts, len(effects)))
-        on_progress(0.5 * (i + 1) / min(len(alone), TRIED_ALONE))
-    frontier = _best([one for one in pool.values() if one.value > nothing.value])
-    for depth in range(1, LARGEST_SET):
-        new = [grown for parent in frontier for grown in _children(problem, solver, parent, effects, pool)]
-        for one in new:
-            _add(pool, one)
-        frontier = _best(new)
-        on_progress(0.5 + 0.4 * depth / LARGEST_SET)
-    return _contest(solver, pool, len(effects))
+def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
+    """The sets of ``effects`` that are worth comparing, and nothing. Where reference records say what the base misses,
+    any effect that explains much by itself may be what the base lacks in all records."""
+    nothing = likelihood.fit(())
+    alone = _beside(likelihood, Starts(likelihood, effects), nothing, TRIED_ALONE)
+    on_progress(0.3)
+    likelihood = likelihood.knowing([fit.entries[0] for fit in alone])
+    nothing, alone = likelihood.fit(()), [likelihood.fit(fit.entries) for fit in alone]
+    starts = Starts(likelihood, effects)
+    pool = {fit.names: fit for fit in [nothing, *alone]}
+    contest = Contest(likelihood, pool, len(effects))
+    frontier = _better(contest, alone, contest.log_posterior(()))
+    for size in range(1, LARGEST_SET):
+        on_progress(0.3 + 0.6 * size / LARGEST_SET)
+        grown = [fit for parent in frontier for fit in _beside(likelihood, starts, parent, TRIED_BESIDE)]
+        for fit in grown:
+            if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
+                pool[fit.names] = fit
+        frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
+    return _last_contest(likelihood, pool, len(effects))
 
 
-def _solver(
-    problem: Problem, effects: Sequence[Effect], alone: Mapping[str, Sequence[tuple[SizedEffect, ...]]]
-) -> Solver:
-    """A solver in whose space the base may have each promising effect as a fault, and which knows what each says."""
-    first = {name: starts[0] for name, starts in alone.items()}
-    return Solver(space_of(problem, list(first.values())), {e.name: e for e in effects}, first)
+def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
+    """The best sets, of those that are more probable than what they grew from."""
+    better = {fit.names: contest.fits[fit.names] for fit in fits if contest.log_posterior(fit.names) > than}
+    return sorted(better.values(), key=lambda fit: -contest.log_posterior(fit.names))[:BEAM]
 
 
-def _starts_beside(
-    problem: Problem, fitted: Fitted, effects: Sequence[Effect], most: int = TRIED_BESIDE
-) -> dict[str, list[tuple[SizedEffect, ...]]]:
-    """Starts for the effects that explain most of what a fit leaves, the best effect first."""
-    scanned = [shapes for shapes in scan(problem, fitted, effects) if _gain(shapes) > WORTH_FITTING]
-    scanned.sort(key=_gain, reverse=True)
-    return {shapes[0].effect.name: _starts(problem, fitted, shapes) for shapes in scanned[:most]}
+def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> list[Fit]:
+    """Sets of one effect more."""
+    worth = [several for several in starts.beside(parent).values() if several[0].gain > WORTH_FITTING]
+    found = [_grown(likelihood, parent, several) for several in worth[:most]]
+    return [fit for fit in found if fit is not None and not at_an_end(fit.entries)]
 
 
-def _gain(shapes: Sequence[ScannedShape]) -> float:
-    return max(shape.gain for shape in shapes)
-
-
-def _starts(problem: Problem, fitted: Fitted, shapes: Sequence[ScannedShape]) -> list[tuple[SizedEffect, ...]]:
-    """The fitted effects and one more from the shapes that explain most, refined a little."""
-    by_gain = sorted(shapes, key=lambda shape: -shape.gain)
-    found = [linear_start(problem, fitted, shape) for shape in different_shapes(by_gain)]
-    if is_mode(by_gain[0].effect):
-        found += mode_starts(problem.train_common, problem.discrepancy, fitted, by_gain[0].effect)
-    rough = [refit(problem.train_common, problem.discrepancy, start, ROUGH_STEPS) for start in found]
-    return [one.entries for one in sorted(rough, key=lambda one: one.squares)[:STARTS]]
-
-
-def _best_grown(
-    solver: Solver, parent: Grown, starts: Sequence[tuple[SizedEffect, ...]], catalogue_size: int
-) -> Grown | None:
-    """The best set of the starts, fitted; None where none can be."""
-    found = []
+def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit | None:
+    """A set and one effect more, from the best of its starts; None where none can be fitted."""
+    rough = []
     for start in starts:
         try:
-            entries = solver.fit(start)
-            larger, smaller = solver.contest([entries, parent.entries], solver.uncertain(entries))
+            rough.append(likelihood.fitted_terms([*parent.entries, start.entry], ROUGH_STEPS))
         except np.linalg.LinAlgError:
             continue
-        gained = larger.log_evidence - smaller.log_evidence
-        before = log_prior_of_set(len(parent.entries), catalogue_size)
-        found.append(Grown(entries, parent.value + gained + log_prior_of_set(len(entries), catalogue_size) - before))
-    return max(found, key=lambda one: one.value, default=None)
+    if not rough:
+        return None
+    terms, _, _ = max(rough, key=lambda one: one[2])
+    return likelihood.fit(terms.entries)
 
 
-def _children(
-    problem: Problem, solver: Solver, parent: Grown, effects: Sequence[Effect], pool: Mapping[Names, Grown]
-) -> list[Grown]:
-    """Sets of one effect more that are worth more than their parent."""
-    beside = with_effects(problem, parent.entries)
-    fitted = refit(beside.train_common, beside.discrepancy, parent.entries, 1)
-    left = [e for e in effects if e.name not in parent.names]
-    new = {
-        name: starts
-        for name, starts in _starts_beside(beside, fitted, left).items()
-        if tuple(sorted((*parent.names, name))) not in pool
-    }
-    found = [_best_grown(solver, parent, starts, len(effects)) for starts in new.values()]
-    return [one for one in found if one is not None and one.value > parent.value]
-
-
-def _add(pool: dict[Names, Grown], one: Grown | None) -> None:
-    """Keep a set where it is new or better than it was."""
-    if one is not None and (one.names not in pool or one.value > pool[one.names].value):
-        pool[one.names] = one
-
-
-def _best(sets: Sequence[Grown]) -> list[Grown]:
-    return sorted(sets, key=lambda one: -one.value)[:BEAM]
-
-
-def _contest(solver: Solver, pool: Mapping[Names, Grown], catalogue_size: int) -> Contest:
-    """Nothing, the best sets, and each of these less one of its effects, under one covariance: that in which the
-    equations of all of them may be wrong, and all may be faults of the base."""
-    ranked = sorted((one for one in pool.values() if not at_an_end(one.entries)), key=lambda one: -one.value)
-    best = ranked[0]
-    close = [one for one in ranked if one.value > best.value - WITHIN]
-    parts, covered = [], set[str]()
-    for one in [*close[:1], *_rivals(best, ranked), *close[1:]]:
-        new = set(one.names) - covered
-        if new and len(covered | new) <= MOST_EFFECTS:
-            parts.append(solver.uncertain(one.entries))
-            covered |= new
-    sets = {one.names: one.entries for one in ranked if set(one.names) <= covered}
-    for i in range(len(best.entries)):
-        rest = best.entries[:i] + best.entries[i + 1 :]
-        if names_of(rest) not in sets:
-            sets[names_of(rest)] = solver.fit(rest)
-    fits = solver.contest(list(sets.values()), together(parts) if parts else None)
-    return Contest(solver, dict(zip(sets, fits, strict=True)), pool, catalogue_size)
-
-
-def _rivals(best: Grown, ranked: Sequence[Grown]) -> list[Grown]:
-    """Single effects that one of the best set is confused with: their values are under other covariances, and say
-    little."""
-    alone = [one for one in ranked if len(one.entries) == 1]
-    mine = [effect for effect, _ in best.entries]
-    return [one for one in alone if any(confused(one.entries[0][0], effect) for effect in mine)]
+def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
+    """Nothing, the sets that are not far behind the best, and the best less one of its effects each, once more: now any
+    effect of theirs, as it is beside the others, may be what the base lacks, and what the equations of the winner miss
+    may look like its rivals."""
+    contest = Contest(likelihood, pool, catalogue_size)
+    ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
+    least = contest.log_posterior(ranked[0]) - WITHIN
+    close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
+    best = close[0].entries
+    tried = {names_of(best)}
+    starts = {fit.names: fit.entries for fit in close}
+    for i in range(len(best)):
+        rest = (*best[:i], *best[i + 1 :])
+        starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
+    seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
+    likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
+    for _ in range(CONTESTS):
+        among = likelihood.with_misfit_of(best)
+        fits = {(): among.fit(()), **{names: among.fit(entries) for names, entries in starts.items()}}
+        contest = Contest(among, fits, catalogue_size)
+        winner = fits[max(fits, key=contest.log_posterior)].entries
+        if names_of(winner) in tried:
+            break
+        tried.add(names_of(winner))
+        best = winner
+    return contest
 
 
 def at_an_end(entries: Sequence[SizedEffect]) -> bool:

@@ -1,4 +1,7 @@
-"""From the evidences of sets to probabilities of effects, and from these to names and ties."""
+"""From the evidences of sets to probabilities of effects, and from these to names and ties.
+
+A set may explain more than any other and still leave more than its equations may miss. Then its effects are only the
+nearest, and count as not there."""
 
 from __future__ import annotations
 
@@ -7,14 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.posterior.evidence import SetFit
+from phaselead.gap.posterior.likelihood import Fit, Names, confused
 from phaselead.gap.posterior.priors import log_prior_of_set
-from phaselead.gap.posterior.search import Contest, Names
+from phaselead.gap.posterior.search import Contest
 from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 
 SURE = 0.99
 """Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
+MORE_LIKELY_THAN_NOT = 0.5
+"""Probability from which the nearest set is no more than that."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -45,27 +50,34 @@ class Claim:
 class Judgement:
     """What the contest says."""
 
-    best: SetFit
+    best: Fit
     """The most probable set."""
     claims: tuple[Claim, ...]
     probability: Mapping[str, float]
     """Of each effect that was in the contest, by name."""
     sets: Mapping[Names, float]
     """Probability of each set."""
+    nearest_only: float
+    """Probability that no set is there: the nearest leaves more than its equations may miss."""
 
 
 def judge(contest: Contest) -> Judgement:
-    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied."""
+    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied.
+
+    None where the nearest set is probably no more than that."""
     sets = _probabilities(contest)
     best = max(sets, key=lambda names: sets[names])
     single = {name: _with_any(sets, (name,)) for names in sets for name in names}
+    nearest_only = 1 - sum(probability * contest.fits[names].named for names, probability in sets.items())
+    effects = {effect.name: effect for fit in contest.fits.values() for effect, _ in fit.entries}
     claims = []
     for effect, _ in contest.fits[best].entries:
-        group, probability = _group(effect.name, best, sets, single)
+        rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
+        group, probability = _group(effect, rivals, sets, single)
         claim = _claim(contest, effect, group, sets, single)
-        if probability >= SURE and claim.borne_out:
+        if probability >= SURE and claim.borne_out and nearest_only < MORE_LIKELY_THAN_NOT:
             claims.append(claim)
-    return Judgement(contest.fits[best], tuple(claims), single, sets)
+    return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
 
 
 def _probabilities(contest: Contest) -> dict[Names, float]:
@@ -82,12 +94,14 @@ def _with_any(sets: Mapping[Names, float], names: Names) -> float:
     return min(1.0, sum(p for members, p in sets.items() if set(members) & set(names)))
 
 
-def _group(name: str, best: Names, sets: Mapping[Names, float], single: Mapping[str, float]) -> tuple[Names, float]:
-    """The smallest group of an effect of the best set and its rivals that is sure to be there, or the largest allowed,
-    and its probability."""
-    group: Names = (name,)
+def _group(
+    effect: Effect, rivals: Mapping[str, Effect], sets: Mapping[Names, float], single: Mapping[str, float]
+) -> tuple[Names, float]:
+    """The smallest group of an effect and its rivals that is sure to be there, or the largest allowed, and its
+    probability. Only what may be taken for the effect can stand in its place."""
+    group: Names = (effect.name,)
     while _with_any(sets, group) < SURE and len(group) < MOST_TIED:
-        gains = {n: _with_any(sets, (*group, n)) for n in single if n not in best and n not in group}
+        gains = {n: _with_any(sets, (*group, n)) for n in single if n in rivals and n not in group}
         if not gains:
             break
         group = (*group, max(gains, key=lambda n: gains[n]))

@@ -1,0 +1,50 @@
+"""What comes with effects beside their own doing: what went on before a record began, and their part in the base."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phaselead.gap.refit import SizedEffect, fresh_columns, is_logarithmic, parameters_of, to_internal
+from phaselead.gap.residual import ModelledRun
+from phaselead.model import Parameter, Place
+from phaselead.record import Samples
+
+NEAR_RATIO, NEAR_PART = 0.3, 0.2
+"""Deviation of a shape that is near another: of its logarithm, or as a part of its range."""
+
+
+def before_record(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples | None:
+    """Columns (n, k) in um of what slow effects had done before the record began, one deviation of the state of each
+    of their lags; None without a slow effect. What stood off as a voltage passes the hysteresis."""
+    run = modelled.run
+    since_s = run.t_s - run.t_s[0]
+    found: list[Samples] = []
+    for effect, params in entries:
+        if effect.before_record is None:
+            continue
+        columns = effect.before_record(since_s, params, modelled.axis)
+        if effect.place <= Place.AMPLIFIER:
+            found += [modelled.after_voltage(column) for column in columns.T]
+        else:
+            found += list(columns[run.rows].T)
+    return np.stack(found, axis=1) if found else None
+
+
+def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
+    """Columns (n, parameters) in um of effects that the base may lack in all records: one deviation of each parameter,
+    as large as they are and of shapes near theirs. Each effect by itself."""
+    found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
+    for entry in entries:
+        free = parameters_of([entry])
+        deviations = np.array([_fault_deviation(p, entry[1][p.name]) for _, p in free])
+        found.append(fresh_columns(modelled, [entry], free)[:, :-1] * deviations)
+    return np.concatenate(found, axis=1)
+
+
+def _fault_deviation(p: Parameter, value: float) -> float:
+    """In internal units."""
+    if p.role == "size":
+        return abs(to_internal(p, value))
+    return NEAR_RATIO if is_logarithmic(p) else NEAR_PART * abs(to_internal(p, p.high) - to_internal(p, p.low))

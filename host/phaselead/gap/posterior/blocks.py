@@ -1,0 +1,116 @@
+"""Records in blocks: what a column or a residual is in each octave of frequency.
+
+A record becomes its cosine coefficients, which have no jump at its ends, and these are gathered by octave. Within an
+octave only the mean power counts, so that nothing is asked of the shape of what a model misses, only how large it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+from phaselead.gap.residual import ModelledRun
+from phaselead.record import Samples
+
+FALLS_BY = 4.0
+"""By which the power of what a model misses falls an octave away from the signal that it misses: its harmonics, and
+what a jump leaves, fall as the inverse of the frequency."""
+CARRIED_OVER_s = 0.005
+"""At the beginning of a record in which a dead time or a lag still carries what went before: those of amplifiers,
+sensors and buses have ended by then."""
+
+Counts = NDArray[np.intp]
+"""Whole numbers, (k,)."""
+
+
+@dataclass(frozen=True)
+class BlockedRun:
+    """A run under its base, in octaves."""
+
+    modelled: ModelledRun
+    usual_um: float
+    """Deviation of what the base leaves: how surely a record tells where its plays stood."""
+
+    @property
+    def skipped(self) -> int:
+        """Rows at its beginning that do not count."""
+        run = self.modelled.run
+        return min(round(CARRIED_OVER_s / run.step_s), (run.stop - run.start) // 2)
+
+    @property
+    def rows(self) -> int:
+        """How many count, n."""
+        return self.modelled.run.stop - self.modelled.run.start - self.skipped
+
+    @cached_property
+    def edges(self) -> Counts:
+        """Coefficients at which the octaves begin, and their number."""
+        n = self.rows
+        return np.array([*(2**i for i in range(int(np.log2(n - 1)) + 1)), n], dtype=np.intp) - 1
+
+    @property
+    def sizes(self) -> Counts:
+        """Coefficients (blocks,) of each octave."""
+        return np.asarray(np.diff(self.edges))
+
+    @cached_property
+    def octaves(self) -> Counts:
+        """Octave (blocks,) above 1 Hz of each block, a whole number."""
+        middle_Hz = (self.edges[:-1] + self.edges[1:] + 1) / (4 * self.rows * self.modelled.run.step_s)
+        return np.round(np.log2(middle_Hz)).astype(np.intp)
+
+    def coefficients(self, columns: Samples) -> Samples:
+        """Cosine coefficients (n - 1, k) of columns (n + skipped, k) in um over the scored rows, without the record's
+        own offset and the start of its plays."""
+        kept = columns[self.skipped :]
+        centred = kept - kept.mean(axis=0)
+        plays, root = self._plays
+        if plays.shape[1]:
+            centred = centred - plays @ (root @ (plays.T @ centred))
+        return np.asarray(dct(centred, axis=0, norm="ortho")[1:])
+
+    @cached_property
+    def _plays(self) -> tuple[Samples, Samples]:
+        columns = self.modelled.nuisances[self.skipped :, 1:]
+        columns = columns - columns.mean(axis=0)
+        normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])
+        return columns, np.linalg.inv(normal)
+
+    def products(self, left: Samples, right: Samples) -> Samples:
+        """Mean products (blocks, k, q) within each octave of coefficients (n - 1, k) and (n - 1, q)."""
+        found = [left[a:b].T @ right[a:b] / (b - a) for a, b in pairwise(self.edges)]
+        return np.stack(found)
+
+    @property
+    def changed(self) -> bool:
+        """Whether effects may act in it: it is no reference."""
+        return self.modelled.run.role != "reference"
+
+    @cached_property
+    def base_error(self) -> Samples:
+        """Coefficients (n - 1, 1) of what the base leaves."""
+        return self.coefficients(self.modelled.error()[:, None])
+
+    def power(self, column: Samples) -> Samples:
+        """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""
+        c = self.coefficients(column[:, None])
+        return self.products(c, c)[:, 0, 0]
+
+    def spread(self, power: Samples) -> Samples:
+        """The same power (blocks,), spread over the octaves beside its own."""
+        apart = np.abs(np.arange(len(power))[:, None] - np.arange(len(power)))
+        share = FALLS_BY ** -apart.astype(float)
+        return np.asarray((share / share.sum(axis=0)) @ (power * self.sizes) / self.sizes)
+
+
+def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:
+    """The runs in octaves."""
+    references = [m for m in runs if m.run.role == "reference"]
+    usual_um = float(np.sqrt(np.mean([np.var(m.error()) for m in references or runs])))
+    return [BlockedRun(m, max(usual_um, 1e-12)) for m in runs]

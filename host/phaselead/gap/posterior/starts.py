@@ -1,0 +1,143 @@
+"""Where to begin: which shapes of which effects explain most of a residual, to first order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.gap.posterior.likelihood import Fit, Likelihood
+from phaselead.gap.refit import SizedEffect, bounded
+from phaselead.gap.regressors import RegressorGroup, regressor_groups
+from phaselead.model import Effect
+from phaselead.record import Samples
+
+DIFFERENT = 2
+"""Shapes of one effect from which it is begun."""
+FINE_MODES, MODE_ZETA = 9, 0.02
+"""Frequencies about the best of a coarse grid at which a mode is tried, and its damping: that of flexure stages."""
+COARSE_RATIO = 1.16
+"""Of neighbours in that grid."""
+LARGE, LEAST_POWER = 2.5, 1e-6
+"""Deviation of a size in typical values, and curvature below which the records do not show it at all."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """An effect at a shape, with the sizes that explain most."""
+
+    entry: SizedEffect
+    gain: float
+    """Log units that it is expected to bring."""
+
+
+@dataclass(frozen=True)
+class SizedGroup:
+    """A shape with what the records say of its first size, in steps of it."""
+
+    group: RegressorGroup
+    amount: float
+    deviation: float
+
+
+@dataclass
+class Starts:
+    """Of all effects of a catalogue beside any set."""
+
+    likelihood: Likelihood
+    effects: Sequence[Effect]
+
+    @cached_property
+    def _groups(self) -> list[RegressorGroup]:
+        runs = [run.modelled.run for run in self.likelihood.runs]
+        longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
+        return regressor_groups(self.effects, self.likelihood.step_s, longest_s)
+
+    @cached_property
+    def _columns(self) -> list[NDArray[np.float32]]:
+        """Per run the coefficients (n - 1, k) of every group."""
+        return [self._of(run, self._groups) for run in range(len(self.likelihood.runs))]
+
+    def _of(self, run: int, groups: Sequence[RegressorGroup]) -> NDArray[np.float32]:
+        blocks = self.likelihood.runs[run]
+        if not blocks.changed:
+            return np.zeros((blocks.edges[-1], sum(len(group.steps) for group in groups)), dtype=np.float32)
+        base_um = blocks.modelled.answer()
+        columns = np.concatenate([group.columns(blocks.modelled, base_um) for group in groups], axis=1)
+        return blocks.coefficients(columns).astype(np.float32)
+
+    def beside(self, fit: Fit) -> dict[str, list[Start]]:
+        """The best different shapes of every effect that is not in a set, the effect that explains most first."""
+        found: dict[str, list[Start]] = {}
+        for start in self._sized(fit, self._groups, self._columns):
+            name = start.entry[0].name
+            if name not in fit.names:
+                found.setdefault(name, []).append(start)
+        chosen = {name: self._chosen(fit, starts) for name, starts in found.items()}
+        return dict(sorted(chosen.items(), key=lambda item: -item[1][0].gain))
+
+    def _chosen(self, fit: Fit, starts: Sequence[Start]) -> list[Start]:
+        ranked = sorted(starts, key=lambda start: -start.gain)
+        effect, params = ranked[0].entry
+        if effect.peak is None:
+            return ranked[:DIFFERENT]
+        frequency, damping = effect.peak
+        near = np.geomspace(1 / COARSE_RATIO, COARSE_RATIO, FINE_MODES) * params[frequency]
+        steps = tuple(p.typical if p.typical else p.high for p in effect.sizes)
+        shapes = {p.name: params[p.name] for p in effect.shapes}
+        groups = [RegressorGroup(effect, {**shapes, frequency: f, damping: MODE_ZETA}, steps, False) for f in near]
+        fine = self._sized(fit, groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
+        return sorted([*fine, *ranked[:1]], key=lambda start: -start.gain)[:DIFFERENT]
+
+    def sizes(self, fit: Fit) -> list[SizedGroup]:
+        """What the records say of the first size of every shape beside a set."""
+        found = []
+        for group, slope, curvature in self._moments(fit, self._groups, self._columns):
+            if group.effect.name in fit.names:
+                continue
+            inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGE**2)]))
+            found.append(SizedGroup(group, float(inverse[0] @ slope), float(np.sqrt(inverse[0, 0]))))
+        return found
+
+    def _sized(self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]) -> list[Start]:
+        """Every group with the sizes that explain most of what a set leaves."""
+        found = []
+        for group, slope, curvature in self._moments(fit, groups, columns):
+            amounts = np.linalg.solve(curvature + np.eye(len(slope)) / LARGE**2, slope)
+            params = bounded(group.effect, group.params(amounts.tolist()))
+            found.append(Start((group.effect, params), 0.5 * float(slope @ amounts)))
+        return found
+
+    def _moments(
+        self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]
+    ) -> list[tuple[RegressorGroup, Samples, Samples]]:
+        """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
+        moving along."""
+        likelihood, terms = self.likelihood, fit.terms
+        amounts = likelihood.settled(terms, fit.scales, likelihood.every)
+        w = likelihood.weights(terms.power(amounts), likelihood.variance(terms, fit.scales))
+        p = len(terms.precision)
+        normal = np.tensordot(w, terms.moments, 1)
+        inner = normal[:p, :p] + np.diag(terms.precision)
+        cross = np.zeros((columns[0].shape[1], p + 1))
+        own = [np.zeros((len(group.steps),) * 2) for group in groups]
+        places = np.split(np.arange(len(cross)), np.cumsum([len(group.steps) for group in groups])[:-1])
+        of_runs = np.split(w, np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
+        for i, (run, mine) in enumerate(zip(likelihood.runs, of_runs, strict=True)):
+            if not run.changed:
+                continue
+            roots = np.repeat(np.sqrt(mine / run.sizes), run.sizes)[:, None].astype(np.float32)
+            fresh = likelihood.fresh(i, fit.entries)
+            of_set = np.concatenate([fresh[:, :-1], likelihood.shared[i], terms.beside[i], fresh[:, -1:]], axis=1)
+            weighed = columns[i] * roots
+            cross += weighed.T @ (of_set.astype(np.float32) * roots)
+            for at, products in zip(places, own, strict=True):
+                products += weighed[:, at].T @ weighed[:, at]
+        moved = np.linalg.solve(inner, np.column_stack([cross[:, :p].T, normal[:p, -1]]))
+        return [
+            (group, cross[at, -1] - cross[at, :p] @ moved[:, -1], products - cross[at, :p] @ moved[:, at])
+            for group, at, products in zip(groups, places, own, strict=True)
+        ]

@@ -1,0 +1,213 @@
+"""Laws of records in blocks, and of what the base alone is expected to leave, on records of known power."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace as Made
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.fft import idct
+
+from phaselead.gap.posterior.blocks import FALLS_BY, BlockedRun, CARRIED_OVER_s, blocked
+from phaselead.gap.posterior.expected import BASE_SHARE, LEAST_UM2, UNTOLD, expected_of
+
+STEP_S = 1e-3
+ROWS = st.integers(16, 700)
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def record(x_um, motion_um=None, role="train", plays=None, idle=False, start=0):
+    """A run whose model moves by ``motion_um`` (n,) and whose plays started ``plays`` (n, k) off, in um."""
+    n = len(x_um)
+    motion = np.zeros(n) if motion_um is None else motion_um
+    plays = np.zeros((n, 0)) if plays is None else plays
+    run = Made(role=role, start=start, stop=start + n, step_s=STEP_S, idle=idle)
+    nuisances = np.concatenate([np.ones((n, 1)), plays], axis=1)
+    return Made(run=run, nuisances=nuisances, answer=lambda extra=(): motion, error=lambda extra=(): x_um - motion)
+
+
+def blocks(n, usual_um=1.0, plays=None, start=0):
+    return BlockedRun(record(np.zeros(n), plays=plays, start=start), usual_um)
+
+
+def of_power(run, power, rng):
+    """A column in um of this mean power (blocks,), every coefficient of a block as large and of either sign."""
+    size = np.sqrt(np.repeat(power, run.sizes)) * rng.choice([-1.0, 1.0], run.sizes.sum())
+    return np.append(np.zeros(run.skipped), idct(np.append(0.0, size), norm="ortho"))
+
+
+@given(ROWS, SEEDS, st.floats(-1e3, 1e3))
+def test_coefficients_keep_the_power_and_lose_the_mean(n, seed, offset_um):
+    run, columns = blocks(n, start=seed % 50), np.random.default_rng(seed).normal(size=(n, 3))
+    found = run.coefficients(columns + offset_um)
+    assert found.shape == (run.rows - 1, 3)
+    counted = columns[run.skipped :]
+    np.testing.assert_allclose(np.sum(found**2, axis=0), len(counted) * np.var(counted, axis=0), rtol=1e-6)
+    np.testing.assert_allclose(found, run.coefficients(columns), atol=1e-8)
+
+
+@given(ROWS)
+def test_rows_that_carry_over_what_went_before_do_not_count(n):
+    run, rows = blocks(n), np.arange(n)
+    assert run.skipped == min(round(CARRIED_OVER_s / STEP_S), n // 2)
+    assert run.rows == n - run.skipped
+    first = np.where(rows < run.skipped, 1e3, 0.0) * (1 + rows)
+    assert not run.coefficients(first[:, None]).any()
+    assert run.coefficients(np.where(rows == run.skipped, 1.0, 0.0)[:, None]).all()
+
+
+@given(SEEDS, st.floats(0.01, 100.0))
+def test_the_start_of_its_plays_is_taken_out_as_far_as_its_prior_allows(seed, usual_um):
+    """What is left is what a residual of noise and of plays one deviation off says of the noise."""
+    rng, n = np.random.default_rng(seed), 60
+    plays = (np.arange(n)[:, None] < rng.integers(10, 50, 2)) * rng.uniform(0.5, 2, 2)
+    x = rng.normal(size=n) + plays @ rng.normal(size=2)
+    run = blocks(n, usual_um, plays)
+    counted, moved = (c[run.skipped :] - c[run.skipped :].mean(axis=0) for c in (x, plays))
+    left = np.zeros(n)
+    left[run.skipped :] = np.linalg.solve(np.eye(run.rows) + moved @ moved.T / usual_um**2, counted)
+    np.testing.assert_allclose(
+        run.coefficients(x[:, None]), blocks(n).coefficients(left[:, None]), atol=1e-6, rtol=1e-6
+    )
+
+
+def test_a_play_is_forgotten_where_the_record_tells_and_stays_where_it_does_not():
+    plays = np.where(np.arange(200) < 80, 1.0, 0.0)[:, None]
+    whole = np.sum(blocks(200).coefficients(plays) ** 2)
+    for usual_um, share in ((0.01, 0.0), (1e4, 1.0)):
+        assert np.sum(blocks(200, usual_um, plays).coefficients(plays) ** 2) / whole == pytest.approx(share, abs=1e-3)
+
+
+@given(ROWS)
+def test_octaves_hold_every_coefficient_once(n):
+    run = blocks(n, start=7)
+    held = np.concatenate([np.arange(a, b) for a, b in zip(run.edges[:-1], run.edges[1:], strict=True)])
+    np.testing.assert_array_equal(held, np.arange(run.rows - 1))
+    assert run.sizes.min() > 0
+    assert run.sizes.sum() == run.rows - 1
+    for first, last in zip(run.edges[:-1] + 1, run.edges[1:], strict=True):
+        assert last < 2 * first  # from its first coefficient, of frequency 1, on below the double
+    assert len(run.octaves) == len(run.sizes)
+    assert np.all(np.diff(run.octaves) >= 0)
+
+
+@pytest.mark.parametrize("f_Hz", [3.0, 10.0, 40.0, 170.0, 450.0])
+def test_a_sine_is_in_the_octave_of_its_frequency(f_Hz):
+    run = blocks(2000)
+    power = run.power(np.sin(2 * np.pi * f_Hz * np.arange(2000) * STEP_S)) * run.sizes
+    assert abs(run.octaves[power.argmax()] - np.log2(f_Hz)) <= 1
+
+
+@given(ROWS, SEEDS)
+def test_products_of_all_octaves_are_the_whole(n, seed):
+    run, rng = blocks(n), np.random.default_rng(seed)
+    a, b = (rng.normal(size=(run.rows - 1, k)) for k in (2, 3))
+    found = run.products(a, b)
+    assert found.shape == (len(run.sizes), 2, 3)
+    np.testing.assert_allclose(np.tensordot(run.sizes, found, 1), a.T @ b, atol=1e-9)
+    column = rng.normal(size=n)
+    assert run.power(column) @ run.sizes == pytest.approx(run.rows * np.var(column[run.skipped :]))
+
+
+@given(ROWS, SEEDS)
+def test_spreading_moves_power_between_octaves_and_loses_none(n, seed):
+    run = blocks(n)
+    power = np.random.default_rng(seed).exponential(size=len(run.sizes))
+    found = run.spread(power)
+    assert found @ run.sizes == pytest.approx(power @ run.sizes)
+    assert np.all(found > 0)
+    np.testing.assert_allclose(run.spread(3 * power), 3 * found)
+
+
+def test_spread_power_falls_from_octave_to_octave():
+    run = blocks(512)
+    for place in range(len(run.sizes)):
+        total = run.spread(np.eye(len(run.sizes))[place]) * run.sizes
+        apart = np.abs(np.arange(len(total)) - place)
+        np.testing.assert_allclose(total * FALLS_BY**apart, total[place])
+
+
+@pytest.mark.parametrize(("role", "changed"), [("reference", False), ("train", True), ("holdout", True)])
+def test_effects_act_in_all_but_reference_records(role, changed):
+    assert BlockedRun(record(np.zeros(20), role=role), 1.0).changed is changed
+
+
+def test_how_surely_a_record_tells_its_plays_is_what_the_base_leaves_of_references():
+    rng = np.random.default_rng(0)
+    small, large = 0.1 * rng.normal(size=300), 10 * rng.normal(size=300)
+    both = blocked([record(small, role="reference"), record(large)])
+    assert [run.usual_um for run in both] == pytest.approx([small.std()] * 2)
+    assert blocked([record(large)])[0].usual_um == pytest.approx(large.std())
+    assert blocked([record(np.zeros(20))])[0].usual_um > 0
+
+
+def expected(*records):
+    every = blocked(records)
+    return expected_of(every, [run.spread(run.power(run.modelled.answer())) for run in every]), every
+
+
+def sloped(run, exponent):
+    """Power (blocks,) in um^2 that changes as a power of the frequency."""
+    return 0.01 * 2.0 ** (exponent * run.octaves.astype(float))
+
+
+@pytest.mark.parametrize("exponent", [0.0, -1.0, 0.7])
+@pytest.mark.parametrize("role", ["reference", "train"])
+def test_noise_is_that_of_records_at_rest(exponent, role):
+    """Smoothed over neighbouring octaves, which bends a slope a little. What moves says nothing of it."""
+    rng, run = np.random.default_rng(1), blocks(1024)
+    drawn = sloped(run, exponent)
+    loud = [record(of_power(run, 1e4 * drawn, rng), role=role) for _ in range(2)]
+    still = [record(of_power(run, drawn, rng), role=role, idle=True) for _ in range(3)]
+    found, (first, *_) = expected(*still, *loud)
+    noise, missed = found.of(first, np.zeros(len(drawn)))
+    np.testing.assert_allclose(noise / drawn, 1.0, rtol=0.4 if exponent else 1e-6)
+    assert not missed.any()
+
+
+def test_no_noise_is_below_what_a_sensor_has():
+    found, _ = expected(record(np.zeros(100), role="reference", idle=True))
+    assert np.all(found.noise_um2 >= LEAST_UM2)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.03, 0.2])
+def test_the_share_that_the_base_misses_is_that_of_driven_references(share):
+    rng, run = np.random.default_rng(2), blocks(1024)
+    noise = np.full(len(run.sizes), 1e-4)
+    records = [record(of_power(run, noise, rng), role="reference", idle=True)]
+    for swing_um in (1.0, 5.0, 20.0):
+        motion = swing_um * np.cumsum(rng.normal(size=1024))
+        left = of_power(run, noise + share**2 * run.spread(run.power(motion)), rng)
+        records.append(record(motion + left, motion, "reference"))
+    changed = record(100 * rng.normal(size=1024), np.zeros(1024))
+    found, every = expected(*records, changed)
+    motion = np.arange(1.0, len(run.sizes) + 1)
+    found_noise, missed = found.of(every[-1], motion)
+    np.testing.assert_allclose(missed, share**2 * motion, rtol=1e-6)
+    np.testing.assert_allclose(found_noise, noise, rtol=1e-6)
+
+
+def test_more_driven_references_tell_more():
+    rng, run = np.random.default_rng(3), blocks(256)
+    motion = np.cumsum(rng.normal(size=256))
+    driven = [record(motion + of_power(run, np.ones(len(run.sizes)), rng), motion, "reference") for _ in range(6)]
+    told = [expected(*driven[:count])[0].told for count in (1, 3, 6)]
+    assert told == pytest.approx([told[0], 3 * told[0], 6 * told[0]])
+
+
+def test_without_references_the_noise_is_the_quietest_and_the_share_a_prior():
+    rng, run = np.random.default_rng(4), blocks(512)
+    power = np.full(len(run.sizes), 0.09)
+    power[4] = 0.0016
+    moved = 10 * rng.normal(size=512)
+    quiet = record(moved + of_power(run, power, rng), moved)
+    loud = record(moved + of_power(run, 100 * power, rng), moved)
+    found, (first, _) = expected(quiet, loud)
+    motion = np.linspace(1, 2, len(run.sizes))
+    noise, missed = found.of(first, motion)
+    assert np.ptp(noise) == 0
+    assert 0.0016 <= noise[0] < 0.09  # the quietest octave, smoothed with those beside it
+    np.testing.assert_allclose(missed, BASE_SHARE**2 * motion)
+    assert found.told == UNTOLD

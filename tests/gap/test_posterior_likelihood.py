@@ -1,0 +1,352 @@
+"""Laws of the likelihood on toy records, drawn from the model itself, of effects that are linear in their sizes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace as Made
+
+import numpy as np
+import pytest
+from scipy.fft import idct
+from scipy.special import logsumexp
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.expected import Expected
+from phaselead.gap.posterior.interval import intervals
+from phaselead.gap.posterior.likelihood import (
+    LIKE_RIVALS,
+    MOST_MISSED,
+    OUTSIDE,
+    SHARES,
+    TIMES_BASE,
+    Likelihood,
+    confused,
+)
+from phaselead.gap.posterior.priors import prior_of
+from phaselead.model.effects import effect
+
+STEP_S, ROWS = 1e-3, 256
+NOISE_UM2, BASE_SHARE = 0.01, 0.01
+GAIN, LATE, SLOW = effect("gain_change"), effect("delay"), effect("sensor_lowpass")
+EFFECTS = (GAIN, LATE, SLOW)
+ROLES = ("reference", "train", "train", "holdout")
+
+
+def sized(amount, of=GAIN):
+    """An effect of this many typical sizes."""
+    (p,) = of.parameters
+    return (of, {p.name: amount * p.typical})
+
+
+def amount_of(fit, place=0):
+    of, params = fit.entries[place]
+    (p,) = of.parameters
+    return params[p.name] / p.typical
+
+
+class LinearRun:
+    """A run whose model moves by ``motion`` (n,), and an effect by a column (n,) of its own times its size."""
+
+    def __init__(self, motion, columns, role):
+        n = len(motion)
+        self.motion, self.columns, self.axis = motion, columns, None
+        t_s = STEP_S * np.arange(n)
+        self.run = Made(role=role, rows=slice(0, n), start=0, stop=n, step_s=STEP_S, t_s=t_s, x_um=motion, idle=False)
+        self.nuisances = np.ones((n, 1))
+
+    def answer(self, entries=()):
+        added = [self.columns[of.name] * params[p.name] / p.typical for of, params in entries for p in of.parameters]
+        return self.motion + sum(added, np.zeros(len(self.motion)))
+
+    def error(self, entries=()):
+        return self.run.x_um - self.answer(entries)
+
+
+class Toy:
+    """Records drawn from the model: effects of some amounts, a ``share`` of them that their equations miss, ``times``
+    as much as expected that the base misses, noise. ``fault``: amounts of effects that the base lacks in all records.
+
+    What is missed looks like the gain in every octave, or at random, as ``like_effect`` says."""
+
+    def __init__(
+        self, seed, amounts=(), share=0.0, times=1.0, told=1e4, roles=ROLES, fault=(), like_effect=False, rows=ROWS
+    ):
+        rng = np.random.default_rng(seed)
+        found = []
+        for role in roles:
+            motion = 3 * np.cumsum(rng.normal(size=rows))
+            columns = {one.name: np.cumsum(rng.normal(size=rows)) for one in EFFECTS}
+            found.append(BlockedRun(LinearRun(motion, columns, role), 0.1))
+        octaves = found[0].octaves
+        count = int(octaves[-1] - octaves[0]) + 1
+        noise, base = np.full(count, NOISE_UM2), np.full(count, BASE_SHARE**2)
+        none = tuple(np.zeros((run.rows - 1, 0)) for run in found)
+        self.likelihood = Likelihood(tuple(found), Expected(int(octaves[0]), noise, base, told), none)
+        for run in found:
+            self._measure(run, rng, amounts, share, times, fault, like_effect)
+
+    def _measure(self, run, rng, amounts, share, times, fault, like_effect):
+        modelled = run.modelled
+        acting = [*fault, *(amounts if run.changed else ())]
+        v = NOISE_UM2 + times**2 * BASE_SHARE**2 * run.spread(run.power(modelled.motion))
+        for one in amounts if run.changed else ():
+            v = v + share**2 * run.spread(run.power(modelled.answer([one]) - modelled.motion))
+        told = self.likelihood.expected.told
+        like = run.coefficients(modelled.columns[GAIN.name][:, None])[:, 0]
+        shape = like if like_effect else rng.normal(size=len(like))
+        size = np.sqrt(v / run.products(shape[:, None], shape[:, None])[:, 0, 0]) * student.rvs(
+            told, size=len(v), random_state=rng
+        )
+        modelled.run.x_um = modelled.answer(acting)
+        modelled.run.x_um[run.skipped :] += idct(np.append(0.0, np.repeat(size, run.sizes) * shape), norm="ortho")
+
+    def log_odds(self, entries, against=(), beside=None):
+        among = beside or self.likelihood
+        return among.fit(entries).log_evidence - among.fit(against).log_evidence
+
+
+def powers(toy, entries, extra=None):
+    """Mean powers (blocks,) of all residuals, less ``extra`` (n,) in every one."""
+    errors = [run.modelled.error(entries if run.changed else ()) for run in toy.likelihood.runs]
+    left = [error if extra is None else error - extra for error in errors]
+    return np.concatenate([run.power(one) for run, one in zip(toy.likelihood.runs, left, strict=True)])
+
+
+def density(toy, power, signal, share, times):
+    """Log density (k,) of records of these powers (k, blocks): one Student variable for each octave."""
+    base = [BASE_SHARE**2 * run.spread(run.power(run.modelled.motion)) for run in toy.likelihood.runs]
+    v = NOISE_UM2 + times**2 * np.concatenate(base) + share**2 * signal
+    return student.logpdf(np.sqrt(power), toy.likelihood.expected.told, scale=np.sqrt(v)).sum(axis=-1)
+
+
+def integrated(logs, at):
+    return max(logs) + np.log(np.trapezoid(np.exp(np.array(logs) - max(logs)), at))
+
+
+def over_scales(of_scales, shares=SHARES):
+    """Log of the mean over the scales of what has these logs: all multiples of the base as likely, and all shares on
+    either side of what an equation may miss."""
+    inside = sum(share <= MOST_MISSED for share in shares)
+    outside = len(shares) - inside
+    logs = [
+        of_scales(share, times)
+        + np.log(1.0 if outside == 0 else (1 - OUTSIDE) / inside if share <= MOST_MISSED else OUTSIDE / outside)
+        - np.log(len(TIMES_BASE))
+        for share in shares
+        for times in TIMES_BASE
+    ]
+    return logsumexp(logs)
+
+
+@pytest.mark.parametrize(("told", "within"), [(1e6, 0.1), (20.0, 0.3)])
+@pytest.mark.parametrize(("share", "times"), [(0.02, 1.0), (0.1, 2.0), (0.4, 1.0)])
+@pytest.mark.parametrize("amount", [1.0, -2.5, 6.0])
+def test_the_evidence_of_a_linear_effect_is_the_integral_over_its_size(amount, share, times, told, within):
+    """With what its equation misses as large as at the most likely size."""
+    toy = Toy(1, [sized(amount)], share, times, told)
+    fit = toy.likelihood.fit([sized(0.8 * amount)])
+    half = 12 * np.sqrt(fit.covariance[0, 0])
+    at = np.linspace(amount_of(fit) - half, amount_of(fit) + half, 401)
+    of_sizes = np.stack([powers(toy, [sized(g)]) for g in at])
+    prior = np.array([prior_of([sized(g)], STEP_S).log_density for g in at])
+    exact = {}
+    for one in SHARES:
+        for multiple in TIMES_BASE:
+            logs = prior + density(toy, of_sizes, fit.terms.signal, one, multiple)
+            exact[one, multiple] = integrated(logs, at)
+    at_fit = toy.likelihood._log_evidence(fit.terms, fit.scales, toy.likelihood.every)
+    assert at_fit == pytest.approx(exact[fit.scales], abs=within)
+    assert fit.log_evidence == pytest.approx(over_scales(lambda *scales: exact[scales]), abs=within)
+
+
+@pytest.mark.parametrize("told", [3.0, 1e6])
+def test_the_evidence_of_nothing_is_the_density_of_what_the_base_leaves(told):
+    toy = Toy(1, told=told)
+    power = powers(toy, ())
+    found = over_scales(lambda share, times: density(toy, power, np.zeros_like(power), share, times), SHARES[:1])
+    assert toy.likelihood.fit(()).log_evidence == pytest.approx(found, abs=1e-6)
+
+
+def test_the_signal_of_an_effect_is_its_power_spread():
+    toy = Toy(2, [sized(2.0)])
+    found = np.split(toy.likelihood.terms([sized(2.0)]).signal, len(ROLES))
+    for run, mine in zip(toy.likelihood.runs, found, strict=True):
+        column = 2.0 * run.changed * run.modelled.columns[GAIN.name]
+        np.testing.assert_allclose(mine, run.spread(run.power(column)), atol=1e-12)
+
+
+def test_what_the_base_may_lack_in_all_records_is_integrated_out():
+    toy = Toy(3, told=1e6)
+    column = np.cumsum(np.random.default_rng(3).normal(size=ROWS))
+    shared = tuple(run.coefficients(column[:, None]) for run in toy.likelihood.runs)
+    at = np.linspace(-0.5, 0.5, 1001)
+    of_amounts = np.stack([powers(toy, (), a * column) for a in at])
+    signal = np.zeros(of_amounts.shape[1])
+    exact = over_scales(
+        lambda share, times: integrated(density(toy, of_amounts, signal, share, times) + norm.logpdf(at), at),
+        SHARES[:1],
+    )
+    assert replace(toy.likelihood, shared=shared).fit(()).log_evidence == pytest.approx(exact, abs=0.01)
+
+
+def test_a_student_variable_tends_to_a_normal_one_as_more_is_told():
+    rng = np.random.default_rng(4)
+    power, variance = rng.exponential(size=36), rng.uniform(0.2, 3, 36)
+    which = rng.random(36) < 0.7
+    exact = norm.logpdf(np.sqrt(power), scale=np.sqrt(variance))[which].sum()
+    off, apart = [], []
+    for told in (2.0, 10.0, 100.0, 1e4, 1e6):
+        among = Toy(4, told=told).likelihood
+        off.append(abs(among.log_density(power, variance, which) - exact))
+        apart.append(np.abs(among.weights(power, variance) * variance - 1).max())
+    for gap in (off, apart):
+        assert sorted(gap, reverse=True) == gap
+        assert gap[-1] < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_fit_ends_at_the_same_size_from_anywhere(seed):
+    toy = Toy(seed, [sized(1.0)], 0.05)
+    ends = [toy.likelihood.fit([sized(start)]) for start in (-3.0, 0.1, 5.0, 30.0)]
+    deviation = np.sqrt(ends[0].covariance[0, 0])
+    assert np.ptp([amount_of(end) for end in ends]) < 0.1 * deviation
+    assert amount_of(ends[0]) == pytest.approx(1.0, abs=5 * deviation)
+    assert np.ptp([end.log_evidence for end in ends]) < 0.1
+    assert ends[0].names == (GAIN.name,)
+    assert (toy.likelihood.fit(()).entries, toy.likelihood.fit(()).covariance.shape) == ((), (0, 0))
+
+
+def test_reference_records_have_no_effect():
+    toy = Toy(5, [sized(1.0)])
+    reference, train, *_ = toy.likelihood.runs
+    for amount in (0.5, 4.0):
+        fresh = toy.likelihood.fresh(0, [sized(amount)])
+        assert not fresh[:, :-1].any()
+        np.testing.assert_allclose(fresh[:, -1:], reference.coefficients(reference.modelled.error()[:, None]))
+        assert toy.likelihood.fresh(1, [sized(amount)])[:, :-1].any()
+        left = train.modelled.error([sized(amount)])[:, None]
+        np.testing.assert_allclose(toy.likelihood.fresh(1, [sized(amount)])[:, -1:], train.coefficients(left))
+        signal = np.split(toy.likelihood.terms([sized(amount)]).signal, len(ROLES))
+        assert [bool(one.any()) for one in signal] == [False, True, True, True]
+
+
+def test_held_out_records_have_no_part_in_the_evidence_of_those_that_were_fitted():
+    toy = Toy(6, [sized(1.0)])
+    before = toy.likelihood.fit(())
+    alone = Likelihood(toy.likelihood.runs[:-1], toy.likelihood.expected, toy.likelihood.shared[:-1])
+    assert before.log_evidence_fitted == pytest.approx(alone.fit(()).log_evidence)
+    assert before.log_evidence_fitted != pytest.approx(before.log_evidence, abs=1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fault_that_references_show_is_not_the_effect(seed):
+    """Unless it may be one: without that the effect would be favoured, and a residual in changed records only is."""
+    seen = Toy(seed, fault=[sized(3.0)])
+    new = Toy(seed, [sized(3.0)])
+    suspect = [sized(3.0)]
+    assert seen.log_odds(suspect) > 5
+    assert seen.log_odds(suspect, beside=seen.likelihood.knowing(suspect)) < 0
+    assert new.log_odds(suspect, beside=new.likelihood.knowing(suspect)) > 5
+
+
+def test_without_references_nothing_is_taken_for_a_fault():
+    toy = Toy(7, [sized(3.0)], roles=("train", "train", "holdout"))
+    knowing = toy.likelihood.knowing([sized(3.0)])
+    assert toy.log_odds([sized(3.0)], beside=knowing) == pytest.approx(toy.log_odds([sized(3.0)]))
+    assert knowing.known == (sized(3.0),)
+
+
+def test_knowing_twice_is_knowing_both():
+    toy = Toy(8, [sized(2.0), sized(1.0, LATE)], fault=[sized(0.5, SLOW)])
+    first, second = sized(2.0), sized(0.5, SLOW)
+    twice, once = toy.likelihood.knowing([first]).knowing([second]), toy.likelihood.knowing([first, second])
+    assert twice.known == once.known == (first, second)
+    for entries in ((), [first], [sized(2.0), sized(1.0, LATE)]):
+        assert twice.fit(entries).log_evidence == pytest.approx(once.fit(entries).log_evidence)
+    assert toy.likelihood.known == ()
+
+
+def test_the_covariance_holds_the_truth_in_95_of_100_draws():
+    """Of records that miss any share with which an equation bears its name and any multiple of the base, and where what
+    is missed looks most like the effect: all coefficients of an octave say it once."""
+    rng, held, draws = np.random.default_rng(0), 0, 300
+    shares = [share for share in SHARES if share <= MOST_MISSED]
+    for seed in range(draws):
+        truth = float(rng.uniform(0.5, 2.0) * rng.choice([-1, 1]))
+        share, times = float(rng.choice(shares)), float(rng.choice(TIMES_BASE))
+        toy = Toy(seed, [sized(truth)], share, times, 50.0, ROLES[1:], like_effect=True, rows=128)
+        fit = toy.likelihood.fit([sized(truth)])
+        (found,) = intervals(fit.entries, fit.covariance)
+        value, _, (low, high) = found["gain"]
+        assert low <= value <= high
+        held += low <= sized(truth)[1]["gain"] <= high
+    assert 0.92 < held / draws < 0.98
+
+
+def test_a_name_is_lost_as_more_of_an_effect_is_missed_than_its_equation_may():
+    shares, seeds = (0.05, 0.15, MOST_MISSED, 0.45, 0.7), range(12)
+    named = [
+        float(np.mean([Toy(seed, [sized(2.0)], share).likelihood.fit([sized(2.0)]).named for seed in seeds]))
+        for share in shares
+    ]
+    assert sorted(named, reverse=True) == named
+    assert min(named[:2]) > 0.95
+    assert named[3] < 0.5 < named[2]
+    assert named[4] < 0.05
+    assert Toy(0).likelihood.fit(()).named == 1.0
+
+
+class TestRivals:
+    """A large delay, a small lag that the catalogue says it is confused with, a gain that it is not."""
+
+    @staticmethod
+    def toy(seed):
+        return Toy(seed, [sized(4.0, LATE), sized(0.5 * 4.0 * LIKE_RIVALS, SLOW), sized(1.0)], roles=ROLES[1:])
+
+    def test_who_is_confused(self):
+        assert confused(LATE, SLOW)
+        assert confused(SLOW, LATE)
+        assert not confused(LATE, LATE)
+        assert not confused(LATE, GAIN)
+
+    @pytest.mark.parametrize("seed", range(4))
+    def test_what_a_large_effect_misses_may_look_like_a_small_rival(self, seed):
+        toy, large, small, other = self.toy(seed), sized(4.0, LATE), sized(0.2, SLOW), sized(1.0)
+        knowing = toy.likelihood.knowing([large, small, other])
+        among = knowing.with_misfit_of([large])
+        for one, change in ((small, -3.0), (other, 0.0)):
+            rest = [e for e in (large, small, other) if e is not one]
+            before, after = (toy.log_odds([large, small, other], rest, beside) for beside in (knowing, among))
+            assert before > 5
+            assert after < before + change if change else after == pytest.approx(before, abs=1.0)
+        assert toy.log_odds([large], beside=among) > 20
+
+    def test_how_large_the_rival_stood_does_not_matter(self):
+        toy, large = self.toy(5), sized(4.0, LATE)
+        found = [
+            toy.likelihood.knowing([sized(size, SLOW)]).with_misfit_of([large]).fit([large]).log_evidence
+            for size in (0.1, 10.0)
+        ]
+        assert found[0] == pytest.approx(found[1], abs=0.01)
+        assert found[0] != pytest.approx(toy.likelihood.fit([large]).log_evidence, abs=0.1)
+
+    def test_nothing_unknown_and_no_reference_looks_like_a_rival(self):
+        large = sized(4.0, LATE)
+        toy = Toy(6, [large])
+        assert toy.likelihood.with_misfit_of([large]).shared[1].shape[1] == 0
+        among = toy.likelihood.knowing([large, sized(1.0, SLOW)])
+        added = [
+            after[:, before.shape[1] :]
+            for before, after in zip(among.shared, among.with_misfit_of([large]).shared, strict=True)
+        ]
+        assert [one.shape[1] for one in added] == [1, 1, 1, 1]
+        assert [bool(one.any()) for one in added] == [False, True, True, True]
+        power = sum(float(np.sum(one**2)) for one in added)
+        moved = [
+            run.coefficients((run.modelled.answer([large]) - run.modelled.motion)[:, None])
+            for run in among.runs
+            if run.changed
+        ]
+        assert power == pytest.approx(LIKE_RIVALS**2 * sum(float(np.sum(one**2)) for one in moved))
