@@ -26,6 +26,7 @@ COUNTERPARTS = {
     "upload": "Controller.upload",
     "track": "Controller.track",
     "learn": "Controller.learn",
+    "tune": "Controller.tune",
     "move": "Controller.move",
     "hold": "Controller.hold",
     "where": "Controller.where",

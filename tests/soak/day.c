@@ -136,7 +136,8 @@ static void run(struct day *day, uint32_t ticks)
 static void set_up_axis(struct day *day, uint8_t axis)
 {
     uint8_t set_payload[WIRE_SET_AXIS_REQUEST_SIZE], path_payload[WIRE_SET_PATH_REQUEST_SIZE];
-    const struct wire_set_axis_request set = {axis, AXIS_PID, 0, 1 << 22, 0, PID_DERIVATIVE_UNFILTERED};
+    const struct wire_set_axis_request set = {
+        .axis = axis, .mode = AXIS_PID, .ki_ts_q32 = 1 << 22, .d_alpha_q31 = PID_DERIVATIVE_UNFILTERED};
     const struct wire_set_path_request path = {axis, PATH_HOLD, 0, 20 * UM, 0, 0};
     const struct wire_set_joins_request joins = {.axis = axis, .enter_ticks = 2000};
     uint8_t joins_payload[WIRE_SET_JOINS_REQUEST_SIZE];

@@ -24,15 +24,26 @@ void send_random(struct random_host *host)
     random_host_send(host, type, below(host, 30) ? SESSION : random_bits(host), payload, size);
 }
 
+static struct wire_biquad stable_section(struct random_host *host)
+{
+    struct wire_biquad section = {.a1_q26 = (int32_t)below(host, 1 << 25) - (1 << 24),
+                                  .a2_q26 = (int32_t)below(host, 1 << 25)};
+    section.b0_q26 = (int32_t)below(host, 1 << 29) - (1 << 28);
+    section.b1_q26 = BIQUAD_ONE_Q26 + section.a1_q26 + section.a2_q26 - section.b0_q26;
+    return section;
+}
+
 void send_mode_and_path(struct random_host *host)
 {
-    uint8_t payload[WIRE_SET_PATH_REQUEST_SIZE];
-    struct wire_set_axis_request set = {(uint8_t)below(host, 3),
-                                        (uint8_t)below(host, WIRE_MODE_COUNT),
-                                        (int32_t)(random_value(host) >> 1 & INT32_MAX),
-                                        (int32_t)(random_value(host) & INT32_MAX),
-                                        (int32_t)(random_value(host) & INT32_MAX),
-                                        (int32_t)(1 + (random_value(host) & INT32_MAX) / 2)};
+    uint8_t payload[WIRE_MAX_PAYLOAD];
+    struct wire_set_axis_request set = {.axis = (uint8_t)below(host, 3),
+                                        .mode = (uint8_t)below(host, WIRE_MODE_COUNT),
+                                        .kp_q24 = (int32_t)(random_value(host) >> 1 & INT32_MAX),
+                                        .ki_ts_q32 = (int32_t)(random_value(host) & INT32_MAX),
+                                        .kd_over_ts_q24 = (int32_t)(random_value(host) & INT32_MAX),
+                                        .d_alpha_q31 = (int32_t)(1 + (random_value(host) & INT32_MAX) / 2)};
+    if (below(host, 2))
+        set.filters[0] = stable_section(host);
     wire_pack_set_axis_request(&set, payload, sizeof payload);
     random_host_send(host, WIRE_SET_AXIS, SESSION, payload, WIRE_SET_AXIS_REQUEST_SIZE);
     int32_t unit = set.mode == AXIS_OPEN ? 1 << 24 : 24 << 16;
@@ -53,15 +64,6 @@ void send_arm_and_start(struct random_host *host)
     random_host_send(host, WIRE_ARM, SESSION, payload, 4);
     payload[0] = (uint8_t)(1 + below(host, 7));
     random_host_send(host, WIRE_START, SESSION, payload, 1);
-}
-
-static struct wire_biquad stable_section(struct random_host *host)
-{
-    struct wire_biquad section = {.a1_q26 = (int32_t)below(host, 1 << 25) - (1 << 24),
-                                  .a2_q26 = (int32_t)below(host, 1 << 25)};
-    section.b0_q26 = (int32_t)below(host, 1 << 29) - (1 << 28);
-    section.b1_q26 = BIQUAD_ONE_Q26 + section.a1_q26 + section.a2_q26 - section.b0_q26;
-    return section;
 }
 
 /* An operator with an inverse, leads, creep and coupling, all of random size. */

@@ -74,6 +74,7 @@ class Tuned(Result):
 
     @property
     def gains(self) -> Gains:
+        """Of the loop that was shaped, filters included."""
         gains = self.model.axis(self.axis).gains
         assert gains is not None
         return gains
