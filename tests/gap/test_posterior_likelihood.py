@@ -350,3 +350,13 @@ class TestRivals:
             if run.changed
         ]
         assert power == pytest.approx(LIKE_RIVALS**2 * sum(float(np.sum(one**2)) for one in moved))
+
+
+def test_held_out_records_move_no_parameter_that_is_learned_without_them():
+    toy = Toy(5, [sized(2.0)], 0.05)
+    learned = toy.likelihood.without_held_out().fit([sized(1.0)])
+    for run in toy.likelihood.runs:
+        if run.modelled.run.role == "holdout":
+            run.modelled.run.x_um = run.modelled.answer([sized(-4.0)])
+    assert amount_of(toy.likelihood.fit([sized(1.0)])) != pytest.approx(amount_of(learned), rel=0.05)
+    assert amount_of(toy.likelihood.without_held_out().fit([sized(1.0)])) == amount_of(learned)

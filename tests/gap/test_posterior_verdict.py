@@ -149,7 +149,8 @@ def test_the_nearest_set_names_nothing_where_it_is_probably_no_more_than_that(sh
 def test_the_nearest_only_is_what_every_set_may_miss_by_its_probability(both):
     found = judge(contest({n: value for n, (value, _) in both.items()}, named={n: q for n, (_, q) in both.items()}))
     assert found.nearest_only == pytest.approx(sum(found.sets[n] * (1 - q) for n, (_, q) in both.items()), abs=1e-9)
-    assert not (found.claims and found.nearest_only >= MORE_LIKELY_THAN_NOT)
+    assert not (found.claims and found.nearest_only > MORE_LIKELY_THAN_NOT)
+    assert found.no_set_fits == (found.nearest_only > MORE_LIKELY_THAN_NOT)
 
 
 @given(st.integers(1, 40))

@@ -109,10 +109,8 @@ def search_axis(
     on_progress(0.9)
     left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
     closed = bool(taken) and selection.problem.reference is not None
-    nearest = selection.nearest_only > 0.5
-    unknown = (
-        nearest or structure_remains(selection, final) or other.unknown or much_predictable(left, final.gap, closed)
-    )
+    unknown = selection.no_set_fits or structure_remains(selection, final) or other.unknown
+    unknown = unknown or much_predictable(left, final.gap, closed)
     on_progress(0.92)
     provisional: list[NamedEffect] = []
     if unknown:

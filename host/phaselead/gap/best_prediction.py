@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, to_internal
+from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, internal, parameters_of
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Parameter
 from phaselead.record import Samples
@@ -31,8 +31,7 @@ def best_predicting(
 
     ``covariance`` is (parameters, parameters) in internal units.
     """
-    free = [(i, p) for i, (effect, _) in enumerate(entries) for p in effect.parameters]
-    start = np.array([to_internal(p, entries[i][1][p.name]) for i, p in free])
+    free, start = parameters_of(entries), internal(entries)
     if not len(start):
         return tuple(entries)
 

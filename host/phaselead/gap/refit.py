@@ -46,9 +46,9 @@ class Fitted:
     """Whitened squares that they leave of the training runs."""
 
     @property
-    def free(self) -> tuple[tuple[int, Parameter], ...]:
+    def free(self) -> list[tuple[int, Parameter]]:
         """Every parameter, each after the number of the entry that it belongs to."""
-        return tuple((i, p) for i, (effect, _) in enumerate(self.entries) for p in effect.parameters)
+        return parameters_of(self.entries)
 
 
 def refit(
@@ -202,6 +202,11 @@ def is_logarithmic(p: Parameter) -> bool:
     """Whether it is fitted as its logarithm: what has a logarithmic scale and cannot be 0, as a size must be able
     to."""
     return p.log and p.low > 0
+
+
+def internal(entries: Sequence[SizedEffect]) -> Samples:
+    """All parameters in internal units, (parameters,)."""
+    return np.array([to_internal(p, entries[i][1][p.name]) for i, p in parameters_of(entries)])
 
 
 def internal_unit(p: Parameter) -> float:

@@ -75,7 +75,7 @@ def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float)
     found = []
     for effect in effects:
         grids = [_grid(p, effect, step_s, longest_s) for p in effect.shapes]
-        steps = tuple(p.typical if p.typical else p.high for p in effect.sizes)
+        steps = typical_sizes(effect)
         points = list(product(*grids))
         coarse = set(points[:: max(1, round(len(points) / COARSE_GROUPS))])
         for point in points:
@@ -84,6 +84,11 @@ def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float)
                 common = point in coarse and effect.kind == "response"
                 found.append(RegressorGroup(effect, shapes, steps, common))
     return found
+
+
+def typical_sizes(effect: Effect) -> tuple[float, ...]:
+    """Of each of its sizes the typical value, or the largest where there is none."""
+    return tuple(p.typical if p.typical else p.high for p in effect.sizes)
 
 
 def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list[float]:

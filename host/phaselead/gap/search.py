@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.findings import NAMED, Candidate, Estimate
-from phaselead.gap.posterior import Claim, Contest, Judgement, intervals, judge, likelihood_of, search_sets
+from phaselead.gap.posterior import Claim, Contest, Fit, Judgement, intervals, judge, likelihood_of, search_sets
 from phaselead.gap.problem import Problem, make_problem, with_effects
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import Fitted, SizedEffect, squares_left
@@ -50,24 +50,32 @@ def select_effects(
         contest,
         _candidates(contest, found),
         memory,
-        found.nearest_only,
+        found.no_set_fits,
     )
 
 
 def _estimated(
     problem: Problem, contest: Contest, best: Sequence[SizedEffect], claims: Sequence[Claim]
 ) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], list[dict[str, Estimate]]]:
-    """The claims that do not harm, their effects with the parameters that predict best, and the interval of each."""
+    """The claims that do not harm, their effects with the parameters that predict best, and the interval of each.
+
+    What is adopted is learned without the held-out records, so that these may judge it.
+    """
+    everything, learned = contest.likelihood, contest.likelihood.without_held_out()
     while claims:
         entries = tuple(entry for entry in best if entry[0].name in {claim.effect.name for claim in claims})
-        fit = contest.likelihood.fit(entries)
-        likeliest, covariance = fit.entries, fit.covariance
-        entries = best_predicting(likeliest, covariance, problem.train_runs())
-        harmless = _that_pay(problem, entries, claims)
+        harmless = _that_pay(problem, _best(everything.fit(entries), problem), claims)
         if len(harmless) == len(claims):
-            return tuple(claims), entries, intervals(likeliest, covariance, entries)
+            fit = learned.fit(entries)
+            adopted = _best(fit, problem)
+            return tuple(claims), adopted, intervals(fit.entries, fit.covariance, adopted)
         claims = harmless
     return (), (), []
+
+
+def _best(fit: Fit, problem: Problem) -> tuple[SizedEffect, ...]:
+    """The effects of a fit with the parameters that predict the training records best."""
+    return best_predicting(fit.entries, fit.covariance, problem.train_runs())
 
 
 def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:

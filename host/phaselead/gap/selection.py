@@ -35,11 +35,11 @@ class Selection:
     estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     """Value, unit and interval of every parameter by effect."""
     contest: Contest | None = None
-    """The sets that were compared, and their space."""
+    """The sets that were compared, and their likelihood."""
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None
-    nearest_only: float = 0.0
-    """Probability that the nearest set leaves more than its equations may miss."""
+    no_set_fits: bool = False
+    """Whether even the nearest set probably leaves more than its equations may miss."""
     messages: tuple[str, ...] = ()
     """For a person."""

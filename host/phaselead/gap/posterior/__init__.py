@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone
-from phaselead.gap.posterior.likelihood import Likelihood, names_of
+from phaselead.gap.posterior.likelihood import Fit, Likelihood, names_of
 from phaselead.gap.posterior.priors import KNOWN_BEFORE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.verdict import SURE, Claim, Judgement, judge
@@ -15,6 +15,7 @@ __all__ = [
     "SURE",
     "Claim",
     "Contest",
+    "Fit",
     "Forecast",
     "Judgement",
     "Likelihood",

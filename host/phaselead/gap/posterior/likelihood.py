@@ -29,6 +29,7 @@ from phaselead.gap.refit import (
     bounded,
     fresh_columns,
     from_internal,
+    internal,
     is_logarithmic,
     parameters_of,
     to_internal,
@@ -149,6 +150,11 @@ class Likelihood:
         shared = tuple(np.concatenate(pair, axis=1) for pair in pairs)
         return replace(self, shared=shared, known=known)
 
+    def without_held_out(self) -> Likelihood:
+        """Of the other records alone: what is fitted to them may be judged on the held-out ones."""
+        kept = [i for i, run in enumerate(self.runs) if run.modelled.run.role != "holdout"]
+        return replace(self, runs=tuple(self.runs[i] for i in kept), shared=tuple(self.shared[i] for i in kept))
+
     def with_misfit_of(self, entries: Sequence[SizedEffect]) -> Likelihood:
         """The same, where what the equations of some effects miss may look like the known ones that they are confused
         with."""
@@ -268,7 +274,7 @@ class Likelihood:
         w = np.where(which, self.weights(terms.power(amounts), self.variance(terms, scales)), 0.0)
         normal = np.tensordot(w, terms.moments, 1)
         slope = normal[:-1, -1] - normal[:-1, :-1] @ amounts
-        off = _internal(terms.entries) - terms.prior.centre
+        off = internal(terms.entries) - terms.prior.centre
         slope -= np.concatenate([terms.prior.precision * off, amounts[len(off) :]])
         return normal[:-1, :-1] + np.diag(terms.precision), slope
 
@@ -278,7 +284,8 @@ class Likelihood:
 
     def fit(self, start: Sequence[SizedEffect], steps: int = STEPS) -> Fit:
         """The most likely parameters near those of ``start``."""
-        return self.judged(*self.fitted_terms(start, steps))
+        terms, scales, _ = self.fitted_terms(start, steps)
+        return self.judged(terms, scales)
 
     def fitted_terms(self, start: Sequence[SizedEffect], steps: int = STEPS) -> tuple[Terms, Scales, float]:
         """A set at its most likely parameters near those of ``start``, the scales there and the log density."""
@@ -302,7 +309,7 @@ class Likelihood:
                 break
         return terms, scales, best
 
-    def judged(self, terms: Terms, scales: Scales, _: float = 0.0) -> Fit:
+    def judged(self, terms: Terms, scales: Scales) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""
         grid = _grid(terms)
         prior = np.array([_log_prior(terms, one) for one in grid])
@@ -353,11 +360,6 @@ def _squares(parts: Sequence[Samples]) -> float:
 
 def _log_sum(logs: Samples) -> float:
     return float(logs.max() + np.log(np.sum(np.exp(logs - logs.max()))))
-
-
-def _internal(entries: Sequence[SizedEffect]) -> Samples:
-    """All parameters in internal units, (parameters,)."""
-    return np.array([to_internal(p, entries[i][1][p.name]) for i, p in parameters_of(entries)])
 
 
 def _moved(entries: Sequence[SizedEffect], step: Samples) -> tuple[SizedEffect, ...]:

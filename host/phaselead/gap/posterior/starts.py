@@ -9,20 +9,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.gap.metric import LEAST_POWER
 from phaselead.gap.posterior.likelihood import Fit, Likelihood
+from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
 from phaselead.gap.refit import SizedEffect, bounded
-from phaselead.gap.regressors import RegressorGroup, regressor_groups
+from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
 from phaselead.record import Samples
 
 DIFFERENT = 2
 """Shapes of one effect from which it is begun."""
-FINE_MODES, MODE_ZETA = 9, 0.02
-"""Frequencies about the best of a coarse grid at which a mode is tried, and its damping: that of flexure stages."""
-COARSE_RATIO = 1.16
-"""Of neighbours in that grid."""
-LARGE, LEAST_POWER = 2.5, 1e-6
-"""Deviation of a size in typical values, and curvature below which the records do not show it at all."""
+FINE_MODES = 9
+"""Frequencies about the best of the coarse grid at which a mode is tried, with the damping of flexure stages."""
+LARGE = float(SIZES[-1])
+"""Deviation of a size in typical values of which nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +85,12 @@ class Starts:
         if effect.peak is None:
             return ranked[:DIFFERENT]
         frequency, damping = effect.peak
-        near = np.geomspace(1 / COARSE_RATIO, COARSE_RATIO, FINE_MODES) * params[frequency]
-        steps = tuple(p.typical if p.typical else p.high for p in effect.sizes)
+        near = np.geomspace(1 / MODE_GRID_RATIO, MODE_GRID_RATIO, FINE_MODES) * params[frequency]
         shapes = {p.name: params[p.name] for p in effect.shapes}
-        groups = [RegressorGroup(effect, {**shapes, frequency: f, damping: MODE_ZETA}, steps, False) for f in near]
+        groups = [
+            RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect), False)
+            for f in near
+        ]
         fine = self._sized(fit, groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
         return sorted([*fine, *ranked[:1]], key=lambda start: -start.gain)[:DIFFERENT]
 

@@ -60,11 +60,17 @@ class Judgement:
     nearest_only: float
     """Probability that no set is there: the nearest leaves more than its equations may miss."""
 
+    @property
+    def no_set_fits(self) -> bool:
+        """Whether that is the likelier."""
+        return self.nearest_only > MORE_LIKELY_THAN_NOT
+
 
 def judge(contest: Contest) -> Judgement:
     """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied.
 
-    None where the nearest set is probably no more than that."""
+    Neither where the nearest set is probably no more than that.
+    """
     sets = _probabilities(contest)
     best = max(sets, key=lambda names: sets[names])
     single = {name: _with_any(sets, (name,)) for names in sets for name in names}
@@ -75,7 +81,7 @@ def judge(contest: Contest) -> Judgement:
         rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
         group, probability = _group(effect, rivals, sets, single)
         claim = _claim(contest, effect, group, sets, single)
-        if probability >= SURE and claim.borne_out and nearest_only < MORE_LIKELY_THAN_NOT:
+        if probability >= SURE and claim.borne_out and nearest_only <= MORE_LIKELY_THAN_NOT:
             claims.append(claim)
     return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
 
