@@ -14,9 +14,7 @@ PIO_STAMP := $(PIO_CORE)/.prepared
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
-.PHONY: demo test test-browser bench campaign link-trial big-recording lint generate setup package lock toolchain firmware budget clean
-.PHONY: demo test bench campaign link-trial soak coverage big-recording lint generate setup package lock toolchain firmware budget clean
-.PHONY: demo test bench campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test test-browser bench campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -60,7 +58,7 @@ fuzz: $(STAMP)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q -e .[fuzz]
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
 
-# Breaks the firmware in 200 places, one at a time, and counts what the tests notice: an hour.
+# Breaks the firmware in 200 places, one at a time, and counts what the tests notice: hours. A run that was cut short goes on.
 mutation: $(STAMP)
 	@$(BIN)/python tests/mutation.py
 

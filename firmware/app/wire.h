@@ -448,7 +448,7 @@ struct wire_start_reply {
     uint64_t first_tick; /* in which they begin: the one after the reply's, which works out what they begin with */
 };
 
-/* 0x08: Mode and gains of one axis; while parked or armed */
+/* 0x08: Mode, gains and filters of one axis; while parked or armed */
 #define WIRE_SET_AXIS_REQUEST_SIZE 58
 struct wire_set_axis_request {
     uint8_t axis;
@@ -651,7 +651,7 @@ struct wire_set_joins_request {
     uint16_t leave_ticks; /* of the join to a hold where a periodic path ends; 0: none, it stops in one tick */
 };
 
-/* 0x42: Gains of one axis, also while it runs: the output goes on from where it is */
+/* 0x42: Gains and filters of one axis, also while it runs: the output goes on from where it is */
 #define WIRE_SET_GAINS_REQUEST_SIZE 57
 struct wire_set_gains_request {
     uint8_t axis;

@@ -6,6 +6,7 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 from __future__ import annotations
 
 import math
+import os
 import re
 import sys
 import warnings
@@ -86,6 +87,20 @@ map_option = click.option(
     help="1-based columns of a file without our header, e.g. u_V=1,x_um=5 or x_um=3*1e6 for metres.",
 )
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
+
+
+def check_outputs(
+    output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str], overwrite: bool = True
+) -> None:
+    """Raise BadInput, before any work, for a stage file, page and figures that cannot or must not be written."""
+    from phaselead.record import check_output, is_special
+
+    check_output(output, suffixes=(".toml",), inputs=inputs, overwrite=overwrite)
+    check_output(report, suffixes=(".html", ".htm"), inputs=inputs)
+    check_output(json_to, inputs=inputs)
+    named = [path for path in (output, report, json_to) if path and path != "-" and not is_special(path)]
+    if len({os.path.realpath(path) for path in named}) < len(named):
+        raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
 def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:

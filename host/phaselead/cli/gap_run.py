@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from phaselead.api import gap_next
-from phaselead.cli.common import confirmed, emit, progress, read_recordings, record_files, show
+from phaselead.cli.common import check_outputs, confirmed, emit, progress, read_recordings, record_files, show
 from phaselead.errors import BadInput
 from phaselead.gap import (
     GapResult,
@@ -20,7 +19,7 @@ from phaselead.gap import (
     verified_on,
 )
 from phaselead.model import load_stage, stage_text
-from phaselead.record import RUN_SUFFIXES, check_output, is_special, write_texts
+from phaselead.record import RUN_SUFFIXES, check_output, write_texts
 from phaselead.result import Table, json_text
 
 
@@ -66,16 +65,6 @@ def compare(
 def printed(result: GapResult, written: Sequence[str]) -> list[Table | str]:
     """What is printed for a person: the result, and the files that hold it."""
     return [*result.tables(), *(f"wrote {path}" for path in written)]
-
-
-def check_outputs(output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str]) -> None:
-    """Raise BadInput, before any work, for outputs that cannot or must not be written."""
-    check_output(output, suffixes=(".toml",), inputs=inputs)
-    check_output(report, suffixes=(".html", ".htm"), inputs=inputs)
-    check_output(json_to, inputs=inputs)
-    named = [path for path in (output, report, json_to) if path and path != "-" and not is_special(path)]
-    if len({os.path.realpath(path) for path in named}) < len(named):
-        raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
 def run_next(

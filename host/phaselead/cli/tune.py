@@ -5,19 +5,21 @@ from __future__ import annotations
 import click
 
 from phaselead.cli.common import (
-    check_report,
+    axis_option,
+    check_outputs,
     emit,
     json_option,
     number,
+    overwrite_option,
     port_option,
     progress,
     report_option,
+    warn,
     write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.device import Device
 from phaselead.model import load_stage
-from phaselead.record import check_output
 
 VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 
@@ -27,12 +29,17 @@ VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 @port_option
 @click.option("-o", "--output", metavar="STAGE.toml", required=True, help="The stage file with the new gains.")
 @click.option("--model", "model_path", metavar="M", help="Stage file; default: what the device holds.")
-@click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+@axis_option
 @click.option("--level", metavar="V", help="Peak-to-peak of the multisine; default: a sixtieth of the limits.")
 @click.option("--middle", metavar="V", help="What it is about; default: the middle of the limits.")
 @click.option("--peak", type=float, default=2.0, show_default=True, help="Allowed peak sensitivity.")
-@click.option("--mode-shift", type=float, default=10.0, show_default=True, help="Of the modes, up and down, %.")
-@click.option("--gain-share", type=float, default=10.0, show_default=True, help="Of the gain, up and down, %.")
+@click.option(
+    "--mode-shift", type=float, default=10.0, show_default=True, help="How far modes may move, up and down, %."
+)
+@click.option(
+    "--gain-share", type=float, default=10.0, show_default=True, help="How far the gain may change, up and down, %."
+)
+@overwrite_option
 @report_option
 @json_option
 def tune(
@@ -45,6 +52,7 @@ def tune(
     peak: float,
     mode_shift: float,
     gain_share: float,
+    overwrite: bool,
     report: str | None,
     json_to: str | None,
 ) -> None:
@@ -57,8 +65,7 @@ def tune(
     from phaselead.control import tune as tune_axis
 
     inputs = [model_path] if model_path else []
-    check_output(output, suffixes=(".toml",), inputs=inputs)
-    check_report(report, inputs)
+    check_outputs(output, report, json_to, inputs, overwrite)
     level_V, middle_V = number("--level", level, VOLTS), number("--middle", middle, VOLTS)
     stage = load_stage(model_path) if model_path else None
     with Device.open(port) as device, progress(f"tuning {axis}", 1.0) as advance:
@@ -74,6 +81,10 @@ def tune(
             on_progress=advance,
         )
     found.save(output)
+    if found.closed.peak_sensitivity > peak:
+        warn(
+            [f"the measured loop has a peak sensitivity of {found.closed.peak_sensitivity:.3g}, {peak:g} was asked for"]
+        )
     emit(
         found.as_dict() | {"output": output}, json_to, [*found.tables(), f"wrote {output}", *write_page(found, report)]
     )

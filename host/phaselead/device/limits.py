@@ -20,7 +20,7 @@ CODE_MAX, NO_SLEW = 65535, 2**32 - 1
 UNLIMITED = wire.AxisLimits(0, CODE_MAX, NO_SLEW, 0, CODE_MAX)
 HEADINGS = ("axis", "u min (V)", "u max (V)", "slew (V/s)", "x min (um)", "x max (um)")
 ROUNDED = 1e-4
-"""Of a limit, at most, by which its code lies inwards: a code is 0.2 mV of 10 V."""
+"""Of a limit, at most, by which its code lies inwards: a code of the default converter is 0.31 mV."""
 ROUNDING = 1e-6
 """Of a code: what a value that is exactly a code may be off by in floating point."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")

@@ -158,8 +158,8 @@ class Live:
         first, sequence = int(head["first_tick"]), int(head["sequence"])
         layout = tick_dtype(int(head["channels"]), int(head["axis_mask"]))
         rows = np.frombuffer(body, layout, offset=HEAD.itemsize)
-        goes_on = self._next_tick is not None and sequence > self._sequence and first >= self._next_tick
-        missing = first - self._next_tick if goes_on and self._next_tick is not None else 0
+        expected = self._next_tick
+        missing = max(first - expected, 0) if expected is not None and sequence > self._sequence else 0
         self._next_tick, self._sequence = first + len(rows), sequence
         axes = {axis: self._axis(axis, rows[axis]) for axis in layout.names or ()}
         return LiveSamples(first, len(rows), axes, missing)
@@ -167,7 +167,7 @@ class Live:
     def _axis(self, axis: str, rows: NDArray[np.void]) -> LiveAxis:
         nothing = np.full(len(rows), np.nan, np.float32)
         has = rows.dtype.names or ()
-        converter = self._calibration.get(axis, Converters())
+        converter = self._calibration[axis]
         follows = "reference" in has and self._device.mode(axis) not in (None, wire.Mode.OPEN, wire.Mode.IDLE)
         return LiveAxis(
             r_um=rows["reference"] * Q16 if follows else nothing,

@@ -1072,13 +1072,13 @@ class SetAxisReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class SetAxisRequest(Command[SetAxisReply]):
-    """Mode and gains of one axis; while parked or armed."""
+    """Mode, gains and filters of one axis; while parked or armed."""
 
     NAME: ClassVar[str] = "set_axis"
     NUMBER: ClassVar[int] = 0x08
     REPLY: ClassVar[type[Any]] = SetAxisReply
     REFUSALS: ClassVar[dict[int, str]] = {
-        Status.BAD_VALUE: "gains must not be negative, and filters stable with a static gain of 1",
+        Status.BAD_VALUE: "a gain below zero, no derivative filter, or a filter that is unstable or not 1 at rest",
     }
     SIZE: ClassVar[int] = 58
     LEAST: ClassVar[int | None] = 18
@@ -2060,13 +2060,13 @@ class SetGainsReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class SetGainsRequest(Command[SetGainsReply]):
-    """Gains of one axis, also while it runs: the output goes on from where it is."""
+    """Gains and filters of one axis, also while it runs: the output goes on from where it is."""
 
     NAME: ClassVar[str] = "set_gains"
     NUMBER: ClassVar[int] = 0x42
     REPLY: ClassVar[type[Any]] = SetGainsReply
     REFUSALS: ClassVar[dict[int, str]] = {
-        Status.BAD_VALUE: "gains must not be negative, and filters stable with a static gain of 1",
+        Status.BAD_VALUE: "a gain below zero, no derivative filter, or a filter that is unstable or not 1 at rest",
     }
     SIZE: ClassVar[int] = 57
     LEAST: ClassVar[int | None] = 17

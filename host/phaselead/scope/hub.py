@@ -41,8 +41,8 @@ class StoppedError(PhaseleadError):
 class Hub:
     """Owns the controller of one port. ``samples``, ``trigger`` and ``state()`` are for any thread to read.
 
-    Nothing but its own thread speaks to the device. When no tab has been open for ``park_after_s`` seconds it ends what
-    is under way and parks; 0: never.
+    Nothing but its own thread gives the device orders. When no tab has been open for ``park_after_s`` seconds it ends
+    what is under way and parks; 0: never.
     """
 
     def __init__(
@@ -126,7 +126,6 @@ class Hub:
             "lines": list(self.lines),
             "files": self.files,
             "trigger": {"run": self.trigger.run, "waiting": self.trigger.waiting},
-            "park_after_s": self.park_after_s,
         }
 
     def _limits(self) -> dict[str, Any]:
@@ -241,8 +240,7 @@ class Hub:
                 self.tell(words)
             done.set_result(words)
         except PhaseleadError as error:
-            line = " ".join(str(error).split())
-            self.tell(line, "refused")
+            self.tell(str(error), "refused")
             done.set_exception(error)
             if isinstance(error, LinkError):
                 raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -45,9 +46,12 @@ def _given(job: Job, given: Arguments) -> dict[str, str]:
 
 def _number(name: str, value: str) -> float | None:
     try:
-        return float(value) if value else None
+        found = float(value) if value else None
     except ValueError:
-        raise BadInput(f"{name}: {value!r} is no number") from None
+        found = math.nan
+    if found is not None and not math.isfinite(found):
+        raise BadInput(f"{name}: {value!r} is no number")
+    return found
 
 
 def _stamp() -> str:

@@ -159,13 +159,13 @@ def save_samples(hub: Hub, given: Arguments) -> str:
     shot = hub.trigger.shot if hub.trigger.run != "off" else None
     if shot is None and not 0 < seconds <= hub.samples.seconds:
         raise BadInput(f"{seconds:g} s: the last {hub.samples.seconds:g} s are kept")
-    with hub.samples.lock:
-        ticks = shot.ticks if shot else round(seconds * TICK_HZ)
-        ticks = min(ticks, hub.samples.end - hub.samples.begin)
-        first = shot.first_tick if shot else hub.samples.end - ticks
-        zero = shot.trigger_tick if shot else first
-        mode = hub.dev.where().state
-        recording = save(hub.samples, first, ticks, zero, hub.folder / name, {"scope_state": mode})
+    # No lock: samples are added by this thread alone, and a page that waits for a file could not send STOP.
+    state = hub.dev.where().state
+    ticks = shot.ticks if shot else round(seconds * TICK_HZ)
+    ticks = min(ticks, hub.samples.end - hub.samples.begin)
+    first = shot.first_tick if shot else hub.samples.end - ticks
+    zero = shot.trigger_tick if shot else first
+    recording = save(hub.samples, first, ticks, zero, hub.folder / name, {"scope_state": state})
     hub.new_file(name)
     lacks = recording.meta["missing_ticks"]
     return f"saved {len(recording.t_s)} ticks to {hub.folder / name}" + (f", {lacks} are missing" if lacks else "")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.control.feedback_loop import pid_response, plant_response
+from phaselead.control.feedback_loop import local_gains, pid_response, plant_response
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
 from phaselead.control.tuning.excitation import Grid
@@ -90,6 +90,7 @@ def tune(
             f"{axis}: the closed loop has a peak sensitivity of {loop.peak_sensitivity:.2g}, {peak:g} was predicted: "
             "the stage is not what was measured in open loop; tune again, with a lower --level"
         )
+    measured_only = replace(over, gain_um_per_V=fitted.plant.gain_um_per_V, mode_shift=0.0)
     return Tuned(
         axis=axis,
         model=_with(parent, axis, fitted, gains),
@@ -97,7 +98,7 @@ def tune(
         plant=fitted,
         over=over,
         predicted=predicted(fitted.plant, gains, over),
-        expected=predicted(fitted.plant, gains, replace(over, gain_um_per_V=_only(fitted), mode_shift=0.0)),
+        expected=predicted(fitted.plant, gains, measured_only),
         closed=loop,
     )
 
@@ -143,12 +144,8 @@ def local_range(model: AxisModel, gain_um_per_V: float, share: float) -> tuple[f
     low, high = (1 - share) * gain_um_per_V, (1 + share) * gain_um_per_V
     if model.time is None:
         return min(low, WITHOUT_TIME_VIEW[0] * gain_um_per_V), max(high, WITHOUT_TIME_VIEW[1] * gain_um_per_V)
-    known = small_signal(model).gain_um_per_V
-    return min(low, max(known[0], 0.1 * known[1])), max(high, known[1])
-
-
-def _only(fitted: FittedPlant) -> tuple[float, float]:
-    return fitted.gain_um_per_V, fitted.gain_um_per_V
+    lowest, _, highest = map(float, local_gains(small_signal(model)))
+    return min(low, lowest), max(high, highest)
 
 
 def _refuse_measured(measured: Measured, fitted: FittedPlant, gains: Gains, over: Range) -> None:
@@ -156,8 +153,7 @@ def _refuse_measured(measured: Measured, fitted: FittedPlant, gains: Gains, over
     sure = measured.reliable()
     f_Hz, gain = measured.f_Hz[sure], measured.gain[sure] / fitted.gain_um_per_V
     rows = over.gains()[:, None] * gain * pid_response(gains, f_Hz)
-    plain: SmallSignal = fitted.plant
-    planned = over.gains()[:, None] * plant_response(plain, f_Hz) * pid_response(gains, f_Hz)
+    planned = over.gains()[:, None] * plant_response(fitted.plant, f_Hz) * pid_response(gains, f_Hz)
     peaks = [float((1 / np.abs(1 + each)).max()) for each in (rows, planned)]
     if peaks[0] > max(WARN_ABOVE, 1.25 * peaks[1]):
         worst = float(f_Hz[np.argmax((1 / np.abs(1 + rows)).max(axis=0))])

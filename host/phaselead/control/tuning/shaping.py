@@ -12,7 +12,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +57,7 @@ class Range:
 
     def plants(self, plant: SmallSignal) -> list[SmallSignal]:
         """With the modes at each of their positions."""
-        moved = (1 - self.mode_shift, 1.0, 1 + self.mode_shift)
-        return [replace(plant.with_modes_at(factor), gain_um_per_V=self.gain_um_per_V) for factor in moved]
+        return [plant.with_modes_at(factor) for factor in (1 - self.mode_shift, 1.0, 1 + self.mode_shift)]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from phaselead.control.tuning.course import tune
+from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY
+from phaselead.control.tuning.course import GAIN_SHARE, tune
 from phaselead.control.tuning.result import Tuned
 from phaselead.device import Device
 from phaselead.model import Stage, StageLike, as_stage
@@ -23,9 +24,9 @@ class Tunes:
         model: StageLike | None = None,
         level: float | None = None,
         middle: float | None = None,
-        peak: float = 2.0,
-        mode_shift: float = 0.1,
-        gain_share: float = 0.1,
+        peak: float = PEAK_SENSITIVITY,
+        mode_shift: float = MODE_SHIFT,
+        gain_share: float = GAIN_SHARE,
         on_progress: Callable[[float], None] | None = None,
     ) -> Tuned:
         """Measures the response of an axis, shapes PID and filters on it, and measures the loop that they make.
