@@ -67,10 +67,10 @@ was made on.
 
 
 def write_page(out: File, names: list[str]) -> None:
-    """The page and its figure, of the cases that are complete."""
+    """The page and its figure, of the cases in which every controller was tried; "-" is not measured yet."""
     found = {name: json.loads((out / f"{name}.json").read_text()) for name in names if (out / f"{name}.json").exists()}
     columns = _columns(found)
-    whole = {name: rows for name, rows in found.items() if all(len(row) == len(columns) for row in rows.values())}
+    whole = {name: rows for name, rows in found.items() if set().union(*rows.values()) == set(columns)}
     missing = [name for name in names if name not in whole]
     parts = [HEAD]
     if missing:
@@ -107,7 +107,10 @@ def _ended(cell: dict) -> str:
 
 def _table(rows: dict, columns: list[str], said) -> str:
     lines = [f"| path | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
-    lines += [f"| {path} | {' | '.join(said(row[name]) for name in columns)} |" for path, row in rows.items()]
+    lines += [
+        f"| {path} | {' | '.join(said(row[name]) if name in row else '-' for name in columns)} |"
+        for path, row in rows.items()
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -148,7 +151,7 @@ def _draw(whole: dict, columns: list[str]) -> None:
             axes = figure.add_subplot(len(whole), 1, i)
             for j, name in enumerate(columns):
                 color = GREY if name in RIVALS else (BLUE, GREEN, ORANGE)[j % 3]
-                values = [_largest(row[name]) for row in rows.values()]
+                values = [_largest(row.get(name, {})) for row in rows.values()]
                 values = [value if np.isfinite(value) else np.nan for value in values]
                 axes.semilogy(range(len(values)), values, "oxs^v+D"[j % 7], color=color, label=name, markersize=6)
             axes.set_ylabel("largest error,\n% of swing")
