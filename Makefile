@@ -11,6 +11,8 @@ NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phase
 # Where PlatformIO finds what it would otherwise download; `pio run` by itself uses the registry.
 PIO_CORE := .pio-core
 PIO_STAMP := $(PIO_CORE)/.prepared
+# Of fuzzing each target, in make test too.
+SECONDS ?= 60
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
@@ -25,6 +27,8 @@ test: $(STAMP)
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
+	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --those-installed
 
 # The scope's page in headless Chromium: the one of the distribution, which apt brings as root.
 test-browser: $(STAMP)
@@ -53,9 +57,8 @@ soak: $(STAMP)
 	@$(BIN)/python tests/soak/driver.py
 
 # Inputs nobody thought of, SECONDS for each of the five targets; needs clang with libclang-rt.
-SECONDS ?= 60
 fuzz: $(STAMP)
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -e .[fuzz]
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
 
 # Breaks the firmware in 200 places, one at a time, and counts what the tests notice: hours. A run that was cut short goes on.
@@ -94,6 +97,7 @@ lock: $(STAMP)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q uv
 	@$(LOCK) --extra test -o requirements.lock pyproject.toml
 	@$(LOCK) --extra test --extra browser -c requirements.lock -o requirements-browser.lock pyproject.toml
+	@$(LOCK) --extra fuzz -c requirements.lock -o requirements-fuzz.lock pyproject.toml
 	@$(LOCK) --extra board -c requirements.lock -o requirements-board.lock pyproject.toml
 
 toolchain: $(PIO_STAMP)
