@@ -6,7 +6,6 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 from __future__ import annotations
 
 import math
-import os
 import re
 import sys
 import warnings
@@ -20,6 +19,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as TerminalTable
 
 from phaselead.cli.output_level import quiet
+from phaselead.cli.outputs import json_option as json_option
+from phaselead.cli.outputs import overwriting
+from phaselead.cli.outputs import report_option as report_option
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
@@ -39,23 +41,6 @@ port_option = click.option(
 )
 
 
-def _checked_output(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
-    if path is not None and path != "-":
-        from phaselead.record import check_output
-
-        check_output(path)
-    return path
-
-
-json_option = click.option(
-    "--json",
-    "json_to",
-    metavar="F",
-    callback=_checked_output,
-    help="Also write the figures as JSON to F; - is stdout.",
-)
-
-
 def checked_duration(_context: click.Context, _option: click.Parameter, seconds: float | None) -> float | None:
     """A duration that is a number of at least two ticks. Raises BadInput."""
     if seconds is not None and not SHORTEST_S <= seconds < math.inf:
@@ -70,14 +55,6 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
 
 
 force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
-overwrite_option = click.option(
-    "--overwrite", "--force", "overwrite", is_flag=True, help="Write over the output if it exists."
-)
-own_overwrite_option = click.option(
-    "--overwrite", is_flag=True, help="Write over the output if it exists (as --force does, which takes more risks)."
-)
-"""For commands whose --force also takes a risk with the stage."""
-report_option = click.option("--report", metavar="F.html", help="Also write a page with figures.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 map_option = click.option(
@@ -87,20 +64,6 @@ map_option = click.option(
     help="1-based columns of a file without our header, e.g. u_V=1,x_um=5 or x_um=3*1e6 for metres.",
 )
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
-
-
-def check_outputs(
-    output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str], overwrite: bool = True
-) -> None:
-    """Raise BadInput, before any work, for a stage file, page and figures that cannot or must not be written."""
-    from phaselead.record import check_output, is_special
-
-    check_output(output, suffixes=(".toml",), inputs=inputs, overwrite=overwrite)
-    check_output(report, suffixes=(".html", ".htm"), inputs=inputs)
-    check_output(json_to, inputs=inputs)
-    named = [path for path in (output, report, json_to) if path and path != "-" and not is_special(path)]
-    if len({os.path.realpath(path) for path in named}) < len(named):
-        raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
 
 
 def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
@@ -154,13 +117,6 @@ def warn_of_gaps(facts: Mapping[str, Any]) -> None:
         )
 
 
-def record_files(arguments: tuple[str, ...] | list[str]) -> list[str]:
-    """The files that recording arguments name, their windows taken off."""
-    from phaselead.record import split_argument
-
-    return [split_argument(argument)[0] for argument in arguments]
-
-
 def read_recordings(
     arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
 ) -> list[Recording]:
@@ -177,7 +133,7 @@ def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
     if json_to and json_to != "-":
         from phaselead.record import write_text
 
-        write_text(json_to, json_text(figures))
+        write_text(json_to, json_text(figures), overwrite=overwriting())
     show(figures, json_to, parts)
 
 
@@ -212,20 +168,13 @@ def emit_result(result: Printed, json_to: str | None) -> None:
     emit(result.as_dict(), json_to, result.tables())
 
 
-def check_report(path: str | None, inputs: Sequence[str] = ()) -> None:
-    """Raises BadInput, before any work, for a page that could not be written."""
-    from phaselead.record import check_output
-
-    check_output(path, suffixes=(".html", ".htm"), inputs=inputs)
-
-
 def write_page(result: Any, path: str | None) -> list[str]:
     """The page of a result where one is asked for, and the line that says so."""
     if path is None:
         return []
     from phaselead.api import write_report
 
-    write_report(result, path)
+    write_report(result, path, overwrite=overwriting())
     return [f"wrote {path}"]
 
 

@@ -18,6 +18,7 @@ from phaselead.cli.common import (
     warnings_said,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT
 from phaselead.cli.track import gains_option
 from phaselead.control import MODES, Controller, Planned, connect, parse_targets
 from phaselead.model import load_stage
@@ -34,7 +35,9 @@ def _after(device: Controller) -> str:
 @click.command()
 @click.argument("target", metavar="TARGET")
 @port_option
-@click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
+@click.option(
+    "--model", "model_path", metavar="M", type=INPUT, help="Stage file; uploaded when the device holds another."
+)
 @click.option("--mode", type=click.Choice([mode for mode in MODES if mode != "open"]), help="Default: the best it can.")
 @gains_option
 @click.option("--duration", metavar="S", type=float, callback=checked_duration, help="Seconds the move takes.")

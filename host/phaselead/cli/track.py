@@ -8,12 +8,10 @@ import click
 
 from phaselead.cli.common import (
     axis_option,
-    check_report,
     duration_option,
     emit,
     force_option,
     json_option,
-    own_overwrite_option,
     port_option,
     progress,
     report_option,
@@ -22,6 +20,7 @@ from phaselead.cli.common import (
     write_page,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT, OutputFile
 from phaselead.control import (
     FOLLOWS,
     MODES,
@@ -38,7 +37,7 @@ from phaselead.control import (
 from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
-from phaselead.record import RUN_SUFFIXES, check_output
+from phaselead.record import RUN_SUFFIXES
 from phaselead.waveforms import examples, parse_waves
 
 
@@ -72,6 +71,7 @@ gains_option = click.option(
     "--model",
     "model_path",
     metavar="M",
+    type=INPUT,
     help="Stage file; uploaded when the device holds another. Default: what the device holds.",
 )
 @click.option(
@@ -82,11 +82,18 @@ gains_option = click.option(
 @gains_option
 @follows_option
 @click.option("--learn", "trials", type=click.IntRange(min=1), metavar="N", help="Learn it first, in up to N trials.")
-@click.option("--learned", "table", metavar="LEARNED.h5", help="Play what phaselead learn wrote of this path.")
+@click.option(
+    "--learned", "table", metavar="LEARNED.h5", type=INPUT, help="Play what phaselead learn wrote of this path."
+)
 @force_option
-@own_overwrite_option
 @duration_option("ten periods, or a move and a second")
-@click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="RUN.h5",
+    type=OutputFile(*RUN_SUFFIXES),
+    help="Keep the run: recording, raw codes, what replay needs.",
+)
 @axis_option
 @report_option
 @json_option
@@ -101,7 +108,6 @@ def track(
     trials: int | None,
     table: str | None,
     force: bool,
-    overwrite: bool,
     duration: float | None,
     output: str | None,
     axis: str,
@@ -113,9 +119,6 @@ def track(
     WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um), or in volts
     for mode open: sine:5V@5Hz. Amplitudes are peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
-    inputs = [path for path in (model_path, table) if path]
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite or force)
-    check_report(report, inputs)
     waveforms = parse_waves(wave, axis)
     stage = load_stage(model_path) if model_path else None
     if table and trials:
