@@ -57,6 +57,14 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
 force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+axes_option = click.option(
+    "--axis",
+    "axes",
+    metavar="AXES",
+    callback=lambda _context, _option, text: None if text is None else _letters(text),
+    help="x or several: x,y. Default: x, or the axes that are named in what is given.",
+)
+"""Of what may name its axes itself: x=...,y=..."""
 map_option = click.option(
     "--map",
     "column_map",
@@ -66,23 +74,43 @@ map_option = click.option(
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
 
 
+def _letters(text: str) -> str:
+    from phaselead.record import parse_axes
+
+    return "".join(parse_axes(text, "--axis"))
+
+
+VOLTS = {"V": 1.0, "mV": 1e-3}
+"""A voltage says its unit: 500 may be meant as either."""
+
+
 def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
-    """``1,2V,500mV`` as numbers in the first of ``units``; None stays None. Raises BadInput."""
-    return None if text is None else [_number(option, part.strip(), units) for part in text.split(",")]
+    """``1V,500mV`` or ``1,2,4V`` as numbers in the first of ``units``; None stays None. A number without a unit has
+    that of the next. Raises BadInput."""
+    if text is None:
+        return None
+    found: list[float] = []
+    unit = ""
+    for part in reversed(text.split(",")):
+        written = part.strip()
+        match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", written)
+        unit = match[2] or unit if match else unit
+        if not unit and "" not in units:
+            raise BadInput(f"{option} {text}: {written} has no unit; write {' or '.join(written + u for u in units)}")
+        try:
+            found.append(float(match[1]) * units[unit] if match else math.nan)
+        except (ValueError, KeyError):
+            known = " or ".join(filter(None, units))
+            raise BadInput(f"{option}: {written!r} is no number with a unit of {known}") from None
+    return found[::-1]
 
 
 def number(option: str, text: str | None, units: Mapping[str, float]) -> float | None:
     """One of them. Raises BadInput."""
-    return None if text is None else _number(option, text.strip(), units)
-
-
-def _number(option: str, text: str, units: Mapping[str, float]) -> float:
-    match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", text)
-    try:
-        return float(match[1]) * units[match[2]] if match else math.nan
-    except (ValueError, KeyError):
-        known = ", ".join(filter(None, units))
-        raise BadInput(f"{option}: {text!r} is no number with a unit of {known}") from None
+    found = numbers(option, text, units)
+    if found is not None and len(found) != 1:
+        raise BadInput(f"{option} {text}: give one number")
+    return None if found is None else found[0]
 
 
 def warn(lines: Iterable[str]) -> None:
@@ -93,10 +121,14 @@ def warn(lines: Iterable[str]) -> None:
 
 @contextmanager
 def warnings_said() -> Iterator[None]:
-    """What the library warns of meanwhile is said at once, before what it warns of happens."""
+    """What the library warns of meanwhile is said at once and once, before what it warns of happens."""
+
+    told: set[str] = set()
 
     def said(message: Warning | str, *_where: Any, **_what: Any) -> None:
-        warn([str(message)])
+        if str(message) not in told:
+            warn([str(message)])
+        told.add(str(message))
 
     with warnings.catch_warnings():
         warnings.simplefilter("always")

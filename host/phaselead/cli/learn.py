@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import click
 
 from phaselead.cli.common import (
-    axis_option,
+    axes_option,
     emit,
     force_option,
     json_option,
     port_option,
     progress,
     report_option,
-    warn,
+    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
 from phaselead.cli.track import follows_option, gains_option
-from phaselead.control import Follows, loop_warnings, parse_gains, path_warnings
-from phaselead.control import learn as learn_path
-from phaselead.device import Device
+from phaselead.control import Follows, connect
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES
 from phaselead.waveforms import parse_waves
@@ -53,7 +49,7 @@ from phaselead.waveforms import parse_waves
 )
 @report_option
 @force_option
-@axis_option
+@axes_option
 @json_option
 def learn(
     wave: str,
@@ -66,7 +62,7 @@ def learn(
     output: str | None,
     report: str | None,
     force: bool,
-    axis: str,
+    axes: str | None,
     json_to: str | None,
 ) -> None:
     """Drive along WAVE again and again, each time corrected by the error that repeats.
@@ -74,22 +70,20 @@ def learn(
     WAVE: a periodic path in micrometres, as for track. The best of the trials is kept; it is for
     this model, mode and path, and `phaselead track WAVE --learned LEARNED.h5` plays it.
     """
-    waveforms, stage = parse_waves(wave, axis), load_stage(model_path)
-    axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
-    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
-    with Device.open(port) as device, progress(f"learning {wave}", 1.0) as advance:
-        found = learn_path(
-            device,
-            waveforms,
-            mode,
-            stage=stage,
-            gains=axis_gains,
+    parse_waves(wave, axes)  # what is written wrong is told before the port is opened
+    stage = load_stage(model_path)
+    with connect(port) as device, warnings_said(), progress(f"learning {wave}", 1.0) as advance:
+        found = device.learn(
+            wave,
+            mode=mode,
+            axis=axes,
+            model=stage,
+            gains=gains,
             trials=trials,
             follows=follows or "true",
             force=force,
             on_progress=advance,
         )
-    found = replace(found, wave=wave)
     if output is not None:
         found.save(output, overwrite=overwriting())
     wrote = [f"wrote {output}"] if output is not None else []

@@ -7,6 +7,7 @@ import sys
 import click
 
 from phaselead.cli.common import (
+    axes_option,
     axis_option,
     duration_option,
     emit,
@@ -38,17 +39,19 @@ def log() -> None:
 @click.option("--drive", metavar="WAVE", help="Drive this in volts meanwhile, e.g. sine:5V@5Hz; default: only listen.")
 @duration_option("ten periods, or 1 s when only listening")
 @click.option("-o", "--output", metavar="RUN.h5", type=OutputFile(*RUN_SUFFIXES), required=True)
-@axis_option
+@axes_option
 @json_option
-def record(port: str, drive: str | None, duration: float | None, output: str, axis: str, json_to: str | None) -> None:
+def record(
+    port: str, drive: str | None, duration: float | None, output: str, axes: str | None, json_to: str | None
+) -> None:
     """Record what the device does, open loop; needs no model."""
     from phaselead.control import record_to_file
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
-    waveforms = parse_waves(drive, axis) if drive else None
+    waveforms = parse_waves(drive, axes) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
-        facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
+        facts = record_to_file(device, waveforms, axes or "x", output=output, duration_s=duration, on_progress=advance)
     warn_of_gaps(facts)
     emit_pairs(facts, json_to)
 

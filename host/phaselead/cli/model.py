@@ -10,6 +10,7 @@ import click
 from phaselead.api import fit as fit_stage
 from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
+    VOLTS,
     emit,
     json_option,
     map_option,
@@ -33,7 +34,6 @@ from phaselead.model import predict as predict_position
 from phaselead.record import parse_axes, write_csv
 from phaselead.result import Table
 
-VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 HERTZ = {"": 1.0, "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3}
 SECONDS = {"": 1.0, "s": 1.0, "min": 60.0}
 records_argument = click.argument("records", metavar="REC...", type=RECORD, nargs=-1, required=True)
@@ -141,8 +141,8 @@ def predict(
 )
 @click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
 @click.option("--creep", is_flag=True, help="Also hold 5 V for 12 s and fit the creep; takes 52 s an axis more.")
-@click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10.")
-@click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20.")
+@click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10V.")
+@click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20Hz.")
 @click.option("--u-max", metavar="V", help="Scale the levels so that the largest is this.")
 @click.option(
     "--duration", metavar="S", help="Thin the grid evenly until it takes no longer than this; without --creep."

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import click
 
 from phaselead.cli.common import (
-    axis_option,
+    axes_option,
     checked_duration,
     emit,
     emit_result,
@@ -44,7 +44,7 @@ def _after(device: Controller) -> str:
 @click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
 @force_option
-@axis_option
+@axes_option
 @json_option
 def move(
     target: str,
@@ -56,7 +56,7 @@ def move(
     speed: float | None,
     park_after: bool,
     force: bool,
-    axis: str,
+    axes: str | None,
     json_to: str | None,
 ) -> None:
     """Move to TARGET and hold there: x=50um, x=+5um (relative), x=50um,y=20um.
@@ -64,7 +64,7 @@ def move(
     All axes arrive together, as fast as the limits allow unless told. The stage is still held when the
     command ends, without a host: until the next move, or `phaselead park`. Ctrl-C under way parks.
     """
-    targets = {name: f"{one.um:+}um" if one.relative else one.um for name, one in parse_targets(target, axis).items()}
+    targets = {name: f"{one.um:+}um" if one.relative else one.um for name, one in parse_targets(target, axes).items()}
     stage = load_stage(model_path) if model_path else None
 
     def announce(planned: Planned, predicted: Mapping[str, float | None]) -> None:

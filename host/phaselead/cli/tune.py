@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from phaselead.cli.common import (
+    VOLTS,
     axis_option,
     emit,
     json_option,
@@ -13,14 +14,13 @@ from phaselead.cli.common import (
     progress,
     report_option,
     warn,
+    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
-from phaselead.device import Device
+from phaselead.control import connect
 from phaselead.model import load_stage
-
-VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 
 
 @top_level(order=55, group="model")
@@ -36,8 +36,10 @@ VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 )
 @click.option("--model", "model_path", metavar="M", type=INPUT, help="Stage file; default: what the device holds.")
 @axis_option
-@click.option("--level", metavar="V", help="Peak-to-peak of the multisine; default: a sixtieth of the limits.")
-@click.option("--middle", metavar="V", help="What it is about; default: the middle of the limits.")
+@click.option(
+    "--level", metavar="VOLTS", help="E.g. 500mV: peak-to-peak of the multisine; default: a sixtieth of the limits."
+)
+@click.option("--middle", metavar="VOLTS", help="E.g. 4V: what it is about; default: the middle of the limits.")
 @click.option("--peak", type=float, default=2.0, show_default=True, help="Allowed peak sensitivity.")
 @click.option(
     "--mode-shift", type=float, default=10.0, show_default=True, help="How far modes may move, up and down, %."
@@ -66,17 +68,14 @@ def tune(
     every local gain of the model and with modes and gain up and down; they go into the stage file, where `track` finds
     them.
     """
-    from phaselead.control import tune as tune_axis
-
     level_V, middle_V = number("--level", level, VOLTS), number("--middle", middle, VOLTS)
     stage = load_stage(model_path) if model_path else None
-    with Device.open(port) as device, progress(f"tuning {axis}", 1.0) as advance:
-        found = tune_axis(
-            device,
+    with connect(port) as device, warnings_said(), progress(f"tuning {axis}", 1.0) as advance:
+        found = device.tune(
             axis,
-            stage=stage,
-            level_V=level_V,
-            middle_V=middle_V,
+            model=stage,
+            level=level_V,
+            middle=middle_V,
             peak=peak,
             mode_shift=mode_shift / 100,
             gain_share=gain_share / 100,
