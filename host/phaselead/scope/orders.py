@@ -12,14 +12,12 @@ from phaselead.control import MODES, gains_of, loop_of
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
-from phaselead.scope.hub import Hub, Order
+from phaselead.scope.hub import TIMEOUT_S, Hub, Order
 from phaselead.scope.jobs import JOBS
 from phaselead.scope.saving import save
 from phaselead.scope.trigger import Trigger
 
 Arguments = Mapping[str, Any]
-TIMEOUT_S = 1.0
-"""Without a word from us the device parks by itself."""
 
 
 def text(given: Arguments, name: str, default: str = "") -> str:
