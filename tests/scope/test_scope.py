@@ -225,6 +225,8 @@ def test_what_is_held_is_taken_over_where_it_stands(make_rig, left_held):
     x = tab.state["axes"]["x"]
     assert (x["held"], x["moving"], x["target_um"]) == (True, False, 40.0)
     assert any("taken over as it was held: x at 40.000 um" in words for _, _, words in tab.state["lines"])
+    r_um = rig.hub.samples.rows(rig.hub.samples.begin, 500)[0, TRACES.index("r_um")]
+    assert np.nanmin(r_um) == np.nanmax(r_um) == 40.0
     seen_um = rig.hub.samples.rows(rig.hub.samples.begin, 500)[0, TRACES.index("x_um")]
     assert np.nanmin(seen_um) > 38
     assert "moving x to 45.000 um" in tab.order("move", targets={"x": "+5um"})
@@ -277,3 +279,22 @@ def test_a_tab_that_goes_while_an_order_runs_ends_nothing(rig):
     assert second.cancel()  # as a tab that closes does
     go_on.set()
     assert "parked" in rig.open().order("park")
+
+
+def test_what_is_parked_follows_nothing(rig):
+    """Its last reference stood there as an error of half the way."""
+    tab, row = rig.open(), TRACES.index("r_um")
+    tab.order("play", waves=WAVE)
+    tab.until(lambda: running(tab))
+    end = rig.hub.samples.end
+    tab.until(lambda: rig.hub.samples.end > end + 1000)
+    assert np.isfinite(rig.hub.samples.rows(end + 500, 500)[0, row]).all()
+    tab.order("park")
+    tab.until(lambda: at_rest(tab))
+    end = rig.hub.samples.end
+    tab.until(lambda: rig.hub.samples.end > end + 1000)
+    assert np.isnan(rig.hub.samples.rows(end + 500, 500)[0, row]).all()
+    tab.order("trigger", run="off")
+    end = rig.hub.samples.end
+    tab.until(lambda: rig.hub.samples.end > end + 500)
+    assert np.isnan(rig.hub.samples.rows(end, 500)[0, row]).all()

@@ -148,6 +148,7 @@ class HoldsAndMoves:
         self._left = left
         self.model = None if left.model is None else as_stage(left.model)
         self._mover.take_up(left.axes, left.mode, self.model)
+        self.device.take_over(left.axes, left.mode)
 
     @property
     def resumed(self) -> bool:

@@ -80,6 +80,8 @@ class Hub:
         self._alone_since: float | None = None if self.dev.resumed else time.monotonic()
         """None while a tab is open, and while what was held before is seen by none yet."""
         self._looked_s = self._came_s = 0.0
+        self._at_rest = False
+        """It was seen parked, and no order has moved it since: what it followed is history."""
         self._thread = threading.Thread(target=self._run, name="phaselead scope", daemon=True)
 
     def start(self) -> None:
@@ -151,6 +153,10 @@ class Hub:
             self.job = self.job | {"share": round(share, 4)}
         self._between()
 
+    def about_to_move(self) -> None:
+        """Axes that stood parked follow something from here on, until they are seen parked again."""
+        self._at_rest = False
+
     def new_file(self, name: str) -> Path:
         """Where an order may write; the page links to it."""
         if name not in self.files:
@@ -162,6 +168,7 @@ class Hub:
         """While it lasts, a job of this name is under way. Samples of its captures come through; one that leaves the
         device alone does not stream."""
         self.job = {"name": name, "share": 0.0}
+        self.about_to_move()
         if not streams:
             self._live.pause()
         try:
@@ -227,7 +234,7 @@ class Hub:
 
     def _take(self, parts: list[Any]) -> None:
         for part in parts:
-            self.samples.add(part)
+            self.samples.add(part.without_reference() if self._at_rest else part)
         if parts:
             self._came_s = time.monotonic()
             self.trigger.look(self.samples)
@@ -267,10 +274,11 @@ class Hub:
             self.tell(f"{type(error).__name__}: {error}", "refused")
             done.set_exception(PhaseleadError(f"{type(error).__name__}: {error}"))
         finally:
-            self._busy = False
+            self._busy, self._looked_s = False, 0.0
 
     def _look(self) -> None:
         self.where = where = self.dev.where()
+        self._at_rest = where.state == "parked"
         if where.fault == "none":
             self.fault = ""
         elif not self.fault:

@@ -58,6 +58,7 @@ def _mode(given: Arguments) -> str | None:
 
 
 def arm(hub: Hub, given: Arguments) -> str:
+    hub.about_to_move()
     hub.dev.arm(timeout=TIMEOUT_S)
     return "armed: the output is live, at its safe value"
 
@@ -68,6 +69,7 @@ def park(hub: Hub, given: Arguments) -> str:
 
 
 def hold(hub: Hub, given: Arguments) -> str:
+    hub.about_to_move()
     hub.dev.hold()
     hub.restream()
     return "held where it stands"
@@ -76,6 +78,7 @@ def hold(hub: Hub, given: Arguments) -> str:
 def move(hub: Hub, given: Arguments) -> str:
     """Set-points: um, "+5um" relative; behind what is under way."""
     targets = by_axis(given, "targets")
+    hub.about_to_move()
     moved = hub.dev.move(
         **targets,  # type: ignore[arg-type]
         mode=_mode(given),
@@ -101,6 +104,7 @@ def play(hub: Hub, given: Arguments) -> str:
         mode = "open"
     if mode is None:
         mode = "pid" if hub.stage is None else "ff+pid"
+    hub.about_to_move()
     hub.dev.play(waves or None, mode=mode, model=hub.stage, gains=_gains(given))
     hub.restream()
     return f"playing {', '.join(f'{axis}={wave}' for axis, wave in waves.items())} in mode {mode}"
