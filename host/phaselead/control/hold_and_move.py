@@ -148,6 +148,12 @@ class HoldsAndMoves:
         self._left = left
         self.model = None if left.model is None else as_stage(left.model)
         self._mover.take_up(left.axes, left.mode, self.model)
+        self.device.take_over(left.axes, left.mode)
+
+    @property
+    def resumed(self) -> bool:
+        """Whether axes are held that a program before this one left held."""
+        return self._left is not None
 
     def _choose(
         self,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from phaselead.control.gains import UNSEEN_MODE
 from phaselead.control.modes import INVERTS
-from phaselead.device import MotionLimits
+from phaselead.device import Limits, MotionLimits
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, SmallSignal, small_signal
 from phaselead.waveforms import PEAK_SPEED
@@ -76,6 +77,18 @@ def refuse_too_fast(axis: str, way_um: float, duration_s: float, model: AxisMode
         + f"; the shortest is {shortest_s * 1e3:.4g} ms, at {PEAK_SPEED * abs(way_um) / shortest_s:.4g} um/s"
         + ("; --model STAGE.toml tells what the stage can do" if guessed else "")
     )
+
+
+def refuse_beyond_hard_limits(hard: Limits, targets_um: Mapping[str, float]) -> None:
+    """Raises BadInput for a target that the device's own limits leave out, whatever the model."""
+    for axis, target_um in targets_um.items():
+        low, high = hard[axis].x_min_um, hard[axis].x_max_um
+        if (low is not None and target_um < low) or (high is not None and target_um > high):
+            span = f"{'' if low is None else f'{low:.6g}'}..{'' if high is None else f'{high:.6g}'} um"
+            raise BadInput(
+                f"{axis}: {target_um:.6g} um is beyond the hard limits of the device ({span}); choose a place inside; "
+                "`phaselead limits` shows and changes them"
+            )
 
 
 def window_um(model: AxisModel | None) -> float:

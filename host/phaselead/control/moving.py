@@ -9,7 +9,14 @@ from typing import Any
 from phaselead.control.gains import GainsLike, gains_of
 from phaselead.control.held import held_stage, held_warning
 from phaselead.control.modes import NEEDS_MODEL
-from phaselead.control.motion_limits import WINDOW_S, motion_limits, refuse_too_fast, usual_duration_s, window_um
+from phaselead.control.motion_limits import (
+    WINDOW_S,
+    motion_limits,
+    refuse_beyond_hard_limits,
+    refuse_too_fast,
+    usual_duration_s,
+    window_um,
+)
 from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
     TICK_HZ,
@@ -19,6 +26,7 @@ from phaselead.device import (
     device_model,
     inverse_refusal,
     motion,
+    read_limits,
 )
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
@@ -228,6 +236,7 @@ class Mover:
         for axis in targets:
             goto = Goto(target[axis] - start[axis], start[axis], "um", 1 / seconds)
             check_path(axis, goto, self.mode, _model(self.known, axis))
+        refuse_beyond_hard_limits(read_limits(self.device), target)
         return Planned(start, target, seconds)
 
     def move(

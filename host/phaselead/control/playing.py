@@ -29,7 +29,7 @@ class Plays(HoldsAndMoves):
         wave: WavesLike | None = None,
         *,
         mode: str | None = None,
-        axis: str = "x",
+        axis: str | None = None,
         x: WaveLike | None = None,
         y: WaveLike | None = None,
         z: WaveLike | None = None,

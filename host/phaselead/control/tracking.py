@@ -74,7 +74,10 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
     """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
     if mode in USES_TABLES and model.table is None:
         raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, or use mode pid")
-    refuse_out_of_range(waveform, model)
+    try:
+        refuse_out_of_range(waveform, model)
+    except BadInput as error:
+        raise BadInput(f"{axis}: {error}") from None
     if mode in USES_TABLES:
         try:
             refuse_out_of_range(waveform, model, table=True)

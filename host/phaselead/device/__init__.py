@@ -23,6 +23,7 @@ from phaselead.device.standing import (
     Standing,
     StatusInUnits,
     after_interrupt,
+    says_when_interrupted,
     standings,
     status_in_units,
 )
@@ -90,6 +91,7 @@ __all__ = [
     "recording_of",
     "remember",
     "replay_facts",
+    "says_when_interrupted",
     "selftest",
     "set_limits",
     "set_trigger",

@@ -234,6 +234,10 @@ class Device:
         """Of an axis, as this session has set it; None before."""
         return self._modes.get(axis)
 
+    def take_over(self, axes: str, mode: wire.Mode | str) -> None:
+        """Axes that a program before this one has set to ``mode``, in this session."""
+        self._modes |= dict.fromkeys(axes, mode_of(mode))
+
     def set_axis(
         self,
         axis: str,
