@@ -27,6 +27,7 @@ from phaselead.device.capture import (
     wait_parked,
 )
 from phaselead.device.left_running import LeftRunning
+from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
@@ -368,6 +369,7 @@ class Device:
         progress: Progress | None = None,
         sink: Sink | None = None,
         spool: Spool | None = None,
+        feeder: PointFeeder | None = None,
     ) -> Capture:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
@@ -375,11 +377,12 @@ class Device:
         ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. The record begins
         ``lead_ticks`` before the paths, and ``tail_ticks`` pass after it before parking. ``progress`` gets the ticks
         done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and commands
-        in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and on
-        errors the device is parked before the exception goes on.
+        in its place, and the capture then holds neither: for one that is larger than the memory. ``feeder`` sends
+        points of the paths meanwhile. On Ctrl-C and on errors the device is parked before the exception goes on.
 
         Raises:
-            DeviceFault: a fault latched; its ``capture`` holds what was recorded.
+            DeviceFault: a fault latched; its ``capture`` holds what was recorded. RanDry, one of them, when points
+                came too late.
         """
         if ticks < 1 or not axes or len(set(axes)) != len(axes):
             raise BadInput(f"a capture of {ticks} ticks of axes {axes!r}: at least one tick, each axis once")
@@ -387,7 +390,19 @@ class Device:
             axis_index(axis)
         waves = "".join(sorted(self._waves))
         plan = Plan(
-            ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes, lead_ticks, tail_ticks
+            ticks,
+            axes,
+            channels,
+            decimation,
+            start,
+            park,
+            model_crc,
+            waves,
+            spool,
+            start_axes,
+            lead_ticks,
+            tail_ticks,
+            feeder,
         )
         return capture(self.session, self.hello, plan, progress, sink)
 
