@@ -17,6 +17,8 @@ from phaselead.errors import BadInput
 
 LOG2_MOST = 8
 ONE = 2**30
+WORTH_A_FRAME = 64
+"""Points; fewer wait for more room."""
 SPARE = 2
 """The device looks at the point before and the one after."""
 ROOM_FOR_JOIN = WAVE_POINTS // 2
@@ -74,7 +76,7 @@ class PointFeeder:
         self.feed()
 
     def feed(self) -> None:
-        """Sends as many points as there is room for. A path that has run dry is left alone: ``dry_tick`` says so.
+        """Sends as many points as there is room for now. A path that has run dry is left alone: ``dry_tick`` says so.
 
         Raises Refused and LinkError as every command.
         """
@@ -83,8 +85,11 @@ class PointFeeder:
             return
         try:
             self._send(0)
-            while self.room > 0 and self.next <= self.last:
-                self._send(min(most, self.room, self.last + 1 - self.next))
+            for _ in range(min(self.room, self.last + 1 - self.next) // most + 1):
+                count = min(most, self.room, self.last + 1 - self.next)
+                if count < min(WORTH_A_FRAME, self.last + 1 - self.next):
+                    break
+                self._send(count)
         except Refused as refusal:
             if refusal.status != wire.Status.WRONG_STATE:
                 raise
