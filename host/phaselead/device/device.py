@@ -28,12 +28,20 @@ from phaselead.device.capture import (
 )
 from phaselead.device.left_running import LeftRunning
 from phaselead.device.points import PointFeeder
-from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
+from phaselead.device.quantities import (
+    TICK_HZ,
+    Converters,
+    axis_request,
+    converters,
+    gains_request,
+    path_request,
+    wave_points,
+)
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
-from phaselead.model import LoopFilter
+from phaselead.model import Gains, LoopFilter
 from phaselead.serial_ports import BAUD, open_port
 
 RETRY_S = 0.2
@@ -258,6 +266,13 @@ class Device:
         )
         self._modes[axis] = chosen
         self._waves.discard(axis)  # the device has dropped the path with the mode
+
+    def set_gains(self, axis: str, gains: Gains) -> None:
+        """Gains and filters of one axis, also while it runs: its output goes on from where it is. Raises as
+        ``set_axis``."""
+        given = gains.sent()
+        given["filters"] = given["filters"] or ()
+        self.session.request(gains_request(axis_index(axis), **given))
 
     def set_path(
         self,
