@@ -290,3 +290,33 @@ def test_a_session_that_is_parked_on_the_way_out_is_forgotten(tmp_path, monkeypa
 def test_joins_have_a_longest():
     with pytest.raises(pl.BadInput, match="at most"):
         motion.join_ticks(20.0)
+
+
+def test_new_gains_are_taken_while_it_holds_and_while_it_moves(dev, stage):
+    """No jump of the output beyond what noise makes of a proportional gain; a later reply says that they are in force."""
+    dev.move(x=40, mode="inverse+pid")
+    with dev.live("x") as live:
+        live.read(0.02)
+        dev.set_gains((0, 20, 2e-5))
+        before = live.read(0.02)
+        dev.x.move(60, wait=False)
+        dev.set_gains((0, 25, 2.4e-5))
+        after = live.read(0.1)
+    held = np.concatenate([part.axes["x"].u_V for part in before])
+    assert np.ptp(held) < 0.05
+    assert np.abs(np.diff(np.concatenate([part.axes["x"].u_V for part in after]))).max() < 0.1
+    assert dev.device.session.request(wire.WhereRequest()).fault == 0
+    kept = dict(dev._mover.gains)
+    with pytest.raises(pl.BadInput, match="not stable"):
+        dev.set_gains((0, 300, 0))
+    assert dev._mover.gains == kept
+    assert dev.x.move(50, duration=0.1).axes["x"].settled_s is not None
+
+
+def test_gains_of_a_later_move_are_not_taken_for_nothing(dev):
+    """They were."""
+    dev.move(x=40, mode="pid")
+    dev.move(x=41, gains=(0, 20, 2e-5))
+    assert dev._mover.gains["x"].ki_V_per_um_s == 20
+    with pytest.raises(pl.DeviceRefused, match="no axis is held"):
+        pl.connect("sim://xyz250").set_gains((0, 20, 2e-5))

@@ -13,7 +13,7 @@ from phaselead.control.move_rehearsal import rehearse_move
 from phaselead.control.moving import Moved, Mover, Planned
 from phaselead.control.targets import Target, parse_target
 from phaselead.device import AxisWhere, Device, LeftRunning, Where, recall, remember
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import Stage, StageLike, as_stage
 
 TargetLike = float | str
@@ -119,6 +119,26 @@ class HoldsAndMoves:
             self._choose({}, None, None, None)
             self._engage()
         return self._mover.hold()
+
+    def set_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> None:
+        """Other gains for the axes that are held, moving or playing, without a stop: the output goes on from where it is.
+
+        ``gains`` as for ``move``, filters included where they come from a model. Raises BadInput, and changes nothing,
+        for a mode without feedback and for gains whose loop on the model has a peak sensitivity above 6, unless
+        ``force``; above 3 it warns. DeviceRefused where no axis is held.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     moved = dev.move(x=40)
+        ...     dev.set_gains("paper")
+        ...     held = dev.where()
+        >>> held.x.held
+        True
+        """
+        if not self._mover.gains or self._mover.where().state != "running":
+            raise DeviceRefused("no axis is held; gains are given with the first move, or with a path")
+        for line in self._mover.change_gains(gains, force=force):
+            warnings.warn(line, stacklevel=2)
 
     def leave_running(self, model_path: str | os.PathLike[str] | None = None) -> None:
         """Ends this program's part and leaves the axes held, without a host and without its timeout. A later

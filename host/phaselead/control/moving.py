@@ -154,7 +154,7 @@ class Mover:
         now = self.where()
         if now.state == "running" and self.gains:
             self._refuse_other(axes, mode)
-            return []
+            return [] if gains is None else self.change_gains(gains, force=force)
         if now.state not in ("parked", "armed"):
             raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
         held = held_stage(self.device, axes) if stage is None else None
@@ -189,6 +189,21 @@ class Mover:
             self.device.arm()
         self.device.start(self.axes)
         self._wait(2 * ENGAGE_S)
+
+    def change_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> list[str]:
+        """Gains of the axes that are held or follow a path, at once and without a bump. Returns what the model warns of.
+
+        Raises BadInput, and changes nothing, for a mode without feedback, and for a loop that the model cannot stand,
+        unless ``force``.
+        """
+        if not self.mode.endswith("pid"):
+            raise BadInput(f"mode {self.mode} has no feedback, so no gains; park, then choose {self.mode}+pid")
+        own = {axis: gains_of(gains, self.known, axis) for axis in self.gains}
+        warnings = loop_warnings(self.known, self.mode, own, force=force)
+        for axis, gain in own.items():
+            self.device.set_gains(axis, gain)
+        self.gains = own
+        return warnings
 
     def _refuse_other(self, axes: str, mode: str | None) -> None:
         if mode is not None and mode != self.mode:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
 from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
+from phaselead.waveforms.path import Streamed
 from phaselead.waveforms.replaced import Replaced
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
@@ -21,6 +22,7 @@ __all__ = [
     "Replaced",
     "Sampled",
     "Sine",
+    "Streamed",
     "Triangle",
     "Waveform",
     "Written",
