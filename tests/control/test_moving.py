@@ -4,11 +4,14 @@ import threading
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead.control import keep_alive, motion_limits
 from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.hold_and_move import HoldsAndMoves
+from phaselead.control.moving import stop_s
 from phaselead.control.targets import Target, parse_target, parse_targets
 from phaselead.device import TICK_HZ, MotionLimits, Where, left_running, motion, recall, remember, wire
 from phaselead.device.left_running import LeftRunning
@@ -109,6 +112,55 @@ def test_hold_stops_a_move(dev):
     assert 60 < stopped.target_um < 110
     assert abs(stopped.x_um - stopped.target_um) < 0.5
     assert not stopped.moving
+
+
+def test_hold_stops_a_move_that_is_as_fast_as_the_limits_allow():
+    """It was refused: the queue's bound of the join to a hold is above the limit that the move itself takes."""
+    with pl.connect() as dev:
+        dev.x.move(10)
+        moved = dev.x.move(150, wait=False).axes["x"]
+        dev.device.wait(moved.duration_s / 3)
+        stopped = dev.hold().x
+        assert 12 < stopped.target_um < 110
+        assert abs(stopped.x_um - stopped.target_um) < 0.5
+        with pytest.raises(pl.DeviceRefused, match="faster than its limits"):  # which hold again
+            motion.queue(dev.device, {"x": motion.move_segment(200, moved.duration_s / 10)})
+
+
+limit = st.one_of(st.just(0.0), st.floats(1e2, 1e9))
+
+
+@given(limit, limit, limit)
+def test_a_stop_keeps_the_limits_of_acceleration_and_jerk(v, a, j):
+    """From a steady velocity: the join, differentiated on paper (docs/firmware.md has w)."""
+    T = stop_s(MotionLimits(v, a, j))
+    s = np.linspace(0, 1, 2001)
+    w, w1 = 10 * s**3 - 15 * s**4 + 6 * s**5, 30 * s**2 * (1 - s) ** 2
+    w2, w3 = 60 * s - 180 * s**2 + 120 * s**3, 60 - 360 * s + 360 * s**2
+    assert np.abs((1 - w) + w1 * (0.5 - s)).max() < 1.18
+    assert not a or np.abs(-2 * w1 + w2 * (0.5 - s)).max() * v / T <= a * (1 + 1e-9)
+    assert not j or np.abs(-3 * w2 + w3 * (0.5 - s)).max() * v / T**2 <= j * (1 + 1e-9)
+
+
+def test_where_a_move_may_go_and_how_long_it_takes(dev):
+    dev.hold()
+    low, high = dev.range_um("x")
+    for end in (low, high):
+        assert dev.plan(x=end).target_um == {"x": end}
+    for beyond in (low - 0.1, high + 0.1):
+        with pytest.raises(pl.BadInput, match="outside"):
+            dev.plan(x=beyond)
+    planned = dev.plan(x="+20um")
+    assert dev.where().x.target_um == planned.start_um["x"]
+    assert dev.x.move("+20um").axes["x"].duration_s == planned.duration_s
+
+
+def test_a_path_of_a_length_is_held_at_its_end(dev):
+    dev.play("sine:20um+10um@50Hz", mode="pid", duration=0.1)
+    assert dev.where().x.moving
+    dev.device.wait(0.5)
+    ended = dev.where()
+    assert (ended.state, ended.x.moving, ended.x.held) == ("running", False, True)
 
 
 def test_hold_arms_a_parked_device(dev):

@@ -18,7 +18,7 @@ from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ, Converters, converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
-from phaselead.device.session import Session
+from phaselead.device.session import Refused, Session
 from phaselead.device.standing import (
     LARGEST_STEP_V,
     Standing,
@@ -61,6 +61,7 @@ __all__ = [
     "MotionLimits",
     "PointFeeder",
     "RanDry",
+    "Refused",
     "SelfTest",
     "Session",
     "Spool",

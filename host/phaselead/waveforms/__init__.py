@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
+from phaselead.waveforms.file import of_points
 from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
 from phaselead.waveforms.path import Streamed
@@ -28,6 +29,7 @@ __all__ = [
     "Written",
     "examples",
     "kinds",
+    "of_points",
     "parse_wave",
     "parse_waves",
     "refuse_out_of_range",

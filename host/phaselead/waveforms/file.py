@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from phaselead.errors import BadInput
 from phaselead.waveforms.path_file import read_numbers
@@ -59,6 +60,14 @@ class File(Sampled):
     @cached_property
     def unplayed(self) -> float:
         return self.swing * largest_difference(self.own, self.period)
+
+
+def of_points(values: ArrayLike, unit: Unit, f_Hz: float) -> File:
+    """One period given by its values, shape (n,), n at least 2, at equal distances, joined by straight lines."""
+    points = np.asarray(values, np.float64)
+    lowest, swing = float(points.min()), float(np.ptp(points))
+    own = OwnPath(np.arange(len(points) + 1) / len(points), (np.append(points, points[0]) - lowest) / swing)
+    return File(swing, lowest, unit, f_Hz, played_points(own), own)
 
 
 def played_points(own: OwnPath) -> Shares:
