@@ -16,7 +16,7 @@ SECONDS ?= 60
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
-.PHONY: demo test test-browser bench campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -39,6 +39,10 @@ test-browser: $(STAMP)
 bench: $(STAMP)
 	@$(BIN)/python benchmarks/start_up.py
 	@$(BIN)/python benchmarks/speed.py
+
+# Others' controllers and ours on seven stages: docs/compare.md. A run that was cut short goes on.
+compare: $(STAMP)
+	@OMP_NUM_THREADS=1 $(BIN)/python benchmarks/compare.py
 
 # The blind trial behind docs/gap-campaign.md. SCALE=1 tries 608 cases; a run that was cut short goes on.
 SET ?= sealed
