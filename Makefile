@@ -1,5 +1,6 @@
 # make demo   the whole story on the built-in stage        make test   everything CI runs
 # make toolchain   PlatformIO without its registry         make firmware   the boards' ELF files
+# make manual   the manual as a site in out/manual         make picture   the moving picture of the README
 # make package   sdist and wheel in dist/                  make lock   requirements*.lock from the ranges in pyproject.toml
 # Each sets up what it needs: a virtual environment in .venv with pinned packages, and the compiled parts.
 PYTHON ?= python3
@@ -16,7 +17,7 @@ SECONDS ?= 60
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
-.PHONY: demo test test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual picture test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -29,6 +30,16 @@ test: $(STAMP)
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
 	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --those-installed
+	@$(MAKE) --no-print-directory manual
+
+# Every warning is an error: a link or an anchor that leads nowhere, a page that no list has, a notebook that fails.
+manual: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-docs.lock
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -q -E -W --keep-going -j 2 -d out/doctrees docs out/manual
+	@echo out/manual/index.html
+
+picture: $(STAMP)
+	@$(BIN)/python docs/moving_picture.py
 
 # The scope's page in headless Chromium: the one of the distribution, which apt brings as root.
 test-browser: $(STAMP)
@@ -78,8 +89,8 @@ big-recording: $(STAMP)
 	@$(BIN)/python benchmarks/big_recording.py --gigabytes 10
 
 lint: $(STAMP)
-	@$(BIN)/ruff check host tests protocol firmware benchmarks setup.py
-	@$(BIN)/ruff format --check host tests protocol firmware benchmarks setup.py
+	@$(BIN)/ruff check host tests protocol firmware benchmarks docs/*.py docs/notebooks setup.py
+	@$(BIN)/ruff format --check host tests protocol firmware benchmarks docs/*.py docs/notebooks setup.py
 	@$(BIN)/clang-format --dry-run --Werror $$(find firmware host tests -name '*.[ch]')
 	@$(BIN)/mypy
 	@$(BIN)/python tests/static_analysis.py
@@ -102,6 +113,7 @@ lock: $(STAMP)
 	@$(LOCK) --extra test -o requirements.lock pyproject.toml
 	@$(LOCK) --extra test --extra browser -c requirements.lock -o requirements-browser.lock pyproject.toml
 	@$(LOCK) --extra fuzz -c requirements.lock -o requirements-fuzz.lock pyproject.toml
+	@$(LOCK) --extra test --extra docs -c requirements.lock -o requirements-docs.lock pyproject.toml
 	@$(LOCK) --extra board -c requirements.lock -o requirements-board.lock pyproject.toml
 
 toolchain: $(PIO_STAMP)

@@ -28,6 +28,7 @@ def test_the_version_is_the_same_everywhere():
     [
         ("requirements.lock", PROJECT["dependencies"] + EXTRAS["test"]),
         ("requirements-browser.lock", PROJECT["dependencies"] + EXTRAS["test"] + EXTRAS["browser"]),
+        ("requirements-docs.lock", PROJECT["dependencies"] + EXTRAS["test"] + EXTRAS["docs"]),
         ("requirements-board.lock", PROJECT["dependencies"] + EXTRAS["board"]),
         ("requirements-fuzz.lock", PROJECT["dependencies"] + EXTRAS["fuzz"]),
     ],
