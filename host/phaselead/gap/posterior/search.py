@@ -28,7 +28,7 @@ WITHIN, MOST_CONTESTED = 15.0, 12
 """Log units behind the best set, beyond which a set has no part in the last contest (a probability of e^-15), and the
 most sets in it."""
 CONTESTS = 3
-"""Contests at most until the winner is the set whose misfit all have."""
+"""Contests at most until the winner is one whose misfit all sets were given before."""
 AT_END = 0.001
 """Relative distance to an end of its range from which a parameter stands at it."""
 
@@ -115,23 +115,18 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    best = close[0].entries
-    tried = {names_of(best)}
-    starts = {fit.names: fit.entries for fit in close}
-    for i in range(len(best)):
-        rest = (*best[:i], *best[i + 1 :])
-        starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
+    starts = {(): (), **{fit.names: fit.entries for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
     likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
-    for _ in range(CONTESTS):
+    best, tried = close[0].entries, set()
+    while names_of(best) not in tried and len(tried) < CONTESTS:
+        tried.add(names_of(best))
+        for i in range(len(best)):
+            rest = (*best[:i], *best[i + 1 :])
+            starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
         among = likelihood.with_misfit_of(best)
-        fits = {(): among.fit(()), **{names: among.fit(entries) for names, entries in starts.items()}}
-        contest = Contest(among, fits, catalogue_size)
-        winner = fits[max(fits, key=contest.log_posterior)].entries
-        if names_of(winner) in tried:
-            break
-        tried.add(names_of(winner))
-        best = winner
+        contest = Contest(among, {names: among.fit(entries) for names, entries in starts.items()}, catalogue_size)
+        best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
 
 
