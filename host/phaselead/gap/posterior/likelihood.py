@@ -6,8 +6,9 @@ In each block the residual's coefficients are normal of a variance
 
 with ``base`` what the base is expected to leave (``expected``) and ``signal_j`` the power of what effect j adds: no
 stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
-but never less than what is left by the best equations of a material. Both shares are unknown and summed over. What a model misses is smooth, so that all coefficients of a block say it once: they count as
-one. Where ``base`` was told by few records, Student's t takes the place of the normal distribution.
+but never less than what is left by the best equations of a material. Both shares are unknown and summed over. What a
+model misses is smooth, so that all coefficients of a block say it once: they count as one. Where ``base`` was told by
+few records, Student's t takes the place of the normal distribution.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ from phaselead.record import Samples
 SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0)
 """Of an effect that its equation may miss."""
 LEAST_OF_MATERIAL = 0.05
-"""Share that is missed at least by an equation of the ceramic itself, its loops and its creep: published operators,
-fitted to one stage, leave 1 to 3 % of the travel where loops are 10 to 20 % of it (Ge and Jouaneh 1995, Kuhnen 2003)."""
+"""Share that is missed at least by an equation of the ceramic itself, of its loops and its creep: published operators,
+fitted to one stage, leave 1 to 3 % of the travel where loops are 10 to 20 % of it (Ge and Jouaneh 1995, Kuhnen
+2003)."""
 MOST_MISSED = 0.3
 """Share of an effect that may be missed by an equation which still bears its name: it then describes nine tenths of its
 power."""
@@ -230,9 +232,7 @@ class Likelihood:
         fresh = [r.coefficients(r.modelled.error(entries)[:, None]) if r.changed else r.base_error for r in self.runs]
         prior = prior_of(entries, self.step_s)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
-        return Terms(
-            entries, self._moments(fresh, terms.beside), terms.signal, terms.of_material, none, terms.beside
-        )
+        return Terms(entries, self._moments(fresh, terms.beside), terms.signal, terms.of_material, none, terms.beside)
 
     def _moments(self, fresh: Sequence[Samples], beside: Sequence[Samples]) -> Samples:
         """Products (blocks, ...) of tangents, of what is integrated out, and of the residual."""
