@@ -180,7 +180,7 @@ def test_export_does_not_write_over_a_file_unasked(run, tmp_path):
     there.write_text("mine")
     assert_one_line(run("log", "export", path, there), 2, "exists")
     assert there.read_text() == "mine"
-    assert run("log", "export", path, there, "--force").status == 0
+    assert run("log", "export", path, there, "--overwrite").status == 0
 
 
 def test_an_output_folder_that_is_missing_is_told_before_anything_moves(run, stage_file, tmp_path):
@@ -281,7 +281,7 @@ def test_an_input_is_never_written_over(run, stage_file, tmp_path):
     path = write(tmp_path / "record.csv", sine_rows())
     before = path.read_bytes()
     assert_one_line(run("predict", f"{path}@0.5:1", "--model", stage_file, "-o", path), 2, "one of the inputs")
-    assert_one_line(run("log", "export", path, path, "--force"), 2, "one of the inputs")
+    assert_one_line(run("log", "export", path, path, "--overwrite"), 2, "one of the inputs")
     toml = tmp_path / "record.toml"
     toml.write_bytes(before)
     assert_one_line(run("fit", toml, "-o", toml), 2, "one of the inputs")

@@ -19,7 +19,7 @@ from phaselead.errors import BadInput
 from phaselead.record import JournalReader
 
 RECORD = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "2")
-IDENTIFY = ("identify", "--levels", "1,2,3", "--frequencies", "10,15,20")
+IDENTIFY = ("identify", "--levels", "1,2,3V", "--frequencies", "10,15,20")
 TRACK = ("track", "sine:40um@5Hz", "--mode", "pid", "--duration", "1")
 
 
@@ -83,7 +83,7 @@ def test_a_conversion_on_a_disk_that_fills_up(run, tmp_path, suffix):
         before = b"what stood there"
         out.write_bytes(before)
         with room_for(size):
-            outcome = run("log", "export", tmp_path / "run.h5", out, "--force")
+            outcome = run("log", "export", tmp_path / "run.h5", out, "--overwrite")
         assert outcome.error is None, (size, outcome)
         assert (outcome.status, outcome.err.count("\n")) == (2, 1), (size, outcome)
         assert out.read_bytes() == before

@@ -62,10 +62,10 @@ def test_without_wishes_the_grid_is_the_papers():
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--levels", "1,x"), "'x' is no number"),
-        (("--levels", "1,-2"), "above 0"),
+        (("--levels", "1,xV"), "'xV' is no number"),
+        (("--levels", "1,-2V"), "above 0"),
         (("--frequencies", "5V"), "no number with a unit of Hz"),
-        (("--levels", "1,20", "--u-max", "8V"), "above --u-max 8 V"),
+        (("--levels", "1,20V", "--u-max", "8V"), "above --u-max 8 V"),
         (("--duration", "5s"), "allow that"),
         (("--u-max", "30V"), "does not fit the limits"),
     ],

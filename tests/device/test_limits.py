@@ -108,7 +108,7 @@ def test_none_are_set_while_armed_or_without_a_limit():
     with connect("sim://xyz250") as device:
         with pytest.raises(BadInput, match="changes nothing"):
             device.set_limits("x")
-        with pytest.raises(BadInput, match="must be x, y or z"):
+        with pytest.raises(BadInput, match="name each of x, y, z"):
             device.set_limits("w", u_max_V=8)
         device.arm()
         with pytest.raises(DeviceRefused, match="wrong_state"):

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+import threading
 import time
 from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import phaselead as pl
+from phaselead.scope.samples import TRACES
 from phaselead.scope.view import COLUMNS, HEAD, LOOP, SPECTRUM
+from phaselead.sim import built_in
 
 WAVE = {"x": "sine:20um@5Hz"}
 
@@ -188,3 +194,107 @@ def test_jobs_show_progress_and_stop_ends_them(rig, tmp_path):
         tab.order("save", name=f"{name}.h5", seconds=0.5)
         tab.order("park")
     assert "a folder" in tab.refused("gap", train="../a.h5", holdout="b.h5")
+
+
+@pytest.fixture(name="left_held")
+def _left_held(tmp_path, monkeypatch):
+    """The port of a stage that `phaselead move` left at 40 um, on a pseudo-terminal."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    link = tmp_path / "stage"
+    command = [sys.executable, "-m", "phaselead", "sim", "--pty", "--link", str(link)]
+    served = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        served.stdout.readline()
+        with pl.connect(str(link)) as dev:
+            dev.move(x=40)
+            dev.leave_running()
+        yield str(link)
+    finally:
+        served.terminate()
+        served.wait()
+        served.stdout.close()
+
+
+def test_what_is_held_is_taken_over_where_it_stands(make_rig, left_held):
+    rig = make_rig(left_held, axes="x", park_after_s=0.2)
+    while rig.hub.samples.end - rig.hub.samples.begin < 2500:  # 0.5 s on the device: longer than it may be alone
+        rig.hub._ending.wait(0.02)
+    assert rig.hub.state()["state"] == "running", "nobody has looked yet, so nobody has gone"
+    tab = rig.open()
+    tab.until(lambda: running(tab) and tab.state.get("axes"))
+    x = tab.state["axes"]["x"]
+    assert (x["held"], x["moving"], x["target_um"]) == (True, False, 40.0)
+    assert any("taken over as it was held: x at 40.000 um" in words for _, _, words in tab.state["lines"])
+    r_um = rig.hub.samples.rows(rig.hub.samples.begin, 500)[0, TRACES.index("r_um")]
+    assert np.nanmin(r_um) == np.nanmax(r_um) == 40.0
+    seen_um = rig.hub.samples.rows(rig.hub.samples.begin, 500)[0, TRACES.index("x_um")]
+    assert np.nanmin(seen_um) > 38
+    assert "moving x to 45.000 um" in tab.order("move", targets={"x": "+5um"})
+    tab.order("park")
+    tab.until(lambda: at_rest(tab))
+
+
+def test_a_line_that_is_too_slow_is_said_once(make_rig):
+    rig = make_rig("sim://xyz250?baud=115200")
+    tab = rig.open()
+    tab.until(lambda: any("baud_budget" in words for _, _, words in tab.state.get("lines", [])))
+    began = rig.hub._came_s
+    tab.until(lambda: rig.hub._came_s > began + 1.5)  # it has been tried again
+    assert sum("baud_budget" in words for _, _, words in rig.hub.lines) == 1
+    assert "armed" in tab.order("arm")
+    tab.order("park")
+
+
+def test_tune_is_started_from_the_page(rig, tmp_path, monkeypatch):
+    """What it measures and shapes is `dev.tune`, which has tests of its own and takes a minute."""
+
+    def tuned(axis, *, model, level, on_progress):
+        assert (axis, model, level) == ("y", None, 0.3)
+        on_progress(0.5)
+        found, closed = built_in("xyz250"), SimpleNamespace(bandwidth_Hz=140.0, peak_sensitivity=1.9)
+        return SimpleNamespace(axis=axis, model=found, save=found.save, closed=closed)
+
+    tab = rig.open()
+    assert "tune" in {job["name"] for job in tab.welcome["jobs"]}
+    assert "choose 1.2 to 3" in tab.refused("tune", axis="x", peak="9")
+    assert "is no number" in tab.refused("tune", axis="x", level="much")
+    monkeypatch.setattr(rig.hub.dev, "tune", tuned)
+    assert "tuned y: bandwidth 140 Hz" in tab.order("tune", axis="y", level="0.3", peak="")
+    tab.until(lambda: tab.state["model"] is not None and tab.state["files"])
+    (file,) = tab.state["files"]
+    assert pl.load(str(tmp_path / file)).axes.keys() == built_in("xyz250").axes.keys()
+    assert "peak sensitivity" in tab.order("loop", axis="x")
+
+
+def test_a_tab_that_goes_while_an_order_runs_ends_nothing(rig):
+    begun, go_on = threading.Event(), threading.Event()
+
+    def slow(_hub, _given):
+        begun.set()
+        return "" if go_on.wait(60) else "never"
+
+    first, second = rig.hub.give(slow, {}), rig.hub.give(slow, {})
+    assert begun.wait(60)
+    assert not first.cancel()
+    assert second.cancel()  # as a tab that closes does
+    go_on.set()
+    assert "parked" in rig.open().order("park")
+
+
+def test_what_is_parked_follows_nothing(rig):
+    """Its last reference stood there as an error of half the way."""
+    tab, row = rig.open(), TRACES.index("r_um")
+    tab.order("play", waves=WAVE)
+    tab.until(lambda: running(tab))
+    end = rig.hub.samples.end
+    tab.until(lambda: rig.hub.samples.end > end + 1000)
+    assert np.isfinite(rig.hub.samples.rows(end + 500, 500)[0, row]).all()
+    tab.order("park")
+    tab.until(lambda: at_rest(tab))
+    end = rig.hub.samples.end
+    tab.until(lambda: rig.hub.samples.end > end + 1000)
+    assert np.isnan(rig.hub.samples.rows(end + 500, 500)[0, row]).all()
+    tab.order("trigger", run="off")
+    end = rig.hub.samples.end
+    tab.until(lambda: rig.hub.samples.end > end + 500)
+    assert np.isnan(rig.hub.samples.rows(end, 500)[0, row]).all()

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead.device import LiveAxis, LiveSamples
 from phaselead.scope.samples import TRACES, Samples
+from phaselead.scope.saving import save
 from phaselead.scope.trigger import Trigger
 from phaselead.scope.view import HEAD, View, spectrum
 
@@ -107,3 +111,20 @@ def test_a_line_has_its_amplitude(f_Hz, amplitude):
     best = int(np.argmax(found[0]))
     assert at_Hz[best] / 1.03 <= f_Hz * 1.03
     assert 0.84 * amplitude <= found[0, best] <= 1.01 * amplitude
+
+
+@given(st.sets(st.integers(0, 400), min_size=2), st.integers(0, 300), st.integers(2, 200))
+@settings(max_examples=60, deadline=None)
+def test_what_is_saved_tells_of_every_tick_that_lacks(came, first, ticks):
+    """Wherever the stretch begins and ends, within a gap too: samples and gaps are the ticks from first to last."""
+    samples = Samples("x", seconds=0.2)
+    for tick in sorted(came):
+        samples.add(part(tick, np.array([float(tick)])))
+    inside = sorted(tick for tick in came if first <= tick < first + ticks)
+    assume(len(inside) >= 2)
+    with TemporaryDirectory() as folder:
+        saved = save(samples, first, ticks, inside[0], Path(folder) / "saved.h5", {})
+    gaps = saved.meta["gaps"]
+    missing = [tick for at, length in gaps for tick in range(at, at + length)]
+    assert sorted(inside + missing) == list(range(inside[0], inside[-1] + 1))
+    assert saved.meta["missing_ticks"] == len(missing)

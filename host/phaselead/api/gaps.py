@@ -101,13 +101,18 @@ def gap_next(
 
 
 def write_report(
-    result: GapResult | FitResult | Verifications | Run | Learned, path: str | os.PathLike[str], *, model_name: str = ""
+    result: GapResult | FitResult | Verifications | Run | Learned,
+    path: str | os.PathLike[str],
+    *,
+    model_name: str = "",
+    overwrite: bool = True,
 ) -> None:
     """Writes the page of a result: of a gap where, what, why not the runner-up, before and after; of a fit, a
     verification, a run or what was learned its figures and tables. One file, no network.
 
     ``model_name`` is what the page of a gap calls the model; default its name. Raises BadInput for a gap that ``gap``
-    did not make, TypeError for a result without a page, OSError where the file cannot be written.
+    did not make and for a file that exists unless ``overwrite``, TypeError for a result without a page, OSError where
+    the file cannot be written.
 
     >>> import numpy as np
     >>> import phaselead as pl
@@ -125,9 +130,9 @@ def write_report(
     from phaselead.report import gap_page, result_page
 
     if not isinstance(result, GapResult):
-        write_text(os.fspath(path), result_page(result))
+        write_text(os.fspath(path), result_page(result), overwrite=overwrite)
         return
     if result.base is None:
         raise BadInput("this result does not say which model was compared; make it with phaselead.gap")
     name = model_name or PurePath(result.base.name).name
-    write_text(os.fspath(path), gap_page(result, result.base, name, result.verification))
+    write_text(os.fspath(path), gap_page(result, result.base, name, result.verification), overwrite=overwrite)

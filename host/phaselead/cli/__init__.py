@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import importlib
-import sys
 from typing import Any
 
 import click
@@ -14,6 +13,7 @@ from phaselead import __version__, interrupt
 from phaselead.cli.examples import START, show_examples
 from phaselead.cli.listing import GROUPS, listed
 from phaselead.cli.output_level import QUIET, quiet
+from phaselead.cli.usage import fail, usage_in_one_line
 from phaselead.errors import PhaseleadError
 
 
@@ -35,7 +35,8 @@ class CommandLine(click.Group):
         """--quiet may stand anywhere."""
         end = args.index("--") if "--" in args else len(args)
         quiet.set(QUIET in args[:end])
-        return super().parse_args(ctx, [word for i, word in enumerate(args) if word != QUIET or i > end])
+        with usage_in_one_line():
+            return super().parse_args(ctx, [word for i, word in enumerate(args) if word != QUIET or i > end])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -44,7 +45,7 @@ class CommandLine(click.Group):
         names = self.list_commands(ctx)
         if args and args[0] not in names and not args[0].startswith("-") and not ctx.resilient_parsing:
             close = difflib.get_close_matches(args[0], names, n=1, cutoff=0.5)
-            ctx.fail(f"No such command {args[0]!r}." + (f" Did you mean {close[0]}?" if close else ""))
+            ctx.fail(f"no such command {args[0]!r}" + (f", did you mean {close[0]}?" if close else ""))
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
@@ -72,7 +73,8 @@ class CommandLine(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         interrupt.install()
         try:
-            return super().invoke(ctx)
+            with usage_in_one_line():
+                return super().invoke(ctx)
         except PhaseleadError as error:
             fail(str(error), error.exit_status)
         except KeyboardInterrupt as ended:
@@ -81,12 +83,6 @@ class CommandLine(click.Group):
             raise  # whoever read our output has gone: click ends quietly
         except OSError as error:
             fail(f"{error.filename or 'output'}: {error.strerror or error}; check the path and the space left", 2)
-
-
-def fail(line: str, status: int) -> None:
-    """Prints one line on stderr and leaves with this status."""
-    click.echo(f"phaselead: {' '.join(line.split())}", err=True)
-    sys.exit(status)
 
 
 @click.group(cls=CommandLine, context_settings={"help_option_names": ["-h", "--help"]}, epilog=START)

@@ -6,7 +6,6 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 from __future__ import annotations
 
 import math
-import os
 import re
 import sys
 import warnings
@@ -20,6 +19,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as TerminalTable
 
 from phaselead.cli.output_level import quiet
+from phaselead.cli.outputs import json_option as json_option
+from phaselead.cli.outputs import overwriting
+from phaselead.cli.outputs import report_option as report_option
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
@@ -39,23 +41,6 @@ port_option = click.option(
 )
 
 
-def _checked_output(_context: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
-    if path is not None and path != "-":
-        from phaselead.record import check_output
-
-        check_output(path)
-    return path
-
-
-json_option = click.option(
-    "--json",
-    "json_to",
-    metavar="F",
-    callback=_checked_output,
-    help="Also write the figures as JSON to F; - is stdout.",
-)
-
-
 def checked_duration(_context: click.Context, _option: click.Parameter, seconds: float | None) -> float | None:
     """A duration that is a number of at least two ticks. Raises BadInput."""
     if seconds is not None and not SHORTEST_S <= seconds < math.inf:
@@ -70,16 +55,16 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
 
 
 force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
-overwrite_option = click.option(
-    "--overwrite", "--force", "overwrite", is_flag=True, help="Write over the output if it exists."
-)
-own_overwrite_option = click.option(
-    "--overwrite", is_flag=True, help="Write over the output if it exists (as --force does, which takes more risks)."
-)
-"""For commands whose --force also takes a risk with the stage."""
-report_option = click.option("--report", metavar="F.html", help="Also write a page with figures.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+axes_option = click.option(
+    "--axis",
+    "axes",
+    metavar="AXES",
+    callback=lambda _context, _option, text: None if text is None else _letters(text),
+    help="x or several: x,y. Default: x, or the axes that are named in what is given.",
+)
+"""Of what may name its axes itself: x=...,y=..."""
 map_option = click.option(
     "--map",
     "column_map",
@@ -89,37 +74,43 @@ map_option = click.option(
 rate_option = click.option("--rate", metavar="RATE", help="Sampling rate of a file without times, e.g. 200Hz.")
 
 
-def check_outputs(
-    output: str | None, report: str | None, json_to: str | None, inputs: Sequence[str], overwrite: bool = True
-) -> None:
-    """Raise BadInput, before any work, for a stage file, page and figures that cannot or must not be written."""
-    from phaselead.record import check_output, is_special
+def _letters(text: str) -> str:
+    from phaselead.record import parse_axes
 
-    check_output(output, suffixes=(".toml",), inputs=inputs, overwrite=overwrite)
-    check_output(report, suffixes=(".html", ".htm"), inputs=inputs)
-    check_output(json_to, inputs=inputs)
-    named = [path for path in (output, report, json_to) if path and path != "-" and not is_special(path)]
-    if len({os.path.realpath(path) for path in named}) < len(named):
-        raise BadInput(f"{named[-1]}: is to hold two outputs at once; give -o, --report and --json a name each")
+    return "".join(parse_axes(text, "--axis"))
+
+
+VOLTS = {"V": 1.0, "mV": 1e-3}
+"""A voltage says its unit: 500 may be meant as either."""
 
 
 def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
-    """``1,2V,500mV`` as numbers in the first of ``units``; None stays None. Raises BadInput."""
-    return None if text is None else [_number(option, part.strip(), units) for part in text.split(",")]
+    """``1V,500mV`` or ``1,2,4V`` as numbers in the first of ``units``; None stays None. A number without a unit has
+    that of the next. Raises BadInput."""
+    if text is None:
+        return None
+    found: list[float] = []
+    unit = ""
+    for part in reversed(text.split(",")):
+        written = part.strip()
+        match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", written)
+        unit = match[2] or unit if match else unit
+        if not unit and "" not in units:
+            raise BadInput(f"{option} {text}: {written} has no unit; write {' or '.join(written + u for u in units)}")
+        try:
+            found.append(float(match[1]) * units[unit] if match else math.nan)
+        except (ValueError, KeyError):
+            known = " or ".join(filter(None, units))
+            raise BadInput(f"{option}: {written!r} is no number with a unit of {known}") from None
+    return found[::-1]
 
 
 def number(option: str, text: str | None, units: Mapping[str, float]) -> float | None:
     """One of them. Raises BadInput."""
-    return None if text is None else _number(option, text.strip(), units)
-
-
-def _number(option: str, text: str, units: Mapping[str, float]) -> float:
-    match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", text)
-    try:
-        return float(match[1]) * units[match[2]] if match else math.nan
-    except (ValueError, KeyError):
-        known = ", ".join(filter(None, units))
-        raise BadInput(f"{option}: {text!r} is no number with a unit of {known}") from None
+    found = numbers(option, text, units)
+    if found is not None and len(found) != 1:
+        raise BadInput(f"{option} {text}: give one number")
+    return None if found is None else found[0]
 
 
 def warn(lines: Iterable[str]) -> None:
@@ -130,10 +121,14 @@ def warn(lines: Iterable[str]) -> None:
 
 @contextmanager
 def warnings_said() -> Iterator[None]:
-    """What the library warns of meanwhile is said at once, before what it warns of happens."""
+    """What the library warns of meanwhile is said at once and once, before what it warns of happens."""
+
+    told: set[str] = set()
 
     def said(message: Warning | str, *_where: Any, **_what: Any) -> None:
-        warn([str(message)])
+        if str(message) not in told:
+            warn([str(message)])
+        told.add(str(message))
 
     with warnings.catch_warnings():
         warnings.simplefilter("always")
@@ -154,13 +149,6 @@ def warn_of_gaps(facts: Mapping[str, Any]) -> None:
         )
 
 
-def record_files(arguments: tuple[str, ...] | list[str]) -> list[str]:
-    """The files that recording arguments name, their windows taken off."""
-    from phaselead.record import split_argument
-
-    return [split_argument(argument)[0] for argument in arguments]
-
-
 def read_recordings(
     arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
 ) -> list[Recording]:
@@ -177,7 +165,7 @@ def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
     if json_to and json_to != "-":
         from phaselead.record import write_text
 
-        write_text(json_to, json_text(figures))
+        write_text(json_to, json_text(figures), overwrite=overwriting())
     show(figures, json_to, parts)
 
 
@@ -212,20 +200,13 @@ def emit_result(result: Printed, json_to: str | None) -> None:
     emit(result.as_dict(), json_to, result.tables())
 
 
-def check_report(path: str | None, inputs: Sequence[str] = ()) -> None:
-    """Raises BadInput, before any work, for a page that could not be written."""
-    from phaselead.record import check_output
-
-    check_output(path, suffixes=(".html", ".htm"), inputs=inputs)
-
-
 def write_page(result: Any, path: str | None) -> list[str]:
     """The page of a result where one is asked for, and the line that says so."""
     if path is None:
         return []
     from phaselead.api import write_report
 
-    write_report(result, path)
+    write_report(result, path, overwrite=overwriting())
     return [f"wrote {path}"]
 
 

@@ -8,6 +8,7 @@ import click
 
 from phaselead.cli.common import emit_pairs, emit_result, force_option, json_option, port_option, warnings_said
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT
 from phaselead.control import connect, own_loop_warnings
 from phaselead.device import Device, device_model
 from phaselead.model import load_stage
@@ -95,7 +96,7 @@ def doctor(port: str, json_to: str | None) -> None:
 
 @top_level(order=60)
 @click.command()
-@click.argument("model_path", metavar="M")
+@click.argument("model_path", metavar="M", type=INPUT)
 @port_option
 @click.option("--persist", is_flag=True, help="Also write it to flash, so that it survives a power cycle.")
 @force_option

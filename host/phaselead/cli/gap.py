@@ -7,9 +7,10 @@ from typing import Any
 
 import click
 
-from phaselead.cli.common import json_option, overwrite_option, yes_option
+from phaselead.cli.common import json_option, map_option, rate_option, report_option, yes_option
 from phaselead.cli.gap_campaign import campaign
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT, RECORD, OutputFile
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
 
 # One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
@@ -46,21 +47,25 @@ def spread(args: list[str]) -> list[str]:
 
 @top_level(order=160, group="gap")
 @click.group(cls=GapGroup, invoke_without_command=True, subcommand_metavar="[next ...]")
-@click.option("--model", "model_path", metavar="M", help="Stage file.")
-@click.option("--train", multiple=True, metavar="REC...", help="Records to learn from.")
-@click.option("--holdout", multiple=True, metavar="REC...", help="Records to judge on; nothing is fitted to them.")
-@click.option("--reference", multiple=True, metavar="REC...", help="Records known to be without the missing effect.")
+@click.option("--model", "model_path", metavar="M", type=INPUT, help="Stage file.")
+@click.option("--train", multiple=True, metavar="REC...", type=RECORD, help="Records to learn from.")
+@click.option(
+    "--holdout", multiple=True, metavar="REC...", type=RECORD, help="Records to judge on; nothing is fitted to them."
+)
+@click.option(
+    "--reference", multiple=True, metavar="REC...", type=RECORD, help="Records known to be without the missing effect."
+)
 @click.option("--frozen/--refit", default=None, help="Keep the base, or refit it. Default: keep it with --reference.")
-@click.option("-o", "--output", metavar="next.toml", help="Where the next stage file goes.")
-@click.option("--report", metavar="gap.html", help="A page with the whole result.")
-@click.option("--json", "json_to", metavar="F", help="Also write the figures as JSON to F; - is stdout.")
-@click.option("--map", "column_map", metavar="COLUMNS", help="1-based columns of files without our header.")
-@click.option("--rate", metavar="RATE", help="Sampling rate of files without times, e.g. 200Hz.")
+@click.option("-o", "--output", metavar="next.toml", type=OutputFile(".toml"), help="Where the next stage file goes.")
+@report_option
+@map_option
+@rate_option
 @click.option(
     "--verify-on",
     metavar="P",
     help="Track the same paths on this device with the old and the new model; the report shows both.",
 )
+@json_option
 @click.pass_context
 def gap(ctx: click.Context, /, **options: Any) -> None:
     """Find where model and measurement disagree, name the missing effect, and add it to the model.
@@ -77,12 +82,13 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 
 
 @gap.command("next")
-@click.argument("gap_json", metavar="gap.json")
+@click.argument("gap_json", metavar="gap.json", type=INPUT)
 @click.option("--port", default=DEFAULT_PORT, envvar=PORT_VARIABLE, show_default=True, help="The device.")
 @click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
-@click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
-@click.option("-o", "--output", metavar="more.h5", required=True)
-@overwrite_option
+@click.option(
+    "--model", "model_path", metavar="M", type=INPUT, help="Stage file with limits and calibration; uploaded first."
+)
+@click.option("-o", "--output", metavar="more.h5", type=OutputFile(".h5", ".hdf5"), required=True)
 @yes_option
 @json_option
 def next_experiment(
@@ -91,7 +97,6 @@ def next_experiment(
     axis: str,
     model_path: str | None,
     output: str,
-    overwrite: bool,
     yes: bool,
     json_to: str | None,
 ) -> None:
@@ -101,7 +106,7 @@ def next_experiment(
     """
     from phaselead.cli.gap_run import run_next
 
-    run_next(gap_json, port, axis, output, model_path, overwrite, yes, json_to)
+    run_next(gap_json, port, axis, output, model_path, yes, json_to)
 
 
 gap.add_command(campaign)

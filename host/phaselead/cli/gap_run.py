@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from phaselead.api import gap_next
-from phaselead.cli.common import check_outputs, confirmed, emit, progress, read_recordings, record_files, show
+from phaselead.cli.common import confirmed, emit, progress, read_recordings, show
+from phaselead.cli.outputs import overwriting
 from phaselead.errors import BadInput
 from phaselead.gap import (
     GapResult,
@@ -19,7 +20,7 @@ from phaselead.gap import (
     verified_on,
 )
 from phaselead.model import load_stage, stage_text
-from phaselead.record import RUN_SUFFIXES, check_output, write_texts
+from phaselead.record import write_texts
 from phaselead.result import Table, json_text
 
 
@@ -39,7 +40,6 @@ def compare(
     """Read, search, verify, write: nothing is written unless all of it can be."""
     if model_path is None:
         raise BadInput("gap needs a model; give --model STAGE.toml")
-    check_outputs(output, report, json_to, [model_path, *record_files([*train, *holdout, *reference])])
     keep_freed_memory()
     stage = load_stage(model_path)
     parts = [read_recordings(part, column_map, rate) for part in (train, holdout, reference)]
@@ -58,7 +58,7 @@ def compare(
         texts[report] = gap_page(result, stage, Path(model_path).name, result.verification, named)
     if json_to and json_to != "-":
         texts[json_to] = json_text(result.as_json())
-    write_texts(texts)
+    write_texts(texts, overwrite=overwriting())
     show(result.as_json(), json_to, printed(result, list(texts)))
 
 
@@ -73,12 +73,10 @@ def run_next(
     axis: str,
     output: str,
     model_path: str | None,
-    overwrite: bool,
     yes: bool,
     json_to: str | None,
 ) -> None:
     """Record the experiment that gap.json proposes, once somebody has agreed to what it does to a known mode."""
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=[gap_json], overwrite=overwrite)
     proposed = read_proposal(gap_json)
     stage = load_stage(model_path) if model_path else None
     driven = proposed.get("axis") or axis
@@ -90,7 +88,7 @@ def run_next(
         confirmed(f"This drives {driven} with {drive}, across its mode at {where}. May it?", yes)
     with progress("recording", 1.0) as advance:
         recording = gap_next(
-            gap_json, port, output=output, axis=axis, model=stage, overwrite=overwrite, on_progress=advance
+            gap_json, port, output=output, axis=axis, model=stage, overwrite=overwriting(), on_progress=advance
         )
     said = (
         f"wrote {output}, {len(recording.t_s)} samples; add it to --train (to --reference if the stage was as before), "

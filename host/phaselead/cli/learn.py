@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import click
 
 from phaselead.cli.common import (
-    axis_option,
-    check_report,
+    axes_option,
     emit,
     force_option,
     json_option,
-    own_overwrite_option,
     port_option,
     progress,
     report_option,
-    warn,
+    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT, OutputFile, overwriting
 from phaselead.cli.track import follows_option, gains_option
-from phaselead.control import Follows, loop_warnings, parse_gains, path_warnings
-from phaselead.control import learn as learn_path
-from phaselead.device import Device
+from phaselead.control import Follows, connect
 from phaselead.model import load_stage
-from phaselead.record import RUN_SUFFIXES, check_output
+from phaselead.record import RUN_SUFFIXES
 from phaselead.waveforms import parse_waves
 
 
@@ -34,17 +29,27 @@ from phaselead.waveforms import parse_waves
 @click.argument("wave", metavar="WAVE")
 @port_option
 @click.option(
-    "--model", "model_path", metavar="M", required=True, help="Stage file; uploaded when the device holds another."
+    "--model",
+    "model_path",
+    metavar="M",
+    type=INPUT,
+    required=True,
+    help="Stage file; uploaded when the device holds another.",
 )
 @click.option("--mode", type=click.Choice(["inverse", "inverse+pid"]), default="inverse+pid", show_default=True)
 @gains_option
 @follows_option
 @click.option("--trials", type=click.IntRange(min=1), default=10, show_default=True, help="Corrected ones, at most.")
-@click.option("-o", "--output", metavar="LEARNED.h5", help="The table, for track --learned.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="LEARNED.h5",
+    type=OutputFile(*RUN_SUFFIXES),
+    help="The table, for track --learned.",
+)
 @report_option
 @force_option
-@own_overwrite_option
-@axis_option
+@axes_option
 @json_option
 def learn(
     wave: str,
@@ -57,8 +62,7 @@ def learn(
     output: str | None,
     report: str | None,
     force: bool,
-    overwrite: bool,
-    axis: str,
+    axes: str | None,
     json_to: str | None,
 ) -> None:
     """Drive along WAVE again and again, each time corrected by the error that repeats.
@@ -66,25 +70,21 @@ def learn(
     WAVE: a periodic path in micrometres, as for track. The best of the trials is kept; it is for
     this model, mode and path, and `phaselead track WAVE --learned LEARNED.h5` plays it.
     """
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=[model_path], overwrite=overwrite or force)
-    check_report(report, [model_path])
-    waveforms, stage = parse_waves(wave, axis), load_stage(model_path)
-    axis_gains = {name: parse_gains(gains, stage, name) for name in waveforms}
-    warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
-    with Device.open(port) as device, progress(f"learning {wave}", 1.0) as advance:
-        found = learn_path(
-            device,
-            waveforms,
-            mode,
-            stage=stage,
-            gains=axis_gains,
+    parse_waves(wave, axes)  # what is written wrong is told before the port is opened
+    stage = load_stage(model_path)
+    with connect(port) as device, warnings_said(), progress(f"learning {wave}", 1.0) as advance:
+        found = device.learn(
+            wave,
+            mode=mode,
+            axis=axes,
+            model=stage,
+            gains=gains,
             trials=trials,
             follows=follows or "true",
             force=force,
             on_progress=advance,
         )
-    found = replace(found, wave=wave)
     if output is not None:
-        found.save(output)
+        found.save(output, overwrite=overwriting())
     wrote = [f"wrote {output}"] if output is not None else []
     emit(found.as_dict(), json_to, [*found.tables(), *wrote, *write_page(found, report)])

@@ -7,10 +7,11 @@ from typing import Any
 
 import click
 
-from phaselead.cli.common import emit_result, json_option, port_option
+from phaselead.cli.common import axes_option, emit, json_option, port_option
 from phaselead.cli.listing import top_level
 from phaselead.control import connect
 from phaselead.device import written_limit
+from phaselead.serial_ports import is_virtual
 
 
 def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -23,7 +24,7 @@ def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any
 @top_level(order=65)
 @click.command()
 @port_option
-@click.option("--axis", type=click.Choice(["x", "y", "z"]), help="The axis to limit; without one, only show.")
+@axes_option
 @limit_option("--u-min", "V", "Lowest output.")
 @limit_option("--u-max", "V", "Highest output.")
 @limit_option("--slew", "V/s", "Fastest output.")
@@ -33,7 +34,7 @@ def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any
 @json_option
 def limits(
     port: str,
-    axis: str | None,
+    axes: str | None,
     u_min: float | None,
     u_max: float | None,
     slew: float | None,
@@ -48,13 +49,25 @@ def limits(
     the device is parked.
     """
     given = remove or any(value is not None for value in (u_min, u_max, slew, x_min, x_max))
-    if given != (axis is not None):
+    if given != (axes is not None):
         raise click.UsageError("to set limits give --axis and at least one limit, or --none; to show them, neither")
     with connect(port, park_on_exit=False) as device:
-        if axis is None:
+        if axes is None:
             found = device.limits()
         else:
             found = device.set_limits(
-                axis, u_min_V=u_min, u_max_V=u_max, slew_V_per_s=slew, x_min_um=x_min, x_max_um=x_max, remove=remove
+                axes, u_min_V=u_min, u_max_V=u_max, slew_V_per_s=slew, x_min_um=x_min, x_max_um=x_max, remove=remove
             )
-    emit_result(found, json_to)
+    forgotten = _forgotten(port) if given else []
+    emit(found.as_dict(), json_to, [*found.tables(), *forgotten])
+
+
+def _forgotten(port: str) -> list[str]:
+    """What becomes of them where the flash is not kept."""
+    if not is_virtual(port) or "state=" in port:
+        return []
+    kept = f"{port}{'&' if '?' in port else '?'}state=flash.bin"
+    return [
+        f"the virtual stage has ended, and these limits with it: --port '{kept}' keeps its flash, `phaselead sim "
+        "--pty` serves a stage that stays"
+    ]

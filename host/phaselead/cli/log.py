@@ -7,6 +7,7 @@ import sys
 import click
 
 from phaselead.cli.common import (
+    axes_option,
     axis_option,
     duration_option,
     emit,
@@ -14,16 +15,15 @@ from phaselead.cli.common import (
     emit_result,
     json_option,
     map_option,
-    overwrite_option,
     port_option,
     progress,
     rate_option,
     read_recordings,
-    record_files,
     warn_of_gaps,
 )
 from phaselead.cli.listing import top_level
-from phaselead.record import RUN_SUFFIXES, check_output
+from phaselead.cli.outputs import INPUT, RECORD, OutputFile, overwriting
+from phaselead.record import RUN_SUFFIXES, SUFFIXES
 
 TRIGGERS = ("fault", "set_point", "threshold", "input")
 
@@ -38,22 +38,20 @@ def log() -> None:
 @port_option
 @click.option("--drive", metavar="WAVE", help="Drive this in volts meanwhile, e.g. sine:5V@5Hz; default: only listen.")
 @duration_option("ten periods, or 1 s when only listening")
-@click.option("-o", "--output", metavar="RUN.h5", required=True)
-@axis_option
-@overwrite_option
+@click.option("-o", "--output", metavar="RUN.h5", type=OutputFile(*RUN_SUFFIXES), required=True)
+@axes_option
 @json_option
 def record(
-    port: str, drive: str | None, duration: float | None, output: str, axis: str, overwrite: bool, json_to: str | None
+    port: str, drive: str | None, duration: float | None, output: str, axes: str | None, json_to: str | None
 ) -> None:
     """Record what the device does, open loop; needs no model."""
     from phaselead.control import record_to_file
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
-    check_output(output, suffixes=RUN_SUFFIXES, overwrite=overwrite)
-    waveforms = parse_waves(drive, axis) if drive else None
+    waveforms = parse_waves(drive, axes) if drive else None
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
-        facts = record_to_file(device, waveforms, axis, output=output, duration_s=duration, on_progress=advance)
+        facts = record_to_file(device, waveforms, axes or "x", output=output, duration_s=duration, on_progress=advance)
     warn_of_gaps(facts)
     emit_pairs(facts, json_to)
 
@@ -87,20 +85,24 @@ def trigger(
 
 @log.command()
 @port_option
-@click.option("-o", "--output", metavar="OUT", required=True, help="Ends in .csv, .h5, .mat or .parquet.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    type=OutputFile(*SUFFIXES),
+    required=True,
+    help="Ends in .csv, .h5, .mat or .parquet.",
+)
 @click.option("--keep", is_flag=True, help="Leave it frozen; default: it waits for the next fault.")
-@overwrite_option
 @json_option
-def pull(port: str, output: str, keep: bool, overwrite: bool, json_to: str | None) -> None:
+def pull(port: str, output: str, keep: bool, json_to: str | None) -> None:
     """Fetch what the recorder that is always on has frozen: what led to a fault or another trigger."""
     from phaselead.control import connect
-    from phaselead.record import SUFFIXES, check_output
     from phaselead.record import export as export_recording
 
-    check_output(output, suffixes=SUFFIXES, overwrite=overwrite)
     with connect(port, park_on_exit=False) as device:
         recording = device.pull(keep=True)
-        export_recording(recording, output, overwrite=overwrite)
+        export_recording(recording, output, overwrite=overwriting())
         if not keep:
             device.trigger()
     emit_pairs(recording.facts() | {"output": output}, json_to)
@@ -119,7 +121,7 @@ def faults(port: str, json_to: str | None) -> None:
 
 
 @log.command()
-@click.argument("recording_path", metavar="REC")
+@click.argument("recording_path", metavar="REC", type=RECORD)
 @map_option
 @rate_option
 @json_option
@@ -130,32 +132,28 @@ def info(recording_path: str, column_map: str | None, rate: str | None, json_to:
 
 
 @log.command()
-@click.argument("recording_path", metavar="REC")
-@click.argument("output", metavar="OUT")
-@overwrite_option
+@click.argument("recording_path", metavar="REC", type=RECORD)
+@click.argument("output", metavar="OUT", type=OutputFile(*SUFFIXES))
 @map_option
 @rate_option
 @json_option
 def export(
     recording_path: str,
     output: str,
-    overwrite: bool,
     column_map: str | None,
     rate: str | None,
     json_to: str | None,
 ) -> None:
     """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet."""
-    from phaselead.record import SUFFIXES
     from phaselead.record import export as export_recording
 
-    check_output(output, suffixes=SUFFIXES, inputs=record_files([recording_path]), overwrite=overwrite)
     (recording,) = read_recordings([recording_path], column_map, rate)
-    export_recording(recording, output, overwrite=overwrite)
+    export_recording(recording, output, overwrite=overwriting())
     emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
 
 
 @log.command("import")
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", metavar="FILE...", type=INPUT, nargs=-1, required=True)
 @click.option("-o", "--output", metavar="OUT", help="Where to: .h5, .csv, .mat, .parquet; without it a preview.")
 @click.option(
     "--map",
@@ -165,7 +163,6 @@ def export(
 )
 @rate_option
 @click.option("--flip", is_flag=True, help="Turn the sign of positions: the sensor counts backwards.")
-@overwrite_option
 @json_option
 def import_(
     files: tuple[str, ...],
@@ -173,7 +170,6 @@ def import_(
     column_map: str | None,
     rate: str | None,
     flip: bool,
-    overwrite: bool,
     json_to: str | None,
 ) -> None:
     """Make a recording of files that other programs wrote: text, .npy, .npz, .mat, HDF5.
@@ -182,36 +178,33 @@ def import_(
     positions in another. Arrays of more dimensions give several recordings, OUT-1, OUT-2 ...
     """
     from phaselead.api import import_recordings
-    from phaselead.record import SUFFIXES, import_names
+    from phaselead.record import check_output, import_names
     from phaselead.record import export as export_recording
 
-    check_output(output, suffixes=SUFFIXES, inputs=files)
     found = import_recordings(files, map=column_map, rate=rate, flip=flip)
     names = [] if output is None else import_names(output, len(found.recordings))
     for name in names:
-        check_output(name, inputs=files, overwrite=overwrite)
+        check_output(name, inputs=files, overwrite=overwriting())
     for name, recording in zip(names, found.recordings, strict=bool(names)):
-        export_recording(recording, name, overwrite=overwrite)
+        export_recording(recording, name, overwrite=overwriting())
     said = [f"wrote {', '.join(names)}"] if names else ["nothing was written: give -o OUT.h5"]
     emit(found.as_dict() | {"output": names}, json_to, [*found.tables(), *said])
 
 
 @log.command()
-@click.argument("journal", metavar="JOURNAL")
-@click.option("-o", "--output", metavar="RUN.h5", required=True)
-@overwrite_option
+@click.argument("journal", metavar="JOURNAL", type=INPUT)
+@click.option("-o", "--output", metavar="RUN.h5", type=OutputFile(*RUN_SUFFIXES), required=True)
 @json_option
-def recover(journal: str, output: str, overwrite: bool, json_to: str | None) -> None:
+def recover(journal: str, output: str, json_to: str | None) -> None:
     """Finish a capture whose program was killed: turn its journal into a recording."""
     from phaselead.control import recover_run
 
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=[journal], overwrite=overwrite)
     emit_pairs(recover_run(journal, output), json_to)
 
 
 @top_level(order=150, group="records")
 @click.command()
-@click.argument("run", metavar="RUN")
+@click.argument("run", metavar="RUN", type=INPUT)
 @json_option
 def replay(run: str, json_to: str | None) -> None:
     """Execute a run again and compare every DAC code.

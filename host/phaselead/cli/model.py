@@ -10,37 +10,35 @@ import click
 from phaselead.api import fit as fit_stage
 from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
-    check_report,
+    VOLTS,
     emit,
     json_option,
     map_option,
     number,
     numbers,
-    overwrite_option,
     port_option,
     progress,
     rate_option,
     read_recordings,
-    record_files,
     report_option,
     verbose_option,
     warn,
     write_page,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT, RECORD, OutputFile, overwriting
 from phaselead.control import describe_gains, with_gains
 from phaselead.identify import Base, FitResult, Verifications, View
 from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
-from phaselead.record import check_output, parse_axes, write_csv
+from phaselead.record import parse_axes, write_csv
 from phaselead.result import Table
 
-STAGE_SUFFIXES = (".toml",)
-VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 HERTZ = {"": 1.0, "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3}
 SECONDS = {"": 1.0, "s": 1.0, "min": 60.0}
-records_argument = click.argument("records", metavar="REC...", nargs=-1, required=True)
-model_option = click.option("--model", "model_path", metavar="M", required=True, help="Stage file.")
+records_argument = click.argument("records", metavar="REC...", type=RECORD, nargs=-1, required=True)
+model_option = click.option("--model", "model_path", metavar="M", type=INPUT, required=True, help="Stage file.")
+stage_output_option = click.option("-o", "--output", metavar="STAGE.toml", type=OutputFile(".toml"), required=True)
 
 
 def verification_table(found: Verifications, title: str) -> Table:
@@ -60,7 +58,7 @@ def said_of(fitted: FitResult, verbose: bool) -> list[str]:
 @click.command()
 @records_argument
 @click.option("--base", type=click.Choice(["operator", "linear"]), default="operator", show_default=True)
-@click.option("-o", "--output", metavar="STAGE.toml", required=True)
+@stage_output_option
 @map_option
 @rate_option
 @verbose_option
@@ -80,10 +78,8 @@ def fit(
 
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
-    check_output(output, suffixes=STAGE_SUFFIXES, inputs=record_files(records))
-    check_report(report, record_files(records))
     fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
-    fitted.save(output)
+    fitted.save(output, overwrite=overwriting())
     emit(
         fitted.as_dict() | {"output": output},
         json_to,
@@ -110,7 +106,6 @@ def verify(
     json_to: str | None,
 ) -> None:
     """Judge a stage file on recordings that it was not fitted on."""
-    check_report(report, [model_path, *record_files(records)])
     stage = load_stage(model_path)
     found = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
     table = verification_table(found, f"{view} view of {Path(model_path).name}")
@@ -119,9 +114,9 @@ def verify(
 
 @top_level(order=50, group="model")
 @click.command()
-@click.argument("record", metavar="REC")
+@click.argument("record", metavar="REC", type=RECORD)
 @model_option
-@click.option("-o", "--output", metavar="OUT.csv", required=True)
+@click.option("-o", "--output", metavar="OUT.csv", type=OutputFile(".csv"), required=True)
 @map_option
 @rate_option
 @json_option
@@ -129,11 +124,10 @@ def predict(
     record: str, model_path: str, output: str, column_map: str | None, rate: str | None, json_to: str | None
 ) -> None:
     """Predict the response to a recorded voltage; writes t_s,u_V,x_um. The memory starts from rest."""
-    check_output(output, suffixes=(".csv",), inputs=[model_path, *record_files([record])])
     stage = load_stage(model_path)
     (recording,) = read_recordings([record], column_map, rate)
     predicted = predict_position(stage, recording)
-    write_csv(output, predicted)
+    write_csv(output, predicted, overwrite=overwriting())
     figures = {"output": output, "samples": len(predicted.t_s)}
     emit(figures, json_to, [f"wrote {output}, {len(predicted.t_s)} samples"])
 
@@ -141,19 +135,20 @@ def predict(
 @top_level(order=20, group="model")
 @click.command()
 @port_option
-@click.option("-o", "--output", metavar="STAGE.toml", required=True)
-@click.option("--model", "model_path", metavar="M", help="Stage file with limits and calibration; uploaded first.")
+@stage_output_option
+@click.option(
+    "--model", "model_path", metavar="M", type=INPUT, help="Stage file with limits and calibration; uploaded first."
+)
 @click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
 @click.option("--creep", is_flag=True, help="Also hold 5 V for 12 s and fit the creep; takes 52 s an axis more.")
-@click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10.")
-@click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20.")
+@click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10V.")
+@click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20Hz.")
 @click.option("--u-max", metavar="V", help="Scale the levels so that the largest is this.")
 @click.option(
     "--duration", metavar="S", help="Thin the grid evenly until it takes no longer than this; without --creep."
 )
 @click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
 @click.option("--resume", is_flag=True, help="Go on with the recordings that are there.")
-@overwrite_option
 @verbose_option
 @report_option
 @json_option
@@ -169,7 +164,6 @@ def identify(
     duration: str | None,
     save_to: str | None,
     resume: bool,
-    overwrite: bool,
     verbose: bool,
     report: str | None,
     json_to: str | None,
@@ -186,8 +180,6 @@ def identify(
     from phaselead.device import Device
     from phaselead.identify import identify_device, keeping, plan_of
 
-    check_output(output, suffixes=STAGE_SUFFIXES, inputs=[model_path] if model_path else [], overwrite=overwrite)
-    check_report(report)
     axis_names = parse_axes(axes, "--axis")
     plan = plan_of(
         axis_names,
@@ -198,14 +190,14 @@ def identify(
     )
     stage = load_stage(model_path) if model_path else None
     folder = save_to or f"{output}.records"
-    keep = keeping(folder, plan, resume=resume, overwrite=overwrite, only_until_done=save_to is None)
+    keep = keeping(folder, plan, resume=resume, overwrite=overwriting(), only_until_done=save_to is None)
     with keep as kept, Device.open(port) as device, progress("identifying", 1.0) as advance:
         if stage is None and (warning := assumed_limits(device)) is not None:
             warn([warning])
         found = identify_device(device, axis_names, advance, plan=plan, kept=kept, stage=stage, creep=creep)
         fitted = found.as_fit()
         fitted = replace(fitted, model=with_gains(fitted.model))
-        fitted.save(output)
+        fitted.save(output, overwrite=overwriting())
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
     emit(figures, json_to, [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report), *held_out])

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import click
 
 from phaselead.cli.common import (
-    axis_option,
+    axes_option,
     checked_duration,
     emit,
     emit_result,
@@ -18,6 +18,7 @@ from phaselead.cli.common import (
     warnings_said,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT
 from phaselead.cli.track import gains_option
 from phaselead.control import MODES, Controller, Planned, connect, parse_targets
 from phaselead.model import load_stage
@@ -34,14 +35,16 @@ def _after(device: Controller) -> str:
 @click.command()
 @click.argument("target", metavar="TARGET")
 @port_option
-@click.option("--model", "model_path", metavar="M", help="Stage file; uploaded when the device holds another.")
+@click.option(
+    "--model", "model_path", metavar="M", type=INPUT, help="Stage file; uploaded when the device holds another."
+)
 @click.option("--mode", type=click.Choice([mode for mode in MODES if mode != "open"]), help="Default: the best it can.")
 @gains_option
 @click.option("--duration", metavar="S", type=float, callback=checked_duration, help="Seconds the move takes.")
 @click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
 @force_option
-@axis_option
+@axes_option
 @json_option
 def move(
     target: str,
@@ -53,7 +56,7 @@ def move(
     speed: float | None,
     park_after: bool,
     force: bool,
-    axis: str,
+    axes: str | None,
     json_to: str | None,
 ) -> None:
     """Move to TARGET and hold there: x=50um, x=+5um (relative), x=50um,y=20um.
@@ -61,7 +64,7 @@ def move(
     All axes arrive together, as fast as the limits allow unless told. The stage is still held when the
     command ends, without a host: until the next move, or `phaselead park`. Ctrl-C under way parks.
     """
-    targets = {name: f"{one.um:+}um" if one.relative else one.um for name, one in parse_targets(target, axis).items()}
+    targets = {name: f"{one.um:+}um" if one.relative else one.um for name, one in parse_targets(target, axes).items()}
     stage = load_stage(model_path) if model_path else None
 
     def announce(planned: Planned, predicted: Mapping[str, float | None]) -> None:

@@ -8,24 +8,29 @@ from phaselead.cli.common import (
     emit,
     json_option,
     map_option,
-    overwrite_option,
     rate_option,
     read_recordings,
-    record_files,
 )
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import RECORD, OutputFile, overwriting
 
 SUFFIXES = (".png", ".svg", ".pdf")
 
 
 @top_level(order=145, group="records")
 @click.command()
-@click.argument("records", metavar="RUN...", nargs=-1, required=True)
+@click.argument("records", metavar="RUN...", type=RECORD, nargs=-1, required=True)
 @click.option(
     "--of", "shown", type=click.Choice(["position", "error", "spectrum"]), default="position", show_default=True
 )
-@click.option("-o", "--output", metavar="FIGURE", required=True, help="Its name ends in .png, .svg or .pdf.")
-@overwrite_option
+@click.option(
+    "-o",
+    "--output",
+    metavar="FIGURE",
+    type=OutputFile(*SUFFIXES),
+    required=True,
+    help="Its name ends in .png, .svg or .pdf.",
+)
 @map_option
 @rate_option
 @json_option
@@ -33,7 +38,6 @@ def plot(
     records: tuple[str, ...],
     shown: str,
     output: str,
-    overwrite: bool,
     column_map: str | None,
     rate: str | None,
     json_to: str | None,
@@ -42,10 +46,8 @@ def plot(
 
     The spectrum is of the error, without a reference of the position. Spikes of a single sample are drawn.
     """
-    from phaselead.record import check_output
     from phaselead.report import runs_figure, save_figure
 
-    check_output(output, suffixes=SUFFIXES, inputs=record_files(records), overwrite=overwrite)
     figure = runs_figure(read_recordings(records, column_map, rate), shown)  # type: ignore[arg-type]
-    save_figure(figure, output, overwrite=overwrite)
+    save_figure(figure, output, overwrite=overwriting())
     emit({"output": output, "recordings": len(records), "of": shown}, json_to, [f"wrote {output}"])

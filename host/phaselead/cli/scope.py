@@ -8,13 +8,14 @@ import click
 
 from phaselead.cli.common import emit, json_option, port_option
 from phaselead.cli.listing import top_level
+from phaselead.cli.outputs import INPUT
 from phaselead.errors import BadInput
 
 
 @top_level(order=71)
 @click.command()
 @port_option
-@click.option("--model", metavar="M", help="Stage file that set-points and waveforms use.")
+@click.option("--model", metavar="M", type=INPUT, help="Stage file that set-points and waveforms use.")
 @click.option("--axis", "axes", metavar="AXES", default="x,y,z", show_default=True, help="Axes that are streamed.")
 @click.option("--out", metavar="DIR", default=".", show_default=True, help="Where the page saves recordings.")
 @click.option("--page-port", metavar="N", default=0, type=click.IntRange(0, 65535), help="Of 127.0.0.1; 0: any free.")

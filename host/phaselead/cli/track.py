@@ -7,38 +7,24 @@ from collections.abc import Callable
 import click
 
 from phaselead.cli.common import (
-    axis_option,
-    check_report,
+    axes_option,
     duration_option,
     emit,
     force_option,
     json_option,
-    own_overwrite_option,
     port_option,
     progress,
     report_option,
-    warn,
     warn_of_gaps,
+    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
-from phaselead.control import (
-    FOLLOWS,
-    MODES,
-    Follows,
-    held_stage,
-    held_warning,
-    learn,
-    load_learned,
-    loop_warnings,
-    parse_gains,
-    path_warnings,
-    track_to_file,
-)
-from phaselead.device import Device
+from phaselead.cli.outputs import INPUT, OutputFile, overwriting
+from phaselead.control import FOLLOWS, MODES, Follows, connect, load_learned
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
-from phaselead.record import RUN_SUFFIXES, check_output
+from phaselead.record import RUN_SUFFIXES
 from phaselead.waveforms import examples, parse_waves
 
 
@@ -72,6 +58,7 @@ gains_option = click.option(
     "--model",
     "model_path",
     metavar="M",
+    type=INPUT,
     help="Stage file; uploaded when the device holds another. Default: what the device holds.",
 )
 @click.option(
@@ -82,12 +69,19 @@ gains_option = click.option(
 @gains_option
 @follows_option
 @click.option("--learn", "trials", type=click.IntRange(min=1), metavar="N", help="Learn it first, in up to N trials.")
-@click.option("--learned", "table", metavar="LEARNED.h5", help="Play what phaselead learn wrote of this path.")
+@click.option(
+    "--learned", "table", metavar="LEARNED.h5", type=INPUT, help="Play what phaselead learn wrote of this path."
+)
 @force_option
-@own_overwrite_option
 @duration_option("ten periods, or a move and a second")
-@click.option("-o", "--output", metavar="RUN.h5", help="Keep the run: recording, raw codes, what replay needs.")
-@axis_option
+@click.option(
+    "-o",
+    "--output",
+    metavar="RUN.h5",
+    type=OutputFile(*RUN_SUFFIXES),
+    help="Keep the run: recording, raw codes, what replay needs.",
+)
+@axes_option
 @report_option
 @json_option
 @names_every_kind
@@ -101,10 +95,9 @@ def track(
     trials: int | None,
     table: str | None,
     force: bool,
-    overwrite: bool,
     duration: float | None,
     output: str | None,
-    axis: str,
+    axes: str | None,
     report: str | None,
     json_to: str | None,
 ) -> None:
@@ -113,48 +106,38 @@ def track(
     WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um), or in volts
     for mode open: sine:5V@5Hz. Amplitudes are peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
-    inputs = [path for path in (model_path, table) if path]
-    check_output(output, suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite or force)
-    check_report(report, inputs)
-    waveforms = parse_waves(wave, axis)
+    parse_waves(wave, axes)  # what is written wrong is told before the port is opened
     stage = load_stage(model_path) if model_path else None
     if table and trials:
         raise BadInput("--learned plays what was learned, --learn learns it: give one of them")
     known = load_learned(table) if table else None
-    mode = mode or (known.mode if known is not None else "inverse+pid" if trials else "ff+pid")
-    with Device.open(port) as device:
-        held = held_stage(device) if stage is None else None
-        axis_gains = {name: parse_gains(gains, stage or held, name) for name in waveforms}
-        if known is not None:
-            axis_gains = axis_gains if gains else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, axis_gains, follows)
-        warn(held_warning(held, mode, axis_gains))
-        warn([*loop_warnings(stage, mode, axis_gains, force=force), *path_warnings(waveforms)])
+    with connect(port) as device, warnings_said():
         if trials is not None:
             with progress(f"learning {wave}", 1.0) as advance:
-                known = learn(
-                    device,
-                    waveforms,
-                    mode,
-                    stage=stage,
-                    gains=axis_gains,
+                known = device.learn(
+                    wave,
+                    mode=mode or "inverse+pid",
+                    axis=axes,
+                    model=stage,
+                    gains=gains,
                     trials=trials,
                     follows=follows or "true",
                     force=force,
                     on_progress=advance,
                 )
-            waveforms = known.waveforms(waveforms, stage, mode, axis_gains)
         with progress(f"tracking {wave}", 1.0) as advance:
-            run = track_to_file(
-                device,
-                waveforms,
-                mode,
-                output=output,
-                stage=stage,
-                gains=axis_gains,
-                duration_s=duration,
+            run = device.track(
+                wave,
+                mode=mode,
+                axis=axes,
+                model=stage,
+                gains=gains if trials is None else None,
+                duration=duration,
+                follows=follows if trials is None else None,
+                learned=known,
                 force=force,
-                follows=follows or "true",
+                output=output,
+                overwrite=overwriting(),
                 on_progress=advance,
             )
     warn_of_gaps(run.recording.facts())

@@ -5,33 +5,41 @@ from __future__ import annotations
 import click
 
 from phaselead.cli.common import (
+    VOLTS,
     axis_option,
-    check_outputs,
     emit,
     json_option,
     number,
-    overwrite_option,
     port_option,
     progress,
     report_option,
     warn,
+    warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
-from phaselead.device import Device
+from phaselead.cli.outputs import INPUT, OutputFile, overwriting
+from phaselead.control import connect
 from phaselead.model import load_stage
-
-VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 
 
 @top_level(order=55, group="model")
 @click.command()
 @port_option
-@click.option("-o", "--output", metavar="STAGE.toml", required=True, help="The stage file with the new gains.")
-@click.option("--model", "model_path", metavar="M", help="Stage file; default: what the device holds.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="STAGE.toml",
+    type=OutputFile(".toml"),
+    required=True,
+    help="The stage file with the new gains.",
+)
+@click.option("--model", "model_path", metavar="M", type=INPUT, help="Stage file; default: what the device holds.")
 @axis_option
-@click.option("--level", metavar="V", help="Peak-to-peak of the multisine; default: a sixtieth of the limits.")
-@click.option("--middle", metavar="V", help="What it is about; default: the middle of the limits.")
+@click.option(
+    "--level", metavar="VOLTS", help="E.g. 500mV: peak-to-peak of the multisine; default: a sixtieth of the limits."
+)
+@click.option("--middle", metavar="VOLTS", help="E.g. 4V: what it is about; default: the middle of the limits.")
 @click.option("--peak", type=float, default=2.0, show_default=True, help="Allowed peak sensitivity.")
 @click.option(
     "--mode-shift", type=float, default=10.0, show_default=True, help="How far modes may move, up and down, %."
@@ -39,7 +47,6 @@ VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 @click.option(
     "--gain-share", type=float, default=10.0, show_default=True, help="How far the gain may change, up and down, %."
 )
-@overwrite_option
 @report_option
 @json_option
 def tune(
@@ -52,7 +59,6 @@ def tune(
     peak: float,
     mode_shift: float,
     gain_share: float,
-    overwrite: bool,
     report: str | None,
     json_to: str | None,
 ) -> None:
@@ -62,25 +68,20 @@ def tune(
     every local gain of the model and with modes and gain up and down; they go into the stage file, where `track` finds
     them.
     """
-    from phaselead.control import tune as tune_axis
-
-    inputs = [model_path] if model_path else []
-    check_outputs(output, report, json_to, inputs, overwrite)
     level_V, middle_V = number("--level", level, VOLTS), number("--middle", middle, VOLTS)
     stage = load_stage(model_path) if model_path else None
-    with Device.open(port) as device, progress(f"tuning {axis}", 1.0) as advance:
-        found = tune_axis(
-            device,
+    with connect(port) as device, warnings_said(), progress(f"tuning {axis}", 1.0) as advance:
+        found = device.tune(
             axis,
-            stage=stage,
-            level_V=level_V,
-            middle_V=middle_V,
+            model=stage,
+            level=level_V,
+            middle=middle_V,
             peak=peak,
             mode_shift=mode_shift / 100,
             gain_share=gain_share / 100,
             on_progress=advance,
         )
-    found.save(output)
+    found.save(output, overwrite=overwriting())
     if found.closed.peak_sensitivity > peak:
         warn(
             [f"the measured loop has a peak sensitivity of {found.closed.peak_sensitivity:.3g}, {peak:g} was asked for"]

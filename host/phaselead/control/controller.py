@@ -271,7 +271,7 @@ class Controller(Plays, Tunes, Supervision):
         wave: WavesLike | None = None,
         *,
         mode: str | None = None,
-        axis: str = "x",
+        axis: str | None = None,
         x: WaveLike | None = None,
         y: WaveLike | None = None,
         z: WaveLike | None = None,
@@ -288,8 +288,8 @@ class Controller(Plays, Tunes, Supervision):
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
 
         ``wave`` is "sine:60um@5Hz", "triangle:100um@20Hz", "file:path.csv@10Hz", "goto:120um", or in volts for mode
-        open; amplitudes are peak-to-peak. It is for ``axis``; several axes run together as ``track(x="...", y="...")``
-        or ``track({"x": "...", "y": "..."})``.
+        open; amplitudes are peak-to-peak. It is for ``axis``, x or several ("x,y"), by default
+        x; several paths run together as ``track(x="...", y="...")`` or ``track({"x": "...", "y": "..."})``.
 
         ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
         uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)
@@ -342,7 +342,7 @@ class Controller(Plays, Tunes, Supervision):
         wave: WavesLike | None = None,
         *,
         mode: str = "inverse+pid",
-        axis: str = "x",
+        axis: str | None = None,
         x: WaveLike | None = None,
         y: WaveLike | None = None,
         z: WaveLike | None = None,
@@ -382,7 +382,7 @@ class Controller(Plays, Tunes, Supervision):
         self,
         drive: WavesLike | None = None,
         *,
-        axis: str = "x",
+        axis: str | None = None,
         duration: float | None = None,
         output: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
@@ -394,18 +394,18 @@ class Controller(Plays, Tunes, Supervision):
         s; default ten periods, or 1 s when only listening. ``output`` (.h5) keeps the record on disk, with the raw
         codes that a replay needs; one that exists is written over only with ``overwrite``. Raises as ``track`` does.
         """
-        path = _output(output, overwrite)
+        path, letters = _output(output, overwrite), "".join(parse_axes(axis or "x", "axis"))
         waveforms = None if drive is None else given_waves(drive, axis, {})
         recording = record_open_loop(
             self.device,
             waveforms,
-            axis,
+            letters,
             output=path,
             stage=None if waveforms is None else self._own_model(waveforms, "open"),
             duration_s=duration,
             on_progress=on_progress,
         )
-        return _named(recording, path or wave_text(drive) or f"{axis} at rest")
+        return _named(recording, path or wave_text(drive) or f"{letters} at rest")
 
 
 def _named(recording: Recording, name: str) -> Recording:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from phaselead.control.gains import UNSEEN_MODE
 from phaselead.control.modes import INVERTS
-from phaselead.device import MotionLimits
+from phaselead.device import Limits, MotionLimits
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, SmallSignal, small_signal
+from phaselead.model import AxisModel, SmallSignal, compensation, small_signal
 from phaselead.waveforms import PEAK_SPEED
 
 UNKNOWN_um_per_s = 1000.0
@@ -78,8 +79,31 @@ def refuse_too_fast(axis: str, way_um: float, duration_s: float, model: AxisMode
     )
 
 
+def refuse_beyond_hard_limits(hard: Limits, targets_um: Mapping[str, float]) -> None:
+    """Raises BadInput for a target that the device's own limits leave out, whatever the model."""
+    for axis, target_um in targets_um.items():
+        low, high = hard[axis].x_min_um, hard[axis].x_max_um
+        if (low is not None and target_um < low) or (high is not None and target_um > high):
+            span = f"{'' if low is None else f'{low:.6g}'}..{'' if high is None else f'{high:.6g}'} um"
+            raise BadInput(
+                f"{axis}: {target_um:.6g} um is beyond the hard limits of the device ({span}); choose a place inside; "
+                "`phaselead limits` shows and changes them"
+            )
+
+
 def window_um(model: AxisModel | None) -> float:
     """How far off target noise alone takes a reading: five sigmas and half a code."""
     sensor = (model or AxisModel()).sensor
     code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits
     return float(SIGMAS * sensor.noise_um_rms + code_um / 2)
+
+
+def reach_um(mode: str | None, model: AxisModel) -> tuple[float, float]:
+    """The lowest and the highest target that the sensor and the model allow in this mode; None: in any."""
+    low, high = model.sensor.x_min_um, model.sensor.x_max_um
+    if model.table is not None:
+        high = min(high, model.table.range_um[1])
+    if mode in INVERTS:
+        lowest, highest = compensation(model).reach_um
+        low, high = max(low, lowest), min(high, highest)
+    return low, high

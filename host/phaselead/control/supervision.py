@@ -15,7 +15,7 @@ from phaselead.device import (
     set_trigger,
 )
 from phaselead.errors import BadInput
-from phaselead.record import Recording
+from phaselead.record import Recording, parse_axes
 from phaselead.result import Facts
 
 
@@ -46,7 +46,8 @@ class Supervision:
         x_max_um: float | None = None,
         remove: bool = False,
     ) -> Limits:
-        """Sets hard limits of one axis and keeps them in the device's flash; while parked. Gives those of all axes.
+        """Sets hard limits of an axis, or of several ("x,y"), and keeps them in the device's flash; while parked. Gives
+        those of all axes.
 
         What is left out stays as it is; with ``remove`` it is no longer limited. Raises BadInput for limits that make
         no sense, DeviceRefused when the device is armed, or its output or safe value is outside of them.
@@ -54,7 +55,7 @@ class Supervision:
         given = AxisLimits(u_min_V, u_max_V, slew_V_per_s, x_min_um, x_max_um)
         if not given and not remove:
             raise BadInput("set_limits without a limit changes nothing; give one, or remove=True")
-        return set_limits(self.device, axis, given, keep_others=not remove)
+        return set_limits(self.device, "".join(parse_axes(axis, "axis")), given, keep_others=not remove)
 
     def fault_log(self) -> FaultLog:
         """The last 16 faults, those before the last resets included; prints as a table.

@@ -31,6 +31,6 @@ def parse_target(value: float | str) -> Target:
     return Target(number, text[:1] in ("+", "-"))
 
 
-def parse_targets(text: str, axis: str = "x") -> dict[str, Target]:
-    """``50um`` for ``axis``, or ``x=50um,y=20um``, by axis. Raises BadInput."""
+def parse_targets(text: str, axis: str | None = None) -> dict[str, Target]:
+    """``50um`` for ``axis`` (x or several: "x,y"), or ``x=50um,y=20um``, by axis. Raises BadInput."""
     return {name: parse_target(part) for name, part in split_axes(text, axis, "target", EXAMPLE).items()}

@@ -154,22 +154,25 @@ def read_limits(device: Device) -> Limits:
     return Limits(axes, bool(reply.limits_lost))
 
 
-def set_limits(device: Device, axis: str, limits: AxisLimits, *, keep_others: bool = True) -> Limits:
-    """Sets hard limits of one axis and keeps them in the device's flash; while parked. Gives those of all axes.
+def set_limits(device: Device, axes: str, limits: AxisLimits, *, keep_others: bool = True) -> Limits:
+    """Sets hard limits of these axes ("x", "xy") and keeps them in the device's flash, all or none; while parked. Gives
+    those of all axes.
 
     What is None in ``limits`` stays as it is, or with ``keep_others=False`` becomes unlimited. Raises BadInput for
     limits that make no sense, DeviceRefused when the device is armed, or when its output or the safe value of its model
     is outside of them.
     """
-    index, calibration = axis_index(axis), device.converters()[axis]
-    now = device.session.request(wire.LimitsReadRequest()).limits
-    wanted = in_codes(limits, calibration)
-    if keep_others:
-        wanted = _of_both(now[index], wanted, limits)
-        if wanted.dac_min > wanted.dac_max or wanted.adc_min >= wanted.adc_max:
-            raise BadInput(f"axis {axis}: a lower limit is not below the upper one in force; give both")
-    every = (*now[:index], wanted, *now[index + 1 :])
-    device.session.request(wire.LimitsSetRequest(every), FLASH_WAITS_S)
+    calibration = device.converters()
+    every = list(device.session.request(wire.LimitsReadRequest()).limits)
+    for axis in axes:
+        index = axis_index(axis)
+        wanted = in_codes(limits, calibration[axis])
+        if keep_others:
+            wanted = _of_both(every[index], wanted, limits)
+            if wanted.dac_min > wanted.dac_max or wanted.adc_min >= wanted.adc_max:
+                raise BadInput(f"axis {axis}: a lower limit is not below the upper one in force; give both")
+        every[index] = wanted
+    device.session.request(wire.LimitsSetRequest(tuple(every)), FLASH_WAITS_S)
     return read_limits(device)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class LiveSamples:
     ticks: int
     axes: Mapping[str, LiveAxis]
     missing: int = 0
+
+    def without_reference(self) -> LiveSamples:
+        """The same of axes that follow nothing."""
+        nothing = np.full(self.ticks, np.nan, np.float32)
+        return replace(self, axes={axis: replace(one, r_um=nothing) for axis, one in self.axes.items()})
 
 
 class Live:

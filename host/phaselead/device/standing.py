@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -80,6 +80,16 @@ def after_interrupt(device: Device) -> str:
         if device.status().state == "parked":
             return "the output is parked"
     return "whether the output is parked is not known: look with phaselead status"
+
+
+@contextmanager
+def says_when_interrupted(device: Device, kept: str) -> Iterator[None]:
+    """What Ctrl-C in here says: what has become of the output, and of what was measured."""
+    try:
+        yield
+    except KeyboardInterrupt as ended:
+        ended.args = (*(str(part) for part in ended.args or (after_interrupt(device),)), kept)
+        raise
 
 
 def standings(device: Device) -> Mapping[str, Standing]:

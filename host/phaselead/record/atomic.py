@@ -106,11 +106,11 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Tru
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_texts(texts: Mapping[str, str]) -> None:
+def write_texts(texts: Mapping[str, str], *, overwrite: bool = True) -> None:
     """Write several texts as UTF-8: all of them or none, as far as a file system can promise it."""
     with ExitStack() as stack:
         for path, text in texts.items():
-            temporary = stack.enter_context(atomic_path(path))
+            temporary = stack.enter_context(atomic_path(path, overwrite=overwrite))
             try:
                 temporary.write_text(text, encoding="utf-8", newline="\n")
             except OSError as error:  # here, for the files around this one would take it for theirs

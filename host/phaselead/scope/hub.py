@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from phaselead.control import Controller, connect
-from phaselead.device import Where, explain_fault
+from phaselead.device import TICK_HZ, Where, explain_fault
 from phaselead.errors import LinkError, PhaseleadError
 from phaselead.model import Stage
 from phaselead.scope.samples import Samples
@@ -30,6 +30,8 @@ SILENT_S = 1.0
 FIND_S = 0.5
 """Two tries at a port that has gone away."""
 LINES_KEPT = 50
+TIMEOUT_S = 1.0
+"""Without a word from us the device parks by itself."""
 
 Order = Callable[["Hub", Mapping[str, Any]], str]
 
@@ -58,8 +60,9 @@ class Hub:
         """Opens the port; raises as ``connect``. ``say`` is told what should not be overlooked."""
         self.port, self.folder, self.park_after_s, self.say = port, folder, park_after_s, say
         self.samples, self.trigger = Samples(axes), Trigger()
-        self.stage = stage
-        self.dev: Controller = connect(port)
+        # What `phaselead move` left held is taken over where it stands.
+        self.dev: Controller = connect(port, resume=True)
+        self.stage = self.dev.model if stage is None else stage
         self.files: list[str] = []
         """Names in ``folder`` that were written by orders."""
         self.lines: deque[tuple[str, str, str]] = deque(maxlen=LINES_KEPT)
@@ -74,21 +77,31 @@ class Hub:
         self._orders: SimpleQueue[tuple[Order, Mapping[str, Any], Future[str]]] = SimpleQueue()
         self._stop, self._ending = threading.Event(), threading.Event()
         self._busy = self._ended_early = False
-        self._alone_since: float | None = time.monotonic()
+        self._alone_since: float | None = None if self.dev.resumed else time.monotonic()
+        """None while a tab is open, and while what was held before is seen by none yet."""
         self._looked_s = self._came_s = 0.0
+        self._at_rest = False
+        """It was seen parked, and no order has moved it since: what it followed is history."""
         self._thread = threading.Thread(target=self._run, name="phaselead scope", daemon=True)
 
     def start(self) -> None:
         """Begins to read; nothing moves."""
         self._thread.start()
 
-    def close(self) -> None:
-        """Ends what is under way, parks the device and closes the port."""
+    def close(self) -> str:
+        """Ends what is under way, parks the device and closes the port; what has become of it, in words."""
         self._ending.set()
         if self._thread.is_alive():
             self._thread.join()
+        try:
+            parked = self.dev.park().state == "parked"
+        except (PhaseleadError, OSError):
+            parked = False
         with contextlib.suppress(PhaseleadError, OSError):
             self.dev.close()
+        if parked:
+            return "the scope has ended; the device is parked"
+        return "the scope has ended; whether the device is parked is not known: look with `phaselead status`"
 
     # ---------------------------------------------------------------- for any thread
 
@@ -140,6 +153,10 @@ class Hub:
             self.job = self.job | {"share": round(share, 4)}
         self._between()
 
+    def about_to_move(self) -> None:
+        """Axes that stood parked follow something from here on, until they are seen parked again."""
+        self._at_rest = False
+
     def new_file(self, name: str) -> Path:
         """Where an order may write; the page links to it."""
         if name not in self.files:
@@ -151,6 +168,7 @@ class Hub:
         """While it lasts, a job of this name is under way. Samples of its captures come through; one that leaves the
         device alone does not stream."""
         self.job = {"name": name, "share": 0.0}
+        self.about_to_move()
         if not streams:
             self._live.pause()
         try:
@@ -160,15 +178,23 @@ class Hub:
             self.restream()
 
     def restream(self) -> None:
-        """After what has ended the stream or changed the model."""
-        with contextlib.suppress(LinkError):
+        """Begins the stream, or begins it again after what has ended it or changed the model. A line that cannot carry
+        it is told of; one that is gone is found so by the next read."""
+        self._came_s = time.monotonic()
+        try:
             self._live.start()
+        except LinkError:
+            pass
+        except PhaseleadError as error:
+            if not self.lines or self.lines[-1][2] != " ".join(str(error).split()):
+                self.tell(str(error), "refused")
 
     # ---------------------------------------------------------------- the thread
 
     def _run(self) -> None:
         self._live.before_each = self._between
-        self._begin()
+        self._take_over()
+        self.restream()
         while not self._ending.is_set():
             try:
                 self._turn()
@@ -181,14 +207,13 @@ class Hub:
         with contextlib.suppress(PhaseleadError, OSError):
             self._live.before_each = None
             self._live.close()
-            self.dev.close()
 
-    def _begin(self) -> None:
-        try:
-            self._live.start()
-            self._came_s = time.monotonic()
-        except PhaseleadError as error:
-            self.tell(str(error), "refused")
+    def _take_over(self) -> None:
+        """What was held when the port was opened is held on, and parks from now on when this program is killed."""
+        if self.dev.resumed:
+            self.dev.device.set_timeout(round(TIMEOUT_S * TICK_HZ))
+            held = (f"{axis} at {one.target_um:.3f} um" for axis, one in self.dev.where().axes.items() if one.held)
+            self.tell(f"taken over as it was held: {', '.join(held)}")
 
     def _turn(self) -> None:
         if self.away:
@@ -205,12 +230,11 @@ class Hub:
             self._look()
         self._take(self._live.read(READ_S))
         if now_s - self._came_s > SILENT_S:
-            self._came_s = now_s
-            self._live.start()
+            self.restream()
 
     def _take(self, parts: list[Any]) -> None:
         for part in parts:
-            self.samples.add(part)
+            self.samples.add(part.without_reference() if self._at_rest else part)
         if parts:
             self._came_s = time.monotonic()
             self.trigger.look(self.samples)
@@ -228,6 +252,8 @@ class Hub:
         try:
             order, arguments, done = self._orders.get_nowait()
         except Empty:
+            return
+        if not done.set_running_or_notify_cancel():  # the tab has gone before it was carried out
             return
         self._busy, self._ended_early = True, False
         try:
@@ -248,10 +274,11 @@ class Hub:
             self.tell(f"{type(error).__name__}: {error}", "refused")
             done.set_exception(PhaseleadError(f"{type(error).__name__}: {error}"))
         finally:
-            self._busy = False
+            self._busy, self._looked_s = False, 0.0
 
     def _look(self) -> None:
         self.where = where = self.dev.where()
+        self._at_rest = where.state == "parked"
         if where.fault == "none":
             self.fault = ""
         elif not self.fault:
@@ -277,7 +304,8 @@ class Hub:
         self._stop.clear()
         with contextlib.suppress(Empty):
             _, _, done = self._orders.get_nowait()
-            done.set_exception(LinkError(self.away))
+            if done.set_running_or_notify_cancel():
+                done.set_exception(LinkError(self.away))
         try:
             known = self.dev.reconnect(within_s=FIND_S)
         except LinkError:
@@ -285,4 +313,4 @@ class Hub:
             return
         self.away = ""
         self.tell("the device is there again" + ("" if known else "; it has restarted, and its paths are gone"))
-        self._live.start()
+        self.restream()

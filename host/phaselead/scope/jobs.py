@@ -96,6 +96,29 @@ def learn(hub: Hub, given: Arguments) -> str:
     return f"learned {values['wave']}: {', '.join(said)}; {found.reason}; kept in {hub.folder / name}"
 
 
+def tune(hub: Hub, given: Arguments) -> str:
+    """Measures the response of an axis, shapes a loop on it, measures that, and uploads the model with its gains."""
+    values = _given(JOBS["tune"], given)
+    peak = _number("peak sensitivity", values["peak"])
+    _at_rest(hub)
+    with hub.working("tune"):
+        found = hub.dev.tune(
+            values["axis"] or "x",
+            model=hub.stage,
+            level=_number("voltage", values["level"]),
+            on_progress=hub.progress,
+            **({} if peak is None else {"peak": peak}),
+        )
+        name = f"tuned-{_stamp()}.toml"
+        found.save(hub.new_file(name))
+        hub.dev.upload(found.model)
+    hub.stage = found.model
+    return (
+        f"tuned {found.axis}: bandwidth {found.closed.bandwidth_Hz:.0f} Hz, peak sensitivity "
+        f"{found.closed.peak_sensitivity:.2f}, both measured; uploaded; the model is in {hub.folder / name}"
+    )
+
+
 def gap(hub: Hub, given: Arguments) -> str:
     """Where model and saved recordings disagree, and what is missing."""
     from phaselead.gap import run_gap  # slow to load, needed here only
@@ -130,6 +153,17 @@ JOBS: dict[str, Job] = {
             Field("axes", "Axes", "x", "x, or x,y,z"),
             Field("u_max", "Largest voltage (V)", "", "empty: the usual levels"),
             Field("duration", "Seconds", "60", "of sines, at least 52 for each axis; empty: all of them"),
+        ),
+    ),
+    "tune": Job(
+        tune,
+        "Tune",
+        "Parks, plays multisines of some micrometres, shapes PID and filters on what comes back, measures the loop, and"
+        " uploads the model with its gains.",
+        (
+            Field("axis", "Axis", "x"),
+            Field("level", "Voltage (V)", "", "peak-to-peak; empty: a sixtieth of the limits"),
+            Field("peak", "Peak sensitivity", "2", "allowed, 1.2 to 3; 1.4 to 2 is usual"),
         ),
     ),
     "learn": Job(

@@ -12,14 +12,12 @@ from phaselead.control import MODES, gains_of, loop_of
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
-from phaselead.scope.hub import Hub, Order
+from phaselead.scope.hub import TIMEOUT_S, Hub, Order
 from phaselead.scope.jobs import JOBS
 from phaselead.scope.saving import save
 from phaselead.scope.trigger import Trigger
 
 Arguments = Mapping[str, Any]
-TIMEOUT_S = 1.0
-"""Without a word from us the device parks by itself."""
 
 
 def text(given: Arguments, name: str, default: str = "") -> str:
@@ -60,6 +58,7 @@ def _mode(given: Arguments) -> str | None:
 
 
 def arm(hub: Hub, given: Arguments) -> str:
+    hub.about_to_move()
     hub.dev.arm(timeout=TIMEOUT_S)
     return "armed: the output is live, at its safe value"
 
@@ -70,6 +69,7 @@ def park(hub: Hub, given: Arguments) -> str:
 
 
 def hold(hub: Hub, given: Arguments) -> str:
+    hub.about_to_move()
     hub.dev.hold()
     hub.restream()
     return "held where it stands"
@@ -78,6 +78,7 @@ def hold(hub: Hub, given: Arguments) -> str:
 def move(hub: Hub, given: Arguments) -> str:
     """Set-points: um, "+5um" relative; behind what is under way."""
     targets = by_axis(given, "targets")
+    hub.about_to_move()
     moved = hub.dev.move(
         **targets,  # type: ignore[arg-type]
         mode=_mode(given),
@@ -103,6 +104,7 @@ def play(hub: Hub, given: Arguments) -> str:
         mode = "open"
     if mode is None:
         mode = "pid" if hub.stage is None else "ff+pid"
+    hub.about_to_move()
     hub.dev.play(waves or None, mode=mode, model=hub.stage, gains=_gains(given))
     hub.restream()
     return f"playing {', '.join(f'{axis}={wave}' for axis, wave in waves.items())} in mode {mode}"

@@ -40,7 +40,8 @@ class Samples:
     def add(self, part: LiveSamples) -> None:
         """The next ticks. Ticks that go back, of a device that has restarted, begin anew."""
         with self.lock:
-            if part.first_tick < self.end or part.first_tick - self.end > self.capacity:
+            empty = self.begin == self.end
+            if empty or part.first_tick < self.end or part.first_tick - self.end > self.capacity:
                 self._ring[:] = np.nan
                 self.begin = self.end = part.first_tick
                 self.drops.clear()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
@@ -23,7 +24,7 @@ def save(samples: Samples, first: int, ticks: int, zero_tick: int, path: Path, m
     if came.sum() < 2:
         raise BadInput("nothing has come yet that could be saved; wait for the traces")
     ticks_there = np.flatnonzero(came) + first
-    inner = [gap for gap in samples.drops if first <= gap.first_tick < first + ticks]
+    gaps = missing_between(ticks_there)
     axes, effort = {}, {}
     for axis, one in zip(samples.axes, rows[..., came], strict=True):
         by_name = dict(zip(TRACES, one, strict=True))
@@ -31,10 +32,17 @@ def save(samples: Samples, first: int, ticks: int, zero_tick: int, path: Path, m
         axes[axis] = AxisRecord(by_name["u_V"], by_name["x_um"], by_name["r_um"] if followed else None)
         effort[axis] = {"feedforward_V": by_name["ff_V"], "feedback_V": by_name["fb_V"]}
     facts = {
-        "gaps": [[gap.first_tick, gap.ticks] for gap in inner],
-        "missing_ticks": sum(gap.ticks for gap in inner),
+        "gaps": gaps,
+        "missing_ticks": sum(ticks for _, ticks in gaps),
         "start_tick": zero_tick,
     }
     recording = Recording((ticks_there - zero_tick) / TICK_HZ, axes, source=str(path), meta=facts | meta)
     write_hdf5(path, recording, device={"tick": ticks_there, **effort}, overwrite=False)
     return recording
+
+
+def missing_between(ticks: NDArray[np.int64]) -> list[list[int]]:
+    """First tick and length of every gap between ticks that came, whatever became of the others: a stretch that begins
+    or ends within a gap begins after it or ends before it."""
+    steps = np.diff(ticks)
+    return [[int(ticks[i]) + 1, int(steps[i]) - 1] for i in np.flatnonzero(steps > 1)]

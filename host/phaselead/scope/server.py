@@ -257,7 +257,7 @@ def serve(
             interrupt.clear()
         finally:
             with interrupt.held(once=True):  # it parks
-                hub.close()
+                say(hub.close())
 
 
 def _listener(page_port: int) -> socket.socket:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from phaselead.errors import BadInput
+from phaselead.record import parse_axes
 from phaselead.waveforms.scan import Scan
 from phaselead.waveforms.waveform import Waveform
 from phaselead.waveforms.written import Written, short
@@ -55,23 +56,28 @@ def ways() -> list[tuple[tuple[str, str], ...]]:
     return [kind.written for kind in kinds().values()] + [scan.written for scan in scans().values()]
 
 
-def parse_waves(text: str, axis: str = "x") -> dict[str, Waveform]:
-    """``WAVE`` for ``axis``, or ``x=WAVE,y=WAVE`` for several, by axis."""
+def parse_waves(text: str, axis: str | None = None) -> dict[str, Waveform]:
+    """``WAVE`` for ``axis``, or ``x=WAVE,y=WAVE`` for several, by axis; as ``split_axes``."""
     word, _, rest = text.strip().partition(":")
     if word in scans():
+        if axis is not None:
+            raise BadInput(f"waveform {short(text)}: a {word} is for x and y together; leave the axis {axis} out")
         scan = scans()[word]
         return dict(scan.parse(Written(text, rest, scan.written[0][0])))
     parts = split_axes(text, axis, "waveform", "x=sine:60um@5Hz,y=sine:30um@5Hz")
-    return {name: parse_wave(part) for name, part in parts.items()}
+    if parts == {axis: text}:
+        return _parse(text, axis)
+    return {name: parse_wave(part, name) for name, part in parts.items()}
 
 
-def split_axes(text: str, axis: str, what: str, example: str) -> dict[str, str]:
-    """``PART`` for ``axis``, or ``x=PART,y=PART`` for several, by axis. Raises BadInput, saying ``what`` it is."""
+def split_axes(text: str, axis: str | None, what: str, example: str) -> dict[str, str]:
+    """``PART`` for every letter of ``axis`` (None: x), or ``x=PART,y=PART`` where it is None, by axis. Raises BadInput,
+    saying ``what`` it is."""
     parts = re.split(r",\s*(?=[A-Za-z]\w*=)", text.strip())
     if not re.match(r"[A-Za-z]\w*=", parts[0]):
-        if axis not in ("x", "y", "z"):
-            raise BadInput(f"axis {axis!r}: there are x, y and z")
-        return {axis: text}
+        return dict.fromkeys(parse_axes(axis or "x", "axis"), text)
+    if axis is not None:
+        raise BadInput(f"{what} {short(text)}: names its axes itself; leave the axis {axis} out")
     found: dict[str, str] = {}
     for part in parts:
         name, _, rest = part.partition("=")
@@ -83,8 +89,12 @@ def split_axes(text: str, axis: str, what: str, example: str) -> dict[str, str]:
     return found
 
 
-def parse_wave(text: str) -> Waveform:
-    """One waveform. Raises BadInput with what is wrong and an example."""
+def parse_wave(text: str, axis: str = "x") -> Waveform:
+    """The waveform of one axis. Raises BadInput with what is wrong and an example."""
+    return _parse(text, axis, named=True)[axis]
+
+
+def _parse(text: str, axis: str, *, named: bool = False) -> dict[str, Waveform]:
     word, colon, rest = text.strip().partition(":")
     if word in scans():
         raise BadInput(f"waveform {short(text)}: a {word} is for x and y together; give it alone, without an axis")
@@ -97,4 +107,4 @@ def parse_wave(text: str) -> Waveform:
     written = Written(text, rest, kind.written[0][0])
     if not colon or not rest.strip():
         raise written.refusal("nothing follows the kind")
-    return kind.parse(written)
+    return kind.parse_axes(written, axis, named=named)

@@ -6,6 +6,7 @@ import math
 
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel
+from phaselead.waveforms.goto import Goto
 from phaselead.waveforms.waveform import Waveform
 
 
@@ -13,7 +14,7 @@ def refuse_out_of_range(wave: Waveform, axis: AxisModel, *, table: bool = False)
     """Refuse a waveform that leaves what the axis can do; ``table``: also what table feed-forward covers.
 
     Volts must stay inside the limits and below the slew limit; positions inside what the sensor sees, and the
-    measured range if there is one.
+    measured range if there is one. The line does not say whose path it is: the caller knows the axis.
     """
     if wave.unit == "V":
         limits = axis.limits
@@ -22,7 +23,7 @@ def refuse_out_of_range(wave: Waveform, axis: AxisModel, *, table: bool = False)
         if rate > limits.slew_V_per_s:
             slower = wave.f_Hz * limits.slew_V_per_s / rate
             raise BadInput(
-                f"waveform: it needs {rate:.4g} V/s, the slew limit is {limits.slew_V_per_s:g} V/s; "
+                f"it needs {rate:.4g} V/s, the slew limit is {limits.slew_V_per_s:g} V/s; "
                 f"stay below {slower:.3g} Hz or lower the swing"
             )
         return
@@ -35,9 +36,12 @@ def refuse_out_of_range(wave: Waveform, axis: AxisModel, *, table: bool = False)
 
 
 def _inside(wave: Waveform, lowest: float, highest: float, what: str) -> None:
-    if not lowest <= wave.lowest <= wave.highest <= highest:
-        span = f"{lowest:.6g}..{highest:.6g}" if math.isfinite(lowest) else f"up to {highest:.6g}"
-        raise BadInput(
-            f"waveform: {wave.lowest:g}..{wave.highest:g} {wave.unit} is outside {what} "
-            f"({span} {wave.unit}); choose a smaller swing or another offset"
-        )
+    if lowest <= wave.lowest <= wave.highest <= highest:
+        return
+    allowed = f"{lowest:.6g}..{highest:.6g}" if math.isfinite(lowest) else f"up to {highest:.6g}"
+    target = wave.offset + wave.swing
+    if isinstance(wave, Goto) and not lowest <= target <= highest:
+        asked, other = f"{target:g}", "a place inside"
+    else:
+        asked, other = f"{wave.lowest:g}..{wave.highest:g}", "a smaller swing or another offset"
+    raise BadInput(f"{asked} {wave.unit} is outside {what} ({allowed} {wave.unit}); choose {other}")

@@ -84,9 +84,9 @@ class Tuned(Result):
         """L on the measured lines, at the measured gain, (m,)."""
         return np.asarray(self.measured.gain * pid_response(self.gains, self.measured.f_Hz))
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the stage file with the new gains."""
-        save_stage(os.fspath(path), self.model)
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+        """Writes the stage file with the new gains. Raises BadInput where it exists and ``overwrite`` is False."""
+        save_stage(os.fspath(path), self.model, overwrite=overwrite)
 
     def as_dict(self) -> dict[str, Any]:
         """The figures, without the curves."""

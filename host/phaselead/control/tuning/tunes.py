@@ -7,7 +7,7 @@ from collections.abc import Callable
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY
 from phaselead.control.tuning.course import GAIN_SHARE, tune
 from phaselead.control.tuning.result import Tuned
-from phaselead.device import Device
+from phaselead.device import Device, says_when_interrupted
 from phaselead.model import Stage, StageLike, as_stage
 
 
@@ -40,14 +40,15 @@ class Tunes:
         margin, and as ``track`` does.
         """
         stage = self.model if model is None else as_stage(model)
-        return tune(
-            self.device,
-            axis,
-            stage=stage,
-            level_V=level,
-            middle_V=middle,
-            peak=peak,
-            mode_shift=mode_shift,
-            gain_share=gain_share,
-            on_progress=on_progress,
-        )
+        with says_when_interrupted(self.device, "nothing is kept: tune measures anew"):
+            return tune(
+                self.device,
+                axis,
+                stage=stage,
+                level_V=level,
+                middle_V=middle,
+                peak=peak,
+                mode_shift=mode_shift,
+                gain_share=gain_share,
+                on_progress=on_progress,
+            )

@@ -1,0 +1,41 @@
+"""What click refuses on a command line, as one line that says what to do next."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import click
+from click.exceptions import NoArgsIsHelpError
+
+
+def fail(line: str, status: int) -> None:
+    """Prints one line on stderr and leaves with this status."""
+    click.echo(f"phaselead: {' '.join(line.split())}", err=True)
+    sys.exit(status)
+
+
+@contextmanager
+def usage_in_one_line() -> Iterator[None]:
+    """Ends the program with that line. A group without a command still shows its help."""
+    try:
+        yield
+    except NoArgsIsHelpError:
+        raise
+    except click.UsageError as error:
+        if error.ctx is not None and error.ctx.resilient_parsing:
+            raise
+        fail(usage_line(error), error.exit_code)
+
+
+def usage_line(error: click.UsageError) -> str:
+    """What is wrong, the words that may have been meant, and where help is."""
+    said, close = error.format_message(), list(getattr(error, "possibilities", None) or ())
+    said = said.partition(" (Did you mean")[0].partition(" Did you mean")[0].rstrip(".")
+    if close:
+        said += f", did you mean {' or '.join(close)}?"
+    elif not said.endswith("?"):
+        said += ";"
+    words = [] if error.ctx is None else error.ctx.command_path.split()[1:]
+    return f"{said[:1].lower()}{said[1:]} `{' '.join(('phaselead', *words, '--help'))}` shows the way"
