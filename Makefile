@@ -1,5 +1,6 @@
 # make demo   the whole story on the built-in stage        make test   everything CI runs
 # make toolchain   PlatformIO without its registry         make firmware   the boards' ELF files
+# make manual   the manual as a site in out/manual         make picture   the moving picture of the README
 # make package   sdist and wheel in dist/                  make lock   requirements*.lock from the ranges in pyproject.toml
 # Each sets up what it needs: a virtual environment in .venv with pinned packages, and the compiled parts.
 PYTHON ?= python3
@@ -11,12 +12,14 @@ NATIVE_SOURCES := $(wildcard firmware/*/*.[ch] firmware/port/*/*.[ch] host/phase
 # Where PlatformIO finds what it would otherwise download; `pio run` by itself uses the registry.
 PIO_CORE := .pio-core
 PIO_STAMP := $(PIO_CORE)/.prepared
+# Of fuzzing each target, in make test too.
+SECONDS ?= 60
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
 BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
 
-.PHONY: demo test test-browser bench campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual picture test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo
@@ -28,6 +31,18 @@ test: $(STAMP)
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
+	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --those-installed
+	@$(MAKE) --no-print-directory manual
+
+# Every warning is an error: a link or an anchor that leads nowhere, a page that no list has, a notebook that fails.
+manual: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-docs.lock
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -q -E -W --keep-going -j 2 -d out/doctrees docs out/manual
+	@echo out/manual/index.html
+
+picture: $(STAMP)
+	@$(BIN)/python docs/moving_picture.py
 
 # The scope's page in headless Chromium: the one of the distribution, which apt brings as root.
 test-browser: $(STAMP)
@@ -38,6 +53,10 @@ test-browser: $(STAMP)
 bench: $(STAMP)
 	@$(BIN)/python benchmarks/start_up.py
 	@$(BIN)/python benchmarks/speed.py
+
+# Others' controllers and ours on seven stages: docs/compare.md. A run that was cut short goes on.
+compare: $(STAMP)
+	@OMP_NUM_THREADS=1 $(BIN)/python benchmarks/compare.py
 
 # The blind trial behind docs/gap-campaign.md. SCALE=1 tries 608 cases; a run that was cut short goes on.
 SET ?= sealed
@@ -56,9 +75,8 @@ soak: $(STAMP)
 	@$(BIN)/python tests/soak/driver.py
 
 # Inputs nobody thought of, SECONDS for each of the five targets; needs clang with libclang-rt.
-SECONDS ?= 60
 fuzz: $(STAMP)
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -e .[fuzz]
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
 
 # Breaks the firmware in 200 places, one at a time, and counts what the tests notice: hours. A run that was cut short goes on.
@@ -74,8 +92,8 @@ big-recording: $(STAMP)
 	@$(BIN)/python benchmarks/big_recording.py --gigabytes 10
 
 lint: $(STAMP)
-	@$(BIN)/ruff check host tests protocol firmware benchmarks setup.py
-	@$(BIN)/ruff format --check host tests protocol firmware benchmarks setup.py
+	@$(BIN)/ruff check host tests protocol firmware benchmarks docs/*.py docs/notebooks setup.py
+	@$(BIN)/ruff format --check host tests protocol firmware benchmarks docs/*.py docs/notebooks setup.py
 	@$(BIN)/clang-format --dry-run --Werror $$(find firmware host tests -name '*.[ch]')
 	@$(BIN)/mypy
 	@$(BIN)/python tests/static_analysis.py
@@ -97,6 +115,8 @@ lock: $(STAMP)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q uv
 	@$(LOCK) --extra test -o requirements.lock pyproject.toml
 	@$(LOCK) --extra test --extra browser -c requirements.lock -o requirements-browser.lock pyproject.toml
+	@$(LOCK) --extra fuzz -c requirements.lock -o requirements-fuzz.lock pyproject.toml
+	@$(LOCK) --extra test --extra docs -c requirements.lock -o requirements-docs.lock pyproject.toml
 	@$(LOCK) --extra board -c requirements.lock -o requirements-board.lock pyproject.toml
 
 toolchain: $(PIO_STAMP)

@@ -25,14 +25,15 @@ class FirmwareTree:
         self.folder, self.flags = folder, flags
         self.objects = folder / "objects"
         shutil.rmtree(folder, ignore_errors=True)
-        names = subprocess.run(
+        listed = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
             cwd=ROOT, check=True, capture_output=True, text=True,
         ).stdout.split("\0")  # fmt: skip
-        for name in [*filter(None, names), *(str(p.relative_to(ROOT)) for p in ROOT.glob("host/**/*.so"))]:
-            if (ROOT / name).is_file():
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / name, folder / name)
+        built = (str(path.relative_to(ROOT)) for path in ROOT.glob("host/**/*.so"))
+        self.names = [name for name in [*sorted(filter(None, listed)), *built] if (ROOT / name).is_file()]
+        for name in self.names:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
         self.objects.mkdir()
         self.build_id = runpy.run_path(str(ROOT / "firmware" / "build_id.py"))["build_id"](ROOT)
         self.compiler = folder / "cc"
@@ -64,11 +65,11 @@ class FirmwareTree:
         command = [str(self.compiler), "-shared", *(str(self._object(source)) for source in sources), "-lm"]
         return subprocess.run([*command, "-o", LIBRARY], cwd=self.folder, check=False).returncode == 0
 
-    def test(self, *arguments: str, timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
-        """Runs pytest there; the result says what it printed."""
+    def test(self, *arguments: str, cpu_s: int | None = None) -> subprocess.CompletedProcess[str]:
+        """Runs pytest there; the result says what it printed. ``cpu_s`` bounds the processor time of each process."""
         environment = {**os.environ, "CC": str(self.compiler), "PYTHONDONTWRITEBYTECODE": "1"}
         environment["PYTHONPATH"] = f"{self.folder / 'host'}:{self.folder / 'tests'}"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
-        return subprocess.run(
-            command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=timeout_s, check=False
-        )
+        if cpu_s is not None:
+            command = ["prlimit", f"--cpu={cpu_s}", *command]
+        return subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True, check=False)

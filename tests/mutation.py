@@ -1,22 +1,27 @@
 """Breaks firmware/core and firmware/app in many places, one at a time, and counts what the tests notice: make mutation.
 
-python tests/mutation.py [--count 200] [--seed 1] [--only firmware/core/pid.c]
+python tests/mutation.py [--count 200] [--seed 1] [--only firmware/core/pid.c] [--parallel 1] [--again SOURCE.jsonl]
 
 A mutant changes one token: a condition, a limit, a sign, a constant, or a lock that is not taken. The places are drawn
-with a fixed seed, from every file by its length. Results are appended to out/mutation/results.jsonl, and a run that was
-cut short goes on; docs/promises.md lists those that survive, with the reason.
+with a fixed seed, from every file by its length. Results are appended to out/mutation/SOURCE.jsonl, where SOURCE is the
+hash of firmware, host and tests: a run that was cut short goes on, and one of other sources begins anew. The tests of
+the broken file come first for all mutants, then all others for those that are left. --again tries
+only those that survived in another such file, after tests were added. docs/promises.md lists those that survive, with
+the reason.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import random
 import re
-import subprocess
+import signal
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +36,12 @@ TESTS = [
     if path.name not in LEFT_OUT
 ]
 PLUGIN = ("-p", "without_shrinking")
+STRICT = ("-Wall", "-Wextra", "-Werror")
+"""A mutant that gives a warning does not build, here as in the tests."""
+FIRST_CPU_S, REST_CPU_S = 300, 1200
+"""Of one run of tests, which take 20 and 200 s: so a busy machine makes no mutant hang."""
+TESTS_FAILED = 1
+"""What pytest exits with then; from 2 on it could not run them."""
 GENERATED = ("wire.c", "wire.h")
 FIRST = {
     "axes": ("app/test_paths", "app/test_motion"),
@@ -50,6 +61,9 @@ FIRST = {
     "decoupling": ("core/test_decouple",),
     "device": ("app/test_hard_limits", "app/test_before_arm", "app/test_model"),
     "device_tick": ("app/test_faults", "app/test_paths"),
+    "axis_state": ("core/test_axis",),
+    "events": ("app/test_motion", "app/test_paths"),
+    "line": ("app/test_device_session",),
     "fault_log": ("app/test_own_records_journal", "app/test_faults"),
     "fault_writing": ("app/test_own_records_journal",),
     "feedforward_tables": ("core/test_feedforward",),
@@ -123,7 +137,7 @@ def sample(count: int, seed: int, only: str | None) -> list[Mutant]:
     locks = [m for m in found if m.kind == "lock"]
     others = [m for m in found if m.kind != "lock"]
     chosen = draw.sample(locks, min(count // 20, len(locks)))
-    return [*chosen, *draw.sample(others, min(count - len(chosen), len(others)))]
+    return [*draw.sample(others, min(count - len(chosen), len(others))), *chosen]
 
 
 def order(mutant: Mutant) -> tuple[list[str], list[str]]:
@@ -139,8 +153,19 @@ def order(mutant: Mutant) -> tuple[list[str], list[str]]:
     return [name for name in first if name in known], [name for name in known if name not in first]
 
 
-def try_mutant(tree: FirmwareTree, mutant: Mutant) -> str:
-    """`caught`, `survived`, `hangs` (caught as well) or `invalid`: it does not compile."""
+def outcome(tree: FirmwareTree, files: list[str], cpu_s: int) -> str:
+    """`survived`, `caught` by a failing test, `crashes` or `hangs`: the process that ran it ended, or did not.
+    Exits where the tests could not be run, which says nothing of the mutant."""
+    done = tree.test("-x", *PLUGIN, *files, cpu_s=cpu_s)
+    if done.returncode > TESTS_FAILED:
+        raise SystemExit(f"the tests could not be run:\n{done.stdout}{done.stderr}")
+    if done.returncode < 0:
+        return "hangs" if -done.returncode == signal.SIGXCPU else "crashes"
+    return "caught" if done.returncode == TESTS_FAILED else "survived"
+
+
+def try_mutant(tree: FirmwareTree, mutant: Mutant, files: list[str], cpu_s: int) -> str:
+    """The outcome of these tests, or `invalid`: it does not build."""
     path = tree.folder / mutant.path
     text = path.read_text()
     lines = text.splitlines(keepends=True)
@@ -151,14 +176,23 @@ def try_mutant(tree: FirmwareTree, mutant: Mutant) -> str:
     try:
         if not tree.build():
             return "invalid"
-        for files in filter(None, order(mutant)):
-            if tree.test("-x", *PLUGIN, *files, timeout_s=600).returncode != 0:
-                return "caught"
-        return "survived"
-    except subprocess.TimeoutExpired:
-        return "hangs"
+        return outcome(tree, files, cpu_s) if files else "survived"
     finally:
         path.write_text(text)
+
+
+def source_hash(tree: FirmwareTree) -> str:
+    """Of all that decides whether a mutant is caught."""
+    digest = hashlib.sha256()
+    for name in tree.names:
+        if name.startswith(("firmware/", "host/", "tests/")) and not name.endswith(".so"):
+            digest.update(name.encode() + b"\0" + (tree.folder / name).read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def read_results(path: Path) -> dict[Mutant, str]:
+    rows = map(json.loads, path.read_text().splitlines()) if path.is_file() else ()
+    return {Mutant(*row["mutant"]): row["result"] for row in rows}
 
 
 def main() -> int:
@@ -166,27 +200,37 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", help="one file")
+    parser.add_argument("--again", type=Path, help="results whose survivors are tried")
+    parser.add_argument("--parallel", type=int, default=1)
     parser.add_argument("--least", type=float, default=95.0, help="per cent caught")
     arguments = parser.parse_args()
     folder = ROOT / "out" / "mutation"
     folder.mkdir(parents=True, exist_ok=True)
-    results = folder / "results.jsonl"
-    done = {}
-    if results.is_file():
-        done = {Mutant(*row["mutant"]): row["result"] for row in map(json.loads, results.read_text().splitlines())}
-    chosen = sample(arguments.count, arguments.seed, arguments.only)
-    tree = FirmwareTree(folder / "tree")
-    if not tree.build():
+    if arguments.again:
+        chosen = [mutant for mutant, result in read_results(arguments.again).items() if result == "survived"]
+    else:
+        chosen = sample(arguments.count, arguments.seed, arguments.only)
+    trees = [FirmwareTree(folder / f"tree{i}", *STRICT) for i in range(arguments.parallel)]
+    results = folder / f"{source_hash(trees[0])}.jsonl"
+    done = read_results(results)
+    if not all(tree.build() for tree in trees):
         raise SystemExit("the firmware does not compile")
-    if not done and tree.test("-x", *PLUGIN, *TESTS).returncode != 0:
+    if not done and outcome(trees[0], TESTS, REST_CPU_S) != "survived":
         raise SystemExit("the tests fail without any mutant")
-    for mutant in chosen:
-        if mutant not in done:
-            begun = time.monotonic()
-            done[mutant] = try_mutant(tree, mutant)
-            row = {"mutant": mutant, "result": done[mutant], "seconds": round(time.monotonic() - begun, 1)}
-            with results.open("a") as file:
-                file.write(json.dumps(row) + "\n")
+
+    def take(mutant: Mutant, part: int) -> None:
+        tree, begun = trees.pop(), time.monotonic()
+        found = try_mutant(tree, mutant, order(mutant)[part], (FIRST_CPU_S, REST_CPU_S)[part])
+        done[mutant] = "passed first" if (part, found) == (0, "survived") else found
+        row = {"mutant": mutant, "result": done[mutant], "seconds": round(time.monotonic() - begun, 1)}
+        with results.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        trees.append(tree)
+
+    for part, begins_with in ((0, None), (1, "passed first")):
+        with ThreadPoolExecutor(arguments.parallel) as pool:
+            left = [mutant for mutant in chosen if done.get(mutant) == begins_with]
+            list(pool.map(take, left, [part] * len(left)))
     valid = [mutant for mutant in chosen if done[mutant] != "invalid"]
     survivors = [mutant for mutant in valid if done[mutant] == "survived"]
     for m in survivors:

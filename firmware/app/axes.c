@@ -108,7 +108,9 @@ void axes_start(struct device *device, uint8_t axis_mask)
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(axis_mask, axis)) {
             device_wake(device, axis);
-            if ((device->control.config[axis].path.flags & PATH_FROM_HERE) != 0)
+            const struct path_config *path = &device->control.config[axis].path;
+            if ((path->flags & PATH_FROM_HERE) != 0 ||
+                (path->kind == PATH_WAVE && device->control.points[axis].ring != POINTS_NO_RING))
                 device->control.path_mask &= ~(1u << axis); /* from where it is now, and not a second time */
             axis_start(&device->control.axis[axis]);
             axis_enter(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],

@@ -4,6 +4,7 @@
 #include "app/command.h"
 #include "app/crc32.h"
 #include "app/path_check.h"
+#include "app/points.h"
 #include "app/wire_biquad.h"
 
 #define WAVE_ONE_Q30 (1 << 30)
@@ -37,6 +38,7 @@ enum wire_status command_set_axis(struct device *device, const struct request *r
 static void take_joins(struct axis_config *config, const struct segment *segment)
 {
     config->path.flags = segment->path.flags;
+    config->path.ticks = segment->path.ticks;
     config->enter_turn64 = segment->enter_turn64;
     config->leave_turn64 = segment->leave_turn64;
     config->enter_ticks = segment->enter_ticks;
@@ -55,9 +57,12 @@ enum wire_status command_set_path(struct device *device, const struct request *r
                                        .step_turn64 = set.step_turn64,
                                        .ticks = set.ticks}};
     struct axis_config *config = &device->control.config[set.axis];
+    if (set.path == PATH_WAVE && device->control.points[set.axis].ring == POINTS_PLAYED)
+        return WIRE_STATUS_BAD_VALUE; /* they have been played */
     enum wire_status status = path_check(device, set.axis, &segment);
     if (status != WIRE_STATUS_OK)
         return status;
+    points_set(device, set.axis, &segment.path);
     config->path = segment.path;
     config->point = segment.point;
     take_joins(config, &segment);
@@ -109,6 +114,7 @@ enum wire_status command_wave_chunk(struct device *device, const struct request 
     }
     device_lock(device);
     device->wave_mask &= ~(1u << chunk.axis); /* incomplete until its commit */
+    device->control.points[chunk.axis].ring = POINTS_NO_RING;
     device_link_models(device);
     device_unlock(device);
     memcpy(&device->waves_q30[chunk.axis][chunk.offset], chunk.data, chunk.data_size);

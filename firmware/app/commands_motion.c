@@ -4,6 +4,7 @@
 #include "app/command.h"
 #include "app/motion.h"
 #include "app/path_check.h"
+#include "app/points.h"
 #include "app/wire_biquad.h"
 #include "core/fixed.h"
 
@@ -15,6 +16,9 @@ struct tail {
     int64_t end; /* where it comes to rest, if it is known */
     bool is_known;
     bool rests;   /* it comes to rest */
+    bool is_ring; /* it plays points that come meanwhile, */
+    bool is_open; /* not all of which are there */
+    uint32_t leave_ticks;
     bool is_over; /* it has */
 };
 
@@ -43,6 +47,8 @@ static void follow(const struct device *device, unsigned axis, const struct path
     tail->motion = motion_after(device, axis, path, &tail->span);
     tail->span = path_check_span(path, &tail->span);
     tail->kind = path->kind;
+    tail->is_ring = path->kind == PATH_WAVE && points_are_a_ring(device, axis);
+    tail->is_open = tail->is_ring && (path->flags & PATH_MORE) != 0;
     tail->rests = !path_is_periodic(path);
     tail->is_over = false;
     tail->is_known = path_end(path, &tail->end);
@@ -54,6 +60,7 @@ struct line_up {
     struct path_config path;
     uint32_t first, count;
     uint32_t is_driven, is_over;
+    uint32_t leave_ticks, reserved;
 };
 
 static struct line_up line_up_of(const struct device *device, unsigned axis)
@@ -64,6 +71,7 @@ static struct line_up line_up_of(const struct device *device, unsigned axis)
                             .first = queue->first,
                             .count = queue->count,
                             .is_driven = state->drive == DRIVE_PATH,
+                            .leave_ticks = device->control.config[axis].leave_ticks,
                             .is_over = state->path.running == 0 && !join_is_under_way(&state->join)};
 }
 
@@ -74,8 +82,12 @@ static struct tail find_tail(const struct device *device, unsigned axis, const s
     struct tail tail = {.span = {line_up->path.offset, line_up->path.offset}};
     follow(device, axis, &line_up->path, &tail);
     tail.is_over = line_up->is_over != 0;
-    for (unsigned i = 0; i < line_up->count && !at_once; i++)
-        follow(device, axis, &ring[(line_up->first + i) % SEGMENTS_QUEUED].path, &tail);
+    tail.leave_ticks = line_up->leave_ticks;
+    for (unsigned i = 0; i < line_up->count && !at_once; i++) {
+        const struct segment *segment = &ring[(line_up->first + i) % SEGMENTS_QUEUED];
+        follow(device, axis, &segment->path, &tail);
+        tail.leave_ticks = segment->leave_ticks;
+    }
     return tail;
 }
 
@@ -136,6 +148,12 @@ static enum wire_status check_segment(const struct device *device, unsigned axis
 {
     if (segment->path.kind >= WIRE_PATH_KIND_COUNT || !continues(segment, tail))
         return WIRE_STATUS_BAD_VALUE;
+    if (!tail->is_over && tail->is_ring && segment->enter_ticks > tail->leave_ticks)
+        return WIRE_STATUS_BAD_VALUE; /* its points suffice for no longer a join */
+    if (tail->is_open && !tail->is_over && segment->begin_tick == 0)
+        return WIRE_STATUS_WRONG_STATE;
+    if (segment->path.kind == PATH_WAVE && device->control.points[axis].ring == POINTS_PLAYED)
+        return WIRE_STATUS_BAD_VALUE;
     const enum wire_status status = path_check(device, axis, segment);
     if (status != WIRE_STATUS_OK)
         return status;
@@ -157,8 +175,10 @@ static enum wire_status put_segments(struct device *device, const struct wire_qu
         motion_drop(device, queue->axis_mask);
     control->queued++;
     for (unsigned axis = 0; axis < AXES; axis++)
-        if (is_in(queue->axis_mask, axis))
+        if (is_in(queue->axis_mask, axis)) {
+            points_set(device, axis, &segments[axis].path);
             segment_put(&control->queue[axis], &segments[axis], control->queued);
+        }
     return WIRE_STATUS_OK;
 }
 
@@ -289,6 +309,7 @@ enum wire_status command_where(struct device *device, const struct request *requ
         reply.reference[axis] = control->axis[axis].target.reference;
         reply.end[axis] = end_of(device, axis);
         reply.near_ticks[axis] = control->axis[axis].near_ticks;
+        reply.dry_ticks[axis] = control->queue[axis].dry != 0 ? control->queue[axis].dry_tick : 0;
     }
     wire_pack_where_reply(&reply, answer->payload, answer->size);
     return WIRE_STATUS_OK;

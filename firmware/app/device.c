@@ -90,6 +90,7 @@ static void reset_axis(struct device *device, unsigned axis, const struct axis_c
     memset(&state->target, 0, sizeof state->target);
     state->join.step_turn64 = 0;
     segment_reset(&device->control.queue[axis]);
+    memset(&device->control.points[axis], 0, sizeof device->control.points[axis]);
     memset(&device->motion_limits[axis], 0, sizeof device->motion_limits[axis]);
     pid_reset(&state->pid);
 }

@@ -23,6 +23,22 @@
 #define HOST_TIMEOUT_TICKS 5000 /* 1 s until SET_TIMEOUT says otherwise */
 #define RAM_BUDGET (120 * 1024) /* of 128 KiB: the port, its stack and the code that runs from RAM take the rest */
 
+/* What is known of a waveform whose points come while it is played (points.h). Fixed-size fields, no padding. */
+enum points_standing {
+    POINTS_NO_RING,
+    POINTS_RING,  /* filled, and not set or queued yet */
+    POINTS_PLAYED /* set or queued, since */
+};
+
+struct points_ring {
+    uint64_t length_ticks; /* of the path; 0: not known yet */
+    int32_t first, next;   /* points that have come: from, up to but not */
+    uint32_t steepest_q30;
+    uint32_t ring; /* enum points_standing */
+    uint32_t ticks_log2;
+    uint32_t reserved;
+};
+
 /* Everything that the next tick depends on, besides model and waveforms: what SNAPSHOT_READ gives and a replay starts
  * from. Fixed-size fields and no hole, so that it is the same bytes in every build. */
 struct control {
@@ -40,6 +56,7 @@ struct control {
     struct axis_config config[AXES];
     struct axis_state axis[AXES];
     struct segment_queue queue[AXES];
+    struct points_ring points[AXES];
 };
 
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
@@ -102,8 +119,8 @@ struct device {
     } raised_as[WIRE_FAULT_COUNT]; /* what goes with each fault of `raised` */
 };
 
-_Static_assert(sizeof(struct control) ==
-                   56 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) + sizeof(struct segment_queue)),
+_Static_assert(sizeof(struct control) == 56 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) +
+                                                      sizeof(struct segment_queue) + sizeof(struct points_ring)),
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 

@@ -1,5 +1,6 @@
 #include "app/path_check.h"
 
+#include "app/points.h"
 #include "core/fixed.h"
 #include "core/inverse_make.h"
 
@@ -135,5 +136,8 @@ enum wire_status path_check(const struct device *device, unsigned axis, struct s
     segment->point = (struct feedforward_point){0, 0};
     segment->enter_turn64 = per_join_turn64(segment->enter_ticks);
     segment->leave_turn64 = per_join_turn64(segment->leave_ticks);
-    return check_range(device, axis, &segment->path, &segment->point);
+    const enum wire_status status = check_range(device, axis, &segment->path, &segment->point);
+    if (status != WIRE_STATUS_OK || segment->path.kind != PATH_WAVE || !points_are_a_ring(device, axis))
+        return status;
+    return points_fit(device, axis, segment);
 }

@@ -115,10 +115,14 @@ static const struct {
     {"queue", {12, 12, false}, 0xC1},
     {"set_joins", {6, 6, false}, 0x44},
     {"set_joins", {9, 9, false}, 0xC4},
+    {"points_begin", {18, 18, false}, 0x45},
+    {"points_begin", {9, 9, false}, 0xC5},
+    {"points", {13, 13, true}, 0x46},
+    {"points", {15, 15, false}, 0xC6},
     {"set_gains", {17, 57, false}, 0x42},
     {"set_gains", {9, 9, false}, 0xC2},
     {"where", {0, 0, false}, 0x43},
-    {"where", {72, 72, false}, 0xC3},
+    {"where", {72, 96, false}, 0xC3},
     {"update_info", {0, 0, false}, 0x30},
     {"update_info", {28, 28, false}, 0xB0},
     {"update_begin", {64, 64, false}, 0x31},
@@ -1161,6 +1165,76 @@ bool wire_unpack_set_joins_request(struct wire_set_joins_request *to, const uint
     return true;
 }
 
+int32_t wire_pack_points_begin_request(const struct wire_points_begin_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_POINTS_BEGIN_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->axis_mask);
+    out = put_u8(out, from->ticks_log2);
+    out = put_u32(out, (uint32_t)from->first);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u32(out, from->steepest_q30[i]);
+    return WIRE_POINTS_BEGIN_REQUEST_SIZE;
+}
+
+bool wire_unpack_points_begin_request(struct wire_points_begin_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_POINTS_BEGIN_REQUEST_SIZE)
+        return false;
+    to->axis_mask = get_u8(&in);
+    to->ticks_log2 = get_u8(&in);
+    to->first = (int32_t)get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->steepest_q30[i] = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_points_request(const struct wire_points_request *from, uint8_t *out, size_t capacity)
+{
+    if (from->data_size > WIRE_MAX_PAYLOAD - WIRE_POINTS_REQUEST_SIZE ||
+        capacity < WIRE_POINTS_REQUEST_SIZE + from->data_size)
+        return -1;
+    out = put_u8(out, from->axis_mask);
+    out = put_u32(out, (uint32_t)from->first);
+    out = put_u64(out, from->length_ticks);
+    put_bytes(out, from->data, from->data_size);
+    return (int32_t)(WIRE_POINTS_REQUEST_SIZE + from->data_size);
+}
+
+bool wire_unpack_points_request(struct wire_points_request *to, const uint8_t *in, size_t size)
+{
+    if (size < WIRE_POINTS_REQUEST_SIZE || size > WIRE_MAX_PAYLOAD)
+        return false;
+    to->axis_mask = get_u8(&in);
+    to->first = (int32_t)get_u32(&in);
+    to->length_ticks = get_u64(&in);
+    to->data = in;
+    to->data_size = size - WIRE_POINTS_REQUEST_SIZE;
+    return true;
+}
+
+int32_t wire_pack_points_reply(const struct wire_points_reply *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_POINTS_REPLY_SIZE)
+        return -1;
+    out = put_u8(out, from->status);
+    out = put_u64(out, from->tick);
+    out = put_u16(out, from->room);
+    put_u32(out, from->left_ticks);
+    return WIRE_POINTS_REPLY_SIZE;
+}
+
+bool wire_unpack_points_reply(struct wire_points_reply *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_POINTS_REPLY_SIZE)
+        return false;
+    to->status = get_u8(&in);
+    to->tick = get_u64(&in);
+    to->room = get_u16(&in);
+    to->left_ticks = get_u32(&in);
+    return true;
+}
+
 int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, uint8_t *out, size_t capacity)
 {
     if (capacity < WIRE_SET_GAINS_REQUEST_SIZE)
@@ -1216,6 +1290,8 @@ int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out,
         out = put_u32(out, (uint32_t)from->end[i]);
     for (size_t i = 0; i < 3; i++)
         out = put_u32(out, from->near_ticks[i]);
+    for (size_t i = 0; i < 3; i++)
+        out = put_u64(out, from->dry_ticks[i]);
     return WIRE_WHERE_REPLY_SIZE;
 }
 
@@ -1242,6 +1318,8 @@ bool wire_unpack_where_reply(struct wire_where_reply *to, const uint8_t *in, siz
         to->end[i] = (int32_t)get_u32(&in);
     for (size_t i = 0; i < 3; i++)
         to->near_ticks[i] = get_u32(&in);
+    for (size_t i = 0; i < 3; i++)
+        to->dry_ticks[i] = get_u64(&in);
     return true;
 }
 

@@ -11,7 +11,7 @@
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
 #define WIRE_FINGERPRINT 0xD1C20CFCu
 #define WIRE_VERSION 2
-#define WIRE_REVISION 2
+#define WIRE_REVISION 3
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
 #define WIRE_CRC_SIZE 4
@@ -43,6 +43,8 @@ enum wire_type {
     WIRE_MOTION = 0x40,
     WIRE_QUEUE = 0x41,
     WIRE_SET_JOINS = 0x44,
+    WIRE_POINTS_BEGIN = 0x45,
+    WIRE_POINTS = 0x46,
     WIRE_SET_GAINS = 0x42,
     WIRE_WHERE = 0x43,
     WIRE_UPDATE_INFO = 0x30,
@@ -247,6 +249,8 @@ enum wire_transient_state {
     COMMAND(motion, WIRE_MOTION, WIRE_ANY_STATE, false) \
     COMMAND(queue, WIRE_QUEUE, 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
+    COMMAND(points_begin, WIRE_POINTS_BEGIN, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
+    COMMAND(points, WIRE_POINTS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(set_gains, WIRE_SET_GAINS, WIRE_ANY_STATE, false) \
     COMMAND(where, WIRE_WHERE, WIRE_ANY_STATE, false) \
     COMMAND(update_info, WIRE_UPDATE_INFO, WIRE_ANY_STATE, true) \
@@ -651,6 +655,34 @@ struct wire_set_joins_request {
     uint16_t leave_ticks; /* of the join to a hold where a periodic path ends; 0: none, it stops in one tick */
 };
 
+/* 0x45: The waveforms of these axes are from now on paths whose points come while they are played: a ring of 1024, filled by POINTS. Set such a path, or queue it, once points are there: kind wave, step 2^(54 - ticks_log2), without an end */
+#define WIRE_POINTS_BEGIN_REQUEST_SIZE 18
+struct wire_points_begin_request {
+    uint8_t axis_mask;
+    uint8_t ticks_log2; /* a point every 2^n ticks */
+    int32_t first; /* number of the first point; the path begins at point 0, those before are for the join into it */
+    uint32_t steepest_q30[3]; /* no two neighbours of an axis are further apart */
+};
+
+/* 0x46: More points of these axes, the same number for each. As long as points are missing a path ends so early that those that are there suffice for its join to a hold, and is then `dry` */
+#define WIRE_POINTS_REQUEST_SIZE 13
+struct wire_points_request {
+    uint8_t axis_mask;
+    int32_t first; /* number of the first of these points */
+    uint64_t length_ticks; /* of the path; 0: not known yet */
+    const uint8_t *data; /* i32 points in q30 of the swing, those of the first axis before those of the next */
+    size_t data_size;
+};
+
+/* 0xC6: More points of these axes, the same number for each. As long as points are missing a path ends so early that those that are there suffice for its join to a hold, and is then `dry` */
+#define WIRE_POINTS_REPLY_SIZE 15
+struct wire_points_reply {
+    uint8_t status;
+    uint64_t tick; /* the tick before which the command took effect */
+    uint16_t room; /* for so many more of each axis */
+    uint32_t left_ticks; /* until the path that is played ends or runs dry; 0: none is */
+};
+
 /* 0x42: Gains and filters of one axis, also while it runs: the output goes on from where it is */
 #define WIRE_SET_GAINS_REQUEST_SIZE 57
 struct wire_set_gains_request {
@@ -663,7 +695,7 @@ struct wire_set_gains_request {
 };
 
 /* 0xC3: Where the axes are, and where they go; also feeds the host timeout */
-#define WIRE_WHERE_REPLY_SIZE 72
+#define WIRE_WHERE_REPLY_SIZE 96
 struct wire_where_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
@@ -679,6 +711,7 @@ struct wire_where_reply {
     int32_t reference[3]; /* um q16 (V q24 in mode open) */
     int32_t end[3]; /* where the last path of the queue ends: a move's target; of others, their offset; of a hold from_here that waits, the reference */
     uint32_t near_ticks[3]; /* ticks in a row within the window */
+    uint64_t dry_ticks[3]; /* of axes that are dry: the tick in which the path ended */
 };
 
 /* 0xB0: Which firmware image runs, and what one must be linked for to replace it */
@@ -824,6 +857,7 @@ struct wire_event {
 #define WIRE_INFO_REQUEST_SIZE 0 /* Timing of the tick and the fault log */
 #define WIRE_MOTION_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_SET_JOINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_POINTS_BEGIN_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_SET_GAINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_WHERE_REQUEST_SIZE 0 /* Where the axes are, and where they go; also feeds the host timeout */
 #define WIRE_UPDATE_INFO_REQUEST_SIZE 0 /* Which firmware image runs, and what one must be linked for to replace it */
@@ -929,6 +963,12 @@ int32_t wire_pack_queue_reply(const struct wire_queue_reply *from, uint8_t *out,
 bool wire_unpack_queue_reply(struct wire_queue_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_joins_request(const struct wire_set_joins_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_set_joins_request(struct wire_set_joins_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_points_begin_request(const struct wire_points_begin_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_points_begin_request(struct wire_points_begin_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_points_request(const struct wire_points_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_points_request(struct wire_points_request *to, const uint8_t *in, size_t size);
+int32_t wire_pack_points_reply(const struct wire_points_reply *from, uint8_t *out, size_t capacity);
+bool wire_unpack_points_reply(struct wire_points_reply *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out, size_t capacity);

@@ -33,6 +33,8 @@ COMMANDS = [
     wire.MotionRequest(0, 0, 0, 0, UM, 10),
     wire.QueueRequest(1, 0, 0, (wire.Segment(wire.PathKind.HOLD, 1, 0, 0, 0, 0, 100, 0),) * 3),
     wire.SetJoinsRequest(0, 0, 100, 100),
+    wire.PointsBeginRequest(1, 0, -100, (1, 1, 1)),
+    wire.PointsRequest(1, 0, 0, bytes(8)),
     wire.SetGainsRequest(0, V, 0, 0, 1),
     wire.WhereRequest(),
     wire.UpdateInfoRequest(),

@@ -4,11 +4,14 @@ import threading
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead.control import keep_alive, motion_limits
 from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.hold_and_move import HoldsAndMoves
+from phaselead.control.moving import stop_s
 from phaselead.control.targets import Target, parse_target, parse_targets
 from phaselead.device import TICK_HZ, MotionLimits, Where, left_running, motion, recall, remember, wire
 from phaselead.device.left_running import LeftRunning
@@ -109,6 +112,55 @@ def test_hold_stops_a_move(dev):
     assert 60 < stopped.target_um < 110
     assert abs(stopped.x_um - stopped.target_um) < 0.5
     assert not stopped.moving
+
+
+def test_hold_stops_a_move_that_is_as_fast_as_the_limits_allow():
+    """It was refused: the queue's bound of the join to a hold is above the limit that the move itself takes."""
+    with pl.connect() as dev:
+        dev.x.move(10)
+        moved = dev.x.move(150, wait=False).axes["x"]
+        dev.device.wait(moved.duration_s / 3)
+        stopped = dev.hold().x
+        assert 12 < stopped.target_um < 110
+        assert abs(stopped.x_um - stopped.target_um) < 0.5
+        with pytest.raises(pl.DeviceRefused, match="faster than its limits"):  # which hold again
+            motion.queue(dev.device, {"x": motion.move_segment(200, moved.duration_s / 10)})
+
+
+limit = st.one_of(st.just(0.0), st.floats(1e2, 1e9))
+
+
+@given(limit, limit, limit)
+def test_a_stop_keeps_the_limits_of_acceleration_and_jerk(v, a, j):
+    """From a steady velocity: the join, differentiated on paper (docs/firmware.md has w)."""
+    T = stop_s(MotionLimits(v, a, j))
+    s = np.linspace(0, 1, 2001)
+    w, w1 = 10 * s**3 - 15 * s**4 + 6 * s**5, 30 * s**2 * (1 - s) ** 2
+    w2, w3 = 60 * s - 180 * s**2 + 120 * s**3, 60 - 360 * s + 360 * s**2
+    assert np.abs((1 - w) + w1 * (0.5 - s)).max() < 1.18
+    assert not a or np.abs(-2 * w1 + w2 * (0.5 - s)).max() * v / T <= a * (1 + 1e-9)
+    assert not j or np.abs(-3 * w2 + w3 * (0.5 - s)).max() * v / T**2 <= j * (1 + 1e-9)
+
+
+def test_where_a_move_may_go_and_how_long_it_takes(dev):
+    dev.hold()
+    low, high = dev.range_um("x")
+    for end in (low, high):
+        assert dev.plan(x=end).target_um == {"x": end}
+    for beyond in (low - 0.1, high + 0.1):
+        with pytest.raises(pl.BadInput, match="outside"):
+            dev.plan(x=beyond)
+    planned = dev.plan(x="+20um")
+    assert dev.where().x.target_um == planned.start_um["x"]
+    assert dev.x.move("+20um").axes["x"].duration_s == planned.duration_s
+
+
+def test_a_path_of_a_length_is_held_at_its_end(dev):
+    dev.play("sine:20um+10um@50Hz", mode="pid", duration=0.1)
+    assert dev.where().x.moving
+    dev.device.wait(0.5)
+    ended = dev.where()
+    assert (ended.state, ended.x.moving, ended.x.held) == ("running", False, True)
 
 
 def test_hold_arms_a_parked_device(dev):
@@ -290,3 +342,33 @@ def test_a_session_that_is_parked_on_the_way_out_is_forgotten(tmp_path, monkeypa
 def test_joins_have_a_longest():
     with pytest.raises(pl.BadInput, match="at most"):
         motion.join_ticks(20.0)
+
+
+def test_new_gains_are_taken_while_it_holds_and_while_it_moves(dev, stage):
+    """No jump of the output beyond what noise makes of a proportional gain; a later reply says that they are in force."""
+    dev.move(x=40, mode="inverse+pid")
+    with dev.live("x") as live:
+        live.read(0.02)
+        dev.set_gains((0, 20, 2e-5))
+        before = live.read(0.02)
+        dev.x.move(60, wait=False)
+        dev.set_gains((0, 25, 2.4e-5))
+        after = live.read(0.1)
+    held = np.concatenate([part.axes["x"].u_V for part in before])
+    assert np.ptp(held) < 0.05
+    assert np.abs(np.diff(np.concatenate([part.axes["x"].u_V for part in after]))).max() < 0.1
+    assert dev.device.session.request(wire.WhereRequest()).fault == 0
+    kept = dict(dev._mover.gains)
+    with pytest.raises(pl.BadInput, match="not stable"):
+        dev.set_gains((0, 300, 0))
+    assert dev._mover.gains == kept
+    assert dev.x.move(50, duration=0.1).axes["x"].settled_s is not None
+
+
+def test_gains_of_a_later_move_are_not_taken_for_nothing(dev):
+    """They were."""
+    dev.move(x=40, mode="pid")
+    dev.move(x=41, gains=(0, 20, 2e-5))
+    assert dev._mover.gains["x"].ki_V_per_um_s == 20
+    with pytest.raises(pl.DeviceRefused, match="no axis is held"):
+        pl.connect("sim://xyz250").set_gains((0, 20, 2e-5))

@@ -1,10 +1,11 @@
 """Fuzzing guided by coverage, from the corpora beside this file: make fuzz.
 
-python tests/fuzz/fuzz.py [--seconds 60] [--parallel 2] [--keep] [TARGET ...]
+python tests/fuzz/fuzz.py [--seconds 60] [--parallel 2] [--keep] [--those-installed] [TARGET ...]
 
 Each target runs for so long: the device in C with the address and undefined-behaviour sanitizers (clang's libFuzzer),
 what the host reads by atheris. What is found on the way stays in out/fuzz; --keep puts the smallest corpus of the same
-coverage in place of the one here. Exits 1 when an input broke something, and says in which file it is.
+coverage in place of the one here. Exits 1 when an input broke something, and says in which file it is; exits 2 where a
+fuzzer is missing, or with --those-installed runs the others.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ DEVICE = [
 ]
 INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{SOAK}"]
 SANITIZE = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+MISSING_DEVICE = "clang with libclang-rt (sudo apt install clang libclang-rt-dev)"
+MISSING_HOST = "atheris (pip install -r requirements-fuzz.lock)"
 TARGETS = ("device", "frames", "stage", "csv", "journal")
 LONGEST = {"device": 4096, "frames": 2048, "stage": 8192, "csv": 2048, "journal": 24576}
 """Bytes of an input."""
@@ -55,11 +58,8 @@ def command_of(target: str) -> list[str] | None:
     return [sys.executable, str(HERE / "one_host_target.py"), target]
 
 
-def fuzz(target: str, seconds: int) -> str:
+def fuzz(target: str, command: list[str], seconds: int) -> str:
     """One line that says what came of it; begins with ``broken`` when an input broke something."""
-    command = command_of(target)
-    if command is None:
-        return f"{target}: left out; it needs clang with libclang-rt, or `pip install -e .[fuzz]`"
     grown, found = OUT / target, OUT / f"broken-{target}-"
     grown.mkdir(parents=True, exist_ok=True)
     options = [f"-max_total_time={seconds}", f"-max_len={LONGEST[target]}", f"-artifact_prefix={found}", "-timeout=20"]
@@ -75,11 +75,8 @@ def fuzz(target: str, seconds: int) -> str:
     return said if done.returncode == 0 else f"broken {said}; out/fuzz/{target}.log, {found}*"
 
 
-def keep(target: str) -> None:
+def keep(target: str, command: list[str]) -> None:
     """The smallest corpus that covers as much."""
-    command = command_of(target)
-    if command is None:
-        return
     smallest = OUT / f"{target}-smallest"
     shutil.rmtree(smallest, ignore_errors=True)
     smallest.mkdir()
@@ -110,14 +107,23 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--parallel", type=int, default=2)
     parser.add_argument("--keep", action="store_true")
+    parser.add_argument("--those-installed", action="store_true")
     arguments = parser.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
+    found = {target: command_of(target) for target in arguments.targets}
+    missing = [target for target, command in found.items() if command is None]
+    if missing:
+        needs = {MISSING_DEVICE if target == "device" else MISSING_HOST for target in missing}
+        print(f"{', '.join(missing)} cannot be fuzzed: install {' and '.join(sorted(needs))}", file=sys.stderr)
+        if not arguments.those_installed:
+            return 2
+    commands = {target: command for target, command in found.items() if command is not None}
     with ThreadPoolExecutor(arguments.parallel) as pool:
-        results = list(pool.map(lambda target: fuzz(target, arguments.seconds), arguments.targets))
+        results = list(pool.map(lambda target: fuzz(target, commands[target], arguments.seconds), commands))
     print(*results, sep="\n")
     if arguments.keep:
-        for target in arguments.targets:
-            keep(target)
+        for target, command in commands.items():
+            keep(target, command)
     return 1 if any(line.startswith("broken") for line in results) else 0
 
 

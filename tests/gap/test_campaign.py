@@ -40,10 +40,7 @@ def test_nothing_hidden_nothing_named():
     [
         ("tuning/single/delay/1/fast/0", 0.05),
         ("tuning/single/gain_change/1/slow/1", 0.05),
-        pytest.param(
-            *("tuning/single/charge_leakage/1/slow/0", 0.15),
-            marks=pytest.mark.xfail(reason="a known fault: the leak is named creep", strict=True),
-        ),
+        ("tuning/single/charge_leakage/1/slow/0", 0.15),
     ],
 )
 def test_a_large_effect_is_named_and_its_gap_closed(case, left):

@@ -141,6 +141,29 @@ def test_numbers_count_what_they_say():
     assert reached["an effect left out of the catalogue ends as unknown or an honest tie"] == (None, 0)
 
 
+def test_an_interval_holds_the_true_size_of_either_sign():
+    def holds(low, high):
+        return score.intervals_hold(outcome(named=["delay"], sizes={"delay": [0.0, low, high]}))
+
+    assert holds(0.9, 1.1) == [True]
+    assert holds(-1.1, -0.9) == [True]
+    assert holds(1.05, 1.1) == [False]
+    assert score.intervals_hold(outcome(named=["creep"], sizes={"creep": [1.0, 0.0, 2.0]})) == []
+
+
+def test_names_are_right_or_not_one_by_one():
+    both = outcome("pair", ("delay", "creep"), named=["delay", "offset"], probability={"delay": 0.999, "offset": 0.99})
+    assert score.names_right(both) == [True, False]
+    assert score.stated_and_right(both) == [(0.999, True), (0.99, False)]
+    assert score.names_right(outcome("outside", hidden=(), named=["backlash"], allowed=["backlash"])) == [True]
+    assert score.names_right(outcome("removed", named=["delay"], without=["delay"])) == [False]
+
+
+def test_sizes_count_in_what_was_stated_to_be_detectable():
+    assert score.times_detectable(outcome(size=1.0, detectable={"delay": 0.25})) == pytest.approx(4.0)
+    assert score.times_detectable(outcome(size=1.0, detectable={"creep": 0.25})) is None
+
+
 def test_confusion_rows_hold_as_many_cases_as_were_tried():
     outcomes = [
         outcome(named=["delay"]),

@@ -16,6 +16,7 @@ from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.interval import intervals
 from phaselead.gap.posterior.likelihood import (
+    LEAST_OF_MATERIAL,
     LIKE_RIVALS,
     MOST_MISSED,
     OUTSIDE,
@@ -25,6 +26,7 @@ from phaselead.gap.posterior.likelihood import (
     confused,
 )
 from phaselead.gap.posterior.priors import prior_of
+from phaselead.model import Place
 from phaselead.model.effects import effect
 
 STEP_S, ROWS = 1e-3, 256
@@ -360,3 +362,38 @@ def test_held_out_records_move_no_parameter_that_is_learned_without_them():
             run.modelled.run.x_um = run.modelled.answer([sized(-4.0)])
     assert amount_of(toy.likelihood.fit([sized(1.0)])) != pytest.approx(amount_of(learned), rel=0.05)
     assert amount_of(toy.likelihood.without_held_out().fit([sized(1.0)])) == amount_of(learned)
+
+
+@pytest.mark.parametrize("amount", [3.0, 30.0, 300.0])
+def test_what_is_integrated_out_settles_where_it_is_likeliest(amount):
+    """However far it lies off where it is looked for first, and however sure the noise is."""
+    toy = Toy(7, fault=[sized(amount)], told=5.0)
+    faulty = replace(
+        toy.likelihood,
+        shared=tuple(400 * run.coefficients(run.modelled.columns[GAIN.name][:, None]) for run in toy.likelihood.runs),
+    )
+    typical = next(iter(sized(1.0)[1].values())) / GAIN.parameters[0].typical
+    terms = faulty.terms(())
+    scales = (SHARES[0], TIMES_BASE[0])
+
+    def joint(size):
+        of_size = np.array([size])
+        left = faulty.log_density(terms.power(of_size), faulty.variance(terms, scales), faulty.every)
+        return left - 0.5 * size**2
+
+    found = faulty.settled(terms, scales, faulty.every)
+    at = np.linspace(0, 2 * amount * typical / 400, 4001)
+    assert joint(found[0]) >= max(joint(size) for size in at) - 0.01
+
+
+def test_no_equation_of_the_ceramic_is_trusted_beyond_what_is_published():
+    """A loop leaves 5 % of itself at least; what is no loop may leave as little as the grid has."""
+    loop, gain = effect("hysteresis"), sized(2.0)
+    assert loop.place is Place.HYSTERESIS
+    toy = Toy(3)
+    terms = toy.likelihood.terms([gain])
+    of_loop = replace(terms, of_material=terms.signal)
+    least, most = (SHARES[0], 1.0), (0.3, 1.0)
+    as_loop = toy.likelihood.variance(of_loop, least) - toy.likelihood.variance(terms, least)
+    assert as_loop == pytest.approx((LEAST_OF_MATERIAL**2 - SHARES[0] ** 2) * terms.signal)
+    assert toy.likelihood.variance(of_loop, most) == pytest.approx(toy.likelihood.variance(terms, most))

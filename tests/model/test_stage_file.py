@@ -266,3 +266,16 @@ def test_any_value_under_any_key(data: st.DataObject, value: object) -> None:
             Stage.model_validate(content)
     except BadInput as refusal:
         assert_one_line(refusal)
+
+
+def test_a_stage_with_one_more_effect():
+    before = example_stage()
+    after = before.with_effect("amplifier_lowpass", tau_s=5e-4)
+    assert after.axis("x").effects[:-1] == before.axis("x").effects
+    assert after.axis("x").effects[-1].params == {"tau_s": 5e-4}
+    assert parse_stage(stage_text(after)) == after
+    with pytest.raises(BadInput, match="no known effect; one of") as unknown:
+        before.with_effect("wear", tau_s=1.0)
+    assert_one_line(str(unknown.value))
+    with pytest.raises(BadInput, match="has no axis q"):
+        before.with_effect("amplifier_lowpass", "q", tau_s=1.0)

@@ -28,7 +28,9 @@ def test_the_version_is_the_same_everywhere():
     [
         ("requirements.lock", PROJECT["dependencies"] + EXTRAS["test"]),
         ("requirements-browser.lock", PROJECT["dependencies"] + EXTRAS["test"] + EXTRAS["browser"]),
+        ("requirements-docs.lock", PROJECT["dependencies"] + EXTRAS["test"] + EXTRAS["docs"]),
         ("requirements-board.lock", PROJECT["dependencies"] + EXTRAS["board"]),
+        ("requirements-fuzz.lock", PROJECT["dependencies"] + EXTRAS["fuzz"]),
     ],
 )
 def test_the_lock_file_holds_a_fitting_version_of_everything_asked_for(lock, wanted):
@@ -39,7 +41,7 @@ def test_the_lock_file_holds_a_fitting_version_of_everything_asked_for(lock, wan
         assert all(need.specifier.contains(version) for version in versions), f"{need}: {versions}; run make lock"
 
 
-@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-browser.lock", "requirements-board.lock"])
+@pytest.mark.parametrize("lock", sorted(path.name for path in ROOT.glob("requirements*.lock")))
 def test_the_lock_file_names_no_index_and_no_file(lock):
     text = (ROOT / lock).read_text()
     assert "--hash=sha256:" in text

@@ -8,10 +8,13 @@
 #define MODEL_CHUNK 900
 #define IMAGE_PART 512 /* a table of vectors */
 
+#define NUMBER_OF(name, number, states, locks_itself) number,
+
 void send_random(struct random_host *host)
 {
+    static const uint8_t COMMANDS[] = {WIRE_COMMANDS(NUMBER_OF)};
     static uint8_t payload[WIRE_MAX_PAYLOAD];
-    uint8_t type = (uint8_t)(below(host, 20) ? 1 + below(host, WIRE_INFO) : below(host, 256));
+    uint8_t type = (uint8_t)(below(host, 20) ? COMMANDS[below(host, sizeof COMMANDS)] : below(host, 256));
     const struct wire_message_size *known = wire_message_size(type);
     size_t size = known ? known->fixed + (known->has_tail ? 4 * below(host, 257) : 0) : below(host, 64);
     if (below(host, 20) == 0)
@@ -33,17 +36,65 @@ static struct wire_biquad stable_section(struct random_host *host)
     return section;
 }
 
+/* Any that is stable, up to poles that ring for minutes, with numerators up to 16. */
+static struct wire_biquad loop_section(struct random_host *host)
+{
+    const int32_t one = BIQUAD_ONE_Q26;
+    const uint32_t inside = 1 + (below(host, 2) ? below(host, 1000) : below(host, (uint32_t)one - 1));
+    struct wire_biquad section = {.a2_q26 = below(host, 4) ? one - (int32_t)inside : (int32_t)inside - one};
+    const uint32_t most = (uint32_t)(one + section.a2_q26); /* |a1| below it */
+    section.a1_q26 = (int32_t)below(host, 2 * most - 1) - (int32_t)(most - 1);
+    section.b0_q26 = (int32_t)below(host, 1u << (26 + below(host, 4)));
+    section.b2_q26 = (int32_t)below(host, 1u << (26 + below(host, 3)));
+    section.b1_q26 = one + section.a1_q26 + section.a2_q26 - section.b0_q26 - section.b2_q26;
+    return section;
+}
+
+static void make_filters(struct random_host *host, struct wire_biquad filters[LOOP_SECTIONS])
+{
+    for (unsigned i = 0; i < LOOP_SECTIONS; i++)
+        if (below(host, 4))
+            filters[i] = loop_section(host);
+}
+
+/* Most of them gains with which an axis runs for a while. */
+static int32_t random_gain(struct random_host *host)
+{
+    return (int32_t)(below(host, 2) ? below(host, 1 << 21) : random_value(host) & INT32_MAX);
+}
+
+/* One that follows a path, if there is any. */
+static uint8_t axis_under_way(struct random_host *host)
+{
+    uint8_t axis = (uint8_t)below(host, AXES);
+    for (unsigned i = 0; i < AXES && host->device.control.axis[axis].drive != DRIVE_PATH; i++)
+        axis = (uint8_t)((axis + 1) % AXES);
+    return axis;
+}
+
+void send_gains(struct random_host *host)
+{
+    uint8_t payload[WIRE_SET_GAINS_REQUEST_SIZE];
+    struct wire_set_gains_request set = {.axis = axis_under_way(host),
+                                         .kp_q24 = random_gain(host),
+                                         .ki_ts_q32 = random_gain(host),
+                                         .kd_over_ts_q24 = random_gain(host),
+                                         .d_alpha_q31 = 1 + random_gain(host) / 2};
+    make_filters(host, set.filters);
+    wire_pack_set_gains_request(&set, payload, sizeof payload);
+    random_host_send(host, WIRE_SET_GAINS, SESSION, payload, sizeof payload);
+}
+
 void send_mode_and_path(struct random_host *host)
 {
     uint8_t payload[WIRE_MAX_PAYLOAD];
-    struct wire_set_axis_request set = {.axis = (uint8_t)below(host, 3),
+    struct wire_set_axis_request set = {.axis = (uint8_t)below(host, AXES),
                                         .mode = (uint8_t)below(host, WIRE_MODE_COUNT),
-                                        .kp_q24 = (int32_t)(random_value(host) >> 1 & INT32_MAX),
-                                        .ki_ts_q32 = (int32_t)(random_value(host) & INT32_MAX),
-                                        .kd_over_ts_q24 = (int32_t)(random_value(host) & INT32_MAX),
-                                        .d_alpha_q31 = (int32_t)(1 + (random_value(host) & INT32_MAX) / 2)};
-    if (below(host, 2))
-        set.filters[0] = stable_section(host);
+                                        .kp_q24 = random_gain(host),
+                                        .ki_ts_q32 = random_gain(host),
+                                        .kd_over_ts_q24 = random_gain(host),
+                                        .d_alpha_q31 = 1 + random_gain(host) / 2};
+    make_filters(host, set.filters);
     wire_pack_set_axis_request(&set, payload, sizeof payload);
     random_host_send(host, WIRE_SET_AXIS, SESSION, payload, WIRE_SET_AXIS_REQUEST_SIZE);
     int32_t unit = set.mode == AXIS_OPEN ? 1 << 24 : 24 << 16;
@@ -236,6 +287,16 @@ void send_streams(struct random_host *host)
     random_host_send(host, WIRE_STREAM_START, SESSION, payload, sizeof payload);
     wire_pack_transient_arm_request(&arm, arm_payload, sizeof arm_payload);
     random_host_send(host, WIRE_TRANSIENT_ARM, SESSION, arm_payload, sizeof arm_payload);
+}
+
+/* The image that runs is confirmed, as a host does that has just started it. */
+void send_confirm(struct random_host *host)
+{
+    struct wire_update_confirm_request confirm;
+    uint8_t payload[WIRE_UPDATE_CONFIRM_REQUEST_SIZE];
+    memcpy(confirm.build_id, host->device.port.build_id, sizeof confirm.build_id);
+    wire_pack_update_confirm_request(&confirm, payload, sizeof payload);
+    random_host_send(host, WIRE_UPDATE_CONFIRM, SESSION, payload, sizeof payload);
 }
 
 /* An image for the slot that does not run, most of them whole. */

@@ -6,6 +6,7 @@
 
 void send_random(struct random_host *host); /* any type, any payload of a size that suits it */
 void send_mode_and_path(struct random_host *host);
+void send_gains(struct random_host *host);
 void send_arm_and_start(struct random_host *host);
 void send_model(struct random_host *host);
 void send_wave(struct random_host *host);
@@ -13,6 +14,7 @@ void send_limits(struct random_host *host);
 void send_queue(struct random_host *host);
 void send_joins_and_bounds(struct random_host *host);
 void send_streams(struct random_host *host);
+void send_confirm(struct random_host *host);
 void send_update(struct random_host *host);
 
 #endif

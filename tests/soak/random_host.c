@@ -11,7 +11,8 @@
 #include "app/service.h"
 #include "random_commands.h"
 
-#define ROUNDS_OF_POWER 2000
+#define ROUNDS_OF_POWER 500
+#define ALL_SECTIONS ((1u << LOOP_SECTIONS) - 1)
 
 static uint64_t noise_bits(struct random_host *host)
 {
@@ -121,6 +122,25 @@ static void take_outgoing(struct random_host *host)
     }
 }
 
+/* An axis that follows a path in closed loop. */
+static bool is_closed(const struct control *now, unsigned axis)
+{
+    return now->state == WIRE_STATE_RUNNING && now->axis[axis].path.running != 0 &&
+           axis_mode_has_feedback(now->config[axis].mode);
+}
+
+static void count_reply(struct random_host *host)
+{
+    const struct control *now = &host->device.control;
+    const uint8_t *reply = host->device.line.reply_body + WIRE_HEADER_SIZE;
+    host->replies++;
+    if (host->obeyed == 0 || reply[0] != WIRE_STATUS_OK)
+        return;
+    host->done_of[host->obeyed]++;
+    for (unsigned axis = 0; axis < AXES && host->obeyed == WIRE_SET_GAINS; axis++)
+        host->gains_under_way += is_closed(now, axis) && now->config[axis].filter.in_use == ALL_SECTIONS;
+}
+
 static void receive(struct random_host *host, const uint8_t *bytes, size_t size)
 {
     while (size > 0) {
@@ -132,10 +152,8 @@ static void receive(struct random_host *host, const uint8_t *bytes, size_t size)
         invariants_after_command(&host->seen, &host->device, host->obeyed);
         bytes += taken;
         size -= taken;
-        if (host->device.line.reply_size != 0) {
-            host->replies++;
-            host->ok_replies += host->device.line.reply_body[WIRE_HEADER_SIZE] == WIRE_STATUS_OK;
-        }
+        if (host->device.line.reply_size != 0)
+            count_reply(host);
         if (taken == 0 || below(host, 2))
             take_outgoing(host);
     }
@@ -170,8 +188,9 @@ static void count_tick(struct random_host *host)
     host->ticks++;
     host->ticks_in[now->state]++;
     for (unsigned axis = 0; axis < AXES && now->state == WIRE_STATE_RUNNING; axis++) {
-        host->path_ticks += now->axis[axis].path.running != 0;
-        host->inverse_ticks += now->axis[axis].path.running != 0 && axis_mode_inverts(now->config[axis].mode);
+        host->path_ticks_in[now->config[axis].mode] += now->axis[axis].path.running != 0;
+        if (is_closed(now, axis))
+            host->filter_ticks[now->config[axis].filter.in_use]++;
     }
 }
 
@@ -250,7 +269,8 @@ static void power_on(struct random_host *host)
     port.update =
         (struct update_port){.flash = host_flash_images(&host->flash),
                              .places = {.address = {0x08020000u, 0x08040000u}, .slot_size = HOST_IMAGE_SLOT_SIZE},
-                             .slot = (uint8_t)below(host, IMAGE_SLOTS)};
+                             .slot = (uint8_t)below(host, IMAGE_SLOTS),
+                             .on_trial = below(host, 8) == 0};
     device_init(&host->device, &port);
     update_read_record(&host->device.update, &host->device.port.update);
     host->flash.power_limited = below(host, 4) == 0; /* from some byte on it takes nothing more */
@@ -305,6 +325,8 @@ void random_host_round(struct random_host *host)
         if (below(host, 2))
             send_joins_and_bounds(host);
         send_arm_and_start(host);
+        run(host, below(host, 200));
+        send_gains(host);
         run(host, below(host, 2000));
         break;
     case 3:
@@ -335,6 +357,12 @@ void random_host_round(struct random_host *host)
     case 12:
         if (below(host, 4) == 0)
             send_update(host);
+        else if (below(host, 4) == 0)
+            send_confirm(host);
+        break;
+    case 13:
+        send_gains(host);
+        run(host, below(host, 200));
         break;
     default:
         send_random(host);

@@ -25,9 +25,12 @@ struct random_host {
     bool locked;
     uint8_t obeyed;  /* type of the last command that was carried out; 0: none since it was looked at */
     uint32_t rounds; /* since power came */
-    uint64_t frames, replies, ok_replies, ticks;
-    uint64_t path_ticks, inverse_ticks; /* of all axes */
+    uint64_t frames, replies, ticks;
+    uint64_t done_of[WIRE_REPLY_BIT]; /* commands that were carried out, by number */
     uint64_t ticks_in[WIRE_STATE_COUNT], faults_of[WIRE_FAULT_COUNT];
+    uint64_t path_ticks_in[WIRE_MODE_COUNT];    /* of all axes that follow a path */
+    uint64_t filter_ticks[1u << LOOP_SECTIONS]; /* of those in closed loop, by the sections in use */
+    uint64_t gains_under_way;                   /* set with both sections on an axis in closed loop */
 };
 
 /* What it does is chosen by the bytes of an input, NULL: by the seed alone, as sensors and line always are. */

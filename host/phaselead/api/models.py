@@ -14,17 +14,23 @@ if TYPE_CHECKING:
 
 
 def load(path: str | os.PathLike[str]) -> Stage:
-    """Reads a stage file. Raises BadInput with one line that names the file, the key and the fix.
+    """Reads a stage file; ``sim://xyz250`` is that of a built-in virtual stage, which knows its own truth.
+
+    Raises BadInput with one line that names the file, the key and the fix.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
     ...     pl.fit(dev.record("sine:5V@5Hz", duration=1)).save("stage.toml")
     >>> sorted(pl.load("stage.toml").axes)
     ['x']
+    >>> sorted(pl.load("sim://xyz250").axes)
+    ['x', 'y', 'z']
     """
     from phaselead.model import load_stage
+    from phaselead.sim import stage_at
 
-    return load_stage(os.fspath(path))
+    place = os.fspath(path)
+    return stage_at(place) if place.startswith("sim://") else load_stage(place)
 
 
 def fit(

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from phaselead.control.gains import GainsLike
+from phaselead.control.held import held_stage
 from phaselead.control.keep_alive import KeepAlive
+from phaselead.control.motion_limits import motion_limits, reach_um
 from phaselead.control.move_rehearsal import rehearse_move
 from phaselead.control.moving import Moved, Mover, Planned
 from phaselead.control.targets import Target, parse_target
-from phaselead.device import AxisWhere, Device, LeftRunning, Where, recall, remember
-from phaselead.errors import BadInput
-from phaselead.model import Stage, StageLike, as_stage
+from phaselead.device import AxisWhere, Device, LeftRunning, MotionLimits, Where, read_limits, recall, remember
+from phaselead.errors import BadInput, DeviceRefused
+from phaselead.model import AxisModel, Stage, StageLike, as_stage
 
 TargetLike = float | str
 
@@ -89,36 +91,94 @@ class HoldsAndMoves:
         >>> second.axes["x"].to_um, abs(second.axes["x"].x_um - 45) < 0.5
         (45.0, True)
         """
-        targets = {axis: parse_target(value) for axis, value in zip("xyz", (x, y, z), strict=True) if value is not None}
-        if not targets:
-            raise BadInput('where to? e.g. move(x=80), move(x="+5um", y=20)')
+        targets = _targets(x, y, z)
         mover = self._choose(targets, mode, model, gains, force=force)
-
-        def plan() -> Planned:
-            return mover.plan(
-                {axis: target.um for axis, target in targets.items()},
-                relative=frozenset(axis for axis, target in targets.items() if target.relative),
-                duration_s=duration,
-                speed_um_per_s=speed,
-            )
-
-        planned = plan()
+        planned = _plan(mover, targets, duration, speed)
         idle = not any(one.moving for one in mover.where().axes.values())
         predicted = rehearse_move(mover, planned) if rehearse and idle and not force else {}
         if on_planned is not None:
             on_planned(planned, predicted)
         self._engage()
-        return mover.move(plan(), predicted, wait=wait)
+        return mover.move(_plan(mover, targets, duration, speed), predicted, wait=wait)
 
-    def hold(self) -> Where:
+    def plan(
+        self,
+        *,
+        x: TargetLike | None = None,
+        y: TargetLike | None = None,
+        z: TargetLike | None = None,
+        duration: float | None = None,
+        speed: float | None = None,
+    ) -> Planned:
+        """The move that ``move`` would make of axes that are held, without making it: where each begins and ends, and
+        how long all of them take. Raises as ``move`` does.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     held = dev.hold()
+        ...     planned = dev.plan(x=40, speed=500)
+        >>> planned.target_um["x"], round(planned.duration_s, 2)
+        (40.0, 0.15)
+        """
+        return _plan(self._mover, _targets(x, y, z), duration, speed)
+
+    def hold(
+        self,
+        axes: str = "",
+        *,
+        mode: str | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+    ) -> Where:
         """Stops every axis that is held, within its limits, drops the moves that wait, and goes on holding.
 
-        A device that is not moving yet is armed, and holds where it stands. Raises as ``move`` does.
+        A device that is not moving yet is armed, and holds where it stands: ``axes`` ("xyz") and those of a model, else
+        x; ``mode``, ``model`` and ``gains`` as for ``move``. Raises as ``move`` does.
         """
         if not self._mover.gains or self._mover.where().state != "running":
-            self._choose({}, None, None, None)
+            self._choose(axes, mode, model, gains)
             self._engage()
         return self._mover.hold()
+
+    def set_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> None:
+        """Other gains for the axes that are held, moving or playing, without a stop: the output goes on from where it is.
+
+        ``gains`` as for ``move``, filters included where they come from a model. Raises BadInput, and changes nothing,
+        for a mode without feedback and for gains whose loop on the model has a peak sensitivity above 6, unless
+        ``force``; above 3 it warns. DeviceRefused where no axis is held.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     moved = dev.move(x=40)
+        ...     dev.set_gains("paper")
+        ...     held = dev.where()
+        >>> held.x.held
+        True
+        """
+        if not self._mover.gains or self._mover.where().state != "running":
+            raise DeviceRefused("no axis is held; gains are given with the first move, or with a path")
+        for line in self._mover.change_gains(gains, force=force):
+            warnings.warn(line, stacklevel=2)
+
+    def motion_limits(self, axis: str, model: StageLike | None = None) -> MotionLimits:
+        """How fast a move of this axis may be: by ``model``, else the one last uploaded, else what the device holds."""
+        return motion_limits(self._known(axis, model).get(axis))
+
+    def range_um(self, axis: str) -> tuple[float, float]:
+        """The lowest and the highest place in um that a move of this axis may have for its target: by the sensor, what
+        the model reaches in the mode that holds it (before it is held: in any), and the device's hard limits.
+
+        >>> import phaselead as pl
+        >>> with pl.connect() as dev:
+        ...     print(dev.range_um("x"))
+        (-10.0, 270.0)
+        """
+        model = self._known(axis).get(axis, AxisModel())
+        low, high = reach_um(self._mover.mode if self._mover.gains else None, model)
+        hard = read_limits(self.device)[axis]
+        return max(low, hard.x_min_um if hard.x_min_um is not None else low), min(
+            high, hard.x_max_um if hard.x_max_um is not None else high
+        )
 
     def leave_running(self, model_path: str | os.PathLike[str] | None = None) -> None:
         """Ends this program's part and leaves the axes held, without a host and without its timeout. A later
@@ -155,9 +215,16 @@ class HoldsAndMoves:
         """Whether axes are held that a program before this one left held."""
         return self._left is not None
 
+    def _known(self, axis: str, model: StageLike | None = None) -> Mapping[str, AxisModel]:
+        """Models by axis: those given, those that hold the axes, those last uploaded, those that the device holds."""
+        if model is not None:
+            return as_stage(model).axes
+        known = self._mover.known if self._mover.gains else self.model or held_stage(self.device, axis)
+        return {} if known is None else known.axes
+
     def _choose(
         self,
-        targets: Mapping[str, Target],
+        named: Iterable[str],
         mode: str | None,
         model: StageLike | None,
         gains: GainsLike | Mapping[str, GainsLike] | None,
@@ -165,7 +232,7 @@ class HoldsAndMoves:
         force: bool = False,
     ) -> Mover:
         stage = self.model if model is None else as_stage(model)
-        axes = "".join(sorted(set(targets) | (set(stage.axes) if stage is not None else set()))) or "x"
+        axes = "".join(sorted(set(named) | (set(stage.axes) if stage is not None else set()))) or "x"
         for line in self._mover.choose(axes, stage, mode, gains, force=force):
             warnings.warn(line, stacklevel=4)
         self.model = stage
@@ -174,6 +241,23 @@ class HoldsAndMoves:
     def _engage(self) -> None:
         self._mover.engage()
         self._alive.begin()
+
+
+def _targets(*values: TargetLike | None) -> dict[str, Target]:
+    """Of x, y, z, those that are given. Raises BadInput."""
+    targets = {axis: parse_target(value) for axis, value in zip("xyz", values, strict=True) if value is not None}
+    if not targets:
+        raise BadInput('where to? e.g. move(x=80), move(x="+5um", y=20)')
+    return targets
+
+
+def _plan(mover: Mover, targets: Mapping[str, Target], duration: float | None, speed: float | None) -> Planned:
+    return mover.plan(
+        {axis: target.um for axis, target in targets.items()},
+        relative=frozenset(axis for axis, target in targets.items() if target.relative),
+        duration_s=duration,
+        speed_um_per_s=speed,
+    )
 
 
 @dataclass(frozen=True)

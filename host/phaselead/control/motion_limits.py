@@ -9,7 +9,7 @@ from phaselead.control.gains import UNSEEN_MODE
 from phaselead.control.modes import INVERTS
 from phaselead.device import Limits, MotionLimits
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, SmallSignal, small_signal
+from phaselead.model import AxisModel, SmallSignal, compensation, small_signal
 from phaselead.waveforms import PEAK_SPEED
 
 UNKNOWN_um_per_s = 1000.0
@@ -96,3 +96,14 @@ def window_um(model: AxisModel | None) -> float:
     sensor = (model or AxisModel()).sensor
     code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits
     return float(SIGMAS * sensor.noise_um_rms + code_um / 2)
+
+
+def reach_um(mode: str | None, model: AxisModel) -> tuple[float, float]:
+    """The lowest and the highest target that the sensor and the model allow in this mode; None: in any."""
+    low, high = model.sensor.x_min_um, model.sensor.x_max_um
+    if model.table is not None:
+        high = min(high, model.table.range_um[1])
+    if mode in INVERTS:
+        lowest, highest = compensation(model).reach_um
+        low, high = max(low, lowest), min(high, highest)
+    return low, high

@@ -37,7 +37,9 @@ ENGAGE_S = 0.05
 """Of the join from the output there is to holding in closed loop."""
 STOP_S = 0.02
 """Of the join to a hold under way; longer where the limits want it."""
-LONGEST_STOP_S = 5.0
+STOP_ACCELERATION, STOP_JERK = 3.75, 30.0
+"""Of a join of T seconds from a steady v to the place half a join ahead, in v/T and v/T^2; its velocity is
+up to 1.18 v."""
 SETTLE_S = 1.0
 """How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
 
@@ -154,7 +156,7 @@ class Mover:
         now = self.where()
         if now.state == "running" and self.gains:
             self._refuse_other(axes, mode)
-            return []
+            return [] if gains is None else self.change_gains(gains, force=force)
         if now.state not in ("parked", "armed"):
             raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
         held = held_stage(self.device, axes) if stage is None else None
@@ -184,11 +186,26 @@ class Mover:
         for axis, gain in self.gains.items():
             self.device.set_axis(axis, self.mode, **gain.sent())
             motion.hold_from_start(self.device, axis, ENGAGE_S)
-            motion.set_motion(self.device, axis, self.limits(axis), window_um(self.model(axis)), WINDOW_S)
+        self._set_limits()
         if state == "parked":
             self.device.arm()
         self.device.start(self.axes)
         self._wait(2 * ENGAGE_S)
+
+    def change_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> list[str]:
+        """Gains of the axes that are held or follow a path, at once and without a bump. Returns what the model warns of.
+
+        Raises BadInput, and changes nothing, for a mode without feedback, and for a loop that the model cannot stand,
+        unless ``force``.
+        """
+        if not self.mode.endswith("pid"):
+            raise BadInput(f"mode {self.mode} has no feedback, so no gains; park, then choose {self.mode}+pid")
+        own = {axis: gains_of(gains, self.known, axis) for axis in self.gains}
+        warnings = loop_warnings(self.known, self.mode, own, force=force)
+        for axis, gain in own.items():
+            self.device.set_gains(axis, gain)
+        self.gains = own
+        return warnings
 
     def _refuse_other(self, axes: str, mode: str | None) -> None:
         if mode is not None and mode != self.mode:
@@ -272,18 +289,31 @@ class Mover:
         return Moved(moved)
 
     def hold(self) -> Where:
-        """Stops every axis within its limits, drops what is queued, and holds."""
+        """Stops every axis, drops what is queued, and holds.
+
+        The stop keeps the limits of acceleration and jerk. Where the axes are as fast as their limits allow it takes
+        them up to a fifth faster for a moment, which the queue would refuse: its limits are lifted for this one.
+        """
         seconds = STOP_S
-        while True:
+        try:
+            self._queue_hold(seconds)
+        except DeviceRefused:
+            seconds = max(stop_s(self.limits(axis)) for axis in self.gains)
+            self._set_limits(lifted=True)
             try:
-                motion.queue(self.device, {axis: motion.hold_segment(seconds) for axis in self.gains}, at_once=True)
-                break
-            except DeviceRefused:
-                seconds *= 2
-                if seconds > LONGEST_STOP_S:
-                    raise
+                self._queue_hold(seconds)
+            finally:
+                self._set_limits()
         self._wait(2 * seconds)
         return self.where()
+
+    def _queue_hold(self, seconds: float) -> None:
+        motion.queue(self.device, {axis: motion.hold_segment(seconds) for axis in self.gains}, at_once=True)
+
+    def _set_limits(self, *, lifted: bool = False) -> None:
+        for axis in self.gains:
+            limits = MotionLimits() if lifted else self.limits(axis)
+            motion.set_motion(self.device, axis, limits, window_um(self.model(axis)), WINDOW_S)
 
     def _next(self) -> Where:
         self.device.session.pump(64)
@@ -299,6 +329,16 @@ class Mover:
         end = self.where().tick + round(seconds * TICK_HZ)
         while self._next().tick < end:
             pass
+
+
+def stop_s(limits: MotionLimits) -> float:
+    """The shortest join to a hold, from the highest velocity that the limits allow, that keeps the others."""
+    velocity = limits.velocity_um_per_s
+    by_acceleration = (
+        STOP_ACCELERATION * velocity / limits.acceleration_um_per_s2 if limits.acceleration_um_per_s2 else 0.0
+    )
+    by_jerk = (STOP_JERK * velocity / limits.jerk_um_per_s3) ** 0.5 if limits.jerk_um_per_s3 else 0.0
+    return max(STOP_S, by_acceleration, by_jerk)
 
 
 def best_mode(stage: Stage | None, axes: str) -> str:

@@ -35,10 +35,12 @@ class Plays(HoldsAndMoves):
         z: WaveLike | None = None,
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        duration: float | None = None,
         follows: Follows = "true",
         force: bool = False,
     ) -> None:
-        """Drives along a path until told otherwise; returns at once. ``hold`` stops it where it is, ``move`` goes on
+        """Drives along a path until told otherwise, or for ``duration`` seconds, after which it holds where the path
+        ends; returns at once. ``hold`` stops it where it is, ``move`` goes on
         from there, ``park`` and ``stop`` end it. Without a feedback mode (open) only the last two do.
 
         Arguments are those of ``track``; a path of its own length is held at its end. The path runs on the model first.
@@ -55,7 +57,9 @@ class Plays(HoldsAndMoves):
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         mode = mode or "ff+pid"
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
-        said = play_on(self._mover, waveforms, mode, stage=stage, gains=gains, follows=follows, force=force)
+        said = play_on(
+            self._mover, waveforms, mode, stage=stage, gains=gains, duration_s=duration, follows=follows, force=force
+        )
         self._alive.begin()
         self.model = stage or self.model
         for line in said:
@@ -87,10 +91,12 @@ def play_on(
     *,
     stage: Stage | None,
     gains: GainsLike | Mapping[str, GainsLike] | None,
+    duration_s: float | None,
     follows: Follows,
     force: bool,
 ) -> list[str]:
-    """Starts the paths and leaves them running, held by ``mover`` from then on. Returns what the model warns of.
+    """Starts the paths and leaves them running for so long (None: until told otherwise), held by ``mover`` from then
+    on. Returns what the model warns of.
 
     Raises BadInput before anything moves, as ``track``; DeviceRefused when the device runs already.
     """
@@ -105,8 +111,9 @@ def play_on(
     check_paths(waveforms, mode, known)
     paths = followed(waveforms, stage, follows)
     if not force:
-        rehearse(paths, mode, stage, chosen)
-    set_up(device, paths, mode, stage=stage, gains=chosen, endless=True, force=force)
+        rehearse(paths, mode, stage, chosen, duration_s)
+    endless = duration_s is None
+    set_up(device, paths, mode, stage=stage, gains=chosen, duration_s=duration_s, endless=endless, force=force)
     mover.stage, mover.known, mover.mode, mover.gains = stage, known, mode, chosen
     for axis in chosen:
         motion.set_motion(device, axis, mover.limits(axis), window_um(mover.model(axis)), WINDOW_S)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phaselead.control.errors import tracking_error
+from phaselead.control.feeding import point_feeder, refuse_endless, refuse_without_period, send_fed
 from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
 from phaselead.control.joins import enter_s, quiet_s
@@ -19,6 +20,7 @@ from phaselead.device import (
     TICK_HZ,
     Capture,
     Device,
+    PointFeeder,
     Standing,
     device_model,
     inverse_refusal,
@@ -72,6 +74,7 @@ def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | Non
 
 def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
     """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
+    refuse_without_period(axis, waveform, mode)
     if mode in USES_TABLES and model.table is None:
         raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, or use mode pid")
     try:
@@ -142,6 +145,7 @@ def track(
         tail_ticks=ready.tail_ticks,
         progress=None if on_progress is None else lambda done: on_progress(done / ticks),
         sink=sink,
+        feeder=ready.feeder,
     )
     recording = run_recording(capture, mode, stage)
     true_um = true.of(recording, capture)
@@ -158,6 +162,8 @@ class SetUp(NamedTuple):
     """Of the way into the paths that belongs to the record."""
     tail_ticks: int
     """Of the way out of them."""
+    feeder: PointFeeder | None = None
+    """Sends the points of paths that are longer than the device's memory."""
 
 
 def set_up(
@@ -175,6 +181,8 @@ def set_up(
     as ``track``."""
     known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
     check_paths(waveforms, mode, known)
+    if endless:
+        refuse_endless(waveforms)
     loop_warnings(stage, mode, gains or {}, force=force)
     if stage is not None:
         device.upload_if_other(device_model(stage))
@@ -188,10 +196,18 @@ def set_up(
         entered_s[axis] = enter_s(waveform, standing[axis], mode, model)
         left_s[axis] = quiet_s(model)
     lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
+    feeder = None if endless else point_feeder(device, waveforms, ticks - lead_ticks, entered_s, left_s)
+    if feeder is not None:
+        feeder.begin()
     for axis, waveform in waveforms.items():
-        send_axis(device, axis, waveform, mode, (gains or {}).get(axis), 0 if endless else ticks - lead_ticks)
-        motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if waveform.periodic else 0.0)
-    return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ))
+        own_gains, length = (gains or {}).get(axis), 0 if endless else ticks - lead_ticks
+        if feeder is not None and axis in feeder.points:
+            send_fed(device, axis, waveform, mode, own_gains, feeder)
+        else:
+            send_axis(device, axis, waveform, mode, own_gains, length)
+        leaves = waveform.periodic or waveform.played_as == "points"
+        motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if leaves else 0.0)
+    return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ), feeder)
 
 
 def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:
@@ -229,11 +245,19 @@ def assumed_limits(device: Device) -> str | None:
 def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
     """By how much the device leaves the path that was asked for, by axis."""
     return [
-        f"{axis}: the device plays {POINTS} points a period: the file is left by up to {waveform.unplayed:.3g} "
-        f"{waveform.unit}, which counts as error; take out of the file what is so fast, or play it in parts"
+        f"{axis}: the device plays {_how_fine(waveform)}: the file is left by up to {waveform.unplayed:.3g} "
+        f"{waveform.unit}, which counts as error; take out of the file what is so fast{_or_else(waveform)}"
         for axis, waveform in waveforms.items()
         if waveform.unplayed > LEAST_SAID[waveform.unit]
     ]
+
+
+def _how_fine(waveform: Waveform) -> str:
+    return "at most a point a tick" if waveform.played_as == "points" else f"{POINTS} points a period"
+
+
+def _or_else(waveform: Waveform) -> str:
+    return "" if waveform.played_as == "points" else ", or let it be streamed: path: instead of file:"
 
 
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
@@ -308,7 +332,7 @@ def axis_figures(
 def _true_figures(t_s: Samples, true_um: Samples, waveform: Waveform, r_um: Samples) -> dict[str, Any]:
     """The path as the user wrote it against the true position (n,)."""
     asked = waveform.as_asked
-    asked_um = asked.value(t_s) if asked.periodic else r_um
+    asked_um = asked.value(t_s) if asked.periodic or asked.judged_apart else r_um
     judged = waveform.judged_rows(len(true_um), TICK_HZ)
     return tracking_error(asked_um[judged], true_um[judged]).as_dict() | {
         "from_rest": tracking_error(asked_um, true_um).as_dict()

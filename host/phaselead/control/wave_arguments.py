@@ -30,16 +30,16 @@ def given_waves(
         given: Mapping[str, WaveLike] = (
             wave if isinstance(wave, Mapping) else dict.fromkeys(parse_axes(axis or "x", "axis"), wave)
         )
-        found = {name: as_waveform(one) for name, one in given.items()}
+        found = {name: as_waveform(one, name) for name, one in given.items()}
     for name, one in by_axis.items():
         if one is not None:
             if name in found:
                 raise BadInput(f"axis {name} is given two waveforms; give it one")
-            found[name] = as_waveform(one)
+            found[name] = as_waveform(one, name)
     if not found or not set(found) <= set("xyz"):
         raise BadInput('which path? e.g. track("sine:60um@5Hz") or track(x="sine:60um@5Hz", y="sine:30um@5Hz")')
     return found
 
 
-def as_waveform(one: WaveLike) -> Waveform:
-    return parse_wave(one) if isinstance(one, str) else one
+def as_waveform(one: WaveLike, axis: str = "x") -> Waveform:
+    return parse_wave(one, axis) if isinstance(one, str) else one

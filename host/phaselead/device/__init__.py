@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.device import motion, wire
-from phaselead.device.capture import DeviceFault, Spool, park_quietly
+from phaselead.device.capture import DeviceFault, RanDry, Spool, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
@@ -15,9 +15,10 @@ from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, 
 from phaselead.device.live import Live, LiveAxis, LiveSamples
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
+from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ, Converters, converters
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
-from phaselead.device.session import Session
+from phaselead.device.session import Refused, Session
 from phaselead.device.standing import (
     LARGEST_STEP_V,
     Standing,
@@ -58,6 +59,9 @@ __all__ = [
     "LiveSamples",
     "Mode",
     "MotionLimits",
+    "PointFeeder",
+    "RanDry",
+    "Refused",
     "SelfTest",
     "Session",
     "Spool",

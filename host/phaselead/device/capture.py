@@ -11,6 +11,7 @@ import numpy as np
 
 from phaselead import interrupt
 from phaselead.device import wire
+from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.session import Pending, Refused, Session
 from phaselead.device.stream import (
@@ -33,7 +34,7 @@ ATTEMPTS = 30
 """At the status; together as long as a command's."""
 SILENCE_S = 3.0
 ALL_AXES = mask_of(AXES)
-READ_REAL_S, READ_VIRTUAL_S = 0.05, 0.1
+READ_REAL_S, READ_VIRTUAL_S, READ_FEEDING_S = 0.05, 0.1, 0.02
 LONGEST_READ_S = 1.0
 """Counted of one read that brings nothing: a host that slept has not listened meanwhile."""
 PARK_S = 30.0
@@ -71,6 +72,10 @@ class DeviceFault(DeviceRefused):
         self.capture = capture
 
 
+class RanDry(DeviceFault):
+    """The points of a path came too late: the axes stopped within their limits, held, and were parked."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """What to capture. ``axes`` are letters; ``start`` arms and starts their paths together."""
@@ -92,6 +97,8 @@ class Plan:
     """Of the record that lie before the paths begin, on the way into them."""
     tail_ticks: int = 0
     """Run on after the record, before parking: the paths are being left."""
+    feeder: PointFeeder | None = None
+    """Sends what the paths still lack."""
 
     @property
     def axis_mask(self) -> int:
@@ -211,16 +218,26 @@ class _Run:
 
     def run_to(self, end_tick: int, progress: Progress | None, from_tick: int) -> None:
         """Until the stream has passed ``end_tick``, or a fault."""
-        virtual = self.session.virtual
-        chunk = self.bytes_of(READ_VIRTUAL_S if virtual else READ_REAL_S)
-        while self.next_tick < end_tick and not self.faulted:
+        feeder, read_s = self.plan.feeder, READ_VIRTUAL_S if self.session.virtual else READ_REAL_S
+        chunk = self.bytes_of(read_s if feeder is None else READ_FEEDING_S)
+        while self.next_tick < end_tick and not self.faulted and not (feeder is not None and feeder.over):
             left = self.bytes_of(max(end_tick - self.next_tick, 1) / TICK_HZ) + HEAD.itemsize
             self.pump(min(chunk, left))
             self.feed()
+            if feeder is not None:
+                feeder.feed()
             if self.silent_s > SILENCE_S:
                 raise LinkError(self.why_silent())
             if progress is not None:
                 progress(min(max(self.next_tick - from_tick, 0), end_tick - from_tick))
+
+    def run_on(self, end_tick: int) -> None:
+        """Until the stream has passed ``end_tick``, or a fault; nothing is sent."""
+        while self.next_tick < end_tick and not self.faulted:
+            self.pump(self.bytes_of(READ_FEEDING_S))
+            self.feed()
+            if self.silent_s > SILENCE_S:
+                raise LinkError(self.why_silent())
 
     def why_silent(self) -> str:
         reader = self.session.reader
@@ -321,7 +338,9 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     begin = start_tick if plan.start else first.tick
     end_tick = begin + plan.ticks
     run.run_to(end_tick, progress, begin)
-    run.run_to(end_tick + plan.tail_ticks, None, begin)
+    dry_tick = None if plan.feeder is None else plan.feeder.dry_tick
+    end_tick = end_tick if dry_tick is None else dry_tick
+    run.run_on(end_tick + plan.tail_ticks)
     status = session.request(wire.StatusRequest())
     if plan.park:  # in a fault too: what was held goes home
         session.request(wire.ParkRequest())
@@ -354,6 +373,12 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     )
     if status.state == wire.State.FAULT:
         raise DeviceFault(fault_text(status), taken)
+    if dry_tick is not None:
+        raise RanDry(
+            f"the path ran dry {(dry_tick - begin) / TICK_HZ:.3f} s after its begin: its points came too late; the "
+            "axes stopped, held and were parked. Free computer and line of other work, and play it again",
+            taken,
+        )
     return taken
 
 

@@ -27,12 +27,21 @@ from phaselead.device.capture import (
     wait_parked,
 )
 from phaselead.device.left_running import LeftRunning
-from phaselead.device.quantities import TICK_HZ, Converters, axis_request, converters, path_request, wave_points
+from phaselead.device.points import PointFeeder
+from phaselead.device.quantities import (
+    TICK_HZ,
+    Converters,
+    axis_request,
+    converters,
+    gains_request,
+    path_request,
+    wave_points,
+)
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
 from phaselead.errors import BadInput, DeviceRefused, LinkError
-from phaselead.model import LoopFilter
+from phaselead.model import Gains, LoopFilter
 from phaselead.serial_ports import BAUD, open_port
 
 RETRY_S = 0.2
@@ -262,6 +271,13 @@ class Device:
         self._modes[axis] = chosen
         self._waves.discard(axis)  # the device has dropped the path with the mode
 
+    def set_gains(self, axis: str, gains: Gains) -> None:
+        """Gains and filters of one axis, also while it runs: its output goes on from where it is. Raises as
+        ``set_axis``."""
+        given = gains.sent()
+        given["filters"] = given["filters"] or ()
+        self.session.request(gains_request(axis_index(axis), **given))
+
     def set_path(
         self,
         axis: str,
@@ -372,6 +388,7 @@ class Device:
         progress: Progress | None = None,
         sink: Sink | None = None,
         spool: Spool | None = None,
+        feeder: PointFeeder | None = None,
     ) -> Capture:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
@@ -379,11 +396,12 @@ class Device:
         ``axes``) begin together; in the end, if ``park``, it is parked before the stream ends. The record begins
         ``lead_ticks`` before the paths, and ``tail_ticks`` pass after it before parking. ``progress`` gets the ticks
         done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and commands
-        in its place, and the capture then holds neither: for one that is larger than the memory. On Ctrl-C and on
-        errors the device is parked before the exception goes on.
+        in its place, and the capture then holds neither: for one that is larger than the memory. ``feeder`` sends
+        points of the paths meanwhile. On Ctrl-C and on errors the device is parked before the exception goes on.
 
         Raises:
-            DeviceFault: a fault latched; its ``capture`` holds what was recorded.
+            DeviceFault: a fault latched; its ``capture`` holds what was recorded. RanDry, one of them, when points
+                came too late.
         """
         if ticks < 1 or not axes or len(set(axes)) != len(axes):
             raise BadInput(f"a capture of {ticks} ticks of axes {axes!r}: at least one tick, each axis once")
@@ -391,7 +409,19 @@ class Device:
             axis_index(axis)
         waves = "".join(sorted(self._waves))
         plan = Plan(
-            ticks, axes, channels, decimation, start, park, model_crc, waves, spool, start_axes, lead_ticks, tail_ticks
+            ticks,
+            axes,
+            channels,
+            decimation,
+            start,
+            park,
+            model_crc,
+            waves,
+            spool,
+            start_axes,
+            lead_ticks,
+            tail_ticks,
+            feeder,
         )
         return capture(self.session, self.hello, plan, progress, sink)
 

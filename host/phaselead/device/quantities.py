@@ -69,6 +69,21 @@ def axis_request(
     )
 
 
+def gains_request(
+    axis: int,
+    kp_V_per_um: float,
+    ki_V_per_um_s: float,
+    kd_V_s_per_um: float,
+    derivative_filter_Hz: float | None = None,
+    filters: Sequence[LoopFilter] = (),
+) -> wire.SetGainsRequest:
+    """Gains and filters for an axis that may be running, as ``axis_request`` has them."""
+    asked = axis_request(axis, wire.Mode.IDLE, kp_V_per_um, ki_V_per_um_s, kd_V_s_per_um, derivative_filter_Hz, filters)
+    return wire.SetGainsRequest(
+        axis, asked.kp_q24, asked.ki_ts_q32, asked.kd_over_ts_q24, asked.d_alpha_q31, asked.filters
+    )
+
+
 def _per_tick(scaled: float, bits: int, what: str, value: float, back: float, unit: str) -> int:
     """As to_i32, but a refusal speaks of the user's quantity: ``back`` converts to it."""
     try:

@@ -15,7 +15,7 @@ from phaselead.errors import LinkError
 
 FINGERPRINT = 0xD1C20CFC
 VERSION = 2
-REVISION = 2
+REVISION = 3
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -1946,6 +1946,7 @@ class QueueRequest(Command[QueueReply]):
         Status.BAD_VALUE: "an axis not driven, or a path that begins elsewhere than the last ended; give it a join",
         Status.OUTSIDE_LIMITS: "outside the range of the axis, or faster than its limits; use a longer move or join",
         Status.BUSY: "the queue is full; wait until a path of it has begun",
+        Status.WRONG_STATE: "nothing runs, or points of the path before are still to come",
     }
     SIZE: ClassVar[int] = 100
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBQ90s")
@@ -2037,6 +2038,136 @@ class SetJoinsRequest(Command[SetJoinsReply]):
 
 
 @dataclass(frozen=True, slots=True)
+class PointsBeginReply(Reply):
+    """The answer to points_begin."""
+
+    NAME: ClassVar[str] = "points_begin reply"
+    NUMBER: ClassVar[int] = 0xC5
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(PointsBeginReply.NAME, PointsBeginReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> PointsBeginReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class PointsBeginRequest(Command[PointsBeginReply]):
+    """The waveforms of these axes are from now on paths whose points come while they are played: a ring of 1024,
+    filled by POINTS. Set such a path, or queue it, once points are there: kind wave, step 2^(54 - ticks_log2),
+    without an end.
+    """
+
+    NAME: ClassVar[str] = "points_begin"
+    NUMBER: ClassVar[int] = 0x45
+    REPLY: ClassVar[type[Any]] = PointsBeginReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "no axis, a point every 2^8 ticks at most, or a first one that is above 0 or before -1024",
+        Status.BUSY: "an axis still plays its waveform, or has one in its queue; wait until it holds",
+    }
+    SIZE: ClassVar[int] = 18
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBi3I")
+    axis_mask: int
+    ticks_log2: int
+    """a point every 2^n ticks."""
+    first: int
+    """number of the first point; the path begins at point 0, those before are for the join into it."""
+    steepest_q30: tuple[int, ...]
+    """no two neighbours of an axis are further apart."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            PointsBeginRequest.NAME,
+            PointsBeginRequest.LAYOUT,
+            self.axis_mask,
+            self.ticks_log2,
+            self.first,
+            *self.steepest_q30,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> PointsBeginRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3:6])
+
+
+@dataclass(frozen=True, slots=True)
+class PointsReply(Reply):
+    """The answer to points."""
+
+    NAME: ClassVar[str] = "points reply"
+    NUMBER: ClassVar[int] = 0xC6
+    SIZE: ClassVar[int] = 15
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQHI")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+    room: int
+    """for so many more of each axis."""
+    left_ticks: int
+    """until the path that is played ends or runs dry; 0: none is."""
+
+    def pack(self) -> bytes:
+        return _pack(PointsReply.NAME, PointsReply.LAYOUT, self.status, self.tick, self.room, self.left_ticks)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> PointsReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3])
+
+
+@dataclass(frozen=True, slots=True)
+class PointsRequest(Command[PointsReply]):
+    """More points of these axes, the same number for each. As long as points are missing a path ends so early that
+    those that are there suffice for its join to a hold, and is then `dry`.
+    """
+
+    NAME: ClassVar[str] = "points"
+    NUMBER: ClassVar[int] = 0x46
+    REPLY: ClassVar[type[Any]] = PointsReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "not the points that come next, a value outside 0 .. 2^30, or a step above the steepest",
+        Status.BUSY: "no room for so many yet; the reply says for how many there is",
+        Status.WRONG_STATE: "the path ran dry, was left, or has ended, and holds; begin another one",
+    }
+    SIZE: ClassVar[int] = 13
+    TAIL: ClassVar[bool] = True
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BiQ")
+    axis_mask: int
+    first: int
+    """number of the first of these points."""
+    length_ticks: int
+    """of the path; 0: not known yet."""
+    data: bytes
+    """i32 points in q30 of the swing, those of the first axis before those of the next."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            PointsRequest.NAME,
+            PointsRequest.LAYOUT,
+            self.axis_mask,
+            self.first,
+            self.length_ticks,
+        ) + _tail(PointsRequest, self.data)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> PointsRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
 class SetGainsReply(Reply):
     """The answer to set_gains."""
 
@@ -2109,8 +2240,9 @@ class WhereReply(Reply):
 
     NAME: ClassVar[str] = "where reply"
     NUMBER: ClassVar[int] = 0xC3
-    SIZE: ClassVar[int] = 72
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBBB3B3H3i3i3i3I")
+    SIZE: ClassVar[int] = 96
+    LEAST: ClassVar[int | None] = 72
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBBB3B3H3i3i3i3I3Q")
     status: int
     tick: int
     """the tick before which the command took effect."""
@@ -2136,6 +2268,8 @@ class WhereReply(Reply):
     """
     near_ticks: tuple[int, ...]
     """ticks in a row within the window."""
+    dry_ticks: tuple[int, ...] = (0,) * 3
+    """of axes that are dry: the tick in which the path ended."""
 
     def pack(self) -> bytes:
         return _pack(
@@ -2155,6 +2289,7 @@ class WhereReply(Reply):
             *self.reference,
             *self.end,
             *self.near_ticks,
+            *self.dry_ticks,
         )
 
     @classmethod
@@ -2176,6 +2311,7 @@ class WhereReply(Reply):
             v[17:20],
             v[20:23],
             v[23:26],
+            v[26:29],
         )
 
 
@@ -2921,6 +3057,10 @@ MESSAGES: dict[int, type[Message]] = {
     0xC1: QueueReply,
     0x44: SetJoinsRequest,
     0xC4: SetJoinsReply,
+    0x45: PointsBeginRequest,
+    0xC5: PointsBeginReply,
+    0x46: PointsRequest,
+    0xC6: PointsReply,
     0x42: SetGainsRequest,
     0xC2: SetGainsReply,
     0x43: WhereRequest,

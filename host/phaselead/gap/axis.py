@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from phaselead.gap.adopt import adopted, kept_names
-from phaselead.gap.bounds import raised_bounds, upper_bounds
+from phaselead.gap.bounds import MANY_TIMES, raised_bounds, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
     HELD_OUT_P,
@@ -25,6 +27,7 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
+    Detectable,
     GapSize,
     NamedEffect,
     NextExperiment,
@@ -80,6 +83,8 @@ class AxisResult:
     """For a person."""
     adopted: list[Adopted]
     """What the model has that the base had not."""
+    detectable: list[Detectable]
+    """From which size each effect was expected to be named."""
     unexplained: Unexplained
     """How much of what the names leave can be predicted from the voltage."""
 
@@ -137,8 +142,20 @@ def search_axis(
         other.spectra,
         [*selection.messages, *other.messages],
         kept,
+        _detectable(selection, candidates, label),
         left,
     )
+
+
+def _detectable(selection: Selection, effects: Sequence[Effect], label: str | None) -> list[Detectable]:
+    """What the records were expected to show, before anything of it was looked at."""
+    assert selection.contest is not None
+    least = selection.contest.detectable
+    return [
+        Detectable(e.name, least[e.name], e.sizes[0].unit, label)
+        for e in effects
+        if least.get(e.name, np.inf) < MANY_TIMES * e.sizes[0].typical
+    ]
 
 
 def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set[str]:

@@ -67,6 +67,16 @@ class Bound:
 
 
 @dataclass(frozen=True)
+class Detectable:
+    """The size of an effect from which these records are expected to name it, whatever they show."""
+
+    name: str
+    size: float
+    unit: str
+    axis: str | None = None
+
+
+@dataclass(frozen=True)
 class GapSize:
     """RMS error over all held-out records, before and after, and the floor that no model is expected to beat."""
 

@@ -14,6 +14,7 @@ from phaselead.gap.findings import (
     Bound,
     Candidate,
     Cell,
+    Detectable,
     Estimate,
     Estimates,
     GapSize,
@@ -84,6 +85,8 @@ class GapResult(Result):
     """What the next stage has that the one compared had not, and whether each name is vouched for."""
     unexplained: Unexplained | None = None
     """How much of what the names leave can be predicted from the voltage, on the axis where it is most."""
+    detectable: tuple[Detectable, ...] = ()
+    """The size from which each effect is expected to be named, by noise, the base's misfit and the excitation alone."""
     base: Stage | None = None
     """The model that was compared."""
     verification: TrackingComparison | None = None

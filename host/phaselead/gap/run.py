@@ -86,6 +86,7 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
         messages=tuple(m for r in results for m in r.messages),
         seconds=seconds,
         adopted=tuple(a for r in results for a in r.adopted),
+        detectable=tuple(d for r in results for d in r.detectable),
         unexplained=max((r.unexplained for r in results), key=lambda left: left.share - left.chance),
     )
 

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, StringConstraints, ValidationError, field_validator, model_validator
 
 from phaselead.errors import BadInput
-from phaselead.model.axis import AxisModel
+from phaselead.model.axis import AdoptedEffect, AxisModel
 from phaselead.model.effects import catalogue
 from phaselead.model.fields import Matrix3, Part
 from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
-from phaselead.model.validation_errors import explain, fault
+from phaselead.model.validation_errors import explain, explained, fault
 from phaselead.record import AXES, Recording, write_text
 from phaselead.result import Result, Table, pairs_table
 from phaselead.version import VERSION as PROGRAM_VERSION
@@ -166,6 +166,22 @@ class Stage(Result, Part):
                 f"choose one of these, or identify {name}"
             )
         return self.axes[name]
+
+    def with_effect(self, name: str, axis: str = "x", **params: float | Sequence[float]) -> Self:
+        """A copy in which this axis has one more effect of the catalogue, so that a virtual stage can be changed.
+
+        Raises BadInput for an axis that the stage lacks and an effect that is not known.
+
+        >>> import phaselead as pl
+        >>> pl.load("sim://xyz250").with_effect("amplifier_lowpass", tau_s=5e-4).save("changed.toml")
+        >>> with pl.connect("sim://changed.toml") as dev:
+        ...     record = dev.record("sine:5V@5Hz", duration=0.4)
+        """
+        before = self.axis(axis)
+        with explained(f"effect {name} of {self.name}"):
+            effect = AdoptedEffect.model_validate({"name": name, "params": params})
+            after = before.model_copy(update={"effects": (*before.effects, effect)})
+            return type(self).model_validate(dict(self) | {"axes": {**self.axes, axis: after}})
 
 
 def load_stage(path: str | Path) -> Stage:

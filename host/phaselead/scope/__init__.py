@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from phaselead.scope.hub import Hub
+from phaselead.scope.samples import TRACES, Samples
 from phaselead.scope.server import serve
 
-__all__ = ["serve"]
+__all__ = ["TRACES", "Hub", "Samples", "serve"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from phaselead.sim.device import load_library
 from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
 from phaselead.sim.faulty import FaultyLine, LineFaults
-from phaselead.sim.plant import built_in, data_sheet, plant_parameters
-from phaselead.sim.pty import serve
+from phaselead.sim.plant import built_in, data_sheet, plant_parameters, stage_at
+from phaselead.sim.pty import linked, serve
 from phaselead.sim.replaying import Replay, replay
 from phaselead.sim.stack_use import worst_stack
 
@@ -19,9 +19,11 @@ __all__ = [
     "built_in",
     "data_sheet",
     "find_firmware",
+    "linked",
     "load_library",
     "plant_parameters",
     "replay",
     "serve",
+    "stage_at",
     "worst_stack",
 ]

@@ -156,6 +156,11 @@ def data_sheet(url: str) -> Stage | None:
     return Stage(name=name, axes=known)
 
 
+def stage_at(url: str) -> Stage:
+    """The stage that answers at a port ``sim://NAME`` or ``sim://FILE.toml``. Raises BadInput when there is none."""
+    return load_any(url.partition("://")[2].partition("?")[0])
+
+
 def load_any(place: str) -> Stage:
     """A stage by the name of a built-in one or the path of a stage file (one with a slash or a suffix)."""
     return load_stage(Path(place)) if _is_file(place) else built_in(place)

@@ -67,7 +67,7 @@ class Wire:
 
 
 @contextlib.contextmanager
-def _linked(target: str, link_path: str | os.PathLike[str] | None) -> Iterator[None]:
+def linked(target: str, link_path: str | os.PathLike[str] | None) -> Iterator[None]:
     """A symbolic link that lives as long as the server; only ever replaces a link."""
     if link_path is None:
         yield
@@ -135,7 +135,7 @@ def serve(url: str, link_path: str | os.PathLike[str] | None = None, say: Callab
     keeper = FlashKeeper(device, parsed.state)
     wire = Wire()
     try:
-        with _until_signalled() as ended, _linked(wire.path, link_path):
+        with _until_signalled() as ended, linked(wire.path, link_path):
             (say or partial(print, flush=True))(wire.path)
             if sys.stderr.isatty():
                 print(f"{url} is served there; Ctrl-C ends it", file=sys.stderr)

@@ -113,6 +113,43 @@ def bounds_hold(outcome: Outcome) -> list[bool]:
     return found
 
 
+def intervals_hold(outcome: Outcome) -> list[bool]:
+    """For each hidden effect that was named with a size: whether the true one lies in its 95 % interval. Signs are as
+    the catalogue counts them, and truths have none."""
+    sizes = {} if outcome["error"] else outcome.get("sizes", {})
+    found = []
+    for h in outcome["hidden"]:
+        if h["name"] in sizes:
+            _, low, high = sizes[h["name"]]
+            found.append(low <= h["value"] <= high or low <= -h["value"] <= high)
+    return found
+
+
+def names_right(outcome: Outcome) -> list[bool]:
+    """For each name that is given, not each tie: whether it is hidden, or allowed in a system outside the catalogue."""
+    truth = {*hidden_names(outcome), *outcome.get("allowed", ())} - set(outcome["without"])
+    return [name in truth for name in ([] if outcome["error"] else outcome["named"])]
+
+
+def stated_and_right(outcome: Outcome) -> list[tuple[float, bool]]:
+    """For each name that is given: the probability that was stated, and whether it is right."""
+    if outcome["error"]:
+        return []
+    stated = outcome.get("probability", {})
+    return [
+        (stated[name], right) for name, right in zip(outcome["named"], names_right(outcome), strict=True)
+        if name in stated
+    ]  # fmt: skip
+
+
+def times_detectable(outcome: Outcome) -> float | None:
+    """The true size of a single hidden effect as a multiple of what was stated to be detectable; None where nothing
+    was stated."""
+    (h,) = outcome["hidden"]
+    least = (outcome.get("detectable") or {}).get(h["name"])
+    return abs(h["value"]) / least if least else None
+
+
 def absent_bounds(outcome: Outcome) -> int:
     """Number of absent effects that were bounded. A bound is never below 0, so all of these hold."""
     hidden = {(h["name"], h["axis"]) for h in outcome["hidden"]}

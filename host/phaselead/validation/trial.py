@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from phaselead.errors import PhaseleadError
-from phaselead.gap import GapResult, excitation_of, keep_freed_memory, run_gap
+from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, run_gap
 from phaselead.identify import STILL_V, fit
-from phaselead.model import Actuator, AxisModel, Stage, predict
+from phaselead.model import Actuator, AxisModel, Stage, catalogue, predict
 from phaselead.record import Recording
 from phaselead.validation.journal import Outcome
 from phaselead.validation.truth import Case, load_truth
@@ -107,12 +107,23 @@ def answer(result: GapResult) -> Outcome:
         "named": [e.name for e in result.effects],
         "axes": [e.axis for e in result.effects],
         "scores": {e.name: scores.get(e.name) for e in result.effects},
+        "probability": {e.name: e.probability for e in result.effects},
+        "sizes": {e.name: _size(result, e) for e in result.effects if catalogue()[e.name].sizes},
+        "adopted": [[a.name, a.status] for a in result.adopted],
+        "detectable": {d.name: d.size for d in result.detectable},
         "ties": [list(tie) for tie in result.ties],
         "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit, "axis": b.axis} for b in result.excluded],
         "untestable": list(result.untestable),
         "candidates": [[c.step, c.name, round(c.score, 1), c.held_out_z, c.remark] for c in result.candidates],
         "gap": {"before": result.gap.before, "after": result.gap.after, "floor": result.gap.floor},
     }
+
+
+def _size(result: GapResult, effect: NamedEffect) -> list[float]:
+    """Value and both ends of the 95 % interval of its first size; of several modes those of the first."""
+    value, _, interval = result.sizes_of(effect)[catalogue()[effect.name].sizes[0].name]
+    ends = np.atleast_2d(np.asarray(interval, dtype=float))[0]
+    return [float(np.atleast_1d(value)[0]), *map(float, ends)]
 
 
 def _after_next(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
+from phaselead.waveforms.file import of_points
 from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
+from phaselead.waveforms.path import Streamed
 from phaselead.waveforms.replaced import Replaced
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
@@ -21,11 +23,13 @@ __all__ = [
     "Replaced",
     "Sampled",
     "Sine",
+    "Streamed",
     "Triangle",
     "Waveform",
     "Written",
     "examples",
     "kinds",
+    "of_points",
     "parse_wave",
     "parse_waves",
     "refuse_out_of_range",

@@ -65,7 +65,9 @@ def parse_waves(text: str, axis: str | None = None) -> dict[str, Waveform]:
         scan = scans()[word]
         return dict(scan.parse(Written(text, rest, scan.written[0][0])))
     parts = split_axes(text, axis, "waveform", "x=sine:60um@5Hz,y=sine:30um@5Hz")
-    return {name: parse_wave(part) for name, part in parts.items()}
+    if parts == {axis: text}:
+        return _parse(text, axis)
+    return {name: parse_wave(part, name) for name, part in parts.items()}
 
 
 def split_axes(text: str, axis: str | None, what: str, example: str) -> dict[str, str]:
@@ -87,8 +89,12 @@ def split_axes(text: str, axis: str | None, what: str, example: str) -> dict[str
     return found
 
 
-def parse_wave(text: str) -> Waveform:
-    """One waveform. Raises BadInput with what is wrong and an example."""
+def parse_wave(text: str, axis: str = "x") -> Waveform:
+    """The waveform of one axis. Raises BadInput with what is wrong and an example."""
+    return _parse(text, axis, named=True)[axis]
+
+
+def _parse(text: str, axis: str, *, named: bool = False) -> dict[str, Waveform]:
     word, colon, rest = text.strip().partition(":")
     if word in scans():
         raise BadInput(f"waveform {short(text)}: a {word} is for x and y together; give it alone, without an axis")
@@ -101,4 +107,4 @@ def parse_wave(text: str) -> Waveform:
     written = Written(text, rest, kind.written[0][0])
     if not colon or not rest.strip():
         raise written.refusal("nothing follows the kind")
-    return kind.parse(written)
+    return kind.parse_axes(written, axis, named=named)

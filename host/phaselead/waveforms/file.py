@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from phaselead.errors import BadInput
+from phaselead.waveforms.path_file import read_numbers
 from phaselead.waveforms.waveform import POINTS, Sampled, Shares
 from phaselead.waveforms.written import Unit, Written, short
 
@@ -63,6 +62,14 @@ class File(Sampled):
         return self.swing * largest_difference(self.own, self.period)
 
 
+def of_points(values: ArrayLike, unit: Unit, f_Hz: float) -> File:
+    """One period given by its values, shape (n,), n at least 2, at equal distances, joined by straight lines."""
+    points = np.asarray(values, np.float64)
+    lowest, swing = float(points.min()), float(np.ptp(points))
+    own = OwnPath(np.arange(len(points) + 1) / len(points), (np.append(points, points[0]) - lowest) / swing)
+    return File(swing, lowest, unit, f_Hz, played_points(own), own)
+
+
 def played_points(own: OwnPath) -> Shares:
     """1024 points of the path (1024,): those on it or, of a file with more rows, the path averaged about each;
     whichever, joined by straight lines, stays nearer to it."""
@@ -91,7 +98,7 @@ def read_period(path: str) -> tuple[float, float, Unit, OwnPath, tuple[float, fl
     from its last row back to its first, s.
     """
     source = f"waveform file {path}"
-    labels, rows = _numbers(path, source)
+    labels, rows = read_numbers(path, source, "one period", "one column of values, or times and values", 2)
     unit: Unit = "um"
     if labels:
         stranger = next((label for label in labels if label not in _COLUMN_UNITS and label != "t_s"), None)
@@ -121,36 +128,3 @@ def read_period(path: str) -> tuple[float, float, Unit, OwnPath, tuple[float, fl
     shares = (np.append(values, values[0]) - lowest) / swing
     own_s = (float(times[-1] - times[0]), float(period)) if "t_s" in labels else None
     return lowest, swing, unit, OwnPath(np.append((times - times[0]) / period, 1.0), shares), own_s
-
-
-def _numbers(path: str, source: str) -> tuple[list[str], NDArray[np.float64]]:
-    """Header labels (empty without a header) and the rows, shape (n, 1 or 2)."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise BadInput(f"{source}: cannot be read ({reason}); give a CSV file of one period") from None
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.lstrip()[:1] not in ("", "#", "%")]
-    labels: list[str] = []
-    rows: list[list[float]] = []
-    for number, line in lines:
-        fields = [field.strip() for field in re.split(r"[;,\t]|\s+", line.strip())]
-        try:
-            row = [float(field) for field in fields]
-        except ValueError:
-            if not labels and not rows:
-                labels = [field.strip("\"'") for field in fields]
-                continue
-            raise BadInput(f"{source}: line {number}: {short(line)} is no number; repair it") from None
-        width = len(rows[0]) if rows else len(labels) or len(row)
-        if len(row) != width or width > 2:
-            raise BadInput(
-                f"{source}: line {number}: has {len(row)} columns; "
-                "one period is one column of values, or times and values"
-            )
-        if not all(map(math.isfinite, row)):
-            raise BadInput(f"{source}: line {number}: {short(line)} is not finite; repair it")
-        rows.append(row)
-    if len(rows) < 2:
-        raise BadInput(f"{source}: has {len(rows)} values; one period takes at least 2")
-    return labels, np.array(rows)

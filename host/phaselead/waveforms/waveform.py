@@ -40,14 +40,20 @@ class Waveform(ABC):
     """Ways to write it and what they mean, for help and docs; messages show the first."""
     order: ClassVar[int] = 100
     """Its place among the kinds."""
-    played_as: ClassVar[Literal["sine", "wave", "move"]]
-    """The path of the device that plays it; a "wave" is uploaded as ``points``."""
+    played_as: ClassVar[Literal["sine", "wave", "move", "points"]]
+    """The path of the device that plays it; a "wave" is uploaded as ``points``, "points" come while it is played."""
     periodic: ClassVar[bool]
 
     @classmethod
     @abstractmethod
     def parse(cls, written: Written) -> Self:
         """The waveform that a user wrote. Raises BadInput."""
+
+    @classmethod
+    def parse_axes(cls, written: Written, axis: str, *, named: bool = False) -> dict[str, Waveform]:
+        """The same by axis; a kind that gives several axes their waveforms gives that of ``axis`` alone where that was
+        ``named``. Raises BadInput."""
+        return {axis: cls.parse(written)}
 
     @abstractmethod
     def share(self, turns: Shares) -> Shares:
@@ -130,7 +136,7 @@ class Periodic(Waveform):
     The device plays 1024 points a period, joined by straight lines, and so does ``share``.
     """
 
-    played_as: ClassVar[Literal["sine", "wave", "move"]] = "wave"
+    played_as: ClassVar[Literal["sine", "wave", "move", "points"]] = "wave"
     periodic = True
 
     @classmethod

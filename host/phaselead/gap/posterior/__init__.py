@@ -6,9 +6,9 @@ from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone
 from phaselead.gap.posterior.likelihood import Fit, Likelihood, names_of
-from phaselead.gap.posterior.priors import KNOWN_BEFORE
+from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
-from phaselead.gap.posterior.verdict import SURE, Claim, Judgement, judge
+from phaselead.gap.posterior.verdict import Claim, Judgement, judge
 
 __all__ = [
     "KNOWN_BEFORE",

@@ -14,6 +14,8 @@ from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.model import Parameter
 from phaselead.record import Samples
 
+SURE = 0.99
+"""Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
 SIZES = np.array([0.06, 0.25, 1.0, 2.5])
 """Deviations of sizes in typical values, all as likely: the literature's sizes of one effect span two decades."""
 KNOWN_BEFORE = float(TWO_SIDED_95 * SIZES[-1])

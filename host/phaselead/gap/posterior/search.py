@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.likelihood import Fit, Likelihood, Names, names_of
-from phaselead.gap.posterior.priors import log_prior_of_set
+from phaselead.gap.posterior.priors import SURE, log_prior_of_set
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.regressors import Freedom, base_columns
@@ -20,15 +20,13 @@ from phaselead.model import Effect
 BEAM, LARGEST_SET, TRIED_BESIDE, TRIED_ALONE = 2, 4, 4, 9
 """Sets that grow at a time, the most effects of one, and how many effects are tried beside a set and alone: what the
 time for an answer allows."""
-WORTH_FITTING = 1.0
-"""Log units that an effect must be expected to bring to be fitted."""
 ROUGH_STEPS = 2
 """In which every start is tried before the best is fitted to the end."""
 WITHIN, MOST_CONTESTED = 15.0, 12
 """Log units behind the best set, beyond which a set has no part in the last contest (a probability of e^-15), and the
 most sets in it."""
 CONTESTS = 3
-"""Contests at most until the winner is the set whose misfit all have."""
+"""Contests at most until the winner is one whose misfit all sets were given before."""
 AT_END = 0.001
 """Relative distance to an end of its range from which a parameter stands at it."""
 
@@ -40,6 +38,9 @@ class Contest:
     likelihood: Likelihood
     fits: Mapping[Names, Fit]
     catalogue_size: int
+    detectable: Mapping[str, float] = field(default_factory=dict)
+    """First size, in its unit, that each effect must have for a name to be expected, stated without what the records
+    show."""
 
     def log_posterior(self, names: Names) -> float:
         """Log evidence and log prior of a set."""
@@ -62,7 +63,10 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     """The sets of ``effects`` that are worth comparing, and nothing. Where reference records say what the base misses,
     any effect that explains much by itself may be what the base lacks in all records."""
     nothing = likelihood.fit(())
-    alone = _beside(likelihood, Starts(likelihood, effects), nothing, TRIED_ALONE)
+    starts = Starts(likelihood, effects)
+    alone = _beside(likelihood, starts, nothing, TRIED_ALONE)
+    needed = log_prior_of_set(0, len(effects)) - log_prior_of_set(1, len(effects)) + np.log(SURE / (1 - SURE))
+    detectable = starts.detectable(nothing, needed)
     on_progress(0.3)
     likelihood = likelihood.knowing([fit.entries[0] for fit in alone])
     nothing, alone = likelihood.fit(()), [likelihood.fit(fit.entries) for fit in alone]
@@ -77,7 +81,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
             if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
                 pool[fit.names] = fit
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
-    return _last_contest(likelihood, pool, len(effects))
+    return replace(_last_contest(likelihood, pool, len(effects)), detectable=detectable)
 
 
 def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
@@ -87,8 +91,10 @@ def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
 
 
 def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> list[Fit]:
-    """Sets of one effect more."""
-    worth = [several for several in starts.beside(parent).values() if several[0].gain > WORTH_FITTING]
+    """Sets of one effect more, of those that are expected to bring what the prior asks for one more."""
+    size, catalogue_size = len(parent.names), len(starts.effects)
+    asked = log_prior_of_set(size, catalogue_size) - log_prior_of_set(size + 1, catalogue_size)
+    worth = [several for several in starts.beside(parent).values() if several[0].gain > asked]
     found = [_grown(likelihood, parent, several) for several in worth[:most]]
     return [fit for fit in found if fit is not None and not at_an_end(fit.entries)]
 
@@ -115,23 +121,18 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
     ranked = sorted(pool, key=lambda names: -contest.log_posterior(names))
     least = contest.log_posterior(ranked[0]) - WITHIN
     close = [pool[names] for names in ranked[:MOST_CONTESTED] if contest.log_posterior(names) > least]
-    best = close[0].entries
-    tried = {names_of(best)}
-    starts = {fit.names: fit.entries for fit in close}
-    for i in range(len(best)):
-        rest = (*best[:i], *best[i + 1 :])
-        starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
+    starts = {(): (), **{fit.names: fit.entries for fit in close}}
     seen = {effect.name: (effect, params) for fit in reversed(close) for effect, params in fit.entries}
     likelihood = likelihood.knowing([entry for entry in seen.values() if entry not in likelihood.known])
-    for _ in range(CONTESTS):
+    best, tried = close[0].entries, set[Names]()
+    while names_of(best) not in tried and len(tried) < CONTESTS:
+        tried.add(names_of(best))
+        for i in range(len(best)):
+            rest = (*best[:i], *best[i + 1 :])
+            starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
         among = likelihood.with_misfit_of(best)
-        fits = {(): among.fit(()), **{names: among.fit(entries) for names, entries in starts.items()}}
-        contest = Contest(among, fits, catalogue_size)
-        winner = fits[max(fits, key=contest.log_posterior)].entries
-        if names_of(winner) in tried:
-            break
-        tried.add(names_of(winner))
-        best = winner
+        contest = Contest(among, {names: among.fit(entries) for names, entries in starts.items()}, catalogue_size)
+        best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
 
 

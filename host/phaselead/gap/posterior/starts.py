@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.metric import LEAST_POWER
-from phaselead.gap.posterior.likelihood import Fit, Likelihood
-from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
+from phaselead.gap.posterior.likelihood import SHARES, TIMES_BASE, Fit, Likelihood
+from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES, prior_of
 from phaselead.gap.refit import SizedEffect, bounded
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
@@ -104,6 +104,21 @@ class Starts:
             found.append(SizedGroup(group, float(inverse[0] @ slope), float(np.sqrt(inverse[0, 0]))))
         return found
 
+    def detectable(self, nothing: Fit, log_odds: float) -> dict[str, float]:
+        """By effect, the first size, in its unit, at which it is expected to bring so many log odds beside nothing, at
+        the most usual of its shapes: by noise, by what the base misses and by how much these records excite it,
+        whatever they show."""
+        expected = 1 / self.likelihood.variance(nothing.terms, (SHARES[0], TIMES_BASE[0]))
+        chosen: dict[str, tuple[float, float]] = {}
+        for group, _, curvature in self._moments(nothing, self._groups, self._columns, expected):
+            information = float(1 / np.linalg.inv(curvature + np.eye(len(curvature)) * LEAST_POWER)[0, 0])
+            entry = group.effect, bounded(group.effect, group.params(np.zeros(len(group.steps)).tolist()))
+            usual = prior_of([entry], self.likelihood.step_s).log_density
+            size = abs(group.steps[0]) * _amount_of(log_odds, information)
+            if group.effect.name not in chosen or usual > chosen[group.effect.name][0]:
+                chosen[group.effect.name] = usual, size
+        return {name: size for name, (_, size) in chosen.items()}
+
     def _sized(self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]) -> list[Start]:
         """Every group with the sizes that explain most of what a set leaves."""
         found = []
@@ -114,13 +129,19 @@ class Starts:
         return found
 
     def _moments(
-        self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]
+        self,
+        fit: Fit,
+        groups: Sequence[RegressorGroup],
+        columns: Sequence[NDArray[np.float32]],
+        weights: Samples | None = None,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
         """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
-        moving along."""
+        moving along; squares count by ``weights`` (blocks,), by default those of what the set leaves."""
         likelihood, terms = self.likelihood, fit.terms
-        amounts = likelihood.settled(terms, fit.scales, likelihood.every)
-        w = likelihood.weights(terms.power(amounts), likelihood.variance(terms, fit.scales))
+        w = weights
+        if w is None:
+            amounts = likelihood.settled(terms, fit.scales, likelihood.every)
+            w = likelihood.weights(terms.power(amounts), likelihood.variance(terms, fit.scales))
         p = len(terms.precision)
         normal = np.tensordot(w, terms.moments, 1)
         inner = normal[:p, :p] + np.diag(terms.precision)
@@ -143,3 +164,10 @@ class Starts:
             (group, cross[at, -1] - cross[at, :p] @ moved[:, -1], products - cross[at, :p] @ moved[:, at])
             for group, at, products in zip(groups, places, own, strict=True)
         ]
+
+
+def _amount_of(log_odds: float, information: float) -> float:
+    """Steps of a size at which its gain, half its square by the information (1/steps^2), less what its prior costs,
+    is so many log units."""
+    cost = max(0.5 * np.log(information), 0.0)
+    return float(np.sqrt(2 * (log_odds + cost) / information))

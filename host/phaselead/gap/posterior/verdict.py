@@ -11,13 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.posterior.likelihood import Fit, Names, confused
-from phaselead.gap.posterior.priors import log_prior_of_set
+from phaselead.gap.posterior.priors import SURE, log_prior_of_set
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 
-SURE = 0.99
-"""Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
 MORE_LIKELY_THAN_NOT = 0.5
 """Probability from which the nearest set is no more than that."""
 MOST_TIED = 5

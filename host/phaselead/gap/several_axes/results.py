@@ -143,6 +143,7 @@ def axis_results(
                     *(Adopted(one.name, a, NAMED) for one in named[a]),
                     *(Adopted(name, a, PROVISIONAL) for name in unsure[a]),
                 ],
+                [],
                 predictable,
             )
         )  # fmt: skip
