@@ -336,6 +336,9 @@ void random_host_round(struct random_host *host)
         if (below(host, 4) == 0)
             send_update(host);
         break;
+    case 13:
+        send_points(host);
+        break;
     default:
         send_random(host);
     }
