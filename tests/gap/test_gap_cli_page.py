@@ -73,7 +73,7 @@ def test_the_page_says_what_where_and_what_remains():
         "of the power above the floor remains on the held-out records",
         "creep 0.002 0.015 per decade If any of these were larger",
         "These may be present at their typical size",
-        "could be one of them. effect at most (95 %) typical size unit softening (y) 0.2 0.15",
+        "could be one of them. effect at most (95 %) expected to be named from typical size unit softening (y) 0.2 0.15",
         "delay 9.0 leads a tie",
         "phaselead gap next tie.json --port P",
         "vibration : needs idle records",
