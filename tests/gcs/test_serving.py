@@ -10,9 +10,9 @@ import sys
 
 import pytest
 import serial
+from gcs_client import Line, Server
 
 import phaselead as pl
-from conftest import Line, Server
 from phaselead.gcs.lines import loopback
 
 
@@ -103,3 +103,44 @@ def test_the_command_parks_when_it_is_ended(ending, tmp_path):
             assert dev.status().state == "parked"
         stage.terminate()
         stage.wait(60)
+
+
+def test_a_fault_switches_the_servos_off_and_is_told_once():
+    """Gains that no stage stands."""
+    server = Server(listen="127.0.0.1:0", axes="x", mode="pid", gains=(0.0, 400.0, 0.0))
+    line, other = Line(server.tcp_port), Line(server.tcp_port)
+    line.send("SVO x 1\nMOV x 60\n")
+    line.until(lambda: line.ask("SVO? x") == "x=0\n")
+    for one in (line, other):
+        one.until(lambda one=one: one.error() == 1024)
+        assert one.error() == 0
+    assert line.does("MOV x 1") == 5
+    assert any("fault" in said for said in server.said)
+    for one in (line, other):
+        one.close()
+    server.close()
+
+
+def test_a_port_that_goes_away_is_error_52_and_comes_back(tmp_path):
+    words = [sys.executable, "-m", "phaselead", "sim", "--pty", "--link", str(tmp_path / "stage")]
+
+    def stage():
+        found = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        assert found.stdout.readline()
+        return found
+
+    first = stage()
+    server = Server(listen="127.0.0.1:0", axes="x", port=str(tmp_path / "stage"))
+    line = Line(server.tcp_port)
+    assert line.does("SVO x 1") == 0
+    first.kill()
+    first.wait()
+    line.until(lambda: line.does("SVO x 1") == 52)
+    line.send(b"\x07")
+    assert line.answer() == "\xb0\n"
+    with stage() as second:
+        line.until(lambda: line.does("SVO x 1") == 0)
+        assert line.ask("SVO? x") == "x=1\n"
+        line.close()
+        server.close()
+        second.terminate()
