@@ -30,7 +30,7 @@ ADDED = {
     '{ name = "model_crc", type = "u32" },\n]\n\n[[commands]]\nname = "arm"': '{ name = "model_crc", type = "u32" },\n'
     '  { name = "uptime_s", type = "u32", since = 1 },\n]\n\n[[commands]]\nname = "arm"',
     'stream_overflow: ticks dropped so far" },\n]': 'stream_overflow: ticks dropped so far" },\n'
-    '  { name = "severity", type = "u8", since = 3 },\n]',
+    '  { name = "severity", type = "u8", since = 4 },\n]',
     'doc = "What an unsolicited event reports"\n': 'doc = "What an unsolicited event reports"\n'
     "since = { warmed_up = 1 }\n",
     "stream_overflow = 2, path_done = 3 }": "stream_overflow = 2, path_done = 3, warmed_up = 4 }",
@@ -39,12 +39,12 @@ COMMAND = """
 [[commands]]
 name = "echo"
 number = 0x60
-since = 3
+since = 4
 doc = "Sends a word back"
 request = [{ name = "word", type = "u32" }]
 reply = [{ name = "word", type = "u32" }]
 """
-AHEAD = 3
+AHEAD = 4
 HANDLER = """
 #include "app/command.h"
 enum wire_status command_echo(struct device *device, const struct request *request, struct answer *answer)
