@@ -17,6 +17,8 @@ SECONDS ?= 60
 LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--custom-compile-command "make lock"
 
+BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
+
 .PHONY: demo test manual picture test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
@@ -25,6 +27,7 @@ demo: $(STAMP)
 test: $(STAMP)
 	@sh tests/tools.sh
 	@! command -v arm-none-eabi-gcc >/dev/null || $(MAKE) --no-print-directory firmware
+	@! command -v chromium >/dev/null || $(BROWSER_DRIVER) || echo "note: without playwright the scope's page is not tested"
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
@@ -44,7 +47,7 @@ picture: $(STAMP)
 # The scope's page in headless Chromium: the one of the distribution, which apt brings as root.
 test-browser: $(STAMP)
 	@command -v chromium >/dev/null || DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
+	@$(BROWSER_DRIVER)
 	@$(BIN)/python -m pytest -q -m browser tests/scope
 
 bench: $(STAMP)

@@ -52,6 +52,13 @@ static void begin_session(struct device *device, const struct wire_header *heade
     device_reset_axes(device);
 }
 
+static uint8_t model_flags(const struct device *device)
+{
+    const struct model_store *models = &device->models;
+    return (uint8_t)((models->loaded ? MODEL_LOADED : 0) | (models->fallback ? MODEL_FALLBACK : 0) |
+                     (models->persisted ? MODEL_PERSISTED : 0));
+}
+
 enum wire_status command_hello(struct device *device, const struct request *request, struct answer *answer)
 {
     const struct control *control = &device->control;
@@ -73,14 +80,12 @@ enum wire_status command_hello(struct device *device, const struct request *requ
                                      .axis_count = AXES,
                                      .state = (uint8_t)control->state,
                                      .reset_cause = (uint8_t)device->port.reset_cause,
+                                     .model_flags = model_flags(device),
                                      .model_crc = model_crc(device),
                                      .max_payload = WIRE_MAX_PAYLOAD};
     memcpy(reply.build_id, device->port.build_id, sizeof reply.build_id);
     for (size_t i = 0; i < sizeof reply.target && device->port.target[i] != 0; i++)
         reply.target[i] = (uint8_t)device->port.target[i];
-    reply.model_flags =
-        (uint8_t)((device->models.loaded ? MODEL_LOADED : 0) | (device->models.fallback ? MODEL_FALLBACK : 0) |
-                  (device->models.persisted ? MODEL_PERSISTED : 0));
     wire_pack_hello_reply(&reply, answer->payload, answer->size);
     return status;
 }
@@ -200,7 +205,9 @@ enum wire_status command_info(struct device *device, const struct request *reque
                                     .brown_out_level = device->port.brown_out_level,
                                     .last_fault = (uint8_t)device->last_fault,
                                     .last_fault_detail = device->last_fault_detail,
-                                    .flash_sequence = device->models.sequence};
+                                    .flash_sequence = device->models.sequence,
+                                    .model_flags = model_flags(device),
+                                    .model_crc = model_crc(device)};
     (void)request;
     memcpy(reply.histogram, device->cycles_histogram, sizeof reply.histogram);
     wire_pack_info_reply(&reply, answer->payload, answer->size);

@@ -4,6 +4,7 @@
 #include "app/command.h"
 
 #define LATCH_TRIES 4
+#define FAULTS_PACKED_SIZE (sizeof(uint32_t) + JOURNAL_FAULTS * WIRE_LOGGED_FAULT_SIZE)
 
 static uint64_t next_tick(const struct device *device)
 {
@@ -58,16 +59,34 @@ enum wire_status command_stream_stop(struct device *device, const struct request
     return WIRE_STATUS_OK;
 }
 
+static uint32_t pack_faults(struct device *device, uint8_t out[FAULTS_PACKED_SIZE])
+{
+    struct wire_logged_fault faults[JOURNAL_FAULTS];
+    device_lock(device);
+    uint32_t count = fault_log_read(&device->fault_log, &device->journal, faults);
+    device_unlock(device);
+    const uint32_t power_cycle = device->journal.newest.power_cycle;
+    uint32_t size = sizeof power_cycle;
+    memcpy(out, &power_cycle, sizeof power_cycle);
+    for (; count > 0; count--, size += WIRE_LOGGED_FAULT_SIZE)
+        wire_pack_logged_fault(&faults[count - 1], out + size, WIRE_LOGGED_FAULT_SIZE);
+    return size;
+}
+
 enum wire_status command_snapshot_read(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_snapshot_read_request read;
     struct wire_snapshot_read_reply reply = {0};
     wire_unpack_snapshot_read_request(&read, request->payload, request->size);
     const uint8_t *from = (const uint8_t *)&device->latched;
+    uint8_t faults[FAULTS_PACKED_SIZE];
     if (read.region >= WIRE_REGION_COUNT)
         return WIRE_STATUS_BAD_VALUE;
     if (read.region == WIRE_REGION_STATE) {
         reply.size = device->latched_valid ? sizeof device->latched : 0;
+    } else if (read.region == WIRE_REGION_FAULTS) {
+        from = faults;
+        reply.size = pack_faults(device, faults);
     } else {
         unsigned axis = read.region - WIRE_REGION_WAVE_X;
         from = (const uint8_t *)device->waves_q30[axis];

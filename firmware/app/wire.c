@@ -108,7 +108,7 @@ static const struct {
     {"set_timeout", {4, 4, false}, 0x14},
     {"set_timeout", {9, 9, false}, 0x94},
     {"info", {0, 0, false}, 0x15},
-    {"info", {103, 103, false}, 0x95},
+    {"info", {103, 108, false}, 0x95},
     {"motion", {33, 33, false}, 0x40},
     {"motion", {9, 9, false}, 0xC0},
     {"queue", {100, 100, false}, 0x41},
@@ -1045,7 +1045,9 @@ int32_t wire_pack_info_reply(const struct wire_info_reply *from, uint8_t *out, s
     out = put_u8(out, from->brown_out_level);
     out = put_u8(out, from->last_fault);
     out = put_u32(out, from->last_fault_detail);
-    put_u32(out, from->flash_sequence);
+    out = put_u32(out, from->flash_sequence);
+    out = put_u8(out, from->model_flags);
+    put_u32(out, from->model_crc);
     return WIRE_INFO_REPLY_SIZE;
 }
 
@@ -1066,6 +1068,8 @@ bool wire_unpack_info_reply(struct wire_info_reply *to, const uint8_t *in, size_
     to->last_fault = get_u8(&in);
     to->last_fault_detail = get_u32(&in);
     to->flash_sequence = get_u32(&in);
+    to->model_flags = get_u8(&in);
+    to->model_crc = get_u32(&in);
     return true;
 }
 

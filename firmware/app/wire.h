@@ -184,8 +184,9 @@ enum wire_region {
     WIRE_REGION_WAVE_X = 1,
     WIRE_REGION_WAVE_Y = 2,
     WIRE_REGION_WAVE_Z = 3,
+    WIRE_REGION_FAULTS = 4,
 };
-#define WIRE_REGION_COUNT 4
+#define WIRE_REGION_COUNT 5
 
 /* What an unsolicited event reports */
 enum wire_event_kind {
@@ -577,7 +578,7 @@ struct wire_stream_stop_reply {
     uint64_t dropped_ticks;
 };
 
-/* 0x13: Reads the control state latched by STREAM_START, or a waveform */
+/* 0x13: Reads the control state latched by STREAM_START, a waveform, or FAULT_LOG in pieces: power_cycle, then each of its faults, newest first */
 #define WIRE_SNAPSHOT_READ_REQUEST_SIZE 7
 struct wire_snapshot_read_request {
     uint8_t region;
@@ -585,7 +586,7 @@ struct wire_snapshot_read_request {
     uint16_t length;
 };
 
-/* 0x93: Reads the control state latched by STREAM_START, or a waveform */
+/* 0x93: Reads the control state latched by STREAM_START, a waveform, or FAULT_LOG in pieces: power_cycle, then each of its faults, newest first */
 #define WIRE_SNAPSHOT_READ_REPLY_SIZE 13
 struct wire_snapshot_read_reply {
     uint8_t status;
@@ -602,7 +603,7 @@ struct wire_set_timeout_request {
 };
 
 /* 0x95: Timing of the tick and the fault log */
-#define WIRE_INFO_REPLY_SIZE 103
+#define WIRE_INFO_REPLY_SIZE 108
 struct wire_info_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
@@ -616,6 +617,8 @@ struct wire_info_reply {
     uint8_t last_fault;
     uint32_t last_fault_detail;
     uint32_t flash_sequence;
+    uint8_t model_flags; /* as in HELLO, at present */
+    uint32_t model_crc;
 };
 
 /* 0x40: Limits of what is queued from now on, the window of `where`, and nothing that a tick depends on */

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         flash,
         gap,
         gap_next,
+        gcs,
         import_recordings,
         load,
         loop,
@@ -84,6 +85,7 @@ __all__ = [
     "flash",
     "gap",
     "gap_next",
+    "gcs",
     "import_recordings",
     "load",
     "loop",
@@ -127,8 +129,9 @@ def __dir__() -> list[str]:
 
 
 class _Face(ModuleType):
-    """``pl.gap``, ``pl.scope``, ``pl.sim`` and ``pl.demo`` are functions, although packages inside have the same names:
-    an import of one of those (``from phaselead.gap import ...``) must not put the package in the function's place."""
+    """``pl.gap``, ``pl.gcs``, ``pl.scope``, ``pl.sim`` and ``pl.demo`` are functions, although packages inside have the
+    same names: an import of one of those (``from phaselead.gap import ...``) must not put the package in the function's
+    place."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if not (name in __all__ and isinstance(value, ModuleType)):

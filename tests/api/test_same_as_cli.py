@@ -50,6 +50,7 @@ COUNTERPARTS = {
     "gap next": "gap_next",
     "gap campaign": "campaign",
     "scope": "scope",
+    "gcs": "gcs",
     "sim": "sim",
     "flash": "flash",
     "selftest": "Controller.selftest",

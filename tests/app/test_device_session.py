@@ -119,6 +119,13 @@ def test_hello_again_from_the_same_host_changes_nothing(bench):
     assert bench.state == wire.State.RUNNING
 
 
+def test_a_region_that_does_not_exist_is_refused(bench):
+    bench.ok(wire.HelloRequest())
+    for region in wire.Region:
+        assert bench.ok(wire.SnapshotReadRequest(region, 0, 100)).size >= 0
+    assert bench.status_of(wire.SnapshotReadRequest(len(wire.Region), 0, 100)) == wire.Status.BAD_VALUE
+
+
 def state_of(bench):
     """Control state as a recording would carry it, less what time alone changes."""
     bench.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))

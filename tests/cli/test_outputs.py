@@ -110,3 +110,13 @@ def test_a_usage_error_is_one_line_that_names_the_help(run, words, said):
 
 def test_a_group_alone_shows_its_help(run):
     assert "record" in run("log").err
+
+
+def test_brackets_are_printed_as_they_are(run, tmp_path):
+    """They were taken for the markup of the library that draws tables: units vanished, and [/x] was an error."""
+    path = tmp_path / "rig.txt"
+    rows = "\n".join(f"{i * 0.001:.3f} {i % 50} {i % 49}" for i in range(200))
+    path.write_text(f"t[s] U[V] x[/um]\n{rows}\n")
+    outcome = run("log", "import", path, "--map", "t_s=1,u_V=2,x_um=3")
+    assert (outcome.status, outcome.error) == (0, None), outcome
+    assert "x[/um]" in outcome.out

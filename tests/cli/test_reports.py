@@ -5,16 +5,21 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import escape
 
 import phaselead as pl
 from phaselead.gap import GapResult, NamedEffect, Trace
 from phaselead.gap.findings import GapSize
 from phaselead.model import AxisModel, Stage
+from phaselead.report import page as page_module
 from phaselead.report.axis_figures import bode_figure, creep_figure, noise_figure, response_of, step_figure
+from phaselead.report.campaign import ON_DARK, ON_LIGHT, confusion_figure
 from phaselead.report.gap import cards, in_usual_unit, trace_figure, verdict_card
+from phaselead.report.page import command_line, render
 from phaselead.report.results import result_page
 from phaselead.sim import built_in
 
@@ -161,3 +166,51 @@ def test_every_command_writes_its_page(run, stage_file, tmp_path):
         assert outcome.status == 0, outcome.err
         page.unlink()
     assert run("verify", "--model", stage_file, record, "--report", tmp_path / "no" / "x.html").status == 2
+
+
+def test_words_of_figures_take_the_colour_of_the_page(results):
+    """A figure's letters are outlines without a colour of their own: what they stand in gives it."""
+    page = result_page(results["run"])
+    rule = re.search(r"figure svg \{([^}]*)\}", page)
+    assert rule is not None
+    assert "fill: currentColor" in rule[1]
+    assert "color: var(--ink)" in rule[1]
+
+
+def test_words_in_cells_are_seen_on_any_page():
+    """They were dropped where they were white, as the ground of a figure is."""
+    cells = {"creep": {"creep": 3.0, "delay": 1.0}, "delay": {"delay": 4.0}}
+    page = render("campaign.html", **empty_campaign(confusion_figure(cells)))
+    assert ON_DARK in page
+    assert ON_LIGHT in page
+
+
+def empty_campaign(figure):
+    run = {"set": "tuning", "version": "0", "commit": "", "code": "", "cpu_hours": 0.0}
+    return {
+        "run": run, "cases": 8, "by_kind": {}, "numbers": [], "confusion": figure, "accuracy": None, "coverage": None,
+        "wrong": [],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("template", ["gap", "campaign", "demo"])
+def test_sections_are_called_by_what_they_answer(template):
+    text = (Path(page_module.__file__).parent / "templates" / f"{template}.html").read_text()
+    headings = re.findall(r"<h2>(.*?)</h2>", text)
+    assert headings
+    assert [heading for heading in headings if not heading.endswith("?")] == []
+
+
+@pytest.mark.parametrize(
+    ("called", "said"),
+    [
+        (["/usr/bin/phaselead", "verify", "my file.csv"], "phaselead verify 'my file.csv'"),
+        (["/x/phaselead/__main__.py", "demo"], "phaselead demo"),
+        (["/usr/bin/jupyter-lab", "demo"], ""),
+    ],
+)
+def test_a_page_says_which_command_made_it(monkeypatch, called, said):
+    monkeypatch.setattr("sys.argv", called)
+    assert command_line() == said
+    page = render("result.html", title="t", lead="", cards=[], parts=[], origin="")
+    assert f"<code>{escape(said)}</code>" in page if said else "<footer>Written by phaselead 0.1.0." in page

@@ -345,7 +345,7 @@ def test_joins_have_a_longest():
 
 
 def test_new_gains_are_taken_while_it_holds_and_while_it_moves(dev, stage):
-    """No jump of the output beyond what noise makes of a proportional gain; a later reply says that they are in force."""
+    """Without a jump of the output."""
     dev.move(x=40, mode="inverse+pid")
     with dev.live("x") as live:
         live.read(0.02)

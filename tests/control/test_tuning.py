@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 
@@ -12,10 +13,12 @@ from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead.control.feedback_loop import HOLD_S, pid_response, plant_response
-from phaselead.control.tuning import shaping
-from phaselead.control.tuning.course import local_range, with_modes
+from phaselead.control.tuning import course, shaping
+from phaselead.control.tuning.course import local_range
 from phaselead.control.tuning.excitation import Grid, multisine
-from phaselead.control.tuning.plant import fit_plant
+from phaselead.control.tuning.measured_model import with_modes
+from phaselead.control.tuning.plant import FittedPlant, fit_plant
+from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import response_of
 from phaselead.control.tuning.shaping import Range, bandwidth_Hz, predicted, shape
 from phaselead.device.encode_filters import encode_filters
@@ -257,6 +260,30 @@ def test_a_run_with_filters_is_replayed_bit_for_bit(tuned: pl.Tuned) -> None:
     with pl.connect() as dev:
         run = dev.track("sine:20um@5Hz", mode="pid", model=tuned.model, duration=0.4)
     assert bool(pl.replay(run))
+
+
+@pytest.mark.parametrize(("ki", "kd", "stands"), [(28.67, 2.342e-5, True), (61.0, 6e-5, True), (90.0, 0.0, False)])
+def test_the_rehearsal_passes_what_has_a_margin_and_no_other(ki: float, kd: float, stands: bool) -> None:
+    """On a measured plant with a weak, damped mode, as fits of a response have them."""
+    modes = ((0.925, 200.0, 0.02), (0.05, 54.0, 0.7), (0.0257, 640.0, 0.3))
+    fitted = FittedPlant(SmallSignal((19.46, 19.46), modes, (8e-5,), HOLD_S + 1e-4), 19.46, np.zeros(1))
+    gains = Gains(kp_V_per_um=0.0, ki_V_per_um_s=ki, kd_V_s_per_um=kd)
+    path = multisine(course.CLOSED.grid, 1.946, 90.9, "um", 0)
+    parent = built_in("xyz250").axis("x")
+    with contextlib.nullcontext() if stands else pytest.raises(BadInput, match="was not closed on the stage"):
+        refuse_rehearsed("x", parent, fitted, 28.4, (4.0, 90.9), gains, {"x": path})
+
+
+def test_a_loop_that_runs_away_on_what_was_measured_is_never_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever made it: it is run on the measured plant first. It used to be closed on the stage and judged there."""
+    runs_away = Gains(kp_V_per_um=0.0, ki_V_per_um_s=90.0, kd_V_s_per_um=0.0)
+    monkeypatch.setattr(course, "shape", lambda plant, over, told: runs_away)
+    monkeypatch.setattr(course, "_refuse_measured", lambda *measured: None)
+    with pl.connect("sim://xyz250") as dev:
+        with pytest.raises(BadInput, match="on the response that was measured the tuned loop ends in fault"):
+            dev.tune("x", model=built_in("xyz250"))
+        assert dev.status().state == "parked"
+        assert dev.status().modes[0] == "open"
 
 
 @pytest.mark.parametrize(

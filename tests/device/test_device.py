@@ -144,6 +144,22 @@ def test_a_model_is_uploaded_read_back_and_kept(tmp_path: Path) -> None:
         assert device.info()["model_persisted"]
 
 
+def test_info_says_how_the_model_is_now(device: Device) -> None:
+    def told() -> tuple[bool, bool, str]:
+        info = device.info()
+        return info["model_loaded"], info["model_persisted"], info["model_crc"]
+
+    assert told() == (False, False, "00000000")
+    crc = f"{device.upload(model_blob()):08x}"
+    assert told() == (True, False, crc)
+    device.persist()
+    assert told() == (True, True, crc)
+    other = f"{device.upload(model_blob(ramp_q24=2**19)):08x}"
+    assert told() == (True, False, other)
+    device.hello = replace(device.hello, wire_revision=2)  # a device that tells it in its greeting alone
+    assert told() == (False, False, "00000000")
+
+
 @pytest.mark.parametrize(
     ("change", "field"),
     [

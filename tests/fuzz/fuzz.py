@@ -37,6 +37,8 @@ MISSING_HOST = "atheris (pip install -r requirements-fuzz.lock)"
 TARGETS = ("device", "frames", "stage", "csv", "journal")
 LONGEST = {"device": 4096, "frames": 2048, "stage": 8192, "csv": 2048, "journal": 24576}
 """Bytes of an input."""
+HANGS_S = 300
+"""By the clock, for inputs that take milliseconds: a busy machine may let one wait for a while."""
 KEPT_LONGEST = 60_000
 """Bytes of all inputs of a target that --keep keeps, shortest first."""
 
@@ -62,7 +64,12 @@ def fuzz(target: str, command: list[str], seconds: int) -> str:
     """One line that says what came of it; begins with ``broken`` when an input broke something."""
     grown, found = OUT / target, OUT / f"broken-{target}-"
     grown.mkdir(parents=True, exist_ok=True)
-    options = [f"-max_total_time={seconds}", f"-max_len={LONGEST[target]}", f"-artifact_prefix={found}", "-timeout=20"]
+    options = [
+        f"-max_total_time={seconds}",
+        f"-max_len={LONGEST[target]}",
+        f"-artifact_prefix={found}",
+        f"-timeout={HANGS_S}",
+    ]
     options += ["-print_final_stats=1", "-rss_limit_mb=4096"]
     done = subprocess.run(
         [*command, *options, str(grown), str(CORPUS / target)], capture_output=True, text=True, check=False

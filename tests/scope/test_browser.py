@@ -42,14 +42,14 @@ def served(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         yield next(line for line in scope.stdout if line.startswith("http")).strip(), scope
         if scope.poll() is None:
             scope.send_signal(signal.SIGINT)
-        assert scope.wait(20) == 0
+        assert scope.wait(90) == 0
 
 
 @pytest.fixture
 def context(chromium: Any) -> Iterator[Any]:
     """A browser of its own, in which no script may fail."""
     context = chromium.new_context(viewport=dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
-    context.set_default_timeout(30_000)
+    context.set_default_timeout(90_000)
     wrong: list[str] = []
     context.on("weberror", lambda error: wrong.append(str(error.error)))
     context.on("console", lambda message: message.type == "error" and wrong.append(message.text))
@@ -144,7 +144,7 @@ def test_the_scope_that_ends_is_said(context, served):
     page = opened(context, served[0])
     served[1].send_signal(signal.SIGINT)
     page.get_by_text("does not answer").wait_for()
-    served[1].wait(20)
+    served[1].wait(90)
 
 
 def test_it_fits_every_screen(context, served):

@@ -153,6 +153,29 @@ void invariants_reset(struct invariants *seen, const struct device *device)
         CHECK(device->control.axis[axis].u_q24 == 0);
 }
 
+/* A tick that plays points that come meanwhile, or leaves them, lies between two that have come and are not yet
+ * overwritten. Before its wait is over a path counts for nothing. */
+static void check_points(const struct device *device, unsigned axis)
+{
+    const struct control *now = &device->control;
+    const struct points_ring *ring = &now->points[axis];
+    const struct join_state *join = &now->axis[axis].join;
+    if (ring->ring != POINTS_PLAYED || now->axis[axis].drive != DRIVE_PATH)
+        return;
+    const bool joins = join->step_turn64 != 0;
+    const bool leaves = joins && join->standing == 0 && join->path.kind == PATH_WAVE;
+    const bool enters = joins && now->config[axis].path.kind == PATH_WAVE;
+    const bool plays = now->config[axis].path.kind == PATH_WAVE && now->axis[axis].path.running != 0;
+    if (!leaves && (!plays || (enters && join->wait_ticks != 0)))
+        return;
+    const uint64_t phase_turn64 = leaves ? join->state.phase_turn64 : now->axis[axis].path.phase_turn64;
+    const uint32_t place = (uint32_t)(phase_turn64 >> 54), next = (uint32_t)ring->next % WAVE_POINTS;
+    const uint32_t ahead = (next - place) % WAVE_POINTS; /* points that have come, from the one before now on */
+    CHECK(ring->next - ring->first < WAVE_POINTS || ahead != 1);
+    CHECK(ring->next - ring->first >= WAVE_POINTS || ahead <= (uint32_t)(ring->next - ring->first));
+    CHECK(ahead != 1 || now->config[axis].leave_ticks == 0);
+}
+
 void invariants_after_tick(struct invariants *seen, const struct device *device)
 {
     check_names(device);
@@ -161,6 +184,7 @@ void invariants_after_tick(struct invariants *seen, const struct device *device)
     check_host_is_heard(device);
     for (unsigned axis = 0; axis < AXES; axis++) {
         check_limits(seen, device, axis);
+        check_points(device, axis);
         check_rest(seen, device, axis);
     }
     note_way_home(seen, device);

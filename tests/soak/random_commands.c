@@ -213,6 +213,47 @@ void send_wave(struct random_host *host)
     random_host_send(host, WIRE_WAVE_COMMIT, SESSION, payload, WIRE_WAVE_COMMIT_REQUEST_SIZE);
 }
 
+static void send_piece(struct random_host *host, uint8_t mask, int32_t first, uint32_t count)
+{
+    static uint8_t payload[WIRE_MAX_PAYLOAD];
+    static uint8_t data[AXES * 90 * sizeof(int32_t)];
+    const uint32_t axes = (mask & 1u) + (mask >> 1 & 1u) + (mask >> 2 & 1u);
+    for (uint32_t i = 0; i < axes * count; i++) {
+        const int32_t point = (int32_t)below(host, (1u << 30) + 1);
+        memcpy(data + i * sizeof point, &point, sizeof point);
+    }
+    const struct wire_points_request points = {mask, first, below(host, 4) ? 0 : 1 + below(host, 3000), data,
+                                               axes * count * sizeof(int32_t)};
+    wire_pack_points_request(&points, payload, sizeof payload);
+    random_host_send(host, WIRE_POINTS, SESSION, payload, WIRE_POINTS_REQUEST_SIZE + points.data_size);
+}
+
+void send_points(struct random_host *host)
+{
+    uint8_t payload[WIRE_MAX_PAYLOAD];
+    const struct control *control = &host->device.control;
+    const uint8_t mask = (uint8_t)(1 + below(host, ALL_AXES)), log2 = (uint8_t)below(host, 4);
+    const unsigned axis = (mask & 1u) != 0 ? 0 : (mask & 2u) != 0 ? 1 : 2;
+    if (control->points[axis].ring == POINTS_PLAYED && below(host, 4) != 0) {
+        send_piece(host, mask, control->points[axis].next, below(host, 91));
+        return;
+    }
+    struct wire_points_begin_request begin = {mask, log2, -(int32_t)below(host, 300), {1u << 30, 1u << 30, 1u << 30}};
+    wire_pack_points_begin_request(&begin, payload, sizeof payload);
+    random_host_send(host, WIRE_POINTS_BEGIN, SESSION, payload, WIRE_POINTS_BEGIN_REQUEST_SIZE);
+    for (unsigned pieces = 1 + below(host, 12); pieces > 0; pieces--)
+        send_piece(host, mask, control->points[axis].next, 90);
+    const int32_t unit = control->config[axis].mode == AXIS_OPEN ? 1 << 24 : 24 << 16;
+    const struct wire_set_path_request path = {
+        (uint8_t)axis, WIRE_PATH_KIND_WAVE, (int32_t)below(host, 8) * unit, 0, (uint64_t)1 << (54 - log2), 0};
+    wire_pack_set_path_request(&path, payload, sizeof payload);
+    random_host_send(host, WIRE_SET_PATH, SESSION, payload, WIRE_SET_PATH_REQUEST_SIZE);
+    const struct wire_set_joins_request joins = {(uint8_t)axis, 0, (uint16_t)below(host, 400),
+                                                 (uint16_t)below(host, 400)};
+    wire_pack_set_joins_request(&joins, payload, sizeof payload);
+    random_host_send(host, WIRE_SET_JOINS, SESSION, payload, WIRE_SET_JOINS_REQUEST_SIZE);
+}
+
 /* Now and then none, so that all of the range is tried as well. */
 void send_limits(struct random_host *host)
 {

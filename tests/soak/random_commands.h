@@ -10,6 +10,7 @@ void send_gains(struct random_host *host);
 void send_arm_and_start(struct random_host *host);
 void send_model(struct random_host *host);
 void send_wave(struct random_host *host);
+void send_points(struct random_host *host); /* a ring of points, a path of it, and pieces that come or do not */
 void send_limits(struct random_host *host);
 void send_queue(struct random_host *host);
 void send_joins_and_bounds(struct random_host *host);

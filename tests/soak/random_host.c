@@ -364,6 +364,9 @@ void random_host_round(struct random_host *host)
         send_gains(host);
         run(host, below(host, 200));
         break;
+    case 13:
+        send_points(host);
+        break;
     default:
         send_random(host);
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.api.devices import explain, flash, ports, replay, scope, sim, stop
+from phaselead.api.devices import explain, flash, gcs, ports, replay, scope, sim, stop
 from phaselead.api.gaps import gap, gap_next, write_report
 from phaselead.api.models import fit, load, loop, predict, verify
 from phaselead.api.recordings import export, import_recordings, plot, read, recording, recover
@@ -17,6 +17,7 @@ __all__ = [
     "flash",
     "gap",
     "gap_next",
+    "gcs",
     "import_recordings",
     "load",
     "loop",

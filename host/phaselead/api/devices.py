@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from phaselead.control import Run
+    from phaselead.control import GainsLike, Run
     from phaselead.device import FaultPage
+    from phaselead.gcs import Served
     from phaselead.model import StageLike
     from phaselead.result import Facts
     from phaselead.serial_ports import Ports
@@ -138,6 +139,49 @@ def scope(
         page_port=page_port,
         say=say,
         say_link=say_link,
+    )
+
+
+def gcs(
+    port: str | None = None,
+    *,
+    listen: str | None = None,
+    pty: bool = False,
+    link: str | os.PathLike[str] | None = None,
+    axes: str | None = None,
+    model: StageLike | None = None,
+    mode: str | None = None,
+    gains: GainsLike | None = None,
+    say: Callable[[str], None] = print,
+    say_ready: Callable[[Served], None] = print,
+) -> None:
+    """Serves the device to programs that speak PI's General Command Set (PIPython, Micro-Manager), until Ctrl-C, which
+    parks it.
+
+    ``listen`` is an address and port of this computer, "127.0.0.1:50000" unless it is served on a pseudo-terminal
+    (``pty``, and ``link`` to it) alone. Nothing moves before a program sends SVO 1, which arms and holds ``axes``:
+    those of ``model``, else of the model that the device holds, else x; in ``mode`` and with ``gains`` as for ``move``.
+    ``say`` is told what a person should know, ``say_ready`` where it is served. Raises BadInput for an address that is
+    not of this computer or taken; else as ``connect``.
+
+    >>> import phaselead as pl
+    >>> pl.gcs(listen="0.0.0.0:50000")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    phaselead.errors.BadInput: 0.0.0.0:50000: only this computer may connect...
+    """
+    from phaselead.gcs import serve
+
+    serve(
+        port,
+        listen=listen,
+        pty=pty,
+        link=link,
+        axes=axes,
+        model=model,
+        mode=mode,
+        gains=gains,
+        say=say,
+        say_ready=say_ready,
     )
 
 

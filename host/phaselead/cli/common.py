@@ -221,7 +221,7 @@ def show(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | s
         click.echo(json_text(figures), nl=False)
     if json_to == "-" or quiet.get():
         return
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
     for part in parts:
         console.print(part if isinstance(part, str) else terminal_table(part))
 

@@ -36,6 +36,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "where": ("where --port /dev/ttyACM0",),
     "limits": ("limits --port /dev/ttyACM0", "limits --axis x --u-min 0V --u-max 8V --x-max 90um --port /dev/ttyACM0"),
     "scope": ("scope", "scope --port /dev/ttyACM0 --model stage.toml --out kept"),
+    "gcs": ("gcs --model stage.toml --port /dev/ttyACM0", "gcs --axis x,y,z --pty --link ./pi"),
     "arm": ("arm --port /dev/ttyACM0",),
     "park": ("park --port /dev/ttyACM0",),
     "stop": ("stop --port /dev/ttyACM0",),

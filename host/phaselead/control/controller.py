@@ -287,9 +287,10 @@ class Controller(Plays, Tunes, Supervision):
     ) -> Run:
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
 
-        ``wave`` is "sine:60um@5Hz", "triangle:100um@20Hz", "file:path.csv@10Hz", "goto:120um", or in volts for mode
-        open; amplitudes are peak-to-peak. It is for ``axis``, x or several ("x,y"), by default
-        x; several paths run together as ``track(x="...", y="...")`` or ``track({"x": "...", "y": "..."})``.
+        ``wave`` is "sine:60um@5Hz", "triangle:100um@20Hz", "file:path.csv@10Hz", "path:scan.csv" (of any length, sent
+        while it is played), "goto:120um", or in volts for mode open; amplitudes are peak-to-peak. It is for ``axis``, x
+        or several ("x,y"), by default x; several paths run together as ``track(x="...", y="...")`` or
+        ``track({"x": "...", "y": "..."})``.
 
         ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
         uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)

@@ -141,7 +141,7 @@ class HoldsAndMoves:
         return self._mover.hold()
 
     def set_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> None:
-        """Other gains for the axes that are held, moving or playing, without a stop: the output goes on from where it is.
+        """Other gains for the axes that are held, move or play, without a stop: the output goes on from where it is.
 
         ``gains`` as for ``move``, filters included where they come from a model. Raises BadInput, and changes nothing,
         for a mode without feedback and for gains whose loop on the model has a peak sensitivity above 6, unless

@@ -193,7 +193,7 @@ class Mover:
         self._wait(2 * ENGAGE_S)
 
     def change_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> list[str]:
-        """Gains of the axes that are held or follow a path, at once and without a bump. Returns what the model warns of.
+        """Gains of the axes that are held or follow a path, at once and without a bump. Returns what the model warns.
 
         Raises BadInput, and changes nothing, for a mode without feedback, and for a loop that the model cannot stand,
         unless ``force``.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,10 +46,7 @@ def rehearse(
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
         return
     check_paths(waveforms, mode, stage)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.toml"
-        as_played(stage).save(path)
-        url = f"sim://{path}"
+    with _simulated(stage) as url:
         try:
             said = _trouble(url, waveforms, mode, stage, gains, duration_s)
         except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
@@ -65,6 +63,30 @@ def rehearse(
 
         found = _nearest(waveforms[axis], works)
     raise BadInput(f"{axis}: on the model this {said}; {found}; or --force")
+
+
+def trouble_on_model(
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    stage: Stage,
+    gains: Mapping[str, Gains],
+    duration_s: float | None = None,
+) -> str | None:
+    """What goes wrong when the paths are run on the model for up to 2 s, in words; None where nothing does.
+
+    Raises BadInput or DeviceRefused where they cannot be played there.
+    """
+    with _simulated(stage) as url:
+        return _trouble(url, waveforms, mode, stage, gains, duration_s)
+
+
+@contextmanager
+def _simulated(stage: Stage) -> Iterator[str]:
+    """The port of a simulated stage that obeys the model."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        as_played(stage).save(path)
+        yield f"sim://{path}"
 
 
 def as_played(stage: Stage) -> Stage:

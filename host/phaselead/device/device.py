@@ -44,6 +44,8 @@ from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.model import Gains, LoopFilter
 from phaselead.serial_ports import BAUD, open_port
 
+MODEL_IN_INFO_SINCE = 3
+"""Revision of the wire. An older device tells it at the beginning of a session alone."""
 RETRY_S = 0.2
 """How often a port that has gone away is looked for."""
 
@@ -169,6 +171,7 @@ class Device:
     def info(self) -> dict[str, Any]:
         """What the device is: build, wire, model, timing of its tick, last fault."""
         hello, r = self.hello, self.session.request(wire.InfoRequest())
+        model = r if hello.wire_revision >= MODEL_IN_INFO_SINCE else hello  # that of before says how it began
         return {
             "port": self.session.name,
             "target": target_of(hello.target),
@@ -179,10 +182,10 @@ class Device:
             "baud": hello.baud,
             "axes": hello.axis_count,
             "reset_cause": name_of(wire.ResetCause, hello.reset_cause),
-            "model_loaded": bool(hello.model_flags & 1),
-            "model_is_fallback": bool(hello.model_flags & 2),
-            "model_persisted": bool(hello.model_flags & 4),
-            "model_crc": f"{hello.model_crc:08x}",
+            "model_loaded": bool(model.model_flags & 1),
+            "model_is_fallback": bool(model.model_flags & 2),
+            "model_persisted": bool(model.model_flags & 4),
+            "model_crc": f"{model.model_crc:08x}",
             "cycles_last": r.cycles_last,
             "cycles_max": r.cycles_max,
             "cycles_histogram": list(r.histogram),

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from phaselead.device import wire
+from phaselead.device.capture import read_region
 from phaselead.device.device import Device
 from phaselead.device.quantities import TICK_HZ
 from phaselead.device.status import NO_AXIS, fault_detail, name_of
 from phaselead.device.stream import axes_of
 from phaselead.result import Result, Table
 
+IN_PIECES_SINCE = 3
+"""Revision of the wire."""
+HEAD = struct.Struct("<I")
+"""The power cycle; the faults follow, newest first."""
 HEADINGS = ("power cycle", "tick", "after (s)", "fault", "axis", "in state", "detail")
 
 
@@ -61,9 +67,21 @@ class FaultLog(Result):
 
 
 def read_fault_log(device: Device) -> FaultLog:
-    """The faults that the device remembers, those before its last resets included."""
-    reply = device.session.request(wire.FaultLogRequest())
-    return FaultLog(reply.power_cycle, tuple(_in_words(fault) for fault in reply.faults[: reply.count]))
+    """The faults that the device remembers, those before its last resets included; in pieces if the line needs it."""
+    session = device.session
+    if device.hello.wire_revision < IN_PIECES_SINCE:
+        reply = session.request(wire.FaultLogRequest())
+        return FaultLog(reply.power_cycle, tuple(_in_words(fault) for fault in reply.faults[: reply.count]))
+    log, newest = b"", b"?"
+    while not log.startswith(newest):  # another fault came between two pieces
+        log = read_region(session, wire.Region.FAULTS)
+        newest = session.request(
+            wire.SnapshotReadRequest(wire.Region.FAULTS, 0, HEAD.size + wire.LoggedFault.SIZE)
+        ).data
+    (power_cycle,) = HEAD.unpack_from(log)
+    starts = range(HEAD.size, len(log), wire.LoggedFault.SIZE)
+    faults = [wire.LoggedFault.unpack(log[at : at + wire.LoggedFault.SIZE]) for at in starts]
+    return FaultLog(power_cycle, tuple(map(_in_words, reversed(faults))))
 
 
 def _in_words(fault: wire.LoggedFault) -> LoggedFault:

@@ -122,7 +122,7 @@ def selftest(device: Device, axes: str = AXES) -> SelfTest:
 
 def measure_loop(device: Device, axis: str) -> LoopResult:
     """Drives one axis through some voltages, reads each back, and parks. Raises PhaseleadError as ``selftest``."""
-    if device.hello.model_flags & 1:
+    if device.info()["model_loaded"]:
         raise PhaseleadError("the device has a model; a self-test is for a board without one: power it on afresh")
     dac, adc, noise = [], [], [0.0]
     with contextlib.ExitStack() as home:

@@ -243,6 +243,7 @@ class Region(IntEnum):
     WAVE_X = 1
     WAVE_Y = 2
     WAVE_Z = 3
+    FAULTS = 4
 
 
 class EventKind(IntEnum):
@@ -1696,7 +1697,9 @@ class SnapshotReadReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class SnapshotReadRequest(Command[SnapshotReadReply]):
-    """Reads the control state latched by STREAM_START, or a waveform."""
+    """Reads the control state latched by STREAM_START, a waveform, or FAULT_LOG in pieces: power_cycle, then each of
+    its faults, newest first.
+    """
 
     NAME: ClassVar[str] = "snapshot_read"
     NUMBER: ClassVar[int] = 0x13
@@ -1768,7 +1771,8 @@ class InfoReply(Reply):
 
     NAME: ClassVar[str] = "info reply"
     NUMBER: ClassVar[int] = 0x95
-    SIZE: ClassVar[int] = 103
+    SIZE: ClassVar[int] = 108
+    LEAST: ClassVar[int | None] = 103
     PLATFORM: ClassVar[frozenset[str]] = frozenset(
         {
             "cycles_last",
@@ -1781,7 +1785,7 @@ class InfoReply(Reply):
             "last_fault_detail",
         }
     )
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIIIBBII")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQII16IIIIBBIIBI")
     status: int
     tick: int
     """the tick before which the command took effect."""
@@ -1799,6 +1803,9 @@ class InfoReply(Reply):
     last_fault: int
     last_fault_detail: int
     flash_sequence: int
+    model_flags: int = 0
+    """as in HELLO, at present."""
+    model_crc: int = 0
 
     def pack(self) -> bytes:
         return _pack(
@@ -1816,13 +1823,15 @@ class InfoReply(Reply):
             self.last_fault,
             self.last_fault_detail,
             self.flash_sequence,
+            self.model_flags,
+            self.model_crc,
         )
 
     @classmethod
     def unpack(cls, payload: bytes) -> InfoReply:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24], v[25], v[26])
+        return cls(v[0], v[1], v[2], v[3], v[4:20], v[20], v[21], v[22], v[23], v[24], v[25], v[26], v[27], v[28])
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
 from phaselead.record.axis_record import AxisRecord, Samples
+from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
 from phaselead.record.direction import counts_backwards
@@ -54,6 +55,7 @@ __all__ = [
     "read_recording",
     "refuse_clipped",
     "refuse_gapped",
+    "require_walkable",
     "split_argument",
     "write_csv",
     "write_hdf5",

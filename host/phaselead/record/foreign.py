@@ -12,6 +12,7 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
+from phaselead.record.bounded import require_walkable
 from phaselead.record.hdf5 import SIGNATURE
 
 FEWEST_ROWS = 16
@@ -97,6 +98,7 @@ def _hdf5_arrays(path: str) -> dict[str, Any]:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu":
             found[name.replace("/", ".")] = np.asarray(item[()]).T
 
+    require_walkable(path)
     with h5py.File(path, "r", locking=False) as file:
         file.visititems(keep)
     return found

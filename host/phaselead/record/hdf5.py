@@ -26,6 +26,7 @@ import numpy as np
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.record.atomic import atomic_path
 from phaselead.record.axis_record import Samples
+from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import require_finite, require_uniform
 from phaselead.record.columns import UNITS, axes_of, columns_of
 from phaselead.record.deferred import new_hdf5
@@ -133,6 +134,7 @@ def read_hdf5(path: str | os.PathLike[str], *, whole: bool = True) -> Hdf5Record
 
     path = os.fspath(path)
     refuse_foreign(path)
+    require_walkable(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _read_file(file, path, os.path.getsize(path), whole)

@@ -12,6 +12,9 @@ from phaselead.drawing import BLUE, GREY, ORANGE, figure_style, new_figure
 from phaselead.report.page import write_page
 from phaselead.validation import FAILED, NOTHING, UNKNOWN, reached
 
+ON_DARK, ON_LIGHT = "#f7f7f7", "#1b1f24"
+"""Of words in a cell, whose ground is the same on a light and a dark page: not the page's own black and white."""
+
 
 def write_campaign_report(path: Path, result: dict[str, Any]) -> None:
     """Write the page, whole or not at all."""
@@ -54,7 +57,7 @@ def confusion_figure(cells: dict[str, dict[str, float]]) -> Figure:
         ax.set_xlabel("answered")
         ax.set_ylabel("hidden")
         for i, j in zip(*np.nonzero(table > 0.04), strict=True):
-            colour = "white" if share[i, j] > 0.5 else "black"
+            colour = ON_DARK if share[i, j] > 0.5 else ON_LIGHT
             ax.text(j, i, f"{table[i, j]:.2g}", ha="center", va="center", fontsize=6, color=colour)
     return figure
 

@@ -73,8 +73,8 @@ def gap_page(
         remains=remains(result),
         messages=result.messages,
         residual_figure=residual_figure(result.traces) if result.traces else None,
-        excluded=[bound_row(bound) for bound in result.excluded if excludes(bound)],
-        possible=[bound_row(bound) for bound in result.excluded if not excludes(bound)],
+        excluded=[bound_row(bound, result) for bound in result.excluded if excludes(bound)],
+        possible=[bound_row(bound, result) for bound in result.excluded if not excludes(bound)],
         json_name=json_name,
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
         experiment=result.next_experiment,
@@ -319,11 +319,12 @@ def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples
     return f, np.sqrt(total / rows)
 
 
-def bound_row(bound: Bound) -> dict[str, Any]:
-    """One upper bound beside the typical size of the effect."""
+def bound_row(bound: Bound, result: GapResult) -> dict[str, Any]:
+    """One upper bound beside the typical size of the effect, and the size from which it was expected to be named."""
+    of_effect = [one.size for one in result.detectable if (one.name, one.axis) == (bound.name, bound.axis)]
     return {
         "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical_of(bound),
-        "unit": unit_of(bound.unit),
+        "named_from": of_effect[0] if of_effect else None, "unit": unit_of(bound.unit),
     }  # fmt: skip
 
 

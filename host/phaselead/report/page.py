@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -38,9 +40,16 @@ def _drawn(figure: Figure) -> Markup:
 _environment.filters["svg"] = _drawn
 
 
+def command_line() -> str:
+    """How the command line was called; empty in any other program."""
+    program, *words = sys.argv or [""]
+    called = Path(program).parent.name if Path(program).name == "__main__.py" else Path(program).name
+    return shlex.join(["phaselead", *words]) if called == "phaselead" else ""
+
+
 def render(template: str, **values: Any) -> str:
     """The template with the values in it; a ``Figure`` is placed by the filter ``svg``."""
-    return _environment.get_template(template).render(version=VERSION, **values)
+    return _environment.get_template(template).render(version=VERSION, command=command_line(), **values)
 
 
 def write_page(path: str | Path, template: str, **values: Any) -> None:

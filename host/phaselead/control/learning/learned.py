@@ -14,7 +14,7 @@ import numpy as np
 from phaselead.control.true_position import FOLLOWS, Follows
 from phaselead.errors import BadInput
 from phaselead.model import Gains, Stage
-from phaselead.record import Samples, atomic_path
+from phaselead.record import Samples, atomic_path, require_walkable
 from phaselead.result import Result, Table
 from phaselead.waveforms import POINTS, Replaced, Waveform
 
@@ -214,6 +214,7 @@ def load_learned(path: str | os.PathLike[str]) -> Learned:
     import h5py  # slow to load, needed here only
 
     name = os.fspath(path)
+    require_walkable(name)
     try:
         with h5py.File(name) as file:
             return _read(file)

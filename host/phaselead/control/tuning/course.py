@@ -10,14 +10,16 @@ import numpy as np
 from phaselead.control.feedback_loop import local_gains, pid_response, plant_response
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
-from phaselead.control.tuning.excitation import Grid
+from phaselead.control.tuning.excitation import Grid, multisine
+from phaselead.control.tuning.measured_model import with_modes
 from phaselead.control.tuning.plant import FittedPlant, fit_plant
+from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
-from phaselead.control.tuning.shaping import RINGS, Range, predicted, shape
+from phaselead.control.tuning.shaping import Range, predicted, shape
 from phaselead.device import Device
 from phaselead.errors import BadInput
-from phaselead.model import AdoptedEffect, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
+from phaselead.model import AxisModel, Gains, Stage, provenance_of, small_signal
 from phaselead.sim import data_sheet
 
 FINE = Plan(Grid.odd_random(8192, 290.0), settle_periods=1, periods=4)
@@ -73,7 +75,10 @@ def tune(
     first, last = SHARES[1], SHARES[2]
     gains = shape(fitted.plant, over, lambda done: told(first + (last - first) * done))
     _refuse_measured(measured, fitted, gains, over)
+    middle = middle_V, measured.middle_um
     swing_um = round(level_V * fitted.gain_um_per_V / 2 * 2**16) / 2**16
+    path = multisine(CLOSED.grid, swing_um, measured.middle_um, "um", 0)
+    refuse_rehearsed(axis, parent.axis(axis), fitted, over.gain_um_per_V[1], middle, gains, {axis: path})
     closed = measure(
         device,
         axis,
@@ -169,17 +174,3 @@ def _with(stage: Stage, axis: str, fitted: FittedPlant, gains: Gains) -> Stage:
     axes = {**stage.axes, axis: known.model_copy(update={"gains": gains})}
     origin = provenance_of(stage, []).model_copy(update={"data": stage.provenance.data})
     return stage.model_copy(update={"axes": axes, "provenance": origin})
-
-
-def with_modes(model: AxisModel, plant: SmallSignal) -> AxisModel:
-    """A model whose time view shows no mode gets the measured ones: on it the loop would be another. What they delay is
-    taken from its dead time."""
-    found = [mode for mode in plant.modes if mode[2] < RINGS]
-    if model.time is None or small_signal(model).modes or not found:
-        return model
-    whole = sum(c for c, _, _ in found)
-    shares, f_Hz, zeta = zip(*((c / whole, f, z) for c, f, z in sorted(found, key=lambda mode: mode[1])), strict=True)
-    late_s = sum(c * z / (np.pi * f) for c, f, z in zip(shares, f_Hz, zeta, strict=True))
-    time = model.time.model_copy(update={"delay_s": max(model.time.delay_s - float(late_s), 0.0)})
-    mode = AdoptedEffect(name="resonance", params={"c": shares, "f_Hz": f_Hz, "zeta": zeta})
-    return model.model_copy(update={"time": time, "effects": (*model.effects, mode)})

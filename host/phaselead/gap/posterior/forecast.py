@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from phaselead.gap.posterior.blocks import BlockedRun
-from phaselead.gap.posterior.likelihood import Fit, Likelihood
+from phaselead.gap.posterior.likelihood import Fit, Likelihood, is_of_material, missed_um2
 from phaselead.gap.refit import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
@@ -45,11 +45,12 @@ class Forecast:
         share, times = true.scales
         motion = run.spread(run.power(run.modelled.answer()))
         noise, base = self._likelihood.expected.of(run, motion)
-        signal = np.zeros(len(run.sizes))
+        added = np.zeros((len(true.entries), len(run.sizes)))
         for i in range(len(true.entries)):
             rest = [*true.entries[:i], *true.entries[i + 1 :]]
-            signal += run.spread(run.power(run.modelled.answer(true.entries) - run.modelled.answer(rest)))
-        return np.asarray(noise + times**2 * base + share**2 * signal)
+            added[i] = run.spread(run.power(run.modelled.answer(true.entries) - run.modelled.answer(rest)))
+        missed = missed_um2(share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
+        return np.asarray(noise + times**2 * base + missed)
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
         """Coefficients (n - 1, parameters): what one internal unit of each parameter does."""

@@ -19,6 +19,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from phaselead.gap.posterior.before import as_fault, before_record
@@ -214,8 +215,8 @@ class Likelihood:
         """A set of effects at its parameters."""
         entries = tuple(entries)
         signals = [[self._signal(run, entries, i) for run in self.runs] for i in range(len(entries))]
-        added = np.stack([self._powers(of) for of in signals]) if signals else np.zeros((1, len(self.every)))
-        material = [effect.place in (Place.HYSTERESIS, Place.CREEP) for effect, _ in entries] or [False]
+        added = np.stack([self._powers(of) for of in signals]) if signals else np.zeros((0, len(self.every)))
+        material = is_of_material(entries)
         beside = self._before(entries)
         moments = self._moments([self.fresh(i, entries) for i in range(len(self.runs))], beside)
         return Terms(
@@ -255,8 +256,7 @@ class Likelihood:
     def variance(self, terms: Terms, scales: Scales) -> Samples:
         """v (blocks,) in um^2."""
         share, times = scales
-        missed = share**2 * terms.signal + max(LEAST_OF_MATERIAL**2 - share**2, 0.0) * terms.of_material
-        return np.asarray(self.noise + times**2 * self.base + missed)
+        return np.asarray(self.noise + times**2 * self.base + missed_um2(share, terms.signal, terms.of_material))
 
     def log_density(self, power: Samples, variance: Samples, which: Samples) -> float:
         """Of the residual's power (blocks,), one coefficient for each block."""
@@ -383,6 +383,16 @@ def confused(one: Effect, other: Effect) -> bool:
     """Whether two effects are hard to tell apart by what the catalogue says of either."""
     mine, theirs = ({*e.confused_with, *e.hard_to_tell_from} for e in (one, other))
     return one.name != other.name and (other.name in mine or one.name in theirs)
+
+
+def is_of_material(entries: Sequence[SizedEffect]) -> NDArray[np.bool_]:
+    """Of each of some effects whether it is of the ceramic's loops or creep."""
+    return np.array([effect.place in (Place.HYSTERESIS, Place.CREEP) for effect, _ in entries], dtype=bool)
+
+
+def missed_um2(share: float, signal: Samples, of_material: Samples) -> Samples:
+    """Power (blocks,) that the equations miss of what effects add, of which a part is of the ceramic."""
+    return np.asarray(share**2 * signal + max(LEAST_OF_MATERIAL**2 - share**2, 0.0) * of_material)
 
 
 def _grid(terms: Terms) -> list[Scales]:
