@@ -71,7 +71,8 @@ stage "-off" has 20 % less gain, loops 20 % wider and modes 20 % lower than the 
 was learned for it was learned on it.
 
 On `xyz250-hard` `tune` refused the response that it measures by default, for want of margin at 1.2 kHz, and asked for a
-higher level: there the response was measured with twice the default, for every controller that uses one.
+higher level: there the response was measured with twice the default, for every controller that uses one. On `x500` it
+ended in `adc_rail`, so that there is no response to make controllers from, and nothing is compared there.
 """
 
 
@@ -100,7 +101,7 @@ def write_page(out: File, names: list[str]) -> None:
     missing = [name for name in names if name not in whole]
     parts = [HEAD]
     if missing:
-        parts.append(f"Not measured yet: {', '.join(f'`{name}`' for name in missing)}.\n")
+        parts.append(f"Not measured: {', '.join(f'`{name}`' for name in missing)}.\n")
     parts.append(f"## What came out\n\n![Largest error by path and controller]({FIGURE})\n")
     for name, rows in whole.items():
         parts.append(f"### {name}\n\nSteady, largest / rms, % of swing:\n\n{_table(rows, columns, _steady)}")
