@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path as File
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, RC
+from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, PURPLE, RC
 from rivals import RIVALS
 
 DOCS = File(__file__).parents[1] / "docs"
 FIGURE = "images/compare.png"
+MARKERS = "oxs^v+DphP"
+NOT_FINISHED = 600.0
+"""Where the figure has runs that ended early, %."""
 PUBLISHED = (
     ("Xu and Li 2010, FF / PID / FF+PID", "60 um, 5 Hz", "5.2 / 17.2 / 1.5", ""),
     ("Zou and others 2004, inversion feed-forward", "32 um scan, 5 Hz", "1.12", "0.60"),
@@ -43,6 +47,7 @@ and every stage is one of our own [virtual ones](xyz250.md).
 | ours, one shot | `inverse+pid` as `identify` leaves it | the sines |
 | ours, learned | the same after `learn --trials 10` | and ten trials |
 | ours, tuned | `inverse+pid` with the gains of `tune` | the sines, the measured response |
+| ours, tuned and learned | the same after `learn --trials 10` | and ten trials |
 
 **Rivals** are in `benchmarks/rivals/`, in double precision, and no part of the product. The originals of [6], [7] and
 [9] could not be read: they are made from what Xu and Li and later work say of them and from the theory that they rest
@@ -60,21 +65,43 @@ the loop on the measured response has the margin that they have on `xyz250`.
 and over the first. One seed of the sensor's noise. "rail": the sensor reached its end, and the run was stopped;
 "stopped" and "refused" are what our device or host said instead.
 
-Paths are scaled by travel and pace: on `xy30` 0.12 of the swing at twice the frequency, on `x100` 0.4 at twice, on
-`x500` 2 at 0.4. A stage "-off" has 20 % less gain, loops 20 % wider and modes 20 % lower than the one that everything
-was made on.
+Paths are named as they are on `xyz250`. On other stages they are scaled by travel and pace: on `xy30` 0.12 of the swing
+at twice the frequency, on `x100` 0.4 at twice (so that "60 um 5 Hz" is 24 um at 10 Hz there), on `x500` 2 at 0.4. A
+stage "-off" has 20 % less gain, loops 20 % wider and modes 20 % lower than the one that everything was made on; what
+was learned for it was learned on it.
+
+On `xyz250-hard` `tune` refused the response that it measures by default, for want of margin at 1.2 kHz, and asked for a
+higher level: there the response was measured with twice the default, for every controller that uses one. On `x500` it
+ended in `adc_rail`, so that there is no response to make controllers from, and nothing is compared there.
+"""
+
+
+WHY = """**Why**, as far as it was looked into:
+
+- Of the one shot on `xyz250-off`: its loop is designed for modes 10 % up and down, and there they are 20 % down. It
+  begins to swing, and the device stops. `learn` can't begin either, unless it begins with the loop of `tune`.
+- The one shot on `xyz250-hard` swings up slowly: along the 60 um sine at 20 Hz from 0.37 % in the first period to 6 %.
+  Trials on top of it make it worse (12 %); they need the loop of `tune` (0.06 %).
+- The 10 um sine on both "-off" stages is faster than their first mode, where a stage moves against what drives it. 50 %
+  is what a stage has that stays at the middle of the path, and what the Smith predictor does. Nothing follows it from
+  what it was made on; on `xyz250-off` ten trials that begin with the tuned loop do.
+- The rounded triangle on `xyz250-off` has its third harmonic at 150 Hz beside the mode at 160 Hz; our feed-forward
+  undoes a mode at 200 Hz, and FF+PID none.
+- Of the tuned loop on `xyz250`: along the 60 um sine at 5 Hz its error has 21 nm rms that do not repeat from period to
+  period, at 140 to 270 Hz, where the loop ends; the slower loop of the one shot has 4 nm. At rest they have 5 and 3 nm.
+  On slow paths, for which the slower loop suffices, this is what tuning costs, and trials can't learn it away.
 """
 
 
 def write_page(out: File, names: list[str]) -> None:
-    """The page and its figure, of the cases that are complete."""
+    """The page and its figure, of the cases in which every controller was tried; "-" is not measured yet."""
     found = {name: json.loads((out / f"{name}.json").read_text()) for name in names if (out / f"{name}.json").exists()}
     columns = _columns(found)
-    whole = {name: rows for name, rows in found.items() if all(len(row) == len(columns) for row in rows.values())}
+    whole = {name: rows for name, rows in found.items() if set().union(*rows.values()) == set(columns)}
     missing = [name for name in names if name not in whole]
     parts = [HEAD]
     if missing:
-        parts.append(f"Not measured yet: {', '.join(f'`{name}`' for name in missing)}.\n")
+        parts.append(f"Not measured: {', '.join(f'`{name}`' for name in missing)}.\n")
     parts.append(f"## What came out\n\n![Largest error by path and controller]({FIGURE})\n")
     for name, rows in whole.items():
         parts.append(f"### {name}\n\nSteady, largest / rms, % of swing:\n\n{_table(rows, columns, _steady)}")
@@ -94,11 +121,11 @@ def _columns(found: dict) -> list[str]:
 
 
 def _steady(cell: dict) -> str:
-    return _ended(cell) or f"{cell['steady_max']:.2g} / {cell['steady_rms']:.2g}"
+    return _ended(cell) or f"{_said(cell['steady_max'])} / {_said(cell['steady_rms'])}"
 
 
 def _first(cell: dict) -> str:
-    return _ended(cell) or f"{cell['first_max']:.2g}"
+    return _ended(cell) or _said(cell["first_max"])
 
 
 def _ended(cell: dict) -> str:
@@ -107,7 +134,10 @@ def _ended(cell: dict) -> str:
 
 def _table(rows: dict, columns: list[str], said) -> str:
     lines = [f"| path | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
-    lines += [f"| {path} | {' | '.join(said(row[name]) for name in columns)} |" for path, row in rows.items()]
+    lines += [
+        f"| {path} | {' | '.join(said(row[name]) if name in row else '-' for name in columns)} |"
+        for path, row in rows.items()
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -115,21 +145,45 @@ def _largest(cell: dict) -> float:
     return cell.get("steady_max", np.inf)
 
 
+def _said(percent: float) -> str:
+    """Two places, and none of them a power of ten."""
+    return f"{percent:.0f}" if percent >= 10 else f"{percent:.2g}"
+
+
 def _who_wins(whole: dict) -> str:
-    lost, paths = [], 0
+    """A sentence for each place where a rival, or our own loop as identify leaves it, beats the tuned one."""
+    before_all, before_tuned, before_one_shot, untuned, paths = [], [], [], [], 0
     for case, rows in whole.items():
         for path, row in rows.items():
             paths += 1
-            rivals, own = ({n: _largest(c) for n, c in row.items() if (n in RIVALS) == is_rival} for is_rival in (1, 0))
-            best, one_shot = min(rivals, key=rivals.__getitem__), own["ours, one shot"]
+            rivals = {name: _largest(cell) for name, cell in row.items() if name in RIVALS}
+            own = {name: _largest(cell) for name, cell in row.items() if name not in RIVALS}
+            best, tuned, one_shot = min(rivals, key=rivals.__getitem__), own["ours, tuned"], own["ours, one shot"]
+            place = f"- `{case}`, {path}:"
             if rivals[best] < min(own.values()):
-                lost.append(f"- {case}, {path}: {best} ({rivals[best]:.2g} %) before all of ours")
-            elif rivals[best] < one_shot:
-                lost.append(
-                    f"- {case}, {path}: {best} ({rivals[best]:.2g} %) before ours in one shot ({one_shot:.2g} %)"
+                before_all.append(
+                    f"{place} {best} is {_off(rivals[best])}; the best of ours is {_off(min(own.values()))}."
                 )
-    said = "\n".join(lost) if lost else "No rival had a smaller largest error on any of them."
-    return f"## Where a rival wins\n\nOf {paths} paths, by the largest steady error:\n\n{said}\n"
+            elif rivals[best] < tuned:
+                before_tuned.append(f"{place} {best} is {_off(rivals[best])}, ours tuned {_off(tuned)}.")
+            elif rivals[best] < one_shot:
+                before_one_shot.append(f"{place} {best} is {_off(rivals[best])}, ours in one shot {_off(one_shot)}.")
+            if one_shot < tuned:
+                untuned.append(f"{place} {_off(one_shot)} in one shot, {_off(tuned)} tuned.")
+    parts = [f"## Where ours is not the best\n\nOf {paths} pairs of stage and path, by the largest steady error.\n"]
+    for title, found in (
+        ("A rival before all of ours", before_all),
+        ("A rival before ours tuned, but not before all of ours", before_tuned),
+        ("A rival before ours in one shot, but not before ours tuned", before_one_shot),
+        ("Ours in one shot before ours tuned", untuned),
+    ):
+        parts.append(f"**{title}**: {len(found)}.\n")
+        parts.extend(["\n".join(found) + "\n"] if found else [])
+    return "\n".join([*parts, WHY])
+
+
+def _off(percent: float) -> str:
+    return f"{_said(percent)} % off" if np.isfinite(percent) else "did not finish"
 
 
 def _published() -> str:
@@ -142,18 +196,30 @@ def _published() -> str:
 
 
 def _draw(whole: dict, columns: list[str]) -> None:
+    """A row of points a path; a run that did not finish is on the line at the top."""
+    colors = dict(zip((name for name in columns if name not in RIVALS), (BLUE, GREEN, ORANGE, PURPLE), strict=True))
     with mpl.rc_context(RC):
-        figure = Figure(figsize=(9, 2.6 * len(whole)))
-        for i, (case, rows) in enumerate(whole.items(), 1):
-            axes = figure.add_subplot(len(whole), 1, i)
+        figure = Figure(figsize=(9, 2.3 * len(whole) + 1.2))
+        rows_of_axes = figure.subplots(len(whole), sharex=True, sharey=True, squeeze=False)[:, 0]
+        for axes, (case, rows) in zip(rows_of_axes, whole.items(), strict=True):
             for j, name in enumerate(columns):
-                color = GREY if name in RIVALS else (BLUE, GREEN, ORANGE)[j % 3]
-                values = [_largest(row[name]) for row in rows.values()]
-                values = [value if np.isfinite(value) else np.nan for value in values]
-                axes.semilogy(range(len(values)), values, "oxs^v+D"[j % 7], color=color, label=name, markersize=6)
+                values = np.array([_largest(row.get(name, {})) for row in rows.values()])
+                values[~np.isfinite(values)] = NOT_FINISHED
+                aside = np.arange(len(values)) + 0.08 * (j - (len(columns) - 1) / 2)
+                look = {"color": colors.get(name, GREY), "markersize": 6 if name in colors else 4.5}
+                axes.semilogy(aside, values, MARKERS[j], linestyle="", label=name, **look)
+            axes.axhline(NOT_FINISHED, color=GREY, linewidth=0.7, linestyle=":", zorder=0)
             axes.set_ylabel("largest error,\n% of swing")
             axes.set_title(case, loc="left")
-            axes.set_xticks(range(len(rows)), [path.partition(",")[0] for path in rows], rotation=12, fontsize=8)
-            if i == 1:
-                axes.legend(ncols=3, loc="upper left", bbox_to_anchor=(0, 1.6))
+            axes.set_yticks([0.01, 0.1, 1, 10, 100, NOT_FINISHED], ["0.01", "0.1", "1", "10", "100", "ended early"])
+            axes.minorticks_off()
+            axes.set_xticks(range(len(rows)), [f"{path.split()[0]}\n{_where(path)}" for path in rows], fontsize=8)
+            axes.grid(visible=False, axis="x")
+        figure.legend(*rows_of_axes[0].get_legend_handles_labels(), ncols=4, loc="outside upper left")
         figure.savefig(DOCS / FIGURE, dpi=DPI)
+
+
+def _where(path: str) -> str:
+    """Swing and pace of a path, out of its name."""
+    found = re.findall(r"\d+ (?:um|Hz)", path)
+    return ", ".join(found[:2])

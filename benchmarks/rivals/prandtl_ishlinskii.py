@@ -1,9 +1,10 @@
 """The inverse of a modified rate-dependent Prandtl-Ishlinskii operator, after Ang, Khosla and Riviere 2007 ([9] in Xu
 and Li 2010).
 
-From their title and abstract and Kuhnen 2003, on which it rests: plays for the loop, one-sided dead zones behind them
-for its asymmetry, weights of the plays that change linearly with the rate; the inverse is the feed-forward, and there
-is no feedback. With 10 plays, 10 slopes against the rate and 8 dead zones it has 28 parameters, as Xu and Li count.
+From their title, what Xu and Li say of it, and Kuhnen 2003, on which it rests: plays for the loop, one-sided dead zones
+behind them for its asymmetry, weights of the plays that change linearly with the rate; the inverse is the feed-forward,
+and there is no feedback. With 10 plays, 10 slopes against the rate and 8 dead zones it has 28 parameters, as Xu and Li
+count.
 
     h(t) = sum_i (w_i + c_i |du/dt|) play_ri[u](t),   S(x) = h
 
