@@ -1,6 +1,6 @@
 """Fuzzing guided by coverage, from the corpora beside this file: make fuzz.
 
-python tests/fuzz/fuzz.py [--seconds 60] [--parallel 2] [--keep] [--those-installed] [TARGET ...]
+python tests/fuzz/fuzz.py [--seconds 60] [--seed 0] [--parallel 2] [--keep] [--those-installed] [TARGET ...]
 
 Each target runs for so long: the device in C with the address and undefined-behaviour sanitizers (clang's libFuzzer),
 what the host reads by atheris. What is found on the way stays in out/fuzz; --keep puts the smallest corpus of the same
@@ -60,7 +60,7 @@ def command_of(target: str) -> list[str] | None:
     return [sys.executable, str(HERE / "one_host_target.py"), target]
 
 
-def fuzz(target: str, command: list[str], seconds: int) -> str:
+def fuzz(target: str, command: list[str], seconds: int, seed: int) -> str:
     """One line that says what came of it; begins with ``broken`` when an input broke something."""
     grown, found = OUT / target, OUT / f"broken-{target}-"
     grown.mkdir(parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ def fuzz(target: str, command: list[str], seconds: int) -> str:
         f"-artifact_prefix={found}",
         f"-timeout={HANGS_S}",
     ]
-    options += ["-print_final_stats=1", "-rss_limit_mb=4096"]
+    options += [f"-seed={seed}", "-print_final_stats=1", "-rss_limit_mb=4096"]
     done = subprocess.run(
         [*command, *options, str(grown), str(CORPUS / target)], capture_output=True, text=True, check=False
     )
@@ -113,6 +113,7 @@ def main() -> int:
     parser.add_argument("targets", nargs="*", default=TARGETS)
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--parallel", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0, help="0 is another one each time")
     parser.add_argument("--keep", action="store_true")
     parser.add_argument("--those-installed", action="store_true")
     arguments = parser.parse_args()
@@ -126,7 +127,9 @@ def main() -> int:
             return 2
     commands = {target: command for target, command in found.items() if command is not None}
     with ThreadPoolExecutor(arguments.parallel) as pool:
-        results = list(pool.map(lambda target: fuzz(target, commands[target], arguments.seconds), commands))
+        results = list(
+            pool.map(lambda target: fuzz(target, commands[target], arguments.seconds, arguments.seed), commands)
+        )
     print(*results, sep="\n")
     if arguments.keep:
         for target, command in commands.items():
