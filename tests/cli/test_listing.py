@@ -44,7 +44,7 @@ def test_listing_imports_no_command():
         "print(*[m for m in sys.modules if m.startswith('phaselead.') or m == 'numpy'])"
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    light = {"cli", "cli.examples", "cli.listing", "cli.output_level", "errors", "interrupt", "version"}
+    light = {"cli", "cli.examples", "cli.listing", "cli.output_level", "cli.usage", "errors", "interrupt", "version"}
     assert set(loaded) == {f"phaselead.{name}" for name in light}
 
 

@@ -142,7 +142,7 @@ def test_a_record_given_twice_and_one_moved_in_time_are_fitted_alike(run, tmp_pa
     np.savetxt(exported, rows, delimiter=",", header="t_s,u_V,x_um", comments="", fmt="%.10g")
     residuals = []
     for records in ([path], [path, path], [exported]):
-        outcome = run("fit", *records, "-o", tmp_path / "s.toml", "--json", "-")
+        outcome = run("fit", *records, "-o", tmp_path / "s.toml", "--overwrite", "--json", "-")
         assert outcome.status == 0, outcome.err
         assert "rest" not in " ".join(outcome.json["messages"])
         residuals.append(outcome.json["axes"]["x"]["residual_um_rms"])

@@ -52,7 +52,7 @@ def stage(*effects, delay_s=0.0):
 
 
 def error_um(path, wave, model, mode):
-    waveforms = parse_waves(wave, "x")
+    waveforms = parse_waves(wave)
     seconds = 8.0 if "goto" in wave else None
     gains = dict.fromkeys(waveforms, GENTLE) if mode == "inverse+pid" else None
     with Device.open(f"sim://{path}") as device:

@@ -110,7 +110,7 @@ def test_the_command_reports_both(adopted, port):
     content = json.loads((adopted / "gap.json").read_text())
     assert set(content["tracking"]["runs"][0]) == {"axis", "path", "mode", "before", "after"}
     page = (adopted / "gap.html").read_text()
-    assert "Tracking with the new model" in page
+    assert "Is a path followed better with the next model?" in page
     assert page.count("with the model before (red)") == 2
     assert "tracking on" in done.output
 
@@ -118,7 +118,7 @@ def test_the_command_reports_both(adopted, port):
 def test_without_it_nothing_changes(adopted):
     assert gap(adopted).exit_code == 0
     assert "tracking" not in json.loads((adopted / "gap.json").read_text())
-    assert "Tracking with the new model" not in (adopted / "gap.html").read_text()
+    assert "Is a path followed better with the next model?" not in (adopted / "gap.html").read_text()
 
 
 def test_a_port_that_is_none_is_refused_before_the_search(adopted):

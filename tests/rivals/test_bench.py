@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stages import evidence
+from rival_stages import evidence
 
 import phaselead as pl
 from phaselead.sim import built_in

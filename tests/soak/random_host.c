@@ -315,7 +315,7 @@ void random_host_round(struct random_host *host)
         recover(host);
     if (below(host, 600) == 0)
         send_limits(host);
-    switch (below(host, 16)) {
+    switch (below(host, 17)) {
     case 0:
         noise(host);
         break;
@@ -364,7 +364,7 @@ void random_host_round(struct random_host *host)
         send_gains(host);
         run(host, below(host, 200));
         break;
-    case 13:
+    case 14:
         send_points(host);
         break;
     default:

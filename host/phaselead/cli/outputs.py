@@ -88,9 +88,11 @@ def overwriting() -> bool:
 
 def check_named(context: click.Context) -> None:
     """Raises BadInput for outputs on the command line that cannot or must not be written."""
-    from phaselead.record import check_output, is_special
-
     given = list(_given(context))
+    if not given:
+        return
+    from phaselead.record import check_output, is_special  # brings numpy, which status need not wait for
+
     inputs = [kind.file_of(path) for kind, path in given if isinstance(kind, InputFile)]
     written: set[str] = set()
     for kind, path in given:

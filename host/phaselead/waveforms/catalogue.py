@@ -65,8 +65,9 @@ def parse_waves(text: str, axis: str | None = None) -> dict[str, Waveform]:
         scan = scans()[word]
         return dict(scan.parse(Written(text, rest, scan.written[0][0])))
     parts = split_axes(text, axis, "waveform", "x=sine:60um@5Hz,y=sine:30um@5Hz")
-    if axis is not None and parts == {axis: text}:
-        return _parse(text, axis)
+    alone = axis or "x"
+    if parts == {alone: text}:
+        return _parse(text, alone)
     return {name: parse_wave(part, name) for name, part in parts.items()}
 
 

@@ -93,6 +93,8 @@ def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
 def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> list[Fit]:
     """Sets of one effect more, of those that are expected to bring what the prior asks for one more."""
     size, catalogue_size = len(parent.names), len(starts.effects)
+    if size == catalogue_size:
+        return []
     asked = log_prior_of_set(size, catalogue_size) - log_prior_of_set(size + 1, catalogue_size)
     worth = [several for several in starts.beside(parent).values() if several[0].gain > asked]
     found = [_grown(likelihood, parent, several) for several in worth[:most]]

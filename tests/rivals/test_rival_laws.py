@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rival_stages import FREQUENCIES_HZ, SWINGS_V, evidence, gain, lag
 from scipy.signal import lfilter
-from stages import FREQUENCIES_HZ, SWINGS_V, evidence, gain, lag
 
 from rivals import PATHS, Evidence, FeedForward
 from rivals.bench import Reference
