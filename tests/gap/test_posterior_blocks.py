@@ -197,22 +197,6 @@ def test_more_driven_references_tell_more():
     assert told == pytest.approx([told[0], 3 * told[0], 6 * told[0]])
 
 
-def test_the_tails_are_heavier_where_references_differ_more_among_themselves():
-    """What is missed is drawn from Student's t in each octave of each record."""
-
-    def told(freedom):
-        rng, run = np.random.default_rng(4), blocks(4096)
-        driven = []
-        for _ in range(30):
-            motion = np.cumsum(rng.normal(size=4096))
-            drawn = 0.02**2 * run.spread(run.power(motion)) * rng.standard_t(freedom, size=len(run.sizes)) ** 2
-            driven.append(record(motion + of_power(run, drawn, rng), motion, "reference"))
-        still = record(of_power(run, np.full(len(run.sizes), 1e-10), rng), role="reference", idle=True)
-        return expected(still, *driven)[0].told
-
-    assert told(1.5) < told(3.0) < told(1000.0)
-
-
 def test_without_references_the_noise_is_the_quietest_and_the_share_a_prior():
     rng, run = np.random.default_rng(4), blocks(512)
     power = np.full(len(run.sizes), 0.09)

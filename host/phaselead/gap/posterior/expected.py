@@ -6,12 +6,11 @@ moves there. Without them the noise is the quietest that the records have, and t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.record import Samples
@@ -22,8 +21,6 @@ NEIGHBOURS = (0.25, 0.5, 0.25)
 """Weights of an octave and those beside it, over which noise and share are smoothed."""
 UNTOLD = 4.0
 """As many coefficients as a guess without reference records is worth."""
-FREEDOMS = (2.0, 3.0, 4.0, 6.0, 9.0, 14.0, 20.0, 30.0, 50.0)
-"""Degrees of freedom that are tried: below 2 nothing has a variance, beyond 50 it is the normal distribution."""
 LEAST_UM2 = 1e-14
 """Power of a coefficient below which no sensor's noise lies, (0.1 pm)^2 a row."""
 
@@ -56,52 +53,21 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     told_by = references or list(range(len(runs)))
     left = {i: runs[i].power(runs[i].modelled.error()) for i in told_by}
     idle = [i for i in told_by if runs[i].modelled.run.idle]
-    rows = [(runs[i].octaves - first, left[i], np.full(len(left[i]), i in idle)) for i in told_by]
-    octave, power, at_rest = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    rows = [(runs[i].octaves - first, left[i], motions[i], np.full(len(left[i]), i in idle)) for i in told_by]
+    octave, power, motion, at_rest = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     noise = _noise(octave, power, at_rest, count)
     if not references:
         floor = np.full(count, float(np.min(noise)))
         return Expected(first, noise if idle else floor, np.full(count, BASE_SHARE**2), UNTOLD)
-    driven = [i for i in references if i not in idle]
-    if not driven:
+    driven = ~at_rest
+    if not driven.any():
         return Expected(first, noise, np.full(count, BASE_SHARE**2), UNTOLD)
-    blocks = {i: _Driven(runs[i].octaves - first, left[i], motions[i]) for i in driven}
+    beyond = np.maximum(power[driven] - noise[octave[driven]], 0.0)
+    missed = _smooth(np.bincount(octave[driven], beyond, count).astype(float))
+    moved = _smooth(np.bincount(octave[driven], motion[driven], count).astype(float))
+    share = missed / np.maximum(moved, 1e-30)
     effective = 1 / float(np.sum(np.square(NEIGHBOURS)))
-    told = effective * len(driven)
-    if len(driven) > 1:
-        told = min(told, _repeatable(blocks, noise))
-    return Expected(first, noise, _share(list(blocks.values()), noise), told)
-
-
-@dataclass(frozen=True)
-class _Driven:
-    """What the base leaves of one driven reference record."""
-
-    octave: NDArray[np.intp]
-    """(blocks,) above the lowest."""
-    power: Samples
-    """(blocks,) of what it leaves."""
-    motion: Samples
-    """(blocks,) of the base's own motion."""
-
-
-def _share(records: Sequence[_Driven], noise: Samples) -> Samples:
-    """Share (octaves,) of the power of its motion that the base misses of some records."""
-    octave, power, motion = (np.concatenate([getattr(r, of) for r in records]) for of in ("octave", "power", "motion"))
-    missed = _smooth(np.bincount(octave, np.maximum(power - noise[octave], 0.0), len(noise)).astype(float))
-    return missed / np.maximum(_smooth(np.bincount(octave, motion, len(noise)).astype(float)), 1e-30)
-
-
-def _repeatable(blocks: Mapping[int, _Driven], noise: Samples) -> float:
-    """The degrees of freedom at which Student's t foretells each driven reference record best by the others: what the
-    base misses differs from one excitation to the next."""
-    powers, variances = [], []
-    for i, one in blocks.items():
-        share = _share([other for j, other in blocks.items() if j != i], noise)
-        powers.append(one.power)
-        variances.append(noise[one.octave] + share[one.octave] * one.motion)
-    ratio = np.sqrt(np.concatenate(powers) / np.concatenate(variances))
-    return max(FREEDOMS, key=lambda freedom: float(student.logpdf(ratio, freedom).sum()))
+    return Expected(first, noise, share, effective * max(len(references) - len(idle), 1))
 
 
 def _noise(octave: Samples, power: Samples, at_rest: Samples, count: int) -> Samples:
