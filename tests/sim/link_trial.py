@@ -76,11 +76,11 @@ class Trial:
         self.uploads = Counter[str]()
         self.ledger: dict[tuple[int, int], Ledger] = {}
         self.done = Counter[tuple[int, int]]()
-        self.retries = 0
+        self.restarts = self._tick = 0
 
     def ask(self, command: wire.Command[Any]) -> Any:
         """The reply, or None when there was none or it was a refusal."""
-        outcome, reply, restarted = "failed", None, self.line.restarted
+        outcome, reply, restarts = "failed", None, self.restarts
         try:
             reply = self.session.renew() if isinstance(command, wire.HelloRequest) else self.session.request(command)
             outcome = "answered"
@@ -88,7 +88,7 @@ class Trial:
             outcome = "refused"
         except LinkError:
             self.line.plug_in()
-        self._note(type(command), outcome, restarted)
+        self._note(type(command), outcome, restarts)
         return reply
 
     def _note(self, kind: type[wire.Command[Any]], outcome: str, restarts: int) -> None:
@@ -99,7 +99,9 @@ class Trial:
         self.count()
 
     def count(self) -> None:
-        """Takes over what the device has carried out since."""
+        """Takes over what the device has carried out since, and whether it has restarted: ticks begin at 0."""
+        self.restarts += self.firmware.tick < self._tick
+        self._tick = self.firmware.tick
         self.done.update((one.session, one.id) for one in self.firmware.take_obeyed())
 
     def settle(self) -> None:
@@ -108,7 +110,7 @@ class Trial:
         self.count()
         for place, entry in self.ledger.items():
             times, tally = self.done[place], self.tally[entry.kind]
-            copies = self.line.restarted - entry.restarts if entry.kind is wire.HelloRequest else 0
+            copies = self.restarts - entry.restarts if entry.kind is wire.HelloRequest else 0
             least, most = (entry.outcome == "answered"), 1 + copies
             if times < least or (times > most and entry.kind not in AGAIN):
                 tally.wrong.append(f"{entry.kind.NAME} {place}: {entry.outcome}, carried out {times} times")
