@@ -30,7 +30,7 @@ test: $(STAMP)
 	@! command -v chromium >/dev/null || $(BROWSER_DRIVER) || echo "note: without playwright the scope's page is not tested"
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile --durations 25
 	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --seed 1 --those-installed
 	@$(MAKE) --no-print-directory manual
