@@ -61,7 +61,6 @@ static void note_ended_paths(struct device *device, uint32_t moving)
         }
     if (done == 0)
         return;
-    device->rare = true;
     atomic_fetch_or_explicit(&device->path_done, done, memory_order_relaxed);
 }
 
@@ -76,11 +75,9 @@ static void device_drive_outputs(struct device *device, uint16_t dac_codes[AXES]
 static void record(struct device *device)
 {
     const uint64_t tick = device->control.tick;
-    enum recorder_took took = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces);
-    if (took != RECORDER_TOOK)
-        device->rare = true;
+    const bool drops = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces);
     transient_tick(&device->transient, tick, device->adc_codes, device->traces, device->control.config);
-    if (took == RECORDER_DROPS)
+    if (drops)
         events_put(&device->events, tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
 }
 

@@ -55,7 +55,6 @@ static void begin_segments(struct device *device, uint32_t due)
         }
     if (begin == 0)
         return;
-    device->rare = true;
     transient_trigger(&device->transient, WIRE_TRIGGER_SET_POINT, device->control.tick, device->control.config);
 }
 
@@ -71,8 +70,7 @@ static void end_path(struct device *device, unsigned axis)
         queue->dry = 1;
         queue->dry_tick = device->control.tick;
     }
-    if (axis_leave(config, &device->model_of[axis], state))
-        device->rare = true;
+    axis_leave(config, &device->model_of[axis], state);
 }
 
 /* Paths that have ended give way to the next of their queue, or to a hold. */
