@@ -212,5 +212,5 @@ def test_sections_are_called_by_what_they_answer(template):
 def test_a_page_says_which_command_made_it(monkeypatch, called, said):
     monkeypatch.setattr("sys.argv", called)
     assert command_line() == said
-    page = render("result.html", title="t", lead="", cards=[], parts=[], origin="")
+    page = render("result.html", title="t", lead=[], cards=[], parts=[])
     assert f"<code>{escape(said)}</code>" in page if said else "<footer>Written by phaselead 0.1.0." in page

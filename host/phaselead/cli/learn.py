@@ -47,6 +47,7 @@ from phaselead.waveforms import parse_waves
     type=OutputFile(*RUN_SUFFIXES),
     help="The table, for track --learned.",
 )
+@click.option("--save", "save_to", metavar="DIR", help="Keep every run there, as HDF5.")
 @report_option
 @force_option
 @axes_option
@@ -60,6 +61,7 @@ def learn(
     follows: Follows | None,
     trials: int,
     output: str | None,
+    save_to: str | None,
     report: str | None,
     force: bool,
     axes: str | None,
@@ -82,6 +84,8 @@ def learn(
             trials=trials,
             follows=follows or "true",
             force=force,
+            save=save_to,
+            overwrite=overwriting(),
             on_progress=advance,
         )
     if output is not None:

@@ -12,8 +12,9 @@ import numpy as np
 from phaselead.control import Run
 from phaselead.identify import Experiment, Identified, Verification, compare_with_table_1
 from phaselead.model import Stage
-from phaselead.record import Recording
+from phaselead.record import Recording, Source, file_sha256
 from phaselead.report import figures
+from phaselead.report.origin import SHOWN_DIGITS, Origin, of_stage
 from phaselead.report.page import write_page
 from phaselead.report.paper import RATIOS, TRACKING, VERIFICATION
 
@@ -84,9 +85,25 @@ def write_demo_report(path: Path, results: DemoResults) -> None:
         replayed_ticks=f"{results.replayed_ticks:,}",
         replay_sentence="every DAC code came out the same",
         commands=COMMANDS,
-        stage_sha256=results.stage.sha256,
-        model_crc=f"{results.model_crc:08x}",
-        build_id=results.build_id,
+        origin=origin_of(path.parent, results),
+    )
+
+
+def origin_of(folder: Path, results: DemoResults) -> Origin:
+    """The runs beside the page by the hashes of their files, the records of the identification by those of their
+    samples."""
+    files = {file.name: Source(file.name, file_sha256(file)) for file in sorted(folder.glob("*.h5"))}
+    return Origin(
+        {
+            "Runs that were tracked": [one for name, one in files.items() if name.startswith("track")],
+            "Records in open loop, each from rest": [one for name, one in files.items() if name.startswith("open")],
+            "Records that the stage file was fitted on": [one.traced for one in results.identified.recordings],
+        },
+        [
+            of_stage(results.stage),
+            f"As the device holds it: CRC {results.model_crc:08x}.",
+            f"Recorded by the firmware in the host process, build {results.build_id[:SHOWN_DIGITS]}.",
+        ],
     )
 
 

@@ -32,6 +32,7 @@ from phaselead.gap import (
 from phaselead.gap import headline as cells_headline
 from phaselead.model import Stage, catalogue
 from phaselead.record import Samples
+from phaselead.report.origin import Origin, of_stage
 from phaselead.report.page import render
 
 MOST_TRACES = 4
@@ -42,6 +43,11 @@ USUAL_UNITS = {"s": ("ms", 1e3), "um": ("nm", 1e3), "V": ("mV", 1e3)}
 """The next smaller unit, and how many of it make one."""
 DENSITY_SEGMENT = 8192
 """Rows of one periodogram."""
+_USES = {
+    "train": "Recordings it learned from",
+    "holdout": "Held-out recordings: every figure of the gap is of these",
+    "reference": "Reference recordings, without what is missing",
+}
 
 
 def gap_page(
@@ -79,9 +85,10 @@ def gap_page(
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
         experiment=result.next_experiment,
         tracking=tracking_part(verification) if verification else None,
-        holdout=[sha[:12] for sha in result.holdout_sha256],
-        parent=stage.sha256,
-        following=result.stage.sha256,
+        origin=Origin(
+            {_USES[part]: sources for part, sources in result.sources.items()},
+            [of_stage(stage, "Compared was the stage file"), of_stage(result.stage, "The next one is")],
+        ),
         seconds=result.seconds,
     )
 
@@ -230,7 +237,7 @@ def trace_figure(trace: Trace) -> Figure:
         middle.plot(t, left_before, color=RED, linewidth=0.9, label="before")
         for axes in (middle, lower):
             axes.plot(t, left_after, color=BLUE, linewidth=0.9, label="after")
-            axes.set(ylabel="measured - model (µm)")
+            axes.set(ylabel="measured − model (µm)")
         upper.set(ylabel="position (µm)")
         lower.set(xlabel="time (s)")
         lower.set_title("after, on its own scale", loc="right", fontsize=9)
@@ -302,7 +309,7 @@ def residual_figure(traces: Sequence[Trace]) -> Figure:
         for name, colour in (("before", RED), ("after", BLUE)):
             f, density = _mean_density(traces, name)
             axes.loglog(f, 1e3 * density, color=colour, linewidth=1.1, label=name)
-        axes.set(xlabel="frequency (Hz)", ylabel="nm/√Hz")
+        axes.set(xlabel="frequency (Hz)", ylabel="residual (nm/√Hz)")
         axes.legend()
         return figure
 
@@ -336,6 +343,6 @@ def spectrum_figure(spectrum: Spectrum) -> Figure:
         if spectrum.reference is not None:
             axes.loglog(spectrum.f_Hz[1:], 1e3 * spectrum.reference[1:], color=GREY, label="reference records")
         axes.loglog(spectrum.f_Hz[1:], 1e3 * spectrum.seen[1:], color=BLUE, linewidth=1.0, label="held-out records")
-        axes.set(xlabel="frequency (Hz)", ylabel="nm/√Hz")
+        axes.set(xlabel="frequency (Hz)", ylabel="residual (nm/√Hz)")
         axes.legend()
         return figure

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phaselead.control.feedback_loop import pid_response
+from phaselead.control.feedback_loop import BANDWIDTH, pid_response
 from phaselead.control.tuning.plant import FittedPlant
 from phaselead.control.tuning.response import Measured, Response
 from phaselead.control.tuning.shaping import Predicted, Range, bandwidth_Hz
 from phaselead.model import Gains, Stage, save_stage
-from phaselead.record import Samples
+from phaselead.record import Samples, Source
 from phaselead.result import Result, Table
 
 if TYPE_CHECKING:
@@ -46,8 +46,12 @@ class ClosedLoop:
 
     @cached_property
     def bandwidth_Hz(self) -> float:
-        """Where |T| first falls below -3 dB."""
-        return float(bandwidth_Hz(self.f_Hz, self.complementary[None])[0])
+        """Where |T| first falls below -3 dB. A line that lacks coherence counts too where |T| and its standard
+        deviation are below: in a notch the position follows so little that none has coherence."""
+        measured = self.response
+        small = np.abs(measured.gain) * (1 + measured.deviation) < BANDWIDTH
+        told = measured.reliable() | small
+        return float(bandwidth_Hz(measured.f_Hz[told], measured.gain[told][None])[0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,6 +82,11 @@ class Tuned(Result):
         gains = self.model.axis(self.axis).gains
         assert gains is not None
         return gains
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The recordings it rests on: the open loop's, then the closed one's."""
+        return (*self.measured.sources, *self.closed.response.sources)
 
     @property
     def open_loop(self) -> Response:
@@ -112,6 +121,7 @@ class Tuned(Result):
                 "peak_sensitivity": self.closed.peak_sensitivity,
                 "bandwidth_Hz": self.closed.bandwidth_Hz,
             },
+            "sources": [one._asdict() for one in self.sources],
         }
 
     @property
