@@ -190,13 +190,13 @@ def refuse_resumed(plan: Sequence[Experiment], kept: Kept) -> None:
 
 
 def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None, holds: Mapping[str, Goto]) -> None:
-    """Raises BadInput for the first level of the plan, or move into a hold, that the limits (without a parent: the
+    """Raises BadInput for the largest level of the plan, or move into a hold, that the limits (without a parent: the
     defaults) leave out."""
 
     def model_of(axis: str) -> AxisModel:
         return parent.axes.get(axis, AxisModel()) if parent is not None else AxisModel()
 
-    for e in plan:
+    for e in sorted(plan, key=lambda e: -e.swing_V):
         model = model_of(e.axis)
         try:
             refuse_out_of_range(Sine(e.swing_V, 0.0, "V", e.f_Hz), model)
