@@ -12,6 +12,7 @@ import pytest
 from markupsafe import escape
 
 import phaselead as pl
+from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from phaselead.gap import GapResult, NamedEffect, Trace
 from phaselead.gap.findings import GapSize
 from phaselead.model import AxisModel, Stage
@@ -19,7 +20,7 @@ from phaselead.report import page as page_module
 from phaselead.report.axis_figures import bode_figure, creep_figure, noise_figure, response_of, step_figure
 from phaselead.report.campaign import ON_DARK, ON_LIGHT, confusion_figure
 from phaselead.report.gap import cards, in_usual_unit, trace_figure, verdict_card
-from phaselead.report.page import command_line, render
+from phaselead.report.page import COLOURS_OF_THE_PAGE, command_line, render
 from phaselead.report.results import result_page
 from phaselead.sim import built_in
 
@@ -151,6 +152,32 @@ def test_figures_take_the_colours_of_the_page(results):
     assert "currentColor" in figures
     for colour in ("#000000", "#ffffff", "#e4e4e4"):
         assert colour not in figures, colour
+
+
+def test_words_in_figures_are_words_and_the_same_result_is_the_same_page(results):
+    """They were drawn as paths, with names that changed from page to page: nothing could be searched or copied."""
+    page = result_page(results["run"])
+    figures = "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
+    assert re.search(r"<text[^>]*>position \(µm\)</text>", figures)
+    assert result_page(results["run"]) == page
+
+
+@pytest.mark.parametrize("colour", [BLUE, ORANGE, GREEN, RED, PURPLE, GREY])
+def test_every_colour_of_a_figure_has_one_for_a_dark_page(colour):
+    name = COLOURS_OF_THE_PAGE[colour]
+    variable = re.fullmatch(r"var\((--\w+)\)", name)
+    assert variable is not None
+    page = render("result.html", title="t", lead=[], cards=[], parts=[])
+    light, dark = re.findall(rf"{variable[1]}: (#[0-9a-f]{{6}});", page)
+    assert light == colour
+    assert brightness(dark) > 0.3
+
+
+def brightness(colour: str) -> float:
+    """Relative luminance (WCAG 2.2): on a ground of 0.01 one of 0.3 has a contrast above 5."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def test_every_command_writes_its_page(run, stage_file, tmp_path):

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, PURPLE, RED, to_svg
+from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, to_svg
 from phaselead.record import atomic_path, write_text
 from phaselead.report.origin import Origin
 from phaselead.version import VERSION
@@ -39,7 +39,8 @@ _environment = Environment(
 
 def _drawn(figure: Figure) -> Markup:
     """The figure in the colours of the page, light or dark; a click or the space bar enlarges it, without a script."""
-    text = to_svg(figure)
+    with figure_style():  # words stay words, and the same figure is the same text
+        text = to_svg(figure)
     for colour, own in COLOURS_OF_THE_PAGE.items():
         text = text.replace(colour, own)
     return Markup(f'<label class="zoom"><input type="checkbox" aria-label="enlarge the figure">{text}</label>')
