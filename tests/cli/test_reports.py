@@ -19,7 +19,7 @@ from phaselead.model import AxisModel, Stage
 from phaselead.report import page as page_module
 from phaselead.report.axis_figures import bode_figure, creep_figure, noise_figure, response_of, step_figure
 from phaselead.report.campaign import ON_DARK, ON_LIGHT, confusion_figure
-from phaselead.report.gap import cards, in_usual_unit, trace_figure, verdict_card
+from phaselead.report.gap import cards, in_usual_unit, scaled_row, trace_figure, verdict_card
 from phaselead.report.page import COLOURS_OF_THE_PAGE, command_line, render
 from phaselead.report.results import result_page
 from phaselead.sim import built_in
@@ -57,6 +57,14 @@ def test_a_gap_below_its_floor_is_explained(nothing):
 )
 def test_units_are_those_a_person_uses(value, unit, said):
     assert in_usual_unit(value, unit) == said
+
+
+def test_parameters_and_their_intervals_are_in_one_unit():
+    row = scaled_row("tau_s", 5.03e-4, 4.9e-4, 1.2, "s")
+    assert (row["name"], row["unit"]) == ("tau", "ms")
+    assert (row["value"], row["low"], row["high"]) == pytest.approx((0.503, 0.49, 1200))
+    assert scaled_row("f_Hz 1", 200.0, 190.0, 210.0, "Hz")["name"] == "f 1"
+    assert scaled_row("k", 0.01, 0.0, 0.02, "1") == {"name": "k", "value": 0.01, "low": 0.0, "high": 0.02, "unit": "1"}
 
 
 def test_what_is_left_has_a_scale_of_its_own():

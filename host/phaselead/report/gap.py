@@ -161,10 +161,22 @@ def sizes_of(effect: NamedEffect) -> list[str]:
 
 def in_usual_unit(value: float, unit: str) -> str:
     """With three digits; below 1 in the next smaller unit."""
+    factor, unit = usual_unit(value, unit)
+    return f"{value * factor:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+
+
+def usual_unit(value: float, unit: str) -> tuple[float, str]:
+    """The unit that a person uses of a value in ``unit``, and how many of it make one of that."""
     smaller, factor = USUAL_UNITS.get(unit, (unit, 1.0))
-    if value != 0 and abs(value) < 1:
-        value, unit = value * factor, smaller
-    return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+    return (factor, smaller) if 0 < abs(value) < 1 else (1.0, unit)
+
+
+def scaled_row(name: str, value: float, low: float, high: float, unit: str) -> dict[str, Any]:
+    """A parameter and its interval in a unit that a person uses; a unit that its name ends in is not said twice."""
+    factor, shown = usual_unit(value, unit)
+    plain, blank, number = name.partition(" ")
+    label = f"{plain.removesuffix(f'_{unit}')}{blank}{number}"
+    return {"name": label, "value": factor * value, "low": factor * low, "high": factor * high, "unit": shown}
 
 
 def _below_floor(result: GapResult) -> str:
@@ -186,10 +198,7 @@ def remains(result: GapResult) -> str:
 def effect_part(effect: NamedEffect) -> dict[str, Any]:
     """One named effect for the template."""
     entry = catalogue().get(effect.name)
-    rows = [
-        {"name": name, "value": value, "low": low, "high": high, "unit": unit}
-        for name, value, low, high, unit in parameter_rows(effect.params)
-    ]
+    rows = [scaled_row(*row) for row in parameter_rows(effect.params)]
     return {
         "title": _title(effect).capitalize(), "share": percent(effect.share), "why": effect.why, "rows": rows,
         "probability": f"{effect.probability:.3g}",
@@ -329,9 +338,12 @@ def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples
 def bound_row(bound: Bound, result: GapResult) -> dict[str, Any]:
     """One upper bound beside the typical size of the effect, and the size from which it was expected to be named."""
     of_effect = [one.size for one in result.detectable if (one.name, one.axis) == (bound.name, bound.axis)]
+    factor, unit = usual_unit(bound.upper_95, bound.unit)
+    typical, named_from = typical_of(bound), of_effect[0] if of_effect else None
     return {
-        "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical_of(bound),
-        "named_from": of_effect[0] if of_effect else None, "unit": unit_of(bound.unit),
+        "name": _plain(bound.name), "axis": bound.axis, "upper": factor * bound.upper_95,
+        "typical": None if typical is None else factor * typical,
+        "named_from": None if named_from is None else factor * named_from, "unit": unit_of(unit),
     }  # fmt: skip
 
 
