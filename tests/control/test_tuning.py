@@ -318,6 +318,9 @@ def test_what_makes_no_sense_is_refused_before_anything_moves(wrong: dict[str, f
 
 def test_it_prints_saves_and_draws(tuned: pl.Tuned, tmp_path) -> None:  # type: ignore[no-untyped-def]
     assert "measured" in str(tuned)
+    (modes,) = (line for line in str(tuned).splitlines() if line.startswith("modes"))
+    assert modes.split()[1:3] == ["200", "Hz"]
+    assert modes.count("zeta") == 1
     tuned.save(tmp_path / "tuned.toml")
     assert pl.load(tmp_path / "tuned.toml").axis("x").gains == tuned.gains
     pl.write_report(tuned, tmp_path / "page.html")

@@ -12,7 +12,7 @@ import numpy as np
 from phaselead.control.feedback_loop import BANDWIDTH, pid_response
 from phaselead.control.tuning.plant import FittedPlant
 from phaselead.control.tuning.response import Measured, Response
-from phaselead.control.tuning.shaping import Predicted, Range, bandwidth_Hz
+from phaselead.control.tuning.shaping import RINGS, Predicted, Range, bandwidth_Hz
 from phaselead.model import Gains, Stage, save_stage
 from phaselead.record import Samples, Source
 from phaselead.result import Result, Table
@@ -137,10 +137,11 @@ class Tuned(Result):
     def tables(self) -> list[Table | str]:
         low, high = self.over.gain_um_per_V
         g, levels = self.gains, self.measured.levels_dB()
-        modes = ", ".join(f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in self._modes())
+        rings, rest = self._modes(rings=True), self._modes(rings=False)
         response = (
             ("gain (um/V)", f"{self.plant.gain_um_per_V:.3g}"),
-            ("modes", modes),
+            ("modes", rings or "none"),
+            *([("damped terms (hysteresis, creep)", rest)] if rest else []),
             ("odd, even distortion, noise (dB)", ", ".join(f"{levels[name]:.0f}" for name in ("odd", "even", "noise"))),
             ("lines with coherence", f"{self.measured.reliable().sum()} of {len(self.measured.f_Hz)}"),
         )
@@ -166,8 +167,15 @@ class Tuned(Result):
             Table(("loop", "peak sensitivity", "bandwidth, -3 dB (Hz)"), loop),
         ]
 
-    def _modes(self) -> list[tuple[float, float, float]]:
-        return sorted(self.plant.plant.modes, key=lambda mode: mode[1])
+    def _modes(self, *, rings: bool) -> str:
+        """Frequency, share and damping of the fitted modes that ring, or of those damped more, which stand for
+        hysteresis and creep."""
+        found = sorted(
+            (mode for mode in self.plant.plant.modes if (mode[2] < RINGS) == rings), key=lambda mode: mode[1]
+        )
+        return ", ".join(
+            f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in sorted(found, key=lambda mode: mode[1])
+        )
 
     def plot(self) -> Figure:
         """Bode, Nyquist and sensitivity, predicted and measured."""
