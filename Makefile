@@ -22,7 +22,7 @@ BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r 
 .PHONY: demo test manual picture test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
-	@$(BIN)/phaselead demo --out out/demo
+	@$(BIN)/phaselead demo --out out/demo --overwrite
 
 test: $(STAMP)
 	@sh tests/tools.sh

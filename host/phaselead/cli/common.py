@@ -24,7 +24,7 @@ from phaselead.cli.outputs import overwriting
 from phaselead.cli.outputs import report_option as report_option
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
-from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
+from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE, is_virtual, keeps_flash
 
 if TYPE_CHECKING:
     from phaselead.record import Recording
@@ -134,6 +134,15 @@ def warnings_said() -> Iterator[None]:
         warnings.simplefilter("always")
         warnings.showwarning = said
         yield
+
+
+def forgotten(port: str, what: str, *, flash: bool = False) -> list[str]:
+    """The line that says so where ``what`` the command did ends with it: it is in the memory of a virtual stage or,
+    with ``flash``, in one whose flash is kept nowhere."""
+    if keeps_flash(port) if flash else not is_virtual(port):
+        return []
+    kept = f"--port '{port}{'&' if '?' in port else '?'}state=flash.bin' keeps its flash, " if flash else ""
+    return [f"the virtual stage has ended, and {what} with it: {kept}`phaselead sim --pty` serves a stage that stays"]
 
 
 def warn_of_gaps(facts: Mapping[str, Any]) -> None:

@@ -12,6 +12,7 @@ from phaselead.cli.common import (
     emit,
     emit_result,
     force_option,
+    forgotten,
     json_option,
     port_option,
     show,
@@ -24,11 +25,10 @@ from phaselead.control import MODES, Controller, Planned, connect, parse_targets
 from phaselead.model import load_stage
 
 HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
-ENDED = "the virtual stage ended with this command; `phaselead sim --pty` serves one that stays"
 
 
 def _after(device: Controller) -> str:
-    return ENDED if device.device.session.virtual else HELD
+    return next(iter(forgotten(device.device.session.name, "what it holds")), HELD)
 
 
 @top_level(order=72)

@@ -16,6 +16,7 @@ from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, track_to_file
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.playing import Plays
 from phaselead.control.run import Run
@@ -42,7 +43,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import StageLike, as_stage
-from phaselead.record import RUN_SUFFIXES, Recording, check_output, parse_axes
+from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
 from phaselead.result import Facts
 from phaselead.serial_ports import default_port
 
@@ -336,7 +337,8 @@ class Controller(Plays, Tunes, Supervision):
             follows=follows or "true",
             on_progress=on_progress,
         )
-        return replace(run, recording=_named(run.recording, path or wave_text(wave, x, y, z)))
+        recording = _named(run.recording, path or wave_text(wave, x, y, z))
+        return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
 
     def learn(
         self,
@@ -352,6 +354,8 @@ class Controller(Plays, Tunes, Supervision):
         trials: int = 10,
         follows: Follows = "true",
         force: bool = False,
+        save: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
         on_progress: Progress | None = None,
     ) -> Learned:
         """Drives along a periodic path up to ``trials`` times, each time corrected by the error that repeats; keeps the
@@ -359,7 +363,8 @@ class Controller(Plays, Tunes, Supervision):
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
         as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
-        Raises BadInput as ``track`` does, and for a move.
+        ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
+        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
@@ -375,6 +380,7 @@ class Controller(Plays, Tunes, Supervision):
             trials=trials,
             follows=follows,
             force=force,
+            kept=KeptRuns(save, overwrite=overwrite),
             on_progress=on_progress,
         )
         return replace(found, wave=wave_text(wave, x, y, z))

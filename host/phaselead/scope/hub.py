@@ -19,6 +19,7 @@ from phaselead.device import TICK_HZ, Where, explain_fault
 from phaselead.errors import LinkError, PhaseleadError
 from phaselead.model import Stage
 from phaselead.scope.samples import Samples
+from phaselead.scope.settings import settings_of
 from phaselead.scope.trigger import Trigger
 
 READ_S = 0.012
@@ -80,6 +81,7 @@ class Hub:
         self._alone_since: float | None = None if self.dev.resumed else time.monotonic()
         """None while a tab is open, and while what was held before is seen by none yet."""
         self._looked_s = self._came_s = 0.0
+        self._settings_of: tuple[Stage | None, dict[str, Any]] = (None, {})
         self._at_rest = False
         """It was seen parked, and no order has moved it since: what it followed is history."""
         self._thread = threading.Thread(target=self._run, name="phaselead scope", daemon=True)
@@ -134,6 +136,7 @@ class Hub:
             "axes": {} if where is None else where.as_dict()["axes"],
             "model": None if self.stage is None else {"name": self.stage.name, "axes": sorted(self.stage.axes)},
             "limits": self._limits(),
+            "settings": self._settings(),
             "dropped": self.samples.dropped,
             "job": self.job,
             "lines": list(self.lines),
@@ -144,6 +147,11 @@ class Hub:
     def _limits(self) -> dict[str, Any]:
         axes = {} if self.stage is None else self.stage.axes
         return {axis: {"x_um": [m.sensor.x_min_um, m.sensor.x_max_um]} for axis, m in axes.items()}
+
+    def _settings(self) -> dict[str, Any]:
+        if self._settings_of[0] is not self.stage:
+            self._settings_of = self.stage, settings_of(self.stage)
+        return self._settings_of[1]
 
     # ---------------------------------------------------------------- for orders, in the hub's thread
 

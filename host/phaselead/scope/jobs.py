@@ -107,7 +107,7 @@ def tune(hub: Hub, given: Arguments) -> str:
             model=hub.stage,
             level=_number("voltage", values["level"]),
             on_progress=hub.progress,
-            **({} if peak is None else {"peak": peak}),
+            peak=2.0 if peak is None else peak,
         )
         name = f"tuned-{_stamp()}.toml"
         found.save(hub.new_file(name))

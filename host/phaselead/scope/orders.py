@@ -15,6 +15,7 @@ from phaselead.model import load_stage
 from phaselead.scope.hub import TIMEOUT_S, Hub, Order
 from phaselead.scope.jobs import JOBS
 from phaselead.scope.saving import save
+from phaselead.scope.settings import changed
 from phaselead.scope.trigger import Trigger
 
 Arguments = Mapping[str, Any]
@@ -119,6 +120,25 @@ def model(hub: Hub, given: Arguments) -> str:
     return f"uploaded {stage.name} (axes {', '.join(sorted(stage.axes))})"
 
 
+def settings(hub: Hub, given: Arguments) -> str:
+    """Settings of an axis changed, uploaded, and kept as a stage file of their own; while parked."""
+    if hub.stage is None:
+        raise BadInput("there is no stage file to change; upload one, or identify the stage")
+    if hub.dev.where().state != "parked":
+        raise BadInput("settings are changed while the device is parked; park it first")
+    values = given.get("values")
+    if not isinstance(values, Mapping):
+        raise BadInput("values: give settings by name")
+    axis = text(given, "axis", "x")
+    stage = changed(hub.stage, axis, values)
+    hub.dev.upload(stage)
+    hub.stage = stage
+    name = f"settings-{datetime.now():%Y%m%d-%H%M%S}.toml"
+    stage.save(hub.new_file(name))
+    hub.restream()
+    return f"{axis}: {', '.join(values)} changed and uploaded; the stage file is {hub.folder / name}"
+
+
 def loop(hub: Hub, given: Arguments) -> str:
     """What the model says of gains, before anything moves."""
     if hub.stage is None:
@@ -180,6 +200,7 @@ ORDERS: dict[str, Order] = {
     "move": move,
     "play": play,
     "model": model,
+    "settings": settings,
     "loop": loop,
     "trigger": trigger,
     "save": save_samples,
