@@ -242,6 +242,8 @@ def test_sections_are_called_by_what_they_answer(template):
         (["/usr/bin/phaselead", "verify", "my file.csv"], "phaselead verify 'my file.csv'"),
         (["/x/phaselead/__main__.py", "demo"], "phaselead demo"),
         (["/usr/bin/jupyter-lab", "demo"], ""),
+        (["/home/me/fit it.py", "a.csv"], "python 'fit it.py' a.csv"),
+        (["/x/ipykernel_launcher.py", "-f", "kernel.json"], ""),
     ],
 )
 def test_a_page_says_which_command_made_it(monkeypatch, called, said):

@@ -153,7 +153,7 @@ def test_settings_are_changed_and_refused(context, served, stage_path):
     page = opened(context, served[0])
     page.locator("#model-path").fill(str(stage_path))
     page.get_by_role("button", name="Upload", exact=True).click()
-    page.locator("#settings summary", has_text="Limits").click()
+    page.locator("#settings").get_by_text("Limits", exact=True).click()
     field = page.locator("[name='limits.u_max_V']")
     field.fill("8")
     page.get_by_role("button", name="Save and upload").click()

@@ -64,6 +64,29 @@ def test_they_are_uploaded_and_kept(make_rig, tmp_path):
     assert "u_max_V" in tab.refused("settings", axis="x", values={"limits.u_max_V": -5})
 
 
+def test_hard_limits_go_to_the_device_alone(rig, tmp_path):
+    tab = rig.open()
+    tab.until(lambda: tab.state.get("settings"))
+    assert {row["part"] for row in tab.state["settings"]["x"]} == {"hard"}
+    tab.order("settings", axis="x", values={"hard.u_min_V": -1, "hard.u_max_V": 8})
+    tab.order("settings", axis="x", values={"hard.u_min_V": None})
+    found = rig.hub.dev.limits()["x"]
+    assert found.u_max_V == pytest.approx(8, abs=1e-3)
+    assert found.u_min_V is None
+    tab.until(lambda: any(row["name"] == "u_max_V" and row["value"] for row in tab.state["settings"]["x"]))
+    assert "leave out 0 V" in tab.refused("settings", axis="x", values={"hard.u_max_V": -5})
+    assert "must be a number" in tab.refused("settings", axis="x", values={"hard.u_max_V": "8"})
+    assert "is no hard limit" in tab.refused("settings", axis="x", values={"hard.nothing": 8})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_of_both_none_is_changed_where_one_makes_no_sense(make_rig):
+    rig = make_rig(stage=built_in("xyz250"))
+    tab = rig.open()
+    assert "u_max_V" in tab.refused("settings", axis="x", values={"hard.u_max_V": 8, "limits.u_max_V": -5})
+    assert rig.hub.dev.limits()["x"].u_max_V is None
+
+
 def test_they_wait_until_it_is_parked(make_rig):
     tab = make_rig(stage=built_in("xyz250")).open()
     tab.order("arm")

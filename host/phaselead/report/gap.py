@@ -181,7 +181,7 @@ def scaled_row(name: str, value: float, low: float, high: float, unit: str) -> d
 
 def _below_floor(result: GapResult) -> str:
     """The floor is of other records or of the noise, and a model can do better by chance."""
-    return ", no more than the floor: nothing is left to find" if result.gap.after <= result.gap.floor else ""
+    return ", no more than the floor, which other records set" if result.gap.after <= result.gap.floor else ""
 
 
 def remains(result: GapResult) -> str:

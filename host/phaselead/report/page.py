@@ -32,6 +32,8 @@ COLOURS_OF_THE_PAGE = {
 }
 """What a figure draws its ground, its axes, its grid and its lines with, and what a page has for these: on a dark one
 lines are lighter."""
+NO_SCRIPTS = {"__main__.py", "ipykernel_launcher.py"}
+"""Of some other program, and of a notebook."""
 _environment = Environment(
     loader=PackageLoader("phaselead.report", "templates"), autoescape=True, undefined=StrictUndefined
 )
@@ -50,10 +52,12 @@ _environment.filters["svg"] = _drawn
 
 
 def command_line() -> str:
-    """How the command line was called; empty in any other program."""
+    """How the command line, or the script that made the page, was called; empty in any other program."""
     program, *words = sys.argv or [""]
-    called = Path(program).parent.name if Path(program).name == "__main__.py" else Path(program).name
-    return shlex.join(["phaselead", *words]) if called == "phaselead" else ""
+    name = Path(program).name
+    if (Path(program).parent.name if name == "__main__.py" else name) == "phaselead":
+        return shlex.join(["phaselead", *words])
+    return shlex.join(["python", name, *words]) if name.endswith(".py") and name not in NO_SCRIPTS else ""
 
 
 def render(template: str, *, origin: Origin | None = None, **values: Any) -> str:

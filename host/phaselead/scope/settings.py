@@ -1,10 +1,13 @@
-"""The settings of a stage file as the page edits them: limits, converters and gains of an axis, by name, in units."""
+"""The settings that the page edits, of an axis, by name, in units: those of the stage file (limits, converters, gains)
+and the hard limits, which the device keeps itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+from phaselead.device import AxisLimits, Limits
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, explained, provenance_of
 
@@ -12,14 +15,45 @@ PARTS = ("limits", "gains", "sensor", "actuator")
 TITLES = {"limits": "Limits", "gains": "Gains", "sensor": "Sensor", "actuator": "Output"}
 NOT_EDITED = {"origin", "filters"}
 """Of the gains: where they come from is said of what is measured, and `tune` makes filters."""
+HARD = "hard"
+HARD_TITLE = "Hard limits of the device"
+HARD_WORDS = {
+    "u_min_V": "lowest output, V",
+    "u_max_V": "highest output, V",
+    "slew_V_per_s": "largest rate of the output, V/s",
+    "x_min_um": "lowest position, um",
+    "x_max_um": "highest position, um",
+}
 NO_GAINS = {"kp_V_per_um": 0.0, "ki_V_per_um_s": 0.0, "kd_V_s_per_um": 0.0}
 
 
-def settings_of(stage: Stage | None) -> dict[str, list[dict[str, Any]]]:
+def settings_of(stage: Stage | None, hard: Limits | None = None) -> dict[str, list[dict[str, Any]]]:
     """By axis, every setting: part, its title, name, what it is, value (None: left out)."""
-    if stage is None:
-        return {}
-    return {axis: [row for part in PARTS for row in _rows(model, part)] for axis, model in stage.axes.items()}
+    axes = {} if stage is None else stage.axes
+    found = {axis: [row for part in PARTS for row in _rows(model, part)] for axis, model in axes.items()}
+    for axis, limits in (hard.axes if hard is not None else {}).items():
+        found.setdefault(axis, []).extend(_hard_rows(limits))
+    return dict(sorted(found.items()))
+
+
+def _hard_rows(limits: AxisLimits) -> list[dict[str, Any]]:
+    return [
+        {"part": HARD, "title": HARD_TITLE, "name": name, "what": what, "value": getattr(limits, name)}
+        for name, what in HARD_WORDS.items()
+    ]
+
+
+def changed_hard(limits: AxisLimits, given: Mapping[str, Any]) -> AxisLimits:
+    """The hard limits with these replaced: "hard.u_max_V": 8, None for no limit. Raises BadInput as ``changed``."""
+    values = {}
+    for key, value in given.items():
+        name = str(key).partition(".")[2]
+        if name not in HARD_WORDS:
+            raise BadInput(f"{key}: is no hard limit")
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+            raise BadInput(f"{key} = {value!r}: must be a number")
+        values[name] = value
+    return replace(limits, **values)
 
 
 def _rows(model: AxisModel, part: str) -> list[dict[str, Any]]:

@@ -170,12 +170,9 @@ class Tuned(Result):
     def _modes(self, *, rings: bool) -> str:
         """Frequency, share and damping of the fitted modes that ring, or of those damped more, which stand for
         hysteresis and creep."""
-        found = sorted(
-            (mode for mode in self.plant.plant.modes if (mode[2] < RINGS) == rings), key=lambda mode: mode[1]
-        )
-        return ", ".join(
-            f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in sorted(found, key=lambda mode: mode[1])
-        )
+        found = [mode for mode in self.plant.plant.modes if (mode[2] < RINGS) == rings]
+        by_frequency = sorted(found, key=lambda mode: mode[1])
+        return ", ".join(f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in by_frequency)
 
     def plot(self) -> Figure:
         """Bode, Nyquist and sensitivity, predicted and measured."""

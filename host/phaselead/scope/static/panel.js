@@ -108,7 +108,7 @@ export class Panel {
   settings() {
     const form = at("settings"), all = this.state.settings ?? {}, axes = Object.keys(all);
     const choice = form.elements.axis, axis = axes.includes(choice.value) ? choice.value : axes[0];
-    at("no-settings").hidden = axes.length > 0;
+    at("no-settings").hidden = Boolean(this.state.model);
     at("settings-of").hidden = axes.length === 0;
     choice.replaceChildren(...axes.map((one) => made("option", { selected: one === axis }, one)));
     const open = new Set([...at("settings-parts").children].filter((one) => one.open).map((one) => one.dataset.part));
@@ -177,7 +177,7 @@ export class Panel {
       if (this.targets[axis]) [this.targets[axis].min, this.targets[axis].max] = limits.x_um;
     }
     at("model").textContent = state.model ? `model: ${state.model.name} (${state.model.axes.join(", ")})` : "no model: pid with the paper's gains";
-    if ("settings" in changed) this.settings();
+    if ("settings" in changed || "model" in changed) this.settings();
     at("waiting").textContent = state.trigger && state.trigger.run !== "off" ? (state.trigger.waiting ? "waiting" : "fired") : "";
     at("job").hidden = !state.job;
     if (state.job) {
