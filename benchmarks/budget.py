@@ -210,6 +210,11 @@ def one_axis(elf: Path, blob: bytes) -> Counts:
     return worst(found)
 
 
+def triggers() -> list[wire.Command]:
+    """Every output on an axis of its own; a new model ends them."""
+    return [wire.TriggerSetRequest(axis, wire.Mark.TURN, axis, 0, 256, 0) for axis in range(3)]
+
+
 def nested() -> bytes:
     """A waveform of loops within loops, and then one way that closes them all: each bend is a turn to come back to."""
     corners = [(1 - 0.94**k) / 2 if k % 2 else (1 + 0.94**k) / 2 for k in range(40)]
@@ -263,7 +268,7 @@ def three_axes(elf: Path, blob: bytes) -> Counts:
         (wire.Mode.PID, wire.PathKind.SINE, 230, 400, 0),
     ):
         board.park(2500)
-        board.ask(*upload(blob))  # its swap at a tick's edge is in the count
+        board.ask(*upload(blob), *triggers())  # its swap at a tick's edge is in the count
         board.ask(wire.StreamStartRequest(31, 7, 1))
         for index in range(3):
             set_axis, set_path = axis(index, mode, swing * UM, f_Hz)

@@ -71,9 +71,9 @@ enum recorder_took {
     RECORDER_DROPS     /* dropped for want of a free batch, the first tick of a row of such */
 };
 
-/* Records a tick; both arrays have RECORDER_AXES elements. */
+/* Records a tick; both arrays have RECORDER_AXES elements. `trigger`: the channel of that name, for all axes. */
 enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
-                                 const struct axis_trace *traces);
+                                 const struct axis_trace *traces, uint8_t trigger);
 
 /* Ticks taken since it was started, without those in a batch that is still open. Not for the tick. */
 uint64_t recorder_taken(struct recorder *recorder);

@@ -14,7 +14,7 @@ FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
 STRAIGHT = ["axis", "axis_mode", "axis_path", "biquad", "converter", "feedforward", "output", "path", "pid", "segment"]
-STRAIGHT += ["sine", "watch"]
+STRAIGHT += ["sine", "trigger", "watch"]
 COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse", "loop_filter", "oscillation"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]

@@ -7,7 +7,7 @@
 #define CONVERTERS_TWOS_COMPLEMENT 0x8000u
 
 /* A turn of a wait is at least 3 cycles. A conversion takes 0.85 us at most (AD7606B; an AD7606 takes 4.2), a word at
- * 21 MHz 0.8 us, a byte at 5.25 MHz 1.5 us. */
+ * 21 MHz 0.8 us, a byte at 10.5 MHz 0.8 us. */
 #define CONVERSION_TURNS 200u
 #define WORD_TURNS 200u
 /* FRSTDATA is valid 30 ns after CS or after the 16th edge at the latest; a read of the bus takes at least 3 clocks of
@@ -27,10 +27,11 @@
 #define BUSY_LINE BIT(PIN_ADC_BUSY) /* of the EXTI */
 
 /* Data are taken on the falling edge of SCK, which idles low. To write, 42 MHz / 2 = 21 MHz. What comes back is valid
- * 25 ns after the rising edge (AD5764, t15), and half a clock of 21 MHz is 24 ns: to read, 42 MHz / 8 = 5.25 MHz. */
+ * 25 ns after the rising edge (AD5764, t15), and half a clock of 21 MHz is 24 ns: to read, 42 MHz / 4 = 10.5 MHz, whose
+ * half, 48 ns, leaves 16 ns for wires and pads beside the processor's set-up of 7. */
 #define DAC_BUS (SPI_CR1_SSM | SPI_CR1_SSI | SPI_CR1_MSTR | SPI_CR1_CPHA)
 #define DAC_BUS_FAST (DAC_BUS | SPI_CR1_DIV2)
-#define DAC_BUS_SLOW (DAC_BUS | SPI_CR1_DIV8)
+#define DAC_BUS_SLOW (DAC_BUS | SPI_CR1_DIV4)
 
 static bool word_lost;
 

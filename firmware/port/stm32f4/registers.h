@@ -109,7 +109,6 @@ struct spi {
 #define SPI_CR1_MSTR BIT(2)
 #define SPI_CR1_DIV2 (0u << 3)
 #define SPI_CR1_DIV4 (1u << 3)
-#define SPI_CR1_DIV8 (2u << 3)
 #define SPI_CR1_SPE BIT(6)
 #define SPI_CR1_SSI BIT(8)
 #define SPI_CR1_SSM BIT(9)
@@ -171,6 +170,7 @@ struct syscfg {
 };
 #define SYSCFG ((struct syscfg *)0x40013800)
 #define SYSCFG_EXTICR_PORT_B 1u
+#define SYSCFG_EXTICR_PORT_C 2u
 
 struct exti {
     volatile uint32_t IMR, EMR, RTSR, FTSR, SWIER, PR;
