@@ -268,7 +268,7 @@ class Compensation(ct.Structure):
         ("rest_q16", ct.c_int32),
         ("rest_q40", ct.c_int64),
         ("sections_in_use", ct.c_uint32),
-        ("reserved", ct.c_uint32),
+        ("per_um_q28", ct.c_int32),
         ("shape", Biquad * 6),
         ("drive", Biquad),
         ("creep", Creep),
