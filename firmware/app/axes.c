@@ -126,6 +126,7 @@ void axes_start(struct device *device, uint8_t axis_mask)
                 (path->kind == PATH_WAVE && device->control.points[axis].ring != POINTS_NO_RING))
                 device->control.path_mask &= ~(1u << axis); /* from where it is now, and not a second time */
             axis_start(&device->control.axis[axis]);
+            oscillation_stagger(&device->control.axis[axis].oscillation, axis);
             axis_enter(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
                        device->adc_codes[axis], enter_ticks);
         }

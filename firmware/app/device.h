@@ -99,8 +99,7 @@ struct device {
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
-    bool rare; /* this tick did something that few do, so the port puts off what can wait; the port clears it */
-    _Atomic uint32_t path_done; /* axes whose path has ended, at these ticks: for device_put_path_events() */
+    _Atomic uint32_t path_done;     /* axes whose path has ended, at these ticks: for device_put_path_events() */
     uint64_t path_done_tick[AXES];
     bool trigger_edge; /* an edge has come at the trigger input since the last tick */
     uint32_t resting;  /* axes that need no step: it would change nothing, and their trace stays valid */

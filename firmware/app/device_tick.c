@@ -63,7 +63,6 @@ static void note_ended_paths(struct device *device)
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(done, axis))
             device->path_done_tick[axis] = device->control.tick;
-    device->rare = true;
     atomic_fetch_or_explicit(&device->path_done, done, memory_order_relaxed);
 }
 
@@ -79,12 +78,9 @@ static void record(struct device *device)
 {
     const uint64_t tick = device->control.tick;
     const uint32_t trigger = device->control.pulsing | (device->trigger_edge ? TRIGGER_EDGE : 0);
-    enum recorder_took took =
-        recorder_tick(&device->recorder, tick, device->adc_codes, device->traces, (uint8_t)trigger);
-    if (took != RECORDER_TOOK)
-        device->rare = true;
+    const bool drops = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces, (uint8_t)trigger);
     transient_tick(&device->transient, tick, device->adc_codes, device->traces, device->control.config);
-    if (took == RECORDER_DROPS)
+    if (drops)
         events_put(&device->events, tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
 }
 

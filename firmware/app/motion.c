@@ -74,7 +74,6 @@ static void begin_segments(struct device *device, uint32_t due)
         return;
     if (called != 0)
         tell_of_edge(device, called, wait_ticks);
-    device->rare = true;
     transient_trigger(&device->transient, WIRE_TRIGGER_SET_POINT, device->control.tick, device->control.config);
 }
 
@@ -90,8 +89,7 @@ static void end_path(struct device *device, unsigned axis)
         queue->dry = 1;
         queue->dry_tick = device->control.tick;
     }
-    if (axis_leave(config, &device->model_of[axis], state))
-        device->rare = true;
+    axis_leave(config, &device->model_of[axis], state);
 }
 
 /* Paths that have ended give way to the next of their queue, or to a hold. */

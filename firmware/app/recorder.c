@@ -116,39 +116,31 @@ static void put_traces(const struct recorder_format *format, struct recorder_bat
     batch->size += format->tick_size;
 }
 
-enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
-                                 const struct axis_trace *traces, uint8_t trigger)
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces,
+                   uint8_t trigger)
 {
-    enum recorder_took took = RECORDER_TOOK;
-    if (!recorder->recording)
-        return RECORDER_TOOK;
-    if (recorder->freeze_left != 0) {
+    if (recorder->recording && recorder->freeze_left != 0) {
         recorder->freeze_left--;
-        if (recorder->freeze_left == 0) {
+        if (recorder->freeze_left == 0)
             recorder_stop(recorder);
-            return RECORDER_TURNED;
-        }
     }
+    if (!recorder->recording)
+        return false;
     if (recorder->skip > 0) {
         recorder->skip--;
-        return RECORDER_TOOK;
+        return false;
     }
     recorder->skip = (uint16_t)(recorder->format.decimation - 1);
-    if (!recorder->open) {
-        if (!open_batch(recorder, tick)) {
-            bool first = !recorder->dropping;
-            recorder->dropping = true;
-            recorder->dropped++;
-            return first ? RECORDER_DROPS : RECORDER_TOOK;
-        }
-        took = RECORDER_TURNED;
+    if (!recorder->open && !open_batch(recorder, tick)) {
+        const bool first = !recorder->dropping;
+        recorder->dropping = true;
+        recorder->dropped++;
+        return first;
     }
     put_traces(&recorder->format, recorder->open, adc_codes, traces, trigger);
-    if (recorder->open->size == recorder->format.batch_size) {
+    if (recorder->open->size == recorder->format.batch_size)
         close_batch(recorder);
-        took = RECORDER_TURNED;
-    }
-    return took;
+    return false;
 }
 
 uint64_t recorder_taken(struct recorder *recorder)

@@ -262,7 +262,7 @@ enum wire_transient_state {
     COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false) \
     COMMAND(motion, WIRE_MOTION, WIRE_ANY_STATE, false) \
     COMMAND(queue, WIRE_QUEUE, 1u << WIRE_STATE_RUNNING, true) \
-    COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
+    COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, true) \
     COMMAND(points_begin, WIRE_POINTS_BEGIN, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(points, WIRE_POINTS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(trigger_set, WIRE_TRIGGER_SET, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, false) \

@@ -165,11 +165,10 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, int32
 enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                               int32_t error_q16, const struct axis_trace *trace)
 {
-    bool saturated = false;
+    const struct output_config *output = &config->output;
     const struct watch_config watch = {.error_limit_q16 = config->error_limit_q16,
                                        .error_ticks = config->error_ticks,
-                                       .u_range_q24 =
-                                           sat_sub_i32(config->output.u_max_q24, config->output.u_min_q24, &saturated)};
+                                       .u_range_q24 = (uint32_t)output->u_max_q24 - (uint32_t)output->u_min_q24};
     const struct watch_tick tick = {
         .adc_code = adc_code, .limited = trace->limited, .u_q24 = state->u_q24, .error_q16 = error_q16};
     bool runs_away = oscillation_step(&state->oscillation, config->oscillation_limit_q16, error_q16, trace->reference);

@@ -55,34 +55,40 @@ static void begin(struct oscillation_block *block)
     block->sign_changed = block->parts = 0;
 }
 
-static void add(struct oscillation_block *to, uint32_t energy, uint32_t reference_energy, uint8_t sign_changed)
+static void add(struct oscillation_state *state, unsigned scale, uint32_t energy, uint32_t reference_energy,
+                uint8_t sign_changed)
 {
+    struct oscillation_block *to = &state->blocks[scale];
     to->energy += energy;
     to->reference_energy += reference_energy;
     to->sign_changed |= sign_changed;
-    to->parts++;
+    if (++to->parts == (scale == 0 ? FIRST_PARTS : PARTS))
+        state->over |= (uint16_t)(1u << scale);
 }
 
 static bool judge_scale(struct oscillation_state *state, unsigned scale, int32_t limit_q16)
 {
     struct oscillation_block *block = &state->blocks[scale];
-    if (block->parts != (scale == 0 ? FIRST_PARTS : PARTS))
-        return false;
     uint32_t ticks = FIRST_PARTS << scale;
     bool found = judge(block, square_q12(limit_q16) * ticks, ticks);
     if (scale + 1 < OSCILLATION_SCALES)
-        add(&state->blocks[scale + 1], block->energy, block->reference_energy, block->sign_changed);
+        add(state, scale + 1, block->energy, block->reference_energy, block->sign_changed);
     begin(block);
     return found;
 }
 
-/* Every block that is over. A scale is looked at in the tick after the one below it, so that they never all come
- * together: from the longest down. */
+/* Every block that is over. What one gives to the next scale is looked at a tick later: so the ends of the scales lie
+ * in different ticks, but for the shortest and the longest. */
 static bool judge_blocks(struct oscillation_state *state, int32_t limit_q16)
 {
-    bool found = false;
-    for (unsigned i = 0; i < OSCILLATION_SCALES; i++)
-        found = judge_scale(state, OSCILLATION_SCALES - 1 - i, limit_q16) || found;
+    const uint32_t over = state->over & ((1u << OSCILLATION_SCALES) - 1);
+    if (over == 0)
+        return false;
+    const unsigned longest = 31u - leading_zeros_u32(over);
+    state->over = (uint16_t)(over & ~(1u | 1u << longest));
+    bool found = judge_scale(state, longest, limit_q16);
+    if (longest != 0 && (over & 1u) != 0)
+        found = judge_scale(state, 0, limit_q16) || found;
     return found;
 }
 
@@ -93,13 +99,18 @@ static void prime(struct oscillation_state *state, int32_t error_q16, int32_t re
     state->reference.low[0] = clamp_i32(reference_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
 }
 
+void oscillation_stagger(struct oscillation_state *state, unsigned ticks)
+{
+    state->blocks[0].parts = (uint8_t)(ticks % FIRST_PARTS);
+}
+
 bool oscillation_step(struct oscillation_state *state, int32_t limit_q16, int32_t error_q16, int32_t reference_q16)
 {
     if (state->primed == 0)
         prime(state, error_q16, reference_q16);
     int32_t error = high_pass_q16(&state->error, error_q16);
     int32_t reference = high_pass_q16(&state->reference, reference_q16);
-    add(&state->blocks[0], square_q12(error), square_q12(reference), (error ^ state->last_q16) < 0);
+    add(state, 0, square_q12(error), square_q12(reference), (error ^ state->last_q16) < 0);
     state->last_q16 = error;
     return judge_blocks(state, limit_q16);
 }

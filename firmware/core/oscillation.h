@@ -38,8 +38,13 @@ struct oscillation_state {
     struct oscillation_filter error, reference;
     struct oscillation_block blocks[OSCILLATION_SCALES];
     int32_t last_q16; /* high-passed error */
-    uint32_t primed;  /* 0: the filters are to begin at rest with the first tick */
+    uint16_t primed;  /* 0: the filters are to begin at rest with the first tick */
+    uint16_t over;    /* scales whose block is over, bit by bit: they are judged in the next tick */
 };
+
+/* So many of the first block's ticks (below 5) count as over: for axes that begin together, so that the ends of their
+ * blocks lie in different ticks. */
+void oscillation_stagger(struct oscillation_state *state, unsigned ticks);
 
 /* Once a tick, all um q16. `limit`: rms of the high-passed error above which an oscillation matters. True in the tick
  * in which one is found. Signals beyond +-512 um, and what is left of them beyond +-63, count as such. */

@@ -330,12 +330,13 @@ class OscillationState(ct.Structure):
         ("reference_low", ct.c_int32 * 3),
         ("blocks", OscillationBlock * 6),
         ("last_q16", ct.c_int32),
-        ("primed", ct.c_uint32),
+        ("primed", ct.c_uint16),
+        ("over", ct.c_uint16),
     ]
 
 
 class WatchConfig(ct.Structure):
-    _fields_ = [("error_limit_q16", ct.c_int32), ("error_ticks", ct.c_uint32), ("u_range_q24", ct.c_int32)]
+    _fields_ = [("error_limit_q16", ct.c_int32), ("error_ticks", ct.c_uint32), ("u_range_q24", ct.c_uint32)]
 
 
 class WatchTick(ct.Structure):

@@ -7,7 +7,7 @@
 #define CONVERTERS_TWOS_COMPLEMENT 0x8000u
 
 /* A turn of a wait is at least 3 cycles. A conversion takes 0.85 us at most (AD7606B; an AD7606 takes 4.2), a word at
- * 21 MHz 0.8 us, a byte at 10.5 MHz 0.8 us. */
+ * 21 MHz 0.8 us, a byte at 5.25 MHz 1.5 us. */
 #define CONVERSION_TURNS 200u
 #define WORD_TURNS 200u
 /* FRSTDATA is valid 30 ns after CS or after the 16th edge at the latest; a read of the bus takes at least 3 clocks of
@@ -27,11 +27,10 @@
 #define BUSY_LINE BIT(PIN_ADC_BUSY) /* of the EXTI */
 
 /* Data are taken on the falling edge of SCK, which idles low. To write, 42 MHz / 2 = 21 MHz. What comes back is valid
- * 25 ns after the rising edge (AD5764, t15), and half a clock of 21 MHz is 24 ns: to read, 42 MHz / 4 = 10.5 MHz, whose
- * half, 48 ns, leaves 16 ns for wires and pads beside the processor's set-up of 7. */
+ * 25 ns after the rising edge (AD5764, t15), and half a clock of 21 MHz is 24 ns: to read, 42 MHz / 8 = 5.25 MHz. */
 #define DAC_BUS (SPI_CR1_SSM | SPI_CR1_SSI | SPI_CR1_MSTR | SPI_CR1_CPHA)
 #define DAC_BUS_FAST (DAC_BUS | SPI_CR1_DIV2)
-#define DAC_BUS_SLOW (DAC_BUS | SPI_CR1_DIV4)
+#define DAC_BUS_SLOW (DAC_BUS | SPI_CR1_DIV8)
 
 static bool word_lost;
 
@@ -180,22 +179,22 @@ void converters_drive(const uint16_t codes[CONVERTER_AXES])
     dac_frame(DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
 
-bool converters_dac_answers(void)
+/* It answers in the next frame, whatever that is. */
+static uint16_t dac_register(uint32_t which)
 {
-    dac_frame(DAC_READ | DAC_COARSE_GAIN | DAC_CHANNEL(0));
+    dac_frame(DAC_READ | which);
     set_dac_bus(DAC_BUS_SLOW);
     uint16_t answer = dac_frame(DAC_NOP);
     set_dac_bus(DAC_BUS_FAST);
-    return answer == DAC_RANGE_10V26;
+    return answer;
 }
 
-void converters_read_back(uint16_t codes[CONVERTER_AXES])
+bool converters_dac_answers(void)
 {
-    dac_frame(DAC_READ | DAC_DATA | DAC_CHANNEL(0));
-    set_dac_bus(DAC_BUS_SLOW);
-    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++) { /* each answer comes with the next frame */
-        uint32_t next = axis + 1 < CONVERTER_AXES ? DAC_READ | DAC_DATA | DAC_CHANNEL(axis + 1) : DAC_NOP;
-        codes[axis] = (uint16_t)(dac_frame(next) ^ CONVERTERS_TWOS_COMPLEMENT);
-    }
-    set_dac_bus(DAC_BUS_FAST);
+    return dac_register(DAC_COARSE_GAIN | DAC_CHANNEL(0)) == DAC_RANGE_10V26;
+}
+
+uint16_t converters_read_back(unsigned axis)
+{
+    return (uint16_t)(dac_register(DAC_DATA | DAC_CHANNEL(axis)) ^ CONVERTERS_TWOS_COMPLEMENT);
 }

@@ -109,6 +109,7 @@ struct spi {
 #define SPI_CR1_MSTR BIT(2)
 #define SPI_CR1_DIV2 (0u << 3)
 #define SPI_CR1_DIV4 (1u << 3)
+#define SPI_CR1_DIV8 (2u << 3)
 #define SPI_CR1_SPE BIT(6)
 #define SPI_CR1_SSI BIT(8)
 #define SPI_CR1_SSM BIT(9)

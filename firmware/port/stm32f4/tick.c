@@ -21,10 +21,10 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 #define LOCK_COUNTS (TIMER_HZ / 50000u)
 _Static_assert(LOCK_COUNTS < PERIOD_COUNTS / 2, "a lock must fit between two ticks");
 
-/* Between two questions to the DAC. The question is not put in a tick that did something rare; it waits, but not for
- * long. */
+/* Between two questions to the DAC. The main loop asks, where there is time; one that is busy for long leaves it to the
+ * tick. */
 #define DAC_TICKS 7u
-#define DAC_TICKS_MOST 10u
+#define DAC_TICKS_MOST 20u
 #define TRIGGER_LINE BIT(PIN_TRIGGER_IN) /* of the EXTI, which keeps an edge until it is looked at */
 #define TRIGGER_PINS (((1u << TRIGGERS) - 1u) << PIN_TRIGGER_OUT)
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
@@ -43,10 +43,13 @@ static volatile uint32_t since_main_loop;
 static uint16_t adc_codes[AXES]; /* the last that the ADC gave */
 static uint32_t interlock_open_ticks;
 static uint32_t adc_misses, dac_misses; /* in a row */
-static uint32_t since_dac_asked;        /* ticks */
-static uint32_t ticked_at;              /* cycle counter, at the beginning of the last tick */
-static enum dac { DAC_HEARS, DAC_SILENT, DAC_BEHIND } dac;
-static uint16_t dac_codes_held[AXES]; /* DAC_BEHIND: on the way from where it stood to where it should be */
+static volatile uint32_t since_dac_asked;
+static uint32_t ticked_at; /* cycle counter, at the beginning of the last tick */
+/* DAC_BACK: it answers again, and is asked for its codes. DAC_BEHIND: it is on its way from them to the present ones.
+ */
+static enum dac { DAC_HEARS, DAC_SILENT, DAC_BACK, DAC_BEHIND } dac;
+static uint16_t dac_codes_held[AXES];
+static unsigned dac_codes_read;
 
 static void watch_interlock(void)
 {
@@ -100,11 +103,42 @@ static void dac_answered(bool answered)
         dac = DAC_SILENT;
         device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, DETAIL_DAC_SILENT);
     } else if (!answered) {
-        since_dac_asked = DAC_TICKS_MOST; /* again in the next tick */
+        since_dac_asked = DAC_TICKS - 1; /* again after the next tick */
     } else if (dac == DAC_SILENT) {
-        converters_read_back(dac_codes_held);
-        dac = DAC_BEHIND;
+        dac = DAC_BACK;
+        dac_codes_read = 0;
+        since_dac_asked = DAC_TICKS - 1;
     }
+}
+
+static void read_back(void)
+{
+    dac_codes_held[dac_codes_read] = converters_read_back(dac_codes_read);
+    dac_codes_read++;
+    if (dac_codes_read == AXES)
+        dac = DAC_BEHIND;
+    else
+        since_dac_asked = DAC_TICKS - 1;
+}
+
+/* While ticks are kept out: one answer at a time, which takes 9 us. */
+static void ask_dac(void)
+{
+    since_dac_asked = 0;
+    if (dac == DAC_BACK)
+        read_back();
+    else
+        dac_answered(converters_dac_answers());
+}
+
+void tick_between(void)
+{
+    since_main_loop = 0;
+    if (since_dac_asked < DAC_TICKS)
+        return;
+    tick_lock(NULL);
+    ask_dac();
+    tick_unlock(NULL);
 }
 
 /* Moves the DAC's codes towards those that it should have, each axis by the step of its ramp. */
@@ -125,22 +159,10 @@ static void catch_up(const uint16_t codes[AXES])
 /* What to send to a DAC that missed some codes; NULL: nothing yet. */
 static const uint16_t *codes_behind(const uint16_t codes[AXES])
 {
-    if (dac == DAC_SILENT)
+    if (dac == DAC_SILENT || dac == DAC_BACK)
         return NULL;
     catch_up(codes);
     return dac_codes_held;
-}
-
-static void watch_dac(struct device *device)
-{
-    if (++since_dac_asked < DAC_TICKS)
-        return;
-    if (device->rare && since_dac_asked < DAC_TICKS_MOST) {
-        device->rare = false;
-        return;
-    }
-    since_dac_asked = 0;
-    dac_answered(converters_dac_answers());
 }
 
 /* Ticks that should have begun since the last one, by the cycle counter, which nothing stops. */
@@ -179,7 +201,8 @@ void tick_interrupt(void)
     watch_interlock();
     watch_trigger(device);
     device_tick(device, adc_codes, dac_codes);
-    watch_dac(device);
+    if (++since_dac_asked >= DAC_TICKS_MOST)
+        ask_dac();
     if (since_main_loop++ < MAIN_LOOP_TICKS)
         watchdog_feed();
     end_pulses();
@@ -205,11 +228,6 @@ RAM_CODE void tick_parked(void)
         interlock_open_ticks++;
     tick_parked_count += ticks_due(DWT->CYCCNT);
     IWDG->KR = IWDG_FEED;
-}
-
-void tick_main_loop_alive(void)
-{
-    since_main_loop = 0;
 }
 
 void tick_lock(void *context)

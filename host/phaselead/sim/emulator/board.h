@@ -162,7 +162,10 @@ void cycles_cache_cold(void);
 /* ---- count.c: instructions and modelled cycles between two places */
 #define COUNT_FIGURES 5
 void count_open(qemu_plugin_id_t id, const char *argument);
-void count_wait(unsigned waited); /* the processor waits so long for a part that takes no time here */
+/* For parts that take no time here: the cycle that comes so many later, and whether it is over. Without counting it is
+ * at once. */
+uint64_t count_later(unsigned cycles_later);
+bool count_is_over(uint64_t cycle);
 /* Since the last report: runs; of one run the most instructions, cycles, cycles to a mark; the longest lock, cycles. */
 size_t count_report(uint64_t *to, size_t room);
 
