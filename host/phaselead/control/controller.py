@@ -284,6 +284,8 @@ class Controller(Plays, Tunes, Supervision):
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
+        trigger_out: str | None = None,
+        trigger_in: float | None = None,
         on_progress: Progress | None = None,
     ) -> Run:
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
@@ -303,7 +305,10 @@ class Controller(Plays, Tunes, Supervision):
         follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
         played with its mode, gains and ``follows``, and refused for others, or another model or path.
         ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
-        ``overwrite``.
+        ``overwrite``. ``trigger_out`` says where the three trigger outputs pulse, the first one first: "start",
+        "frame", "line", "pixel=256" (a line), "pixel=2ms", "pixel=0.5um" ("+0.5um": on the way up alone), "target" (a
+        step has settled), joined by commas; "y:line" of another axis. ``run.triggers`` has the pulses. ``trigger_in``:
+        the path begins at a rising edge of the trigger input, which is waited for so many seconds.
 
         The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
         allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
@@ -336,6 +341,8 @@ class Controller(Plays, Tunes, Supervision):
             force=force,
             follows=follows or "true",
             on_progress=on_progress,
+            trigger_out=trigger_out,
+            edge_within_s=trigger_in,
         )
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
         return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
