@@ -19,7 +19,7 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 
 BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
 
-.PHONY: demo test manual picture test-browser bench compare campaign link-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo --overwrite
@@ -70,6 +70,10 @@ campaign: $(STAMP)
 EACH ?= 10000
 link-trial: $(STAMP)
 	@$(BIN)/python tests/sim/link_trial.py --each $(EACH)
+
+# 1,000 saves of an emulated board, most of them cut short, with bits that read either way: 20 minutes.
+storage-trial: firmware
+	@$(BIN)/python tests/emulated/storage_trial.py
 
 # 10^8 ticks of a host that says anything, and 24 h of device time of one that works: 6 minutes.
 soak: $(STAMP)

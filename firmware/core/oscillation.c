@@ -28,10 +28,10 @@ static uint32_t square_q12(int32_t value_q16)
     return (uint32_t)(value_q6 * value_q6);
 }
 
-static bool grows(const struct oscillation_block *block, uint32_t before)
+/* It swings, and by more than `times` the reference. */
+static bool is_beyond(const struct oscillation_block *block, uint32_t times)
 {
-    return block->sign_changed != 0 && block->energy / 2 >= before &&
-           block->energy / (OSCILLATION_SENSITIVITY * OSCILLATION_SENSITIVITY) >= block->reference_energy;
+    return block->sign_changed != 0 && block->energy / (times * times) >= block->reference_energy;
 }
 
 /* The block is over. `matters`: its energy at the limit; `ticks`: those it lasted. */
@@ -39,13 +39,29 @@ static bool judge(struct oscillation_block *block, uint32_t matters, uint32_t ti
 {
     uint32_t share = matters >> LEAST_SHARE_LOG2, least = share > ticks ? share : ticks; /* the last place of q6 */
     uint32_t before = block->before > least ? block->before : least;
-    if (!grows(block, before)) {
+    if (!is_beyond(block, OSCILLATION_SENSITIVITY) || block->energy / 2 < before) {
         block->grown = block->weight = 0;
     } else if (block->grown < OSCILLATION_BLOCKS) {
         block->grown++;
         block->weight = (uint8_t)(block->weight + (block->energy / 4 >= before ? 2 : 1));
     }
     return (block->grown == OSCILLATION_BLOCKS || block->weight >= OSCILLATION_WEIGHT) && block->energy > matters;
+}
+
+static bool stays_loud(struct oscillation_state *state, const struct oscillation_block *block, uint32_t matters)
+{
+    const bool loud = is_beyond(block, OSCILLATION_QUALITY) && block->energy > matters;
+    if (!loud || block->energy < state->loudest / 2) {
+        state->loud = 0;
+        state->loudest = 0;
+    }
+    if (!loud)
+        return false;
+    if (block->energy > state->loudest)
+        state->loudest = block->energy;
+    if (state->loud < OSCILLATION_LOUD)
+        state->loud++;
+    return state->loud == OSCILLATION_LOUD;
 }
 
 static void begin(struct oscillation_block *block)
@@ -69,10 +85,12 @@ static void add(struct oscillation_state *state, unsigned scale, uint32_t energy
 static bool judge_scale(struct oscillation_state *state, unsigned scale, int32_t limit_q16)
 {
     struct oscillation_block *block = &state->blocks[scale];
-    uint32_t ticks = FIRST_PARTS << scale;
-    bool found = judge(block, square_q12(limit_q16) * ticks, ticks);
+    uint32_t ticks = FIRST_PARTS << scale, matters = square_q12(limit_q16) * ticks;
+    bool found = judge(block, matters, ticks);
     if (scale + 1 < OSCILLATION_SCALES)
         add(state, scale + 1, block->energy, block->reference_energy, block->sign_changed);
+    else if (stays_loud(state, block, matters))
+        found = true;
     begin(block);
     return found;
 }

@@ -42,6 +42,16 @@ def test_a_second_mode_that_runs_away_is_found_before_the_sensor_is_at_its_rail(
     assert (capture.axes["x"].adc[capture.ticks <= capture.status.fault_tick] > 64).all()
 
 
+def test_a_limit_cycle_is_found_although_it_grew_slowly(tmp_path):
+    """The slew limit held it at 30 um from one end to the other, for as long as the path went on."""
+    gains = tuple(0.34 * gain for gain in SECOND_MODE[450])
+    stage = Stage(name="x", axes={"x": AxisModel(sensor=SENSOR)})
+    url = two_modes(tmp_path, 450)
+    with pl.connect(url) as device, pytest.raises(pl.DeviceFault, match="fault oscillation on axis x"):
+        device.device.upload(device_model(stage))
+        device.track("sine:20um@5Hz", mode="pid", gains=gains, force=True, duration=2)
+
+
 @pytest.mark.parametrize(
     "wave", ["goto:100um", "triangle:100um@20Hz", "triangle:60um@5Hz", "sine:20um@80Hz", "sine:60um@20Hz"]
 )

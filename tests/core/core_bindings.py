@@ -330,7 +330,9 @@ class OscillationState(ct.Structure):
         ("reference_low", ct.c_int32 * 3),
         ("blocks", OscillationBlock * 6),
         ("last_q16", ct.c_int32),
-        ("primed", ct.c_uint16),
+        ("loudest", ct.c_uint32),
+        ("loud", ct.c_uint8),
+        ("primed", ct.c_uint8),
         ("over", ct.c_uint16),
     ]
 
@@ -360,7 +362,6 @@ class AxisState(ct.Structure):
         ("watch", WatchState),
         ("join", JoinState),
         ("near_ticks", ct.c_uint32),
-        ("reserved", ct.c_uint32),
         ("oscillation", OscillationState),
         ("filter", LoopFilterState),
     ]
