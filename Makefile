@@ -22,7 +22,7 @@ BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r 
 .PHONY: demo test manual picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
-	@$(BIN)/phaselead demo --out out/demo
+	@$(BIN)/phaselead demo --out out/demo --overwrite
 
 test: $(STAMP)
 	@sh tests/tools.sh
@@ -30,7 +30,7 @@ test: $(STAMP)
 	@! command -v chromium >/dev/null || $(BROWSER_DRIVER) || echo "note: without playwright the scope's page is not tested"
 	@$(BIN)/python protocol/generate.py --check
 	@$(MAKE) --no-print-directory lint
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile --durations 25
 	@$(MAKE) --no-print-directory coverage
 	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --seed 1 --those-installed

@@ -38,8 +38,8 @@ TESTS = [
 PLUGIN = ("-p", "without_shrinking")
 STRICT = ("-Wall", "-Wextra", "-Werror")
 """A mutant that gives a warning does not build, here as in the tests."""
-FIRST_CPU_S, REST_CPU_S = 300, 1200
-"""Of one run of tests, which take 20 and 200 s: so a busy machine makes no mutant hang."""
+FIRST_CPU_S, REST_CPU_S = 60, 400
+"""Of one run of tests, which take 15 and 80 s at most: processor time, so that a busy machine makes no mutant hang."""
 TESTS_FAILED = 1
 """What pytest exits with then; from 2 on it could not run them."""
 GENERATED = ("wire.c", "wire.h")
@@ -53,6 +53,7 @@ FIRST = {
     "commands_model": ("app/test_model", "app/test_before_arm"),
     "commands_motion": ("app/test_motion",),
     "commands_own": ("app/test_hard_limits", "app/test_own_records_journal"),
+    "commands_points": ("app/test_points",),
     "commands_state": ("app/test_device_session", "app/test_before_arm", "app/test_supervisor"),
     "commands_stream": ("app/test_recorder",),
     "commands_transient": ("app/test_transient",),

@@ -97,24 +97,27 @@ static int16_t volts_q11(int32_t u_q24)
     return sat_i16(round_shift_i32(u_q24, Q24_TO_Q11));
 }
 
-static uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
+static uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace,
+                         uint8_t trigger)
 {
-    const struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
-                                   volts_q11(trace->feedback_q24)};
+    const struct wire_tick tick = {
+        trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24), volts_q11(trace->feedback_q24),
+        trigger};
     return wire_put_tick(to, channels, &tick);
 }
 
 static void put_traces(const struct recorder_format *format, struct recorder_batch *batch, const uint16_t *adc_codes,
-                       const struct axis_trace *traces)
+                       const struct axis_trace *traces, uint8_t trigger)
 {
     uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
     for (unsigned i = 0; i < RECORDER_AXES; i++)
         if ((format->axis_mask >> i & 1u) != 0)
-            to = put_axis(to, format->channels, adc_codes[i], &traces[i]);
+            to = put_axis(to, format->channels, adc_codes[i], &traces[i], trigger);
     batch->size += format->tick_size;
 }
 
-bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces)
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces,
+                   uint8_t trigger)
 {
     if (recorder->recording && recorder->freeze_left != 0) {
         recorder->freeze_left--;
@@ -134,7 +137,7 @@ bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc
         recorder->dropped++;
         return first;
     }
-    put_traces(&recorder->format, recorder->open, adc_codes, traces);
+    put_traces(&recorder->format, recorder->open, adc_codes, traces, trigger);
     if (recorder->open->size == recorder->format.batch_size)
         close_batch(recorder);
     return false;

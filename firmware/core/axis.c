@@ -77,6 +77,16 @@ void axis_invert(const struct axis_model *model, struct axis_state *state, int32
     set_flag_if(state, saturated, TARGET_SATURATED);
 }
 
+void axis_lead_by(const struct axis_model *model, struct axis_state *state, int32_t way_q16)
+{
+    bool saturated = false;
+    if (model->compensation == NULL)
+        return;
+    const int32_t lead_q24 = mul_shift_i32(way_q16, model->compensation->per_um_q28, 20, &saturated);
+    state->target.feedforward_q24 = sat_add_i32(state->target.feedforward_q24, lead_q24, &saturated);
+    set_flag_if(state, saturated, TARGET_SATURATED);
+}
+
 bool axis_has_feedback(const struct axis_state *state)
 {
     return state->drive == DRIVE_PATH && has_flag(state, TARGET_FEEDBACK);

@@ -14,7 +14,7 @@ FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
 STRAIGHT = ["axis", "axis_mode", "axis_path", "biquad", "converter", "feedforward", "output", "path", "pid", "segment"]
-STRAIGHT += ["sine", "watch"]
+STRAIGHT += ["sine", "trigger", "watch"]
 COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse", "loop_filter", "oscillation"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
@@ -268,7 +268,7 @@ class Compensation(ct.Structure):
         ("rest_q16", ct.c_int32),
         ("rest_q40", ct.c_int64),
         ("sections_in_use", ct.c_uint32),
-        ("reserved", ct.c_uint32),
+        ("per_um_q28", ct.c_int32),
         ("shape", Biquad * 6),
         ("drive", Biquad),
         ("creep", Creep),

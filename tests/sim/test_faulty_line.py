@@ -8,9 +8,8 @@ import pytest
 import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_trial import ISSUE, WORSE, run
+from link_trial import ISSUE, OFTEN_FAIL, WORSE, run
 
-from phaselead.device import wire
 from phaselead.device.device import Device
 from phaselead.device.session import Session
 from phaselead.errors import BadInput, LinkError
@@ -27,8 +26,8 @@ def test_every_command_is_carried_out_once_or_reported_failed(faults):
     assert [line for tally in trial.tally.values() for line in tally.wrong] == []
     assert trial.uploads["WRONG"] == 0
     for kind, tally in trial.tally.items():
-        assert tally.asked >= (5 if kind is wire.UpdateRestartRequest else 60), kind
-        assert tally.answered + tally.refused > 0.8 * tally.asked or kind is wire.UpdateRestartRequest, kind
+        assert tally.asked >= 60, kind
+        assert tally.failed < 0.2 * tally.asked or kind in OFTEN_FAIL, kind
     assert trial.uploads["right"] >= 1  # of three: a pulled cable ends one
     assert trial.session.retries > 500
 

@@ -25,6 +25,8 @@ _Static_assert(LOCK_COUNTS < PERIOD_COUNTS / 2, "a lock must fit between two tic
  * tick. */
 #define DAC_TICKS 7u
 #define DAC_TICKS_MOST 20u
+#define TRIGGER_LINE BIT(PIN_TRIGGER_IN) /* of the EXTI, which keeps an edge until it is looked at */
+#define TRIGGER_PINS (((1u << TRIGGERS) - 1u) << PIN_TRIGGER_OUT)
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
 /* So often in a row a converter may fail to answer, or the ADC to convert, before it is a fault: once is a spike. */
 #define MISSES 2u
@@ -56,6 +58,26 @@ static void watch_interlock(void)
         device_input(ticking);
     if (interlock_open_ticks >= INTERLOCK_TICKS) /* as long as it is: a fault that is cleared meanwhile comes back */
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
+}
+
+/* Pulses begin here, as long after the sample in every tick as the interrupt takes to come, and end with the tick's
+ * work. */
+static void begin_pulses(const struct device *device)
+{
+    GPIOC->BSRR = device->control.pulsing << PIN_TRIGGER_OUT;
+}
+
+static void end_pulses(void)
+{
+    GPIOC->BSRR = TRIGGER_PINS << 16;
+}
+
+static void watch_trigger(struct device *device)
+{
+    if ((EXTI->PR & TRIGGER_LINE) == 0)
+        return;
+    EXTI->PR = TRIGGER_LINE;
+    device_trigger_edge(device);
 }
 
 static void watch_adc(enum converters_sampled sampled)
@@ -171,16 +193,19 @@ void tick_interrupt(void)
     struct device *device = ticking;
     uint16_t dac_codes[AXES];
     TIM2->SR = ~TIM_SR_CC3IF;
+    begin_pulses(device);
     uint32_t due = ticks_due(start);
     if (due > 1)
         device_lose_ticks(device, due - 1);
     watch_adc(converters_sample(adc_codes));
     watch_interlock();
+    watch_trigger(device);
     device_tick(device, adc_codes, dac_codes);
     if (++since_dac_asked >= DAC_TICKS_MOST)
         ask_dac();
     if (since_main_loop++ < MAIN_LOOP_TICKS)
         watchdog_feed();
+    end_pulses();
     keep_time(device, start);
 }
 
@@ -219,10 +244,22 @@ void tick_unlock(void *context)
     __asm volatile("cpsie i" ::: "memory");
 }
 
+static void set_up_triggers(void)
+{
+    for (unsigned i = 0; i < TRIGGERS; i++)
+        pin_set_up(GPIOC, PIN_TRIGGER_OUT + i, PIN_OUTPUT, PULL_NONE, 0);
+    pin_set_up(GPIOC, PIN_TRIGGER_IN, PIN_INPUT, PULL_DOWN, 0);
+    SYSCFG->EXTICR[PIN_TRIGGER_IN / 4] = SYSCFG_EXTICR_PORT_C; /* the clock of SYSCFG is on since the converters */
+    EXTI->RTSR |= TRIGGER_LINE;
+    EXTI->IMR |= TRIGGER_LINE; /* pending is all that is wanted, as with BUSY */
+    EXTI->PR = TRIGGER_LINE;
+}
+
 void tick_start(struct device *device)
 {
     ticking = device;
     pin_set_up(GPIOC, PIN_INTERLOCK, PIN_INPUT, PULL_UP, 0);
+    set_up_triggers();
     DEMCR |= DEMCR_TRCENA;
     DWT->CYCCNT = 0;
     DWT->CTRL |= DWT_CTRL_CYCCNTENA;
