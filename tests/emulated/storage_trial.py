@@ -14,7 +14,7 @@ import json
 import struct
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
 from zlib import crc32
@@ -136,7 +136,7 @@ def save(board: EmulatedDevice, talker: Talker, cut: int | None) -> bool:
     raise AssertionError(f"the save neither ended nor was cut at {cut}")
 
 
-def trial(saves: int, seed: int) -> dict[str, int]:
+def trial(saves: int, seed: int, progress: Callable[[dict[str, int]], None] | None = None) -> dict[str, int]:
     """Raises AssertionError where another model is loaded than may be."""
     random, expected, seen = Random(seed), Expected(), Counter[str]()
     plant = plant_parameters(built_in("xyz250"))
@@ -150,6 +150,8 @@ def trial(saves: int, seed: int) -> dict[str, int]:
         hello = talker.ok(wire.HelloRequest())
         expected.check(hello)
         seen["saves"] += 1
+        if progress and seen["saves"] % 50 == 0:
+            progress(dict(seen))
         if hello.model_flags & FALLBACK:
             seen["fallbacks"] += 1
             assert talker.ask(wire.ArmRequest(0)) == wire.Status.MUST_NAME_MODEL
@@ -181,7 +183,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     try:
-        print(json.dumps(trial(arguments.saves, arguments.seed)))
+        print(json.dumps(trial(arguments.saves, arguments.seed, lambda seen: print(seen, file=sys.stderr, flush=True))))
     except AssertionError as broken:
         print(f"broken: {broken!r}", file=sys.stderr)
         return 1
