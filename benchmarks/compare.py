@@ -6,6 +6,7 @@ so that a run that was cut short goes on; remove a file there to measure it agai
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
 from collections.abc import Callable
@@ -179,13 +180,15 @@ def _wave(path: Path) -> str:
 
 
 def figures(path: Path, outcome: Outcome) -> dict:
-    """Largest and rms error, % of swing, of the last four periods and of the first; or the reason."""
+    """Largest and rms error, % of swing, of the last four periods and of the first, and the hash of path and true
+    position; or the reason."""
     if isinstance(outcome, str):
         return {"ended": outcome}
     error = 100 * (outcome[0] - outcome[1]) / path.swing_um
     period = round(1 / (path.f_Hz * TICK_S))
+    run = hashlib.sha256(b"".join(part.astype("<f8").tobytes() for part in outcome)).hexdigest()
     parts = {"steady": error[-JUDGED_PERIODS * period :], "first": error[:period]}
-    return {
+    return {"sha256": run} | {
         f"{name}_{kind}": float(value)
         for name, part in parts.items()
         for kind, value in (("max", np.abs(part).max()), ("rms", np.sqrt(np.mean(part**2))))

@@ -1,4 +1,4 @@
-"""docs/compare.md and its figure, from what compare.py measured."""
+"""docs/compare.md and its figure, and the report, from what compare.py measured."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from compare_report import write_report
 from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, PURPLE, RC
 from rivals import RIVALS
 
@@ -109,7 +110,9 @@ def write_page(out: File, names: list[str]) -> None:
     parts.append(_who_wins(whole))
     parts.append(_published())
     (DOCS / "compare.md").write_text("\n".join(parts))
-    _draw(whole, columns)
+    figure = drawn(whole, columns)
+    figure.savefig(DOCS / FIGURE, dpi=DPI)
+    write_report(out, whole, columns, figure, _steady)
 
 
 def _columns(found: dict) -> list[str]:
@@ -195,7 +198,7 @@ def _published() -> str:
     )
 
 
-def _draw(whole: dict, columns: list[str]) -> None:
+def drawn(whole: dict, columns: list[str]) -> Figure:
     """A row of points a path; a run that did not finish is on the line at the top."""
     colors = dict(zip((name for name in columns if name not in RIVALS), (BLUE, GREEN, ORANGE, PURPLE), strict=True))
     with mpl.rc_context(RC):
@@ -216,7 +219,7 @@ def _draw(whole: dict, columns: list[str]) -> None:
             axes.set_xticks(range(len(rows)), [f"{path.split()[0]}\n{_where(path)}" for path in rows], fontsize=8)
             axes.grid(visible=False, axis="x")
         figure.legend(*rows_of_axes[0].get_legend_handles_labels(), ncols=4, loc="outside upper left")
-        figure.savefig(DOCS / FIGURE, dpi=DPI)
+        return figure
 
 
 def _where(path: str) -> str:

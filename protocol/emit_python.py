@@ -133,7 +133,7 @@ def _tail(cls: type[Message], value: bytes) -> bytes:
 
 
 def module(schema: Schema) -> str:
-    dtypes = ", ".join(f'"{f.name}": "<{f.base[0]}{SCALARS[f.base]}"' for f in schema.tick)
+    dtypes = "".join(f'    "{f.name}": "<{f.base[0]}{SCALARS[f.base]}",\n' for f in schema.tick)
     preamble = PREAMBLE.format(
         fingerprint=schema.fingerprint,
         version=schema.version,
@@ -144,7 +144,7 @@ def module(schema: Schema) -> str:
         header_names=", ".join(f.name for f in schema.header),
         reply_head=_struct_text(schema, schema.reply_head),
         reply_names=", ".join(f.name for f in schema.reply_head),
-        dtypes="{" + dtypes + "}",
+        dtypes="{\n" + dtypes + "}",
     )
     blocks = [preamble.rstrip()]
     blocks += [_enum(e) for e in schema.enums.values()]

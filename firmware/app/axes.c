@@ -18,49 +18,62 @@ static void decouple_axes(struct device *device, uint32_t mask, int32_t values_q
             device->control.axis[axis].target.flags |= TARGET_SATURATED;
 }
 
-/* Feed-forward by the inverse. The axes of `to_invert` are decoupled from all whose inverse is at work. */
-static void invert_axes(struct device *device, uint32_t to_invert)
+/* The voltages for where the axes shall be and, of those that have no inverse, for what the others cause there now. Of
+ * those that have, it is known where they will be. Only axes that follow a path count: the sensor of another may not be
+ * there. */
+static void lead_axes(struct device *device, uint32_t to_invert, uint32_t to_lead)
 {
-    int32_t ahead_q16[AXES];
-    uint32_t inverting = 0;
+    int32_t here_q16[AXES], alone_q16[AXES];
+    uint32_t driven = 0;
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_state *state = &device->control.axis[axis];
-        ahead_q16[axis] = state->target.ahead_q16;
-        if (state->drive == DRIVE_PATH && (state->target.flags & TARGET_INVERSE) != 0)
-            inverting |= 1u << axis;
+        bool saturated = false;
+        if (state->drive == DRIVE_PATH)
+            driven |= 1u << axis;
+        here_q16[axis] = state->target.ahead_q16;
+        if ((state->target.flags & TARGET_INVERSE) == 0)
+            here_q16[axis] =
+                converter_position_q16(&device->control.config[axis].converter, device->adc_codes[axis], &saturated);
+        alone_q16[axis] = here_q16[axis];
     }
-    decouple_axes(device, inverting, ahead_q16);
+    decouple_axes(device, driven, alone_q16);
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(to_invert, axis))
-            axis_invert(&device->model_of[axis], &device->control.axis[axis], ahead_q16[axis]);
+            axis_invert(&device->model_of[axis], &device->control.axis[axis], alone_q16[axis]);
+        else if (is_in(to_lead, axis))
+            axis_lead_by(&device->model_of[axis], &device->control.axis[axis],
+                         sub_i32(alone_q16[axis], here_q16[axis]));
 }
 
 void axes_set_targets(struct device *device)
 {
     const uint32_t moving = axes_moving(device);
-    uint32_t to_invert = 0;
+    uint32_t to_invert = 0, to_lead = 0;
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &device->control.axis[axis];
-        if (is_in(moving, axis) && axis_needs_target(state) &&
-            axis_set_target(&device->control.config[axis], &device->model_of[axis], state))
+        if (!is_in(moving, axis) || !axis_needs_target(state))
+            continue;
+        if (axis_set_target(&device->control.config[axis], &device->model_of[axis], state))
             to_invert |= 1u << axis;
+        else if (axis_has_feedback(state))
+            to_lead |= 1u << axis;
     }
-    if (to_invert != 0)
-        invert_axes(device, to_invert);
+    if ((to_invert | to_lead) != 0)
+        lead_axes(device, to_invert, to_lead);
 }
 
 void axes_find_errors(struct device *device, uint32_t moving, int32_t error_q16[AXES])
 {
-    uint32_t under_feedback = 0;
+    uint32_t inverting = 0;
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &device->control.axis[axis];
         error_q16[axis] = 0;
         if (!is_in(moving, axis) || !axis_has_feedback(state))
             continue;
         error_q16[axis] = axis_error_q16(&device->control.config[axis], state, device->adc_codes[axis]);
-        under_feedback |= 1u << axis;
+        inverting |= (state->target.flags & TARGET_INVERSE) != 0 ? 1u << axis : 0;
     }
-    decouple_axes(device, under_feedback, error_q16);
+    decouple_axes(device, inverting, error_q16);
 }
 
 void axes_step(struct device *device, uint32_t moving, const int32_t error_q16[AXES])
@@ -113,6 +126,7 @@ void axes_start(struct device *device, uint8_t axis_mask)
                 (path->kind == PATH_WAVE && device->control.points[axis].ring != POINTS_NO_RING))
                 device->control.path_mask &= ~(1u << axis); /* from where it is now, and not a second time */
             axis_start(&device->control.axis[axis]);
+            oscillation_stagger(&device->control.axis[axis].oscillation, axis);
             axis_enter(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
                        device->adc_codes[axis], enter_ticks);
         }

@@ -11,7 +11,7 @@ uint32_t axes_moving(const struct device *device);
  * every tick. */
 void axes_set_targets(struct device *device);
 
-/* Errors of the axes under feedback, decoupled; 0 for the others. */
+/* Errors of the axes under feedback, those of inverses decoupled; 0 for the others. */
 void axes_find_errors(struct device *device, uint32_t moving, int32_t error_q16[AXES]);
 
 /* Feedback, limits and DAC codes. */

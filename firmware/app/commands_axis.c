@@ -78,16 +78,18 @@ enum wire_status command_set_path(struct device *device, const struct request *r
 enum wire_status command_set_joins(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_set_joins_request set;
-    (void)answer;
     wire_unpack_set_joins_request(&set, request->payload, request->size);
     if (set.axis >= AXES || !is_in(device->control.path_mask, set.axis))
         return WIRE_STATUS_BAD_VALUE;
     struct axis_config *config = &device->control.config[set.axis];
     struct segment segment = {.path = config->path, .enter_ticks = set.enter_ticks, .leave_ticks = set.leave_ticks};
     segment.path.flags = set.flags;
-    enum wire_status status = path_check(device, set.axis, &segment);
+    enum wire_status status = path_check(device, set.axis, &segment); /* no tick changes a path that is not started */
+    device_lock(device);
+    answer->tick = device->control.tick;
     if (status == WIRE_STATUS_OK)
         take_joins(config, &segment);
+    device_unlock(device);
     return status;
 }
 

@@ -172,6 +172,7 @@ static enum wire_status put_segments(struct device *device, const struct wire_qu
     if (queue->at_once != 0)
         motion_drop(device, queue->axis_mask);
     control->queued++;
+    control->first_tick = queue->at_trigger != 0 ? 0 : control->first_tick;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(queue->axis_mask, axis)) {
             points_set(device, axis, &segments[axis].path);
@@ -206,6 +207,8 @@ static enum wire_status check_segments(const struct device *device, const struct
         const enum wire_status status = check_segment(device, axis, &segments[axis], &tail);
         if (status != WIRE_STATUS_OK)
             return status;
+        if (queue->at_trigger != 0)
+            segments[axis].path.flags |= PATH_AT_TRIGGER;
     }
     return WIRE_STATUS_OK;
 }
@@ -219,7 +222,7 @@ enum wire_status command_queue(struct device *device, const struct request *requ
     struct segment *segments = device->asked;
     enum wire_status status = WIRE_STATUS_OK;
     wire_unpack_queue_request(&queue, request->payload, request->size);
-    if (queue.axis_mask == 0 || queue.axis_mask >> AXES != 0 || queue.at_once > 1)
+    if (queue.axis_mask == 0 || queue.axis_mask >> AXES != 0 || queue.at_once > 1 || queue.at_trigger > 1)
         return WIRE_STATUS_BAD_VALUE;
     memset(line_ups, 0xff, sizeof line_ups);
     device_lock(device);

@@ -101,7 +101,8 @@ enum wire_status command_status(struct device *device, const struct request *req
                                       .overruns = device->overruns,
                                       .stream_dropped = (uint32_t)device->recorder.dropped,
                                       .rx_errors = device->line.rx_errors,
-                                      .model_crc = model_crc(device)};
+                                      .model_crc = model_crc(device),
+                                      .first_tick = control->first_tick};
     (void)request;
     for (unsigned axis = 0; axis < AXES; axis++) {
         if (control->axis[axis].path.running != 0)

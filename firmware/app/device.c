@@ -105,6 +105,9 @@ static void reset_axes(struct device *device, const struct axis_config idle[AXES
 {
     device->control.path_mask = 0;
     device->resting = 0;
+    device->control.pulsing = 0;
+    for (unsigned i = 0; i < TRIGGERS; i++)
+        device->control.trigger[i].config.mark = TRIGGER_NONE;
     for (unsigned axis = 0; axis < AXES; axis++)
         reset_axis(device, axis, &idle[axis]);
 }

@@ -16,10 +16,13 @@
 #include "app/update.h"
 #include "core/axis.h"
 #include "core/motion_bounds.h"
+#include "core/trigger.h"
 
 #define AXES 3
 #define ALL_AXES ((1u << AXES) - 1)
 #define NO_AXIS 255
+#define TRIGGERS 3              /* outputs */
+#define TRIGGER_EDGE 0x80       /* in the stream, beside a bit for each output */
 #define HOST_TIMEOUT_TICKS 5000 /* 1 s until SET_TIMEOUT says otherwise */
 #define RAM_BUDGET (120 * 1024) /* of 128 KiB: the port, its stack and the code that runs from RAM take the rest */
 
@@ -50,13 +53,16 @@ struct control {
     uint32_t fault; /* enum wire_fault */
     uint32_t fault_axis;
     uint32_t fault_detail;
-    uint32_t path_mask; /* axes that have been given a path since their mode was set */
-    uint32_t queued;    /* commands that were: numbers their segments */
-    uint32_t reserved;  /* explicit padding */
+    uint32_t path_mask;  /* axes that have been given a path since their mode was set */
+    uint32_t queued;     /* commands that were: numbers their segments */
+    uint32_t pulsing;    /* mask of the trigger outputs that pulse in the next tick */
+    uint64_t first_tick; /* STATUS has it */
     struct axis_config config[AXES];
     struct axis_state axis[AXES];
     struct segment_queue queue[AXES];
     struct points_ring points[AXES];
+    struct trigger trigger[TRIGGERS];
+    uint32_t reserved; /* explicit padding */
 };
 
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
@@ -93,10 +99,10 @@ struct device {
     uint32_t last_fault, last_fault_detail;
     uint16_t adc_codes[AXES], dac_codes[AXES];
     struct axis_trace traces[AXES]; /* of the last tick */
-    bool rare; /* this tick did something that few do, so the port puts off what can wait; the port clears it */
-    _Atomic uint32_t path_done; /* axes whose path has ended, at these ticks: for device_put_path_events() */
+    _Atomic uint32_t path_done;     /* axes whose path has ended, at these ticks: for device_put_path_events() */
     uint64_t path_done_tick[AXES];
-    uint32_t resting; /* axes that need no step: it would change nothing, and their trace stays valid */
+    bool trigger_edge; /* an edge has come at the trigger input since the last tick */
+    uint32_t resting;  /* axes that need no step: it would change nothing, and their trace stays valid */
     struct model_store models;
     struct update update;
     struct journal journal;
@@ -119,8 +125,10 @@ struct device {
     } raised_as[WIRE_FAULT_COUNT]; /* what goes with each fault of `raised` */
 };
 
-_Static_assert(sizeof(struct control) == 56 + AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) +
-                                                      sizeof(struct segment_queue) + sizeof(struct points_ring)),
+_Static_assert(sizeof(struct control) == 64 +
+                                             AXES * (sizeof(struct axis_config) + sizeof(struct axis_state) +
+                                                     sizeof(struct segment_queue) + sizeof(struct points_ring)) +
+                                             TRIGGERS * sizeof(struct trigger) + 4,
                "control is padded");
 _Static_assert(sizeof(struct device) <= RAM_BUDGET, "the device no longer fits the smallest board");
 

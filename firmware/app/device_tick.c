@@ -5,6 +5,7 @@
 #include "app/axes.h"
 #include "app/motion.h"
 #include "app/reaction.h"
+#include "app/triggers.h"
 
 static void watch_host(struct device *device)
 {
@@ -51,17 +52,17 @@ static void watch_loops(struct device *device, uint32_t moving, const int32_t er
     }
 }
 
-static void note_ended_paths(struct device *device, uint32_t moving)
+/* The trace of an axis at rest has no end of a path. */
+static void note_ended_paths(struct device *device)
 {
     uint32_t done = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
-        if (is_in(moving, axis) && device->traces[axis].path_done) {
-            device->path_done_tick[axis] = device->control.tick;
-            done |= 1u << axis;
-        }
+        done |= device->traces[axis].path_done ? 1u << axis : 0;
     if (done == 0)
         return;
-    device->rare = true;
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(done, axis))
+            device->path_done_tick[axis] = device->control.tick;
     atomic_fetch_or_explicit(&device->path_done, done, memory_order_relaxed);
 }
 
@@ -76,11 +77,10 @@ static void device_drive_outputs(struct device *device, uint16_t dac_codes[AXES]
 static void record(struct device *device)
 {
     const uint64_t tick = device->control.tick;
-    enum recorder_took took = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces);
-    if (took != RECORDER_TOOK)
-        device->rare = true;
+    const uint32_t trigger = device->control.pulsing | (device->trigger_edge ? TRIGGER_EDGE : 0);
+    const bool drops = recorder_tick(&device->recorder, tick, device->adc_codes, device->traces, (uint8_t)trigger);
     transient_tick(&device->transient, tick, device->adc_codes, device->traces, device->control.config);
-    if (took == RECORDER_DROPS)
+    if (drops)
         events_put(&device->events, tick, WIRE_EVENT_KIND_STREAM_OVERFLOW, (uint32_t)device->recorder.dropped);
 }
 
@@ -100,18 +100,25 @@ void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t
     axes_watch_targets(device, moving);
     watch_loops(device, moving, error_q16);
     watch_ranges(device, moving);
-    note_ended_paths(device, moving);
+    note_ended_paths(device);
     if (device->control.state == WIRE_STATE_STOPPING && device_at_rest_mask(device) == ALL_AXES)
         device_event(device, EVENT_AT_REST, 0);
     record(device);
     device->control.tick++;
     motion_move_on(device);
+    device->trigger_edge = false;
     axes_set_targets(device);
+    triggers_set_outputs(device);
 }
 
 void device_input(struct device *device)
 {
     transient_trigger(&device->transient, WIRE_TRIGGER_INPUT, device->control.tick, device->control.config);
+}
+
+void device_trigger_edge(struct device *device)
+{
+    device->trigger_edge = true;
 }
 
 void device_put_path_events(struct device *device)

@@ -4,11 +4,14 @@
 
 #include "app/device.h"
 
-/* One control tick: codes in, codes out. */
+/* One control tick: codes in, codes out. Before it a port lets those trigger outputs pulse that control.pulsing has. */
 void device_tick(struct device *device, const uint16_t adc_codes[AXES], uint16_t dac_codes[AXES]);
 
 /* For ports, before a tick: the input that may trigger the transient recorder, the interlock, is open. */
 void device_input(struct device *device);
+
+/* For ports, before a tick: a rising edge has come at the trigger input since the tick before. */
+void device_trigger_edge(struct device *device);
 
 /* Queues the events of paths that have ended. Called outside the tick, so that its worst case does not include it. */
 void device_put_path_events(struct device *device);

@@ -76,6 +76,7 @@ static enum model_field inverse(const struct wire_axis_model *model, struct comp
     enum model_field field = blamed(inverse_make(config, model->play_w_q20));
     if (field != FIELD_NONE || beyond)
         return beyond ? FIELD_OFFSET : field;
+    compensation->per_um_q28 = inverse_per_um_q28(config);
     return compensation_make(compensation) ? FIELD_NONE : FIELD_OFFSET;
 }
 

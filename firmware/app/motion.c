@@ -11,6 +11,8 @@ static uint32_t due_axes(const struct device *device)
             state->path.wait_ticks != 0)
             continue;
         const bool over = axis_path_is_over(&device->control.config[axis], state);
+        if ((segment->path.flags & PATH_AT_TRIGGER) != 0 && !device->trigger_edge)
+            continue;
         if (segment->begin_tick != 0 ? device->control.tick >= segment->begin_tick : over)
             due |= 1u << axis;
     }
@@ -38,9 +40,22 @@ static uint32_t longest_wait_ticks(const struct device *device, uint32_t mask)
     return longest;
 }
 
+/* The edge was in the tick before. Periodic paths begin once their joins are over. */
+static void tell_of_edge(struct device *device, uint32_t axes, uint32_t wait_ticks)
+{
+    uint32_t longest = 0;
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_config *config = &device->control.config[axis];
+        if (is_in(axes, axis) && path_is_periodic(&config->path) && config->enter_ticks > longest)
+            longest = config->enter_ticks;
+    }
+    device->control.first_tick = device->control.tick + wait_ticks + longest;
+    events_put(&device->events, device->control.tick - 1, WIRE_EVENT_KIND_TRIGGER, axes);
+}
+
 static void begin_segments(struct device *device, uint32_t due)
 {
-    uint32_t begin = 0;
+    uint32_t begin = 0, called = 0;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(due, axis) && are_together(device, due, segment_first(&device->control.queue[axis])))
             begin |= 1u << axis;
@@ -48,14 +63,17 @@ static void begin_segments(struct device *device, uint32_t due)
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(begin, axis)) {
             struct segment_queue *queue = &device->control.queue[axis];
-            axis_begin(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
-                       segment_first(queue), wait_ticks);
+            const struct segment *segment = segment_first(queue);
+            called |= (segment->path.flags & PATH_AT_TRIGGER) != 0 ? 1u << axis : 0;
+            axis_begin(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis], segment,
+                       wait_ticks);
             segment_drop_first(queue);
             device->control.path_mask &= ~(1u << axis); /* what was queued is not started a second time */
         }
     if (begin == 0)
         return;
-    device->rare = true;
+    if (called != 0)
+        tell_of_edge(device, called, wait_ticks);
     transient_trigger(&device->transient, WIRE_TRIGGER_SET_POINT, device->control.tick, device->control.config);
 }
 
@@ -71,8 +89,7 @@ static void end_path(struct device *device, unsigned axis)
         queue->dry = 1;
         queue->dry_tick = device->control.tick;
     }
-    if (axis_leave(config, &device->model_of[axis], state))
-        device->rare = true;
+    axis_leave(config, &device->model_of[axis], state);
 }
 
 /* Paths that have ended give way to the next of their queue, or to a hold. */

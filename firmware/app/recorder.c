@@ -97,56 +97,50 @@ static int16_t volts_q11(int32_t u_q24)
     return sat_i16(round_shift_i32(u_q24, Q24_TO_Q11));
 }
 
-static uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace)
+static uint8_t *put_axis(uint8_t *to, uint8_t channels, uint16_t adc_code, const struct axis_trace *trace,
+                         uint8_t trigger)
 {
-    const struct wire_tick tick = {trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24),
-                                   volts_q11(trace->feedback_q24)};
+    const struct wire_tick tick = {
+        trace->reference, adc_code, trace->dac_code, volts_q11(trace->feedforward_q24), volts_q11(trace->feedback_q24),
+        trigger};
     return wire_put_tick(to, channels, &tick);
 }
 
 static void put_traces(const struct recorder_format *format, struct recorder_batch *batch, const uint16_t *adc_codes,
-                       const struct axis_trace *traces)
+                       const struct axis_trace *traces, uint8_t trigger)
 {
     uint8_t *to = batch->body + WIRE_HEADER_SIZE + WIRE_SAMPLES_SIZE + batch->size;
     for (unsigned i = 0; i < RECORDER_AXES; i++)
         if ((format->axis_mask >> i & 1u) != 0)
-            to = put_axis(to, format->channels, adc_codes[i], &traces[i]);
+            to = put_axis(to, format->channels, adc_codes[i], &traces[i], trigger);
     batch->size += format->tick_size;
 }
 
-enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
-                                 const struct axis_trace *traces)
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces,
+                   uint8_t trigger)
 {
-    enum recorder_took took = RECORDER_TOOK;
-    if (!recorder->recording)
-        return RECORDER_TOOK;
-    if (recorder->freeze_left != 0) {
+    if (recorder->recording && recorder->freeze_left != 0) {
         recorder->freeze_left--;
-        if (recorder->freeze_left == 0) {
+        if (recorder->freeze_left == 0)
             recorder_stop(recorder);
-            return RECORDER_TURNED;
-        }
     }
+    if (!recorder->recording)
+        return false;
     if (recorder->skip > 0) {
         recorder->skip--;
-        return RECORDER_TOOK;
+        return false;
     }
     recorder->skip = (uint16_t)(recorder->format.decimation - 1);
-    if (!recorder->open) {
-        if (!open_batch(recorder, tick)) {
-            bool first = !recorder->dropping;
-            recorder->dropping = true;
-            recorder->dropped++;
-            return first ? RECORDER_DROPS : RECORDER_TOOK;
-        }
-        took = RECORDER_TURNED;
+    if (!recorder->open && !open_batch(recorder, tick)) {
+        const bool first = !recorder->dropping;
+        recorder->dropping = true;
+        recorder->dropped++;
+        return first;
     }
-    put_traces(&recorder->format, recorder->open, adc_codes, traces);
-    if (recorder->open->size == recorder->format.batch_size) {
+    put_traces(&recorder->format, recorder->open, adc_codes, traces, trigger);
+    if (recorder->open->size == recorder->format.batch_size)
         close_batch(recorder);
-        took = RECORDER_TURNED;
-    }
-    return took;
+    return false;
 }
 
 uint64_t recorder_taken(struct recorder *recorder)

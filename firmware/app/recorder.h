@@ -65,15 +65,10 @@ void recorder_freeze(struct recorder *recorder);
 /* Empties the ring too. */
 void recorder_discard(struct recorder *recorder);
 
-enum recorder_took {
-    RECORDER_TOOK = 0, /* recorded, or not asked for: nearly always */
-    RECORDER_TURNED,   /* opened or closed a batch as well */
-    RECORDER_DROPS     /* dropped for want of a free batch, the first tick of a row of such */
-};
-
-/* Records a tick; both arrays have RECORDER_AXES elements. */
-enum recorder_took recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes,
-                                 const struct axis_trace *traces);
+/* Records a tick; both arrays have RECORDER_AXES elements. `trigger`: the channel of that name, for all axes. True when
+ * it was dropped for want of a free batch, and is the first of a row of such. */
+bool recorder_tick(struct recorder *recorder, uint64_t tick, const uint16_t *adc_codes, const struct axis_trace *traces,
+                   uint8_t trigger);
 
 /* Ticks taken since it was started, without those in a batch that is still open. Not for the tick. */
 uint64_t recorder_taken(struct recorder *recorder);

@@ -72,7 +72,7 @@ static const struct {
     {"stop", {0, 0, false}, 0x02},
     {"stop", {9, 9, false}, 0x82},
     {"status", {0, 0, false}, 0x03},
-    {"status", {65, 65, false}, 0x83},
+    {"status", {65, 73, false}, 0x83},
     {"arm", {4, 4, false}, 0x04},
     {"arm", {9, 9, false}, 0x84},
     {"start", {1, 1, false}, 0x05},
@@ -111,7 +111,7 @@ static const struct {
     {"info", {103, 108, false}, 0x95},
     {"motion", {33, 33, false}, 0x40},
     {"motion", {9, 9, false}, 0xC0},
-    {"queue", {100, 100, false}, 0x41},
+    {"queue", {100, 101, false}, 0x41},
     {"queue", {12, 12, false}, 0xC1},
     {"set_joins", {6, 6, false}, 0x44},
     {"set_joins", {9, 9, false}, 0xC4},
@@ -119,6 +119,8 @@ static const struct {
     {"points_begin", {9, 9, false}, 0xC5},
     {"points", {13, 13, true}, 0x46},
     {"points", {15, 15, false}, 0xC6},
+    {"trigger_set", {12, 12, false}, 0x47},
+    {"trigger_set", {9, 9, false}, 0xC7},
     {"set_gains", {17, 57, false}, 0x42},
     {"set_gains", {9, 9, false}, 0xC2},
     {"where", {0, 0, false}, 0x43},
@@ -173,6 +175,7 @@ size_t wire_tick_size(uint8_t channels)
     size += channels & WIRE_CHANNEL_DAC ? 2 : 0;
     size += channels & WIRE_CHANNEL_FEEDFORWARD ? 2 : 0;
     size += channels & WIRE_CHANNEL_FEEDBACK ? 2 : 0;
+    size += channels & WIRE_CHANNEL_TRIGGER ? 1 : 0;
     return size;
 }
 
@@ -188,6 +191,8 @@ uint8_t *wire_put_tick(uint8_t *out, uint8_t channels, const struct wire_tick *t
         out = put_u16(out, (uint16_t)tick->feedforward);
     if (channels & WIRE_CHANNEL_FEEDBACK)
         out = put_u16(out, (uint16_t)tick->feedback);
+    if (channels & WIRE_CHANNEL_TRIGGER)
+        out = put_u8(out, tick->trigger);
     return out;
 }
 
@@ -575,7 +580,8 @@ int32_t wire_pack_status_reply(const struct wire_status_reply *from, uint8_t *ou
     out = put_u32(out, from->overruns);
     out = put_u32(out, from->stream_dropped);
     out = put_u32(out, from->rx_errors);
-    put_u32(out, from->model_crc);
+    out = put_u32(out, from->model_crc);
+    put_u64(out, from->first_tick);
     return WIRE_STATUS_REPLY_SIZE;
 }
 
@@ -602,6 +608,7 @@ bool wire_unpack_status_reply(struct wire_status_reply *to, const uint8_t *in, s
     to->stream_dropped = get_u32(&in);
     to->rx_errors = get_u32(&in);
     to->model_crc = get_u32(&in);
+    to->first_tick = get_u64(&in);
     return true;
 }
 
@@ -1110,6 +1117,7 @@ int32_t wire_pack_queue_request(const struct wire_queue_request *from, uint8_t *
         wire_pack_segment(&from->segments[i], out, WIRE_SEGMENT_SIZE);
         out += WIRE_SEGMENT_SIZE;
     }
+    put_u8(out, from->at_trigger);
     return WIRE_QUEUE_REQUEST_SIZE;
 }
 
@@ -1124,6 +1132,7 @@ bool wire_unpack_queue_request(struct wire_queue_request *to, const uint8_t *in,
         wire_unpack_segment(&to->segments[i], in, WIRE_SEGMENT_SIZE);
         in += WIRE_SEGMENT_SIZE;
     }
+    to->at_trigger = get_u8(&in);
     return true;
 }
 
@@ -1236,6 +1245,32 @@ bool wire_unpack_points_reply(struct wire_points_reply *to, const uint8_t *in, s
     to->tick = get_u64(&in);
     to->room = get_u16(&in);
     to->left_ticks = get_u32(&in);
+    return true;
+}
+
+int32_t wire_pack_trigger_set_request(const struct wire_trigger_set_request *from, uint8_t *out, size_t capacity)
+{
+    if (capacity < WIRE_TRIGGER_SET_REQUEST_SIZE)
+        return -1;
+    out = put_u8(out, from->output);
+    out = put_u8(out, from->mark);
+    out = put_u8(out, from->axis);
+    out = put_u8(out, from->rising);
+    out = put_u32(out, from->every);
+    put_u32(out, (uint32_t)from->origin);
+    return WIRE_TRIGGER_SET_REQUEST_SIZE;
+}
+
+bool wire_unpack_trigger_set_request(struct wire_trigger_set_request *to, const uint8_t *in, size_t size)
+{
+    if (size != WIRE_TRIGGER_SET_REQUEST_SIZE)
+        return false;
+    to->output = get_u8(&in);
+    to->mark = get_u8(&in);
+    to->axis = get_u8(&in);
+    to->rising = get_u8(&in);
+    to->every = get_u32(&in);
+    to->origin = (int32_t)get_u32(&in);
     return true;
 }
 

@@ -11,7 +11,7 @@
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
 #define WIRE_FINGERPRINT 0xD1C20CFCu
 #define WIRE_VERSION 2
-#define WIRE_REVISION 3
+#define WIRE_REVISION 4
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
 #define WIRE_CRC_SIZE 4
@@ -45,6 +45,7 @@ enum wire_type {
     WIRE_SET_JOINS = 0x44,
     WIRE_POINTS_BEGIN = 0x45,
     WIRE_POINTS = 0x46,
+    WIRE_TRIGGER_SET = 0x47,
     WIRE_SET_GAINS = 0x42,
     WIRE_WHERE = 0x43,
     WIRE_UPDATE_INFO = 0x30,
@@ -175,8 +176,9 @@ enum wire_channel {
     WIRE_CHANNEL_DAC = 4,
     WIRE_CHANNEL_FEEDFORWARD = 8,
     WIRE_CHANNEL_FEEDBACK = 16,
+    WIRE_CHANNEL_TRIGGER = 32,
 };
-#define WIRE_CHANNEL_COUNT 5
+#define WIRE_CHANNEL_COUNT 6
 
 /* What SNAPSHOT_READ reads */
 enum wire_region {
@@ -194,8 +196,9 @@ enum wire_event_kind {
     WIRE_EVENT_KIND_FAULT = 1,
     WIRE_EVENT_KIND_STREAM_OVERFLOW = 2,
     WIRE_EVENT_KIND_PATH_DONE = 3,
+    WIRE_EVENT_KIND_TRIGGER = 4,
 };
-#define WIRE_EVENT_KIND_COUNT 4
+#define WIRE_EVENT_KIND_COUNT 5
 
 /* What is known of the firmware image that runs */
 enum wire_update_standing {
@@ -213,6 +216,16 @@ enum wire_trigger {
     WIRE_TRIGGER_INPUT = 3,
 };
 #define WIRE_TRIGGER_COUNT 4
+
+/* Where on the path of an axis a trigger output pulses */
+enum wire_mark {
+    WIRE_MARK_NONE = 0,
+    WIRE_MARK_TURN = 1,
+    WIRE_MARK_TIME = 2,
+    WIRE_MARK_WAY = 3,
+    WIRE_MARK_TARGET = 4,
+};
+#define WIRE_MARK_COUNT 5
 
 /* What the transient recorder does */
 enum wire_transient_state {
@@ -249,9 +262,10 @@ enum wire_transient_state {
     COMMAND(info, WIRE_INFO, WIRE_ANY_STATE, false) \
     COMMAND(motion, WIRE_MOTION, WIRE_ANY_STATE, false) \
     COMMAND(queue, WIRE_QUEUE, 1u << WIRE_STATE_RUNNING, true) \
-    COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
+    COMMAND(set_joins, WIRE_SET_JOINS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, true) \
     COMMAND(points_begin, WIRE_POINTS_BEGIN, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(points, WIRE_POINTS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
+    COMMAND(trigger_set, WIRE_TRIGGER_SET, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, false) \
     COMMAND(set_gains, WIRE_SET_GAINS, WIRE_ANY_STATE, false) \
     COMMAND(where, WIRE_WHERE, WIRE_ANY_STATE, false) \
     COMMAND(update_info, WIRE_UPDATE_INFO, WIRE_ANY_STATE, true) \
@@ -282,13 +296,14 @@ struct wire_reply_head {
 };
 
 /* One axis in one tick of a samples batch */
-#define WIRE_TICK_SIZE 12
+#define WIRE_TICK_SIZE 13
 struct wire_tick {
     int32_t reference; /* um q16 (V q24 in mode open) */
     uint16_t adc; /* sensor code */
     uint16_t dac; /* output code */
     int16_t feedforward; /* V q11 */
     int16_t feedback; /* V q11 */
+    uint8_t trigger; /* of the device, the same for every axis: bits 0 to 2: the trigger outputs that pulse in this tick; bit 7: an edge has come at the trigger input */
 };
 
 /* One section y = b0 x + b1 x' + b2 x'' - a1 y' - a2 y''; stable, 1 + a1 + a2 = b0 + b1 + b2 */
@@ -413,7 +428,7 @@ struct wire_hello_reply {
 };
 
 /* 0x83: What the device is doing; also feeds the host timeout */
-#define WIRE_STATUS_REPLY_SIZE 65
+#define WIRE_STATUS_REPLY_SIZE 73
 struct wire_status_reply {
     uint8_t status;
     uint64_t tick; /* the tick before which the command took effect */
@@ -431,6 +446,7 @@ struct wire_status_reply {
     uint32_t stream_dropped; /* ticks dropped since the stream was started */
     uint32_t rx_errors; /* frames thrown away: bad COBS, CRC or length */
     uint32_t model_crc;
+    uint64_t first_tick; /* in which the paths begin that an edge at the trigger input has begun; 0: those queued last still wait for one */
 };
 
 /* 0x04: parked -> armed. model_crc 0 arms whatever is loaded unless it is a fallback, which must be named */
@@ -621,7 +637,7 @@ struct wire_info_reply {
     uint32_t model_crc;
 };
 
-/* 0x40: Limits of what is queued from now on, the window of `where`, and nothing that a tick depends on */
+/* 0x40: Limits of what is queued from now on, and the window of `where` and of the mark `target`; no output of an axis depends on them */
 #define WIRE_MOTION_REQUEST_SIZE 33
 struct wire_motion_request {
     uint8_t axis;
@@ -633,12 +649,13 @@ struct wire_motion_request {
 };
 
 /* 0x41: Puts a path behind those that are under way: one for each axis of the mask, all of them or none. They begin in the same tick */
-#define WIRE_QUEUE_REQUEST_SIZE 100
+#define WIRE_QUEUE_REQUEST_SIZE 101
 struct wire_queue_request {
     uint8_t axis_mask;
     uint8_t at_once; /* 1: what is queued for these axes is dropped, and the paths under way are left */
     uint64_t begin_tick; /* 0: when the paths before have ended; those without an end are left at once */
     struct wire_segment segments[3]; /* of axes x, y, z */
+    uint8_t at_trigger; /* 1: nor before an edge of the trigger input: the next one from then on; an EVENT and STATUS say when */
 };
 
 /* 0xC1: Puts a path behind those that are under way: one for each axis of the mask, all of them or none. They begin in the same tick */
@@ -684,6 +701,17 @@ struct wire_points_reply {
     uint64_t tick; /* the tick before which the command took effect */
     uint16_t room; /* for so many more of each axis */
     uint32_t left_ticks; /* until the path that is played ends or runs dry; 0: none is */
+};
+
+/* 0x47: Where one of the three trigger outputs pulses, on the path of one axis; until another is set, or the session, the model or the hard limits change */
+#define WIRE_TRIGGER_SET_REQUEST_SIZE 12
+struct wire_trigger_set_request {
+    uint8_t output; /* 0 to 2 */
+    uint8_t mark; /* turn: where a periodic path begins, and so often a turn; time: where a path begins, and every so many ticks; way: where the reference passes one of the places; target: once after each change of the reference, when it rests and the axis has been within its window for as long as MOTION says */
+    uint8_t axis;
+    uint8_t rising; /* way: 1: on the way up alone */
+    uint32_t every; /* turn: so many a turn; time: ticks; way: um q16 (V q24 in mode open) from place to place */
+    int32_t origin; /* way: one of the places */
 };
 
 /* 0x42: Gains and filters of one axis, also while it runs: the output goes on from where it is */
@@ -796,14 +824,14 @@ struct wire_transient_arm_reply {
     uint16_t entries; /* so many it holds */
 };
 
-/* 0x24: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the fields of [tick] */
+/* 0x24: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the first five fields of [tick] */
 #define WIRE_TRANSIENT_READ_REQUEST_SIZE 6
 struct wire_transient_read_request {
     uint32_t offset;
     uint16_t length;
 };
 
-/* 0xA4: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the fields of [tick] */
+/* 0xA4: What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32, its low half) and for each axis the first five fields of [tick] */
 #define WIRE_TRANSIENT_READ_REPLY_SIZE 28
 struct wire_transient_read_reply {
     uint8_t status;
@@ -831,12 +859,12 @@ struct wire_samples {
     size_t data_size;
 };
 
-/* 0x71: A change of state, a fault, the end of a path */
+/* 0x71: A change of state, a fault, the end of a path, an edge at the trigger input that was waited for */
 #define WIRE_EVENT_SIZE 13
 struct wire_event {
     uint64_t tick;
     uint8_t kind;
-    uint32_t value; /* state_change: the state; fault: the fault; path_done: the axis; stream_overflow: ticks dropped so far */
+    uint32_t value; /* state_change: the state; fault: the fault; path_done: the axis; stream_overflow: ticks dropped so far; trigger: mask of the axes whose paths it begins */
 };
 
 #define WIRE_HELLO_REQUEST_SIZE 0 /* Opens a session: the header's session becomes the device's. Needs no session. */
@@ -861,6 +889,7 @@ struct wire_event {
 #define WIRE_MOTION_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_SET_JOINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_POINTS_BEGIN_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
+#define WIRE_TRIGGER_SET_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_SET_GAINS_REPLY_SIZE WIRE_REPLY_HEAD_SIZE
 #define WIRE_WHERE_REQUEST_SIZE 0 /* Where the axes are, and where they go; also feeds the host timeout */
 #define WIRE_UPDATE_INFO_REQUEST_SIZE 0 /* Which firmware image runs, and what one must be linked for to replace it */
@@ -972,6 +1001,8 @@ int32_t wire_pack_points_request(const struct wire_points_request *from, uint8_t
 bool wire_unpack_points_request(struct wire_points_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_points_reply(const struct wire_points_reply *from, uint8_t *out, size_t capacity);
 bool wire_unpack_points_reply(struct wire_points_reply *to, const uint8_t *in, size_t size);
+int32_t wire_pack_trigger_set_request(const struct wire_trigger_set_request *from, uint8_t *out, size_t capacity);
+bool wire_unpack_trigger_set_request(struct wire_trigger_set_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_set_gains_request(const struct wire_set_gains_request *from, uint8_t *out, size_t capacity);
 bool wire_unpack_set_gains_request(struct wire_set_gains_request *to, const uint8_t *in, size_t size);
 int32_t wire_pack_where_reply(const struct wire_where_reply *from, uint8_t *out, size_t capacity);

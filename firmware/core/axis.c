@@ -77,6 +77,16 @@ void axis_invert(const struct axis_model *model, struct axis_state *state, int32
     set_flag_if(state, saturated, TARGET_SATURATED);
 }
 
+void axis_lead_by(const struct axis_model *model, struct axis_state *state, int32_t way_q16)
+{
+    bool saturated = false;
+    if (model->compensation == NULL)
+        return;
+    const int32_t lead_q24 = mul_shift_i32(way_q16, model->compensation->per_um_q28, 20, &saturated);
+    state->target.feedforward_q24 = sat_add_i32(state->target.feedforward_q24, lead_q24, &saturated);
+    set_flag_if(state, saturated, TARGET_SATURATED);
+}
+
 bool axis_has_feedback(const struct axis_state *state)
 {
     return state->drive == DRIVE_PATH && has_flag(state, TARGET_FEEDBACK);
@@ -155,11 +165,10 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, int32
 enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                               int32_t error_q16, const struct axis_trace *trace)
 {
-    bool saturated = false;
+    const struct output_config *output = &config->output;
     const struct watch_config watch = {.error_limit_q16 = config->error_limit_q16,
                                        .error_ticks = config->error_ticks,
-                                       .u_range_q24 =
-                                           sat_sub_i32(config->output.u_max_q24, config->output.u_min_q24, &saturated)};
+                                       .u_range_q24 = (uint32_t)output->u_max_q24 - (uint32_t)output->u_min_q24};
     const struct watch_tick tick = {
         .adc_code = adc_code, .limited = trace->limited, .u_q24 = state->u_q24, .error_q16 = error_q16};
     bool runs_away = oscillation_step(&state->oscillation, config->oscillation_limit_q16, error_q16, trace->reference);

@@ -57,20 +57,31 @@ static struct axis_wanted wanted_before(const struct axis_config *config, const 
     return wanted_of(&course, model, config->mode, follows, saturated);
 }
 
+/* Not so in the tick that begins a join, which has enough to do. */
+static bool new_path_counts(const struct axis_config *config, const struct axis_model *model,
+                            const struct join_state *join)
+{
+    const uint32_t ahead_q16 = axis_mode_inverts(config->mode) ? preview_ticks_q16(model) : 0;
+    return join->phase_turn64 != 0 || (uint64_t)join->wait_ticks << 16 < ahead_q16;
+}
+
 struct axis_wanted axis_wanted(const struct axis_config *config, const struct axis_model *model,
                                const struct axis_state *state, bool follows, bool *saturated)
 {
+    const struct join_state *join = &state->join;
+    if (join_is_under_way(join) && !new_path_counts(config, model, join))
+        return wanted_before(config, model, state, follows, saturated);
     const struct course course = {&config->path, &config->point, &state->path};
     const struct axis_wanted now = wanted_of(&course, model, config->mode, follows, saturated);
-    if (!join_is_under_way(&state->join))
+    if (!join_is_under_way(join))
         return now;
     const struct axis_wanted before = wanted_before(config, model, state, follows, saturated);
-    const uint32_t weight_q30 = join_weight_q30(&state->join, 0);
+    const uint32_t weight_q30 = path_least_jerk_q30(join->phase_turn64);
     struct axis_wanted mixed = {.reference = lerp_i32(before.reference, now.reference, weight_q30)};
-    mixed.feedforward_q24 = lerp_i32(before.feedforward_q24, now.feedforward_q24, weight_q30);
     if (axis_mode_inverts(config->mode))
-        mixed.ahead_q16 =
-            lerp_i32(before.ahead_q16, now.ahead_q16, join_weight_q30(&state->join, preview_ticks_q16(model)));
+        mixed.ahead_q16 = lerp_i32(before.ahead_q16, now.ahead_q16, join_weight_q30(join, preview_ticks_q16(model)));
+    else
+        mixed.feedforward_q24 = lerp_i32(before.feedforward_q24, now.feedforward_q24, weight_q30);
     return mixed;
 }
 
@@ -144,18 +155,28 @@ void axis_enter(struct axis_config *config, const struct axis_model *model, stru
         state->path.wait_ticks += config->enter_ticks;
 }
 
+/* Where the path that is being left will be then, for one that begins there. */
+static int32_t here_in(const struct join_state *join, const struct axis_model *model, uint32_t ticks, uint32_t flags)
+{
+    bool saturated = false;
+    if ((flags & PATH_FROM_HERE) == 0)
+        return 0;
+    return path_ahead(&join->path, &join->state, model->wave_q30,
+                      (int32_t)(uint32_t)(join->path.step_turn64 * ticks >> 32), ticks << 16, &saturated);
+}
+
 void axis_begin(struct axis_config *config, const struct axis_model *model, struct axis_state *state,
                 const struct segment *segment, uint32_t wait_ticks)
 {
-    bool saturated = false;
     struct join_state *join = &state->join;
-    *join = (struct join_state){.path = config->path, .point = config->point, .state = state->path};
+    join->path = config->path;
+    join->point = config->point;
+    join->state = state->path;
+    join->ahead_q16 = join->u_q24 = 0;
+    join->standing = 0;
     if (path_is_periodic(&join->path))
         join->state.running = 1; /* it has ended, or is left before its end: either way it runs on */
-    const uint32_t ahead_ticks = wait_ticks + segment->enter_ticks / 2;
-    const int32_t here =
-        path_ahead(&join->path, &join->state, model->wave_q30,
-                   (int32_t)(uint32_t)(join->path.step_turn64 * ahead_ticks >> 32), ahead_ticks << 16, &saturated);
+    const int32_t here = here_in(join, model, wait_ticks + segment->enter_ticks / 2, segment->path.flags);
     config->path = segment->path;
     config->point = segment->point;
     config->enter_turn64 = segment->enter_turn64;

@@ -73,7 +73,6 @@ struct axis_state {
     struct watch_state watch;
     struct join_state join;
     uint32_t near_ticks; /* in a row within the window; saturates */
-    uint32_t reserved;
     struct oscillation_state oscillation;
     struct loop_filter_state filter;
 };

@@ -38,7 +38,7 @@ static inline int64_t round_shift_i64(int64_t value, unsigned bits)
 /* value / 2^bits, rounded to nearest. 1 <= bits <= 31. */
 static inline int32_t round_shift_i32(int32_t value, unsigned bits)
 {
-    return (int32_t)round_shift_i64(value, bits);
+    return floor_shift_i32(value, bits) + (floor_shift_i32(value, bits - 1) & 1);
 }
 
 static inline int32_t clamp_i32(int32_t value, int32_t low, int32_t high)

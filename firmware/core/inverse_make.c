@@ -117,3 +117,15 @@ void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, in
     *low_q16 = extreme_q16(config, config->u_min_q24, -1);
     *high_q16 = extreme_q16(config, config->u_max_q24, 1);
 }
+
+int32_t inverse_per_um_q28(const struct inverse_config *config)
+{
+    bool saturated = false;
+    uint32_t knots;
+    int32_t slope_q20;
+    const int64_t low_q44 = inverse_curve_q44(config, config->u_min_q24, &knots, &slope_q20);
+    const int64_t high_q44 = inverse_curve_q44(config, config->u_max_q24, &knots, &slope_q20);
+    const int64_t mean_q20 = (high_q44 - low_q44) / ((int64_t)config->u_max_q24 - config->u_min_q24);
+    const int64_t middle_q20 = mean_q20 + config->play[INVERSE_PLAYS].sum_q20 / 2;
+    return sat_i32(((int64_t)1 << 48) / (middle_q20 > 0 ? middle_q20 : 1), &saturated);
+}

@@ -28,10 +28,10 @@ static uint32_t square_q12(int32_t value_q16)
     return (uint32_t)(value_q6 * value_q6);
 }
 
-static bool grows(const struct oscillation_block *block, uint32_t before)
+/* It swings, and by more than `times` the reference. */
+static bool is_beyond(const struct oscillation_block *block, uint32_t times)
 {
-    return block->sign_changed != 0 && block->energy / 2 >= before &&
-           block->energy / (OSCILLATION_SENSITIVITY * OSCILLATION_SENSITIVITY) >= block->reference_energy;
+    return block->sign_changed != 0 && block->energy / (times * times) >= block->reference_energy;
 }
 
 /* The block is over. `matters`: its energy at the limit; `ticks`: those it lasted. */
@@ -39,13 +39,29 @@ static bool judge(struct oscillation_block *block, uint32_t matters, uint32_t ti
 {
     uint32_t share = matters >> LEAST_SHARE_LOG2, least = share > ticks ? share : ticks; /* the last place of q6 */
     uint32_t before = block->before > least ? block->before : least;
-    if (!grows(block, before)) {
+    if (!is_beyond(block, OSCILLATION_SENSITIVITY) || block->energy / 2 < before) {
         block->grown = block->weight = 0;
     } else if (block->grown < OSCILLATION_BLOCKS) {
         block->grown++;
         block->weight = (uint8_t)(block->weight + (block->energy / 4 >= before ? 2 : 1));
     }
     return (block->grown == OSCILLATION_BLOCKS || block->weight >= OSCILLATION_WEIGHT) && block->energy > matters;
+}
+
+static bool stays_loud(struct oscillation_state *state, const struct oscillation_block *block, uint32_t matters)
+{
+    const bool loud = is_beyond(block, OSCILLATION_QUALITY) && block->energy > matters;
+    if (!loud || block->energy < state->loudest / 2) {
+        state->loud = 0;
+        state->loudest = 0;
+    }
+    if (!loud)
+        return false;
+    if (block->energy > state->loudest)
+        state->loudest = block->energy;
+    if (state->loud < OSCILLATION_LOUD)
+        state->loud++;
+    return state->loud == OSCILLATION_LOUD;
 }
 
 static void begin(struct oscillation_block *block)
@@ -55,34 +71,42 @@ static void begin(struct oscillation_block *block)
     block->sign_changed = block->parts = 0;
 }
 
-static void add(struct oscillation_block *to, uint32_t energy, uint32_t reference_energy, uint8_t sign_changed)
+static void add(struct oscillation_state *state, unsigned scale, uint32_t energy, uint32_t reference_energy,
+                uint8_t sign_changed)
 {
+    struct oscillation_block *to = &state->blocks[scale];
     to->energy += energy;
     to->reference_energy += reference_energy;
     to->sign_changed |= sign_changed;
-    to->parts++;
+    if (++to->parts == (scale == 0 ? FIRST_PARTS : PARTS))
+        state->over |= (uint16_t)(1u << scale);
 }
 
 static bool judge_scale(struct oscillation_state *state, unsigned scale, int32_t limit_q16)
 {
     struct oscillation_block *block = &state->blocks[scale];
-    if (block->parts != (scale == 0 ? FIRST_PARTS : PARTS))
-        return false;
-    uint32_t ticks = FIRST_PARTS << scale;
-    bool found = judge(block, square_q12(limit_q16) * ticks, ticks);
+    uint32_t ticks = FIRST_PARTS << scale, matters = square_q12(limit_q16) * ticks;
+    bool found = judge(block, matters, ticks);
     if (scale + 1 < OSCILLATION_SCALES)
-        add(&state->blocks[scale + 1], block->energy, block->reference_energy, block->sign_changed);
+        add(state, scale + 1, block->energy, block->reference_energy, block->sign_changed);
+    else if (stays_loud(state, block, matters))
+        found = true;
     begin(block);
     return found;
 }
 
-/* Every block that is over. A scale is looked at in the tick after the one below it, so that they never all come
- * together: from the longest down. */
+/* Every block that is over. What one gives to the next scale is looked at a tick later: so the ends of the scales lie
+ * in different ticks, but for the shortest and the longest. */
 static bool judge_blocks(struct oscillation_state *state, int32_t limit_q16)
 {
-    bool found = false;
-    for (unsigned i = 0; i < OSCILLATION_SCALES; i++)
-        found = judge_scale(state, OSCILLATION_SCALES - 1 - i, limit_q16) || found;
+    const uint32_t over = state->over & ((1u << OSCILLATION_SCALES) - 1);
+    if (over == 0)
+        return false;
+    const unsigned longest = 31u - leading_zeros_u32(over);
+    state->over = (uint16_t)(over & ~(1u | 1u << longest));
+    bool found = judge_scale(state, longest, limit_q16);
+    if (longest != 0 && (over & 1u) != 0)
+        found = judge_scale(state, 0, limit_q16) || found;
     return found;
 }
 
@@ -93,13 +117,18 @@ static void prime(struct oscillation_state *state, int32_t error_q16, int32_t re
     state->reference.low[0] = clamp_i32(reference_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
 }
 
+void oscillation_stagger(struct oscillation_state *state, unsigned ticks)
+{
+    state->blocks[0].parts = (uint8_t)(ticks % FIRST_PARTS);
+}
+
 bool oscillation_step(struct oscillation_state *state, int32_t limit_q16, int32_t error_q16, int32_t reference_q16)
 {
     if (state->primed == 0)
         prime(state, error_q16, reference_q16);
     int32_t error = high_pass_q16(&state->error, error_q16);
     int32_t reference = high_pass_q16(&state->reference, reference_q16);
-    add(&state->blocks[0], square_q12(error), square_q12(reference), (error ^ state->last_q16) < 0);
+    add(state, 0, square_q12(error), square_q12(reference), (error ^ state->last_q16) < 0);
     state->last_q16 = error;
     return judge_blocks(state, limit_q16);
 }

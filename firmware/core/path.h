@@ -18,7 +18,8 @@ enum path_kind { PATH_HOLD, PATH_SINE, PATH_WAVE, PATH_MOVE };
 
 enum path_flag {
     PATH_FROM_HERE = 1, /* hold or move: begins where the path before is; the swing of a move is then its target */
-    PATH_MORE = 2       /* another path is to follow: it is a fault of the host's if none has come when this one ends */
+    PATH_MORE = 2,      /* another path is to follow: it is a fault of the host's if none has come when this one ends */
+    PATH_AT_TRIGGER = 4 /* in a queue: begins at an edge of the trigger input */
 };
 
 struct path_config {

@@ -38,7 +38,7 @@ static bool is_frozen(const struct watch_config *config, struct watch_state *sta
     }
     state->same_ticks = in_a_row(true, state->same_ticks);
     return state->same_ticks >= WATCH_FROZEN_TICKS &&
-           distance_i32(tick->u_q24, state->same_u_q24) > (uint32_t)config->u_range_q24 >> WATCH_FROZEN_SHARE_LOG2;
+           distance_i32(tick->u_q24, state->same_u_q24) > config->u_range_q24 >> WATCH_FROZEN_SHARE_LOG2;
 }
 
 static void prime(struct watch_state *state, const struct watch_tick *tick)

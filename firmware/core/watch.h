@@ -41,7 +41,7 @@ enum watch_finding {
 struct watch_config {
     int32_t error_limit_q16; /* um, either way */
     uint32_t error_ticks;    /* so long in a row beyond it */
-    int32_t u_range_q24;     /* between the limits of the output; at most INT32_MAX */
+    uint32_t u_range_q24;    /* between the limits of the output */
 };
 
 struct watch_state {

@@ -11,10 +11,10 @@ import numpy as np
 
 from phaselead.control import PAPER_GAINS, Run, track, with_gains
 from phaselead.device import Device, device_model, read_capture, write_run
-from phaselead.errors import PhaseleadError
+from phaselead.errors import BadInput, PhaseleadError
 from phaselead.identify import HELD_OUT, Experiment, Verification, identify_device, run_experiment, verify
 from phaselead.model import Stage, predict, save_stage
-from phaselead.record import Recording
+from phaselead.record import Recording, check_output
 from phaselead.report import DemoResults, HeldOut, figures, save_png, tracked, write_demo_report
 from phaselead.sim import replay
 from phaselead.waveforms import parse_wave
@@ -25,28 +25,31 @@ CONTROLLERS = ("pid", "ff", "ff+pid")
 LOOP_FREQUENCIES_HZ = (1.0, 5.0, 10.0, 20.0)
 LOOP_SWING_V = 8.0
 PERIODS = 5
+STAGE_FILE, REPORT = "stage.toml", "report.html"
 
 Say = Callable[[str], None]
 
 
-def run_demo(out: str | Path, say: Say, on_progress: Callable[[float], None] | None = None) -> Path:
+def run_demo(
+    out: str | Path, say: Say, on_progress: Callable[[float], None] | None = None, *, overwrite: bool = False
+) -> Path:
     """Runs everything, keeps every file in ``out``, and returns the report's path.
 
     ``say`` is given a line per chapter, ``on_progress`` the fraction done.
 
     Raises:
+        BadInput: ``out`` holds a demo already and ``overwrite`` is False, or is no folder that can be written to.
         PhaseleadError: a step failed, or a recording did not replay bit for bit.
     """
-    folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = _own_folder(Path(out), overwrite)
     step = on_progress or (lambda fraction: None)
 
     with Device.open(PORT) as device:
         identified = identify_device(device, "xyz", lambda done: step(0.6 * done))
         build_id = device.hello.build_id.hex()
     stage = with_gains(replace_name(identified.stage))
-    save_stage(folder / "stage.toml", stage)
-    say(f"identified: {len(identified.recordings)} records, three axes; stage file {folder / 'stage.toml'}")
+    save_stage(folder / STAGE_FILE, stage)
+    say(f"identified: {len(identified.recordings)} records, three axes; stage file {folder / STAGE_FILE}")
 
     held_out = [verify_from_rest(stage, folder, experiment) for experiment in held_out_experiments()]
     for item in held_out:
@@ -69,7 +72,7 @@ def run_demo(out: str | Path, say: Say, on_progress: Callable[[float], None] | N
     say(f"replayed {replayed_ticks} ticks: every DAC code is the same")
     step(0.9)
 
-    report = folder / "report.html"
+    report = folder / REPORT
     write_demo_report(
         report,
         DemoResults(stage, identified, held_out, runs, loops, across, replayed_ticks, build_id, model_crc(stage)),
@@ -77,6 +80,22 @@ def run_demo(out: str | Path, say: Say, on_progress: Callable[[float], None] | N
     save_png(figures.tracking({mode: tracked(run) for mode, run in runs.items()}), folder / "tracking.png")
     step(1.0)
     return report
+
+
+def _own_folder(folder: Path, overwrite: bool) -> Path:
+    """Made where it is not there. Without files of an earlier demo, so that none of them is taken for this one's."""
+    there = [path for path in (folder / STAGE_FILE, folder / REPORT, *folder.glob("*.h5")) if path.exists()]
+    if there and not overwrite:
+        raise BadInput(
+            f"{folder}: holds {there[0].name} of an earlier demo; give another folder with --out, or write over it "
+            "with --overwrite (in Python overwrite=True)"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{folder}: no folder can be made there ({error.strerror}); give another with --out") from None
+    check_output(folder / REPORT)
+    return folder
 
 
 def replace_name(stage: Stage) -> Stage:

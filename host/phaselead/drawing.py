@@ -10,12 +10,15 @@ from typing import Any, Protocol
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib import colormaps
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 # Okabe & Ito's palette: told apart by readers with colour-vision deficiencies.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#666666"
+
+SCALE = LinearSegmentedColormap.from_list("phaselead", [BLUE, GREEN, ORANGE])
+"""Of many lines in their order: none is too dark or too light for a page of either ground."""
 
 DPI = 110
 MOST_NAMED = 8
@@ -145,7 +148,7 @@ def loops_figure(recordings: Sequence[tuple[str, Mapping[str, AxisSamples]]]) ->
             for i, (name, of_axes) in enumerate(recordings):
                 record = of_axes.get(axis)
                 if record is not None and record.u_V is not None and record.x_um is not None:
-                    shade = colormaps["viridis"](0.85 * i / max(len(recordings) - 1, 1))
+                    shade = SCALE(i / max(len(recordings) - 1, 1))
                     panel.plot(*thin(record.u_V, record.x_um), color=shade, linewidth=0.9, label=name)
             panel.set(xlabel=f"voltage of {axis} (V)", ylabel=f"position of {axis} (µm)")
             if 0 < len(panel.lines) <= MOST_NAMED:

@@ -47,9 +47,14 @@ class Table:
     def html(self) -> str:
         """A ``<table>``; every cell is escaped."""
         title = f"<caption>{html.escape(self.title)}</caption>" if self.title else ""
-        head = "".join(f"<th>{html.escape(cell)}</th>" for cell in self.headings)
+        words = [not all(map(_is_number, column)) for column in zip(*self.rows, strict=True)]
+        look = [' class="words"' if of_words else "" for of_words in words or [False] * len(self.headings)]
+        head = "".join(f"<th{how}>{html.escape(cell)}</th>" for how, cell in zip(look, self.headings, strict=True))
         head = f"<thead><tr>{head}</tr></thead>" if any(self.headings) else ""
-        rows = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in self.rows)
+        rows = (
+            "".join(f"<td{how}>{html.escape(cell)}</td>" for how, cell in zip(look, row, strict=True))
+            for row in self.rows
+        )
         body = "".join(f"<tr>{row}</tr>" for row in rows)
         return f"<table>{title}{head}<tbody>{body}</tbody></table>"
 

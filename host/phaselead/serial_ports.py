@@ -10,6 +10,7 @@ import os
 import re
 from dataclasses import dataclass
 from typing import Protocol
+from urllib.parse import parse_qsl
 
 import serial
 from serial.tools import list_ports as serial_list_ports
@@ -68,6 +69,11 @@ def behind_line(url: str) -> str:
 def is_virtual(url: str) -> bool:
     """Whether the device is a simulated or an emulated one: it ends with the program that opened it."""
     return behind_line(url).startswith(("sim://", "qemu://"))
+
+
+def keeps_flash(url: str) -> bool:
+    """Whether what is written to the device's flash outlives the program that opened it."""
+    return not is_virtual(url) or "state" in dict(parse_qsl(behind_line(url).partition("?")[2]))
 
 
 def default_port() -> str:

@@ -142,6 +142,6 @@ def test_a_table_has_a_line_for_each_row(drawn: tuple[list[str], list[list[str]]
     headings, rows = drawn
     table = Table(tuple(headings), tuple(map(tuple, rows)))
     assert str(table).count("\n") == max(len(rows) + any(headings) - 1, 0)
-    assert table.html().count("<td>") == len(rows) * len(headings)
+    assert table.html().count("<td") == len(rows) * len(headings)
     if any("<" in cell for row in rows for cell in row):
         assert "&lt;" in table.html()

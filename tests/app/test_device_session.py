@@ -36,6 +36,7 @@ COMMANDS = [
     wire.PointsBeginRequest(1, 0, -100, (1, 1, 1)),
     wire.PointsRequest(1, 0, 0, bytes(8)),
     wire.SetGainsRequest(0, V, 0, 0, 1),
+    wire.TriggerSetRequest(0, wire.Mark.TIME, 0, 0, 10, 0),
     wire.WhereRequest(),
     wire.UpdateInfoRequest(),
     wire.UpdateBeginRequest(bytes(64)),

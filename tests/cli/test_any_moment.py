@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Callable
 from random import Random
+from zlib import crc32
 
 import pytest
 import serial
@@ -13,14 +14,15 @@ import serial
 from phaselead import interrupt
 from phaselead.device import wire
 from phaselead.device.session import Refused, Session
+from phaselead.device.update import HEADER
 from phaselead.model.axis import AxisModel
 from phaselead.model.stage_file import Stage, load_stage, save_stage
 from phaselead.record import Recording, read_recording
 from phaselead.sim import protocol_sim
 from phaselead.sim.device import VirtualDevice
-from phaselead.sim.plant import load_any, plant_parameters
+from phaselead.sim.plant import built_in, load_any, plant_parameters
 
-MOMENTS, MOMENTS_OF_A_LONG_ONE = 12, 2
+MOMENTS = 12
 """Of each command; their places come from a seed."""
 ZERO_V_CODE = 32768
 COMMANDS = {
@@ -34,8 +36,21 @@ COMMANDS = {
     "log record, listening": ["log", "record", "--duration", "0.3", "-o", "RUN"],
     "selftest": ["selftest", "--axis", "x", "--yes"],
     "status": ["status"],
+    "info": ["info"],
+    "doctor": ["doctor"],
+    "stop": ["stop"],
+    "where": ["where"],
+    "hold": ["hold"],
+    "limits": ["limits", "--axis", "x", "--u-max", "9V"],
+    "log trigger": ["log", "trigger", "--on", "set_point"],
+    "log faults": ["log", "faults"],
+    "flash --wire": ["flash", "--wire", "--image", "IMAGE"],
+    "learn": ["learn", "sine:20um@20Hz", "--model", "KNOWN", "--trials", "1", "-o", "RUN"],
+    "tune": ["tune", "--model", "KNOWN", "-o", "OUT"],
     "identify": ["identify", "-o", "OUT"],
 }
+LONG = {"identify": 2, "learn": 4, "tune": 1}
+"""Moments of these: tune takes 20 s of processor time, between its first experiment and its last."""
 
 
 class Watched(VirtualDevice):
@@ -102,10 +117,12 @@ def state_of(device: Watched) -> wire.StatusReply | None:
 
 @pytest.fixture
 def device(monkeypatch):
-    """What every sim:// port of the test leads to."""
+    """What sim://xyz250 leads to; a rehearsal has a device of its own."""
     monkeypatch.setattr("phaselead.device.session.LEFT_ARMED_S", 0.0)  # a device that is held says so at once
-    watched = Watched()
-    monkeypatch.setattr(protocol_sim, "open_device", lambda parsed: watched)
+    watched, rehearsed = Watched(), protocol_sim.open_device
+    monkeypatch.setattr(
+        protocol_sim, "open_device", lambda parsed: watched if parsed.stage == "xyz250" else rehearsed(parsed)
+    )
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGHUP)
     yield watched
     for number, handler in zip((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), before, strict=True):
@@ -114,16 +131,26 @@ def device(monkeypatch):
     VirtualDevice.close(watched)
 
 
+def image(address):
+    """Of a firmware for the simulated device: a header, and a body that nobody runs."""
+    body = bytes(i * 31 & 0xFF for i in range(600))
+    header = HEADER.pack(0x3149_4C50, 0, HEADER.size + len(body), address, 1 << 16, b"host", bytes([0x22] * 20))
+    return header[:4] + crc32(header[8:] + body).to_bytes(4, "little") + header[8:] + body
+
+
 def words(name, folder):
     stage = folder / "stage.toml"
     if not stage.exists():
         save_stage(stage, Stage(name="mine", axes={"x": AxisModel()}))
+        save_stage(folder / "known.toml", built_in("xyz250"))
+        (folder / "update.bin").write_bytes(image(0x0802_0000) + image(0x0804_0000))
     places = {"STAGE": str(stage), "RUN": str(folder / "run.h5"), "OUT": str(folder / "run.toml")}
+    places |= {"KNOWN": str(folder / "known.toml"), "IMAGE": str(folder / "update.bin")}
     return [*(places.get(word, word) for word in COMMANDS[name]), "--port", "sim://xyz250"]
 
 
-CALLS: dict[str, int] = {}
-"""That a command makes when nothing happens to it."""
+CALLS: dict[str, int] = {"tune": 9000}
+"""That a command makes when nothing happens to it; where it is not given it is counted."""
 
 
 def moments(run, device, name, folder):
@@ -131,12 +158,12 @@ def moments(run, device, name, folder):
     if name not in CALLS:
         outcome = run(*words(name, folder))
         assert outcome.status in (0, 1), outcome.err
-        CALLS[name] = device.calls - 2
+        CALLS[name] = max(1, device.calls - 2)
         for left in folder.glob("run.*"):
             left.unlink()
     random, calls = Random(name), CALLS[name]
-    if name == "identify":
-        return sorted(random.randint(1, calls) for _ in range(MOMENTS_OF_A_LONG_ONE))
+    if name in LONG:
+        return sorted(random.randint(1, calls) for _ in range(LONG[name]))
     ends_and_late = {1, 2, round(0.8 * calls), round(0.9 * calls), calls}
     return sorted(ends_and_late | {random.randint(1, calls) for _ in range(MOMENTS)})
 

@@ -66,6 +66,11 @@ def assert_one_line(outcome, status: int, *words: str) -> None:
         assert word in outcome.err
 
 
+def test_a_stage_file_in_place_of_a_recording_is_told(run, stage_file):
+    outcome = run("fit", stage_file, "-o", "never.toml")
+    assert_one_line(outcome, 2, "is a stage file", "give a recording")
+
+
 @pytest.mark.parametrize("name", BENT)
 def test_bent_recordings_are_refused_by_fit_and_verify(run, stage_file, tmp_path, name):
     bend, header, words = BENT[name]

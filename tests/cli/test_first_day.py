@@ -271,3 +271,36 @@ def test_columns_that_nothing_is_known_of_are_sent_to_the_import(run, tmp_path, 
     (words,) = re.findall(r"`phaselead (log import [^`]+)`", outcome.err)
     words = words.replace("OUT.h5", str(tmp_path / "out.h5")).split()
     assert run(*words).status == 0
+
+
+ENDED = "the virtual stage has ended"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("arm",),
+        ("upload", "MODEL"),
+        ("upload", "MODEL", "--persist"),
+        ("log", "trigger"),
+        ("limits", "--axis", "x", "--u-max", "8V"),
+        ("hold",),
+    ],
+)
+def test_what_ends_with_a_virtual_stage_is_told(run, stage_file, words):
+    """They did their work on a stage that was gone a moment later, and said nothing."""
+    given = [stage_file if word == "MODEL" else word for word in words]
+    outcome = run(*given)
+    assert outcome.status == 0, outcome
+    assert ENDED in outcome.out
+    assert ENDED not in run(*given, "--json", "-").out
+
+
+@pytest.mark.parametrize("words", [("upload", "MODEL", "--persist"), ("limits", "--axis", "x", "--u-max", "8V")])
+def test_what_its_flash_keeps_is_not(run, stage_file, tmp_path, words):
+    given = [stage_file if word == "MODEL" else word for word in words]
+    outcome = run(*given, "--port", f"sim://xyz250?state={tmp_path / 'flash.bin'}")
+    assert outcome.status == 0, outcome
+    assert ENDED not in outcome.out
+    joined = run(*given, "--port", "sim://xyz250?seed=3").out
+    assert "sim://xyz250?seed=3&state=flash.bin" in "".join(joined.split("\n"))

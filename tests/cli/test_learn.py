@@ -70,6 +70,10 @@ def test_bad_input_is_one_line_and_leaves_nothing(run, stage_file, tmp_path, mon
     assert list(tmp_path.iterdir()) == []
 
 
+def test_without_a_model_the_way_to_one_is_said(run):
+    refused(run("learn", "sine:30um@50Hz"), "--model STAGE.toml", "phaselead identify")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

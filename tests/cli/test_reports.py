@@ -12,14 +12,15 @@ import pytest
 from markupsafe import escape
 
 import phaselead as pl
+from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from phaselead.gap import GapResult, NamedEffect, Trace
 from phaselead.gap.findings import GapSize
 from phaselead.model import AxisModel, Stage
 from phaselead.report import page as page_module
 from phaselead.report.axis_figures import bode_figure, creep_figure, noise_figure, response_of, step_figure
 from phaselead.report.campaign import ON_DARK, ON_LIGHT, confusion_figure
-from phaselead.report.gap import cards, in_usual_unit, trace_figure, verdict_card
-from phaselead.report.page import command_line, render
+from phaselead.report.gap import cards, in_usual_unit, scaled_row, trace_figure, verdict_card
+from phaselead.report.page import COLOURS_OF_THE_PAGE, command_line, render
 from phaselead.report.results import result_page
 from phaselead.sim import built_in
 
@@ -56,6 +57,14 @@ def test_a_gap_below_its_floor_is_explained(nothing):
 )
 def test_units_are_those_a_person_uses(value, unit, said):
     assert in_usual_unit(value, unit) == said
+
+
+def test_parameters_and_their_intervals_are_in_one_unit():
+    row = scaled_row("tau_s", 5.03e-4, 4.9e-4, 1.2, "s")
+    assert (row["name"], row["unit"]) == ("tau", "ms")
+    assert (row["value"], row["low"], row["high"]) == pytest.approx((0.503, 0.49, 1200))
+    assert scaled_row("f_Hz 1", 200.0, 190.0, 210.0, "Hz")["name"] == "f 1"
+    assert scaled_row("k", 0.01, 0.0, 0.02, "1") == {"name": "k", "value": 0.01, "low": 0.0, "high": 0.02, "unit": "1"}
 
 
 def test_what_is_left_has_a_scale_of_its_own():
@@ -153,6 +162,32 @@ def test_figures_take_the_colours_of_the_page(results):
         assert colour not in figures, colour
 
 
+def test_words_in_figures_are_words_and_the_same_result_is_the_same_page(results):
+    """They were drawn as paths, with names that changed from page to page: nothing could be searched or copied."""
+    page = result_page(results["run"])
+    figures = "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
+    assert re.search(r"<text[^>]*>position \(µm\)</text>", figures)
+    assert result_page(results["run"]) == page
+
+
+@pytest.mark.parametrize("colour", [BLUE, ORANGE, GREEN, RED, PURPLE, GREY])
+def test_every_colour_of_a_figure_has_one_for_a_dark_page(colour):
+    name = COLOURS_OF_THE_PAGE[colour]
+    variable = re.fullmatch(r"var\((--\w+)\)", name)
+    assert variable is not None
+    page = render("result.html", title="t", lead=[], cards=[], parts=[])
+    light, dark = re.findall(rf"{variable[1]}: (#[0-9a-f]{{6}});", page)
+    assert light == colour
+    assert brightness(dark) > 0.3
+
+
+def brightness(colour: str) -> float:
+    """Relative luminance (WCAG 2.2): on a ground of 0.01 one of 0.3 has a contrast above 5."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
 def test_every_command_writes_its_page(run, stage_file, tmp_path):
     record = tmp_path / "rec.h5"
     assert run("log", "record", "--drive", "sine:5V@5Hz", "--duration", 1, "-o", record).status == 0
@@ -207,10 +242,12 @@ def test_sections_are_called_by_what_they_answer(template):
         (["/usr/bin/phaselead", "verify", "my file.csv"], "phaselead verify 'my file.csv'"),
         (["/x/phaselead/__main__.py", "demo"], "phaselead demo"),
         (["/usr/bin/jupyter-lab", "demo"], ""),
+        (["/home/me/fit it.py", "a.csv"], "python 'fit it.py' a.csv"),
+        (["/x/ipykernel_launcher.py", "-f", "kernel.json"], ""),
     ],
 )
 def test_a_page_says_which_command_made_it(monkeypatch, called, said):
     monkeypatch.setattr("sys.argv", called)
     assert command_line() == said
-    page = render("result.html", title="t", lead="", cards=[], parts=[], origin="")
+    page = render("result.html", title="t", lead=[], cards=[], parts=[])
     assert f"<code>{escape(said)}</code>" in page if said else "<footer>Written by phaselead 0.1.0." in page

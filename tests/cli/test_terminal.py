@@ -95,6 +95,26 @@ def test_interrupt_leaves_the_output_parked_and_the_journal_recoverable(served, 
     assert json.loads(recovered.stdout)["samples"] > 0
 
 
+def test_kill_9_leaves_a_device_that_goes_home_by_itself_and_a_journal(served, tmp_path):
+    output = tmp_path / "run.h5"
+    arguments = ["track", "sine:40um@1Hz", "--mode", "pid", "--duration", "60", "-o", str(output), "--port", served]
+    running = subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True)
+    journal = tmp_path / "run.h5.journal"
+    while not journal.exists() or journal.stat().st_size < 50_000:  # bounded by the wait for the process
+        assert running.poll() is None
+    running.kill()
+    running.communicate(timeout=60)
+    assert running.returncode == -signal.SIGKILL
+    told = phaselead("status", "--port", served, "--json", "-")  # waits until the device has given its host up
+    assert told.returncode == 0, told.stderr
+    assert (json.loads(told.stdout)["state"], json.loads(told.stdout)["fault"]) == ("fault", "host_timeout")
+    assert phaselead("park", "--port", served).returncode == 0
+    assert not output.exists()
+    recovered = phaselead("log", "recover", journal, "-o", output, "--json", "-")
+    assert recovered.returncode == 0, recovered.stderr
+    assert json.loads(recovered.stdout)["samples"] > 0
+
+
 @contextmanager
 def line(answer: bytes) -> Iterator[str]:
     """A terminal that answers everything with these bytes (nothing, when there are none)."""

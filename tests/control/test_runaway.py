@@ -15,11 +15,11 @@ SENSOR = Sensor(x_min_um=-60.0, x_max_um=270.0)
 """With room below: at 10 um from the rail, where the built-in stage rests, one seed in twenty rings into it."""
 
 
-def run(url, wave, gains, stage=None):
+def run(url, wave, gains, stage=None, duration=None):
     with pl.connect(url) as device:
         if stage is not None:
             device.device.upload(device_model(stage))
-        return device.track(wave, mode="pid", gains=gains, force=True)
+        return device.track(wave, mode="pid", gains=gains, force=True, duration=duration)
 
 
 def two_modes(tmp_path, f_Hz):
@@ -40,6 +40,15 @@ def test_a_second_mode_that_runs_away_is_found_before_the_sensor_is_at_its_rail(
         run(two_modes(tmp_path, f_Hz), wave, SECOND_MODE[f_Hz], Stage(name="x", axes={"x": AxisModel(sensor=SENSOR)}))
     capture = caught.value.capture
     assert (capture.axes["x"].adc[capture.ticks <= capture.status.fault_tick] > 64).all()
+
+
+def test_a_limit_cycle_is_found_although_it_grew_slowly(tmp_path):
+    """The slew limit held it at 30 um from one end to the other, for as long as the path went on."""
+    gains = tuple(0.34 * gain for gain in SECOND_MODE[450])
+    stage = Stage(name="x", axes={"x": AxisModel(sensor=SENSOR)})
+    url = two_modes(tmp_path, 450)
+    with pytest.raises(pl.DeviceFault, match="fault oscillation on axis x"):
+        run(url, "sine:20um@5Hz", gains, stage, duration=2)
 
 
 @pytest.mark.parametrize(

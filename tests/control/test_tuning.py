@@ -19,7 +19,8 @@ from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
 from phaselead.control.tuning.plant import FittedPlant, fit_plant
 from phaselead.control.tuning.rehearsed import refuse_rehearsed
-from phaselead.control.tuning.response import response_of
+from phaselead.control.tuning.response import Distortion, Measured, response_of
+from phaselead.control.tuning.result import ClosedLoop
 from phaselead.control.tuning.shaping import Range, bandwidth_Hz, predicted, shape
 from phaselead.device.encode_filters import encode_filters
 from phaselead.errors import BadInput
@@ -220,6 +221,17 @@ def test_a_model_that_shows_no_mode_gets_the_measured_ones() -> None:
     assert with_modes(shown, PLANT) is shown
 
 
+def test_a_notch_without_coherence_ends_the_band() -> None:
+    """Its lines were left out, and 471 Hz were said of a loop that follows to 151."""
+    f_Hz = np.array([50.0, 100.0, 150.0, 160.0, 170.0, 300.0, 500.0])
+    gain = np.array([1.0, 1.0, 0.8, 0.25, 0.5, 1.5, 0.3]) + 0j
+    coherence = np.array([1.0, 1.0, 0.96, 0.3, 0.7, 1.0, 1.0])
+    deviation = np.array([0.01, 0.01, 0.2, 0.25, 0.25, 0.02, 0.02])
+    nothing = Distortion(f_Hz, np.ones_like(f_Hz))
+    loop = ClosedLoop(Measured(f_Hz, gain, coherence, deviation, 0.0, nothing, nothing, nothing, nothing))
+    assert 150 < loop.bandwidth_Hz < 160
+
+
 # ---------------------------------------------------------------- on the device
 @pytest.fixture(scope="module")
 def tuned() -> pl.Tuned:
@@ -306,6 +318,9 @@ def test_what_makes_no_sense_is_refused_before_anything_moves(wrong: dict[str, f
 
 def test_it_prints_saves_and_draws(tuned: pl.Tuned, tmp_path) -> None:  # type: ignore[no-untyped-def]
     assert "measured" in str(tuned)
+    (modes,) = (line for line in str(tuned).splitlines() if line.startswith("modes"))
+    assert modes.split()[1:3] == ["200", "Hz"]
+    assert modes.count("zeta") == 1
     tuned.save(tmp_path / "tuned.toml")
     assert pl.load(tmp_path / "tuned.toml").axis("x").gains == tuned.gains
     pl.write_report(tuned, tmp_path / "page.html")

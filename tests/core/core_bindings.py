@@ -14,7 +14,7 @@ FIRMWARE = ROOT / "firmware"
 CORE = FIRMWARE / "core"
 HARNESS = Path(__file__).with_name("harness.c")
 STRAIGHT = ["axis", "axis_mode", "axis_path", "biquad", "converter", "feedforward", "output", "path", "pid", "segment"]
-STRAIGHT += ["sine", "watch"]
+STRAIGHT += ["sine", "trigger", "watch"]
 COUNTED = ["compensation", "creep", "decouple", "fixed", "inverse", "loop_filter", "oscillation"]
 """With loops, each of a constant number of rounds."""
 IN_TICK = [*STRAIGHT, *COUNTED]
@@ -276,7 +276,7 @@ class Compensation(ct.Structure):
         ("rest_q16", ct.c_int32),
         ("rest_q40", ct.c_int64),
         ("sections_in_use", ct.c_uint32),
-        ("reserved", ct.c_uint32),
+        ("per_um_q28", ct.c_int32),
         ("shape", Biquad * 6),
         ("drive", Biquad),
         ("creep", Creep),
@@ -338,12 +338,15 @@ class OscillationState(ct.Structure):
         ("reference_low", ct.c_int32 * 3),
         ("blocks", OscillationBlock * 6),
         ("last_q16", ct.c_int32),
-        ("primed", ct.c_uint32),
+        ("loudest", ct.c_uint32),
+        ("loud", ct.c_uint8),
+        ("primed", ct.c_uint8),
+        ("over", ct.c_uint16),
     ]
 
 
 class WatchConfig(ct.Structure):
-    _fields_ = [("error_limit_q16", ct.c_int32), ("error_ticks", ct.c_uint32), ("u_range_q24", ct.c_int32)]
+    _fields_ = [("error_limit_q16", ct.c_int32), ("error_ticks", ct.c_uint32), ("u_range_q24", ct.c_uint32)]
 
 
 class WatchTick(ct.Structure):
@@ -367,7 +370,6 @@ class AxisState(ct.Structure):
         ("watch", WatchState),
         ("join", JoinState),
         ("near_ticks", ct.c_uint32),
-        ("reserved", ct.c_uint32),
         ("oscillation", OscillationState),
         ("filter", LoopFilterState),
     ]

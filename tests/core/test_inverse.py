@@ -171,6 +171,59 @@ any_memory = st.builds(
 )
 
 
+def a_memory(core, config):
+    """After turns of several sizes: plays that move, plays that stopped, and knots passed."""
+    state = rested(core, config)
+    for v in (6.5, 1.0, 5.0, 3.5):
+        for _ in range(ENOUGH):
+            core.inverse_follow(config, state, round(v * V))
+    assert state.turns != 0
+    assert 0 < state.moving < config.plays
+    assert 0 < state.knots < config.knots
+    return state
+
+
+def bent_turn(state, by):
+    nearest = (state.turns & -state.turns).bit_length() - 1
+    state.turn_q24[nearest] += by
+
+
+@pytest.mark.parametrize(
+    "bend",
+    [
+        lambda state: setattr(state, "rises", 2),
+        lambda state: setattr(state, "rises", 1 - state.rises),
+        lambda state: setattr(state, "moving", 33),
+        lambda state: setattr(state, "moving", state.moving + 1),
+        lambda state: setattr(state, "v_q24", 11 * V),
+        lambda state: setattr(state, "v_q24", -3 * V),
+        lambda state: setattr(state, "turns", state.turns | 1),
+        lambda state: setattr(state, "turns", state.turns | 1 << 20),
+        lambda state: setattr(state, "risen", ~state.risen & 0xFFFF_FFFF),
+        lambda state: bent_turn(state, 11 * V),
+        lambda state: bent_turn(state, -11 * V),
+        lambda state: bent_turn(state, V // 10),
+        lambda state: setattr(state, "knots", state.knots + 1),
+        lambda state: setattr(state, "knots", state.knots - 1),
+        lambda state: setattr(state, "knots", 25),
+        lambda state: setattr(state, "slope_q20", state.slope_q20 + 1),
+        lambda state: setattr(state, "x_q44", state.x_q44 + 1),
+    ],
+)
+def test_a_memory_that_is_bent_in_one_place_begins_at_rest(core, bend):
+    config = inverse_of(PLAYS, KNOTS)
+    state = a_memory(core, config)
+    whole_one = bytes(state)
+    core.inverse_admit(config, state)
+    assert bytes(state) == whole_one
+    bend(state)
+    voltage = min(max(state.v_q24, config.u_min_q24), config.u_max_q24)
+    core.inverse_admit(config, state)
+    rest = InverseState()
+    core.inverse_rest(config, rest, voltage)
+    assert bytes(state) == bytes(rest)
+
+
 @given(inverses, any_memory, st.lists(whole(-(2**59), 2**59), min_size=1, max_size=5))
 def test_any_memory_is_made_one_of_the_operator(core, config, state, targets):
     core.inverse_admit(config, state)

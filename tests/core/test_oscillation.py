@@ -131,9 +131,43 @@ def test_noise_below_the_limit_is_none(core, um, seed):
 
 @given(f_Hz=st.floats(10, 2400), um=st.floats(0, 200), phase=PHASE)
 @settings(max_examples=30, deadline=None)
-def test_an_oscillation_that_does_not_grow_is_none(core, f_Hz, um, phase):
-    t = seconds(0.3)
+def test_an_oscillation_that_does_not_grow_is_none_for_half_a_second(core, f_Hz, um, phase):
+    t = seconds(0.5)
     assert found_at(core, um * np.sin(2 * np.pi * f_Hz * t + phase)) is None
+
+
+@given(f_Hz=st.floats(150, 2400), um=st.floats(3, 200), phase=PHASE, seed=st.integers(0, 2**32))
+@settings(max_examples=30, deadline=None)
+def test_one_that_stays_is_found_then(core, f_Hz, um, phase, seed):
+    """A limit cycle: it grew too slowly to be found before, to where the slew limit holds it."""
+    t = seconds(0.7)
+    swings = um * (1 + 0.1 * np.sin(2 * np.pi * 5 * t)) * np.sin(2 * np.pi * f_Hz * t + phase)
+    at = found_at(core, swings + noise(len(t), seed))
+    assert at is not None
+    assert 0.5 <= at * TICK_S < 0.6
+
+
+@given(f_Hz=st.floats(150, 2400), um=st.floats(3, 200), um_of_path=st.floats(0.1, 10), phase=PHASE)
+@settings(max_examples=30, deadline=None)
+def test_not_where_the_path_drives_a_mode(core, f_Hz, um, um_of_path, phase):
+    t = seconds(1.0)
+    path = um_of_path * np.sin(2 * np.pi * f_Hz * t)
+    error = min(um, 45 * um_of_path) * np.sin(2 * np.pi * f_Hz * t + phase)
+    assert found_at(core, error, path) is None
+
+
+@given(f_Hz=st.floats(150, 2400), um=st.floats(0, 1), seed=st.integers(0, 2**32))
+@settings(max_examples=20, deadline=None)
+def test_nor_below_what_matters(core, f_Hz, um, seed):
+    t = seconds(1.0)
+    assert found_at(core, um * np.sin(2 * np.pi * f_Hz * t) + noise(len(t), seed)) is None
+
+
+@given(f_Hz=st.floats(100, 2000), tau_s=st.floats(0.01, 0.8), um=st.floats(3, 60))
+@settings(max_examples=30, deadline=None)
+def test_what_rings_down_is_none(core, f_Hz, tau_s, um):
+    t = seconds(2.0)
+    assert found_at(core, um * np.exp(-t / tau_s) * np.sin(2 * np.pi * f_Hz * t)) is None
 
 
 @pytest.mark.parametrize("limit_um", [0.5, 2, 10])

@@ -65,7 +65,7 @@ def samples() -> list[Sample]:
 def like(lines: list[str]) -> str:
     """Text in which numbers, and how wide a table is for them, are nothing."""
     text = re.sub(r"[━─┃│┏┳┓┡╇┩┼├┤└┴┘]+", "|", " ".join(lines))
-    text = re.sub(r"\b[0-9a-f]{8,40}\b|[-+]?\d[\d.]*(e[-+]?\d+)?", "#", text)
+    text = re.sub(r"\b[0-9a-f]{8,64}\b|[-+]?\d[\d.]*(e[-+]?\d+)?", "#", text)
     return " ".join(text.split())
 
 

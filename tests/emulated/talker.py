@@ -50,6 +50,10 @@ class Talker:
         self._id += 1
         return encode_frame(wire.HEADER.pack(command.NUMBER, self._id, SESSION) + command.pack())
 
+    @property
+    def last_id(self):
+        return self._id
+
     def listen(self):
         for body in self.reader.feed(self.device.read(self.device.readable)):
             payload = body[wire.HEADER.size :]

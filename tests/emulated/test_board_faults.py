@@ -89,6 +89,41 @@ def test_a_rig_that_fails_is_ramped_home(running, injection, fault, detection_ti
     assert status.fault == fault
 
 
+@pytest.mark.parametrize("stream", [False, True])
+def test_a_dac_that_hears_nothing_is_noticed_within_nine_ticks(start, stream):
+    """The main loop asks it, however much it has to send."""
+    board = start()
+    talker = Talker(board)
+    talker.ok(wire.HelloRequest())
+    talker.drive(swing=8 * V, f_Hz=20)
+    before = board.time()[1] - talker.ok(wire.StatusRequest()).tick
+    if stream:
+        talker.ok(wire.StreamStartRequest(31, 7, 1))
+    for wait in range(60, 67):
+        talker.run(wait)
+        from_tick = board.time()[1] - before
+        board.inject(Injection.DAC_SILENT, 1)
+        talker.run(40)
+        board.inject(Injection.DAC_SILENT, 0)
+        status = talker.ok(wire.StatusRequest())
+        assert status.fault == wire.Fault.CONVERTER_SILENT
+        assert status.fault_tick - from_tick <= 9
+        talker.run(1500)
+        talker.ok(wire.ClearFaultRequest(), wire.ArmRequest(0), wire.StartRequest(1))
+
+
+def test_without_a_main_loop_the_tick_asks_the_dac(running):
+    """It would jump to where the path is once it hears again."""
+    running.device.poke(symbol("serial_poll"), BRANCH_TO_ITSELF)
+    running.device.inject(Injection.DAC_SILENT, 1)
+    held = dac(running, 60)
+    running.device.inject(Injection.DAC_SILENT, 0)
+    codes = np.r_[held[-1], dac(running, 200)]
+    assert np.all(held[1:] == held[-1])
+    assert np.abs(np.diff(codes)).max() <= RAMP_CODES + 1
+    assert codes[-1] != codes[0]
+
+
 def test_a_spike_on_the_interlock_is_no_fault(running):
     running.device.inject(Injection.INTERLOCK, 1)
     running.run(2)

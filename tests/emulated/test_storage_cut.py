@@ -3,6 +3,7 @@
 from zlib import crc32
 
 import pytest
+from storage_trial import trial
 from talker import Talker, stage_model, upload
 
 from phaselead.device import wire
@@ -73,3 +74,11 @@ def test_the_model_before_is_loaded_and_flagged_until_the_next_save(start, saved
         assert talker.ask(wire.ModelPersistRequest(), ticks=20_000).status == wire.Status.OK
         last = Talker(start(flash=again.flash()[0], delays=False)).ok(wire.HelloRequest())
         assert (last.model_flags, last.model_crc) == (LOADED | PERSISTED, crc32(blob(10)))
+
+
+def test_some_saves_in_a_row_with_bits_that_read_either_way():
+    """``make storage-trial`` does a thousand."""
+    seen = trial(12, seed=3)
+    assert seen["saves"] == 12
+    assert seen["cuts"] >= 4
+    assert seen["fallbacks"] >= 1

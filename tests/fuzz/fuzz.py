@@ -5,7 +5,7 @@ python tests/fuzz/fuzz.py [--seconds 60] [--seed 0] [--parallel 2] [--keep] [--t
 Each target runs for so long: the device in C with the address and undefined-behaviour sanitizers (clang's libFuzzer),
 what the host reads by atheris. What is found on the way stays in out/fuzz; --keep puts the smallest corpus of the same
 coverage in place of the one here. Exits 1 when an input broke something, and says in which file it is; exits 2 where a
-fuzzer is missing, or with --those-installed runs the others.
+fuzzer is missing, or with --those-installed runs the others and says which were left out, a failure in CI.
 """
 
 from __future__ import annotations
@@ -20,6 +20,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests"))
+
+from left_out import left_out  # noqa: E402
+
 HERE = Path(__file__).parent
 CORPUS = HERE / "corpus"
 OUT = ROOT / "out" / "fuzz"
@@ -32,6 +36,7 @@ DEVICE = [
 ]
 INCLUDE = [f"-I{ROOT / 'firmware'}", f"-I{SOAK}"]
 SANITIZE = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+DEVICE_PACKAGES = ("clang", "libclang-rt-dev")
 MISSING_DEVICE = "clang with libclang-rt (sudo apt install clang libclang-rt-dev)"
 MISSING_HOST = "atheris (pip install -r requirements-fuzz.lock)"
 TARGETS = ("device", "frames", "stage", "csv", "journal")
@@ -125,6 +130,8 @@ def main() -> int:
         print(f"{', '.join(missing)} cannot be fuzzed: install {' and '.join(sorted(needs))}", file=sys.stderr)
         if not arguments.those_installed:
             return 2
+        if "device" in missing and left_out("fuzzing of the device", DEVICE_PACKAGES):
+            return 1
     commands = {target: command for target, command in found.items() if command is not None}
     with ThreadPoolExecutor(arguments.parallel) as pool:
         results = list(

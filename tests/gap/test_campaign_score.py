@@ -16,7 +16,7 @@ def outcome(kind="single", hidden=("delay",), named=(), ties=(), size=1.0, **mor
     found = {
         "case": f"set/{kind}/{'+'.join(hidden)}/{size:g}/{more.pop('number', 0)}",
         "kind": kind,
-        "hidden": [{"name": n, "size": size, "value": size, "unit": "1", "axis": None} for n in hidden],
+        "hidden": [{"name": n, "size": size, "value": size, "unit": unit_of(n), "axis": None} for n in hidden],
         "without": list(hidden) if kind == "removed" else [],
         "error": None,
         "verdicts": ["named"] if named else ["tie"] if ties else ["none"],
@@ -31,6 +31,11 @@ def outcome(kind="single", hidden=("delay",), named=(), ties=(), size=1.0, **mor
         "rows": 100_000,
     }
     return found | more
+
+
+def unit_of(name):
+    sizes = catalogue()[name].sizes if name in catalogue() else ()
+    return sizes[0].unit if sizes else "1"
 
 
 def test_rivals_are_mutual_and_never_oneself():
@@ -149,6 +154,16 @@ def test_an_interval_holds_the_true_size_of_either_sign():
     assert holds(-1.1, -0.9) == [True]
     assert holds(1.05, 1.1) == [False]
     assert score.intervals_hold(outcome(named=["creep"], sizes={"creep": [1.0, 0.0, 2.0]})) == []
+
+
+def test_a_size_in_another_unit_is_not_compared():
+    found = outcome(named=["delay"], sizes={"delay": [1.0, 0.9, 1.1]}, detectable={"delay": 0.25})
+    found["hidden"][0]["unit"] = "per decade"
+    assert score.intervals_hold(found) == []
+    assert score.times_detectable(found) is None
+    missed = outcome(excluded=[{"name": "delay", "upper_95": 2.0, "unit": "s", "axis": None}])
+    missed["hidden"][0]["unit"] = "per decade"
+    assert score.bounds_hold(missed) == []
 
 
 def test_names_are_right_or_not_one_by_one():

@@ -61,7 +61,8 @@ def explained(
 
 
 def test_the_nearest_turning_point_that_explains_a_record_is_taken():
-    assert explained(4.9, wave=1.0) == (5.0, ["1 of 2 records do not start from rest: made (from 5 V)"])
+    said = "1 of 2 records do not start from rest, where each began was fitted: made (from 5 V)"
+    assert explained(4.9, wave=1.0) == (5.0, [said])
 
 
 def test_what_rest_explains_stays_at_rest():

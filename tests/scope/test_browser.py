@@ -15,6 +15,9 @@ from typing import Any
 
 import pytest
 
+from phaselead.model import save_stage
+from phaselead.sim import built_in
+
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: make test-browser")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -43,6 +46,12 @@ def served(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         if scope.poll() is None:
             scope.send_signal(signal.SIGINT)
         assert scope.wait(90) == 0
+
+
+@pytest.fixture
+def stage_path(tmp_path: Path) -> Path:
+    save_stage(tmp_path / "stage.toml", built_in("xyz250"))
+    return tmp_path / "stage.toml"
 
 
 @pytest.fixture
@@ -138,6 +147,23 @@ def test_a_fault_is_said_and_stays_in_view(context, served):
     page.get_by_role("button", name="Go on").click()
     page.get_by_role("button", name="Park").click()
     page.locator("#state[data-state=parked]").wait_for()
+
+
+def test_settings_are_changed_and_refused(context, served, stage_path):
+    page = opened(context, served[0])
+    page.locator("#model-path").fill(str(stage_path))
+    page.get_by_role("button", name="Upload", exact=True).click()
+    page.locator("#settings").get_by_text("Limits", exact=True).click()
+    field = page.locator("[name='limits.u_max_V']")
+    field.fill("8")
+    page.get_by_role("button", name="Save and upload").click()
+    page.get_by_text("limits.u_max_V changed and uploaded").wait_for()
+    sync_api.expect(field).to_have_value("8")
+    field.fill("-5")
+    page.get_by_role("button", name="Save and upload").click()
+    page.locator("#alert:not([hidden])").wait_for()
+    assert "u_max_V" in page.inner_text("#alert")
+    assert page.locator("#settings details[open]").count() == 1
 
 
 def test_the_scope_that_ends_is_said(context, served):

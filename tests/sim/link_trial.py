@@ -165,6 +165,7 @@ def commands(random: Random) -> Iterator[wire.Command[Any]]:
     yield wire.SetAxisRequest(0, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF)
     yield wire.SetPathRequest(0, wire.PathKind.SINE, V, 0, 2**54, 0)
     yield wire.SetJoinsRequest(0, 0, 100, 100)
+    yield wire.TriggerSetRequest(random.randint(0, 2), wire.Mark.TIME, 0, 0, random.randint(10, 100), 0)
     yield wire.MotionRequest(0, 0, 0, 0, 1 << 16, 10)
     yield wire.StreamStartRequest(wire.Channel.DAC, 1, 100)
     region = random.choice((wire.Region.STATE, wire.Region.FAULTS))

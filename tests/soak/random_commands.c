@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "app/crc32.h"
+#include "app/device_tick.h"
 #include "app/model_check.h"
 
 #define MODEL_CHUNK 900
@@ -292,8 +293,27 @@ void send_queue(struct random_host *host)
                                   .enter_ticks = (uint16_t)(below(host, 4) ? 20 + below(host, 1000) : below(host, 3)),
                                   .leave_ticks = (uint16_t)(below(host, 2) ? below(host, 1000) : 0)};
     }
+    queue.at_trigger = (uint8_t)(below(host, 6) == 0);
     wire_pack_queue_request(&queue, payload, sizeof payload);
     random_host_send(host, WIRE_QUEUE, SESSION, payload, sizeof payload);
+}
+
+/* Edges at the input come beside it, waited for or not. */
+void send_marks(struct random_host *host)
+{
+    uint8_t payload[WIRE_TRIGGER_SET_REQUEST_SIZE];
+    for (unsigned i = 0; i < TRIGGERS; i++) {
+        const struct wire_trigger_set_request set = {.output = (uint8_t)below(host, TRIGGERS),
+                                                     .mark = (uint8_t)below(host, WIRE_MARK_COUNT),
+                                                     .axis = axis_under_way(host),
+                                                     .rising = (uint8_t)below(host, 2),
+                                                     .every =
+                                                         below(host, 2) ? below(host, 1 << 16) : random_value(host),
+                                                     .origin = (int32_t)random_value(host)};
+        wire_pack_trigger_set_request(&set, payload, sizeof payload);
+        random_host_send(host, WIRE_TRIGGER_SET, SESSION, payload, sizeof payload);
+    }
+    device_trigger_edge(&host->device);
 }
 
 void send_joins_and_bounds(struct random_host *host)

@@ -7,6 +7,7 @@
 void send_random(struct random_host *host); /* any type, any payload of a size that suits it */
 void send_mode_and_path(struct random_host *host);
 void send_gains(struct random_host *host);
+void send_marks(struct random_host *host);
 void send_arm_and_start(struct random_host *host);
 void send_model(struct random_host *host);
 void send_wave(struct random_host *host);

@@ -362,6 +362,7 @@ void random_host_round(struct random_host *host)
         break;
     case 13:
         send_gains(host);
+        send_marks(host);
         run(host, below(host, 200));
         break;
     case 14:

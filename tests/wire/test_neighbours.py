@@ -27,24 +27,23 @@ ADDED = {
     # A field of a request, of a reply and of an event; a value of an enumeration; and a command.
     'request = [{ name = "ticks", type = "u32" }]': 'request = [{ name = "ticks", type = "u32" }, '
     '{ name = "grace", type = "u16", since = 1 }]',
-    '{ name = "model_crc", type = "u32" },\n]\n\n[[commands]]\nname = "arm"': '{ name = "model_crc", type = "u32" },\n'
-    '  { name = "uptime_s", type = "u32", since = 1 },\n]\n\n[[commands]]\nname = "arm"',
-    'stream_overflow: ticks dropped so far" },\n]': 'stream_overflow: ticks dropped so far" },\n'
-    '  { name = "severity", type = "u8", since = 4 },\n]',
-    'doc = "What an unsolicited event reports"\n': 'doc = "What an unsolicited event reports"\n'
-    "since = { warmed_up = 1 }\n",
-    "stream_overflow = 2, path_done = 3 }": "stream_overflow = 2, path_done = 3, warmed_up = 4 }",
+    'wait for one" },\n]\n\n[[commands]]\nname = "arm"': 'wait for one" },\n'
+    '  { name = "uptime_s", type = "u32", since = 5 },\n]\n\n[[commands]]\nname = "arm"',
+    'mask of the axes whose paths it begins" },\n]': 'mask of the axes whose paths it begins" },\n'
+    '  { name = "severity", type = "u8", since = 5 },\n]',
+    "path_done = 3, trigger = 4 }\nsince = { trigger = 4 }": "path_done = 3, trigger = 4, warmed_up = 5 }\n"
+    "since = { trigger = 4, warmed_up = 5 }",
 }
 COMMAND = """
 [[commands]]
 name = "echo"
 number = 0x60
-since = 4
+since = 5
 doc = "Sends a word back"
 request = [{ name = "word", type = "u32" }]
 reply = [{ name = "word", type = "u32" }]
 """
-AHEAD = 4
+AHEAD = 5
 HANDLER = """
 #include "app/command.h"
 enum wire_status command_echo(struct device *device, const struct request *request, struct answer *answer)

@@ -24,8 +24,10 @@ struct host_device {
     uint64_t line_credit; /* bits x TICK_RATE_HZ that the line could still have carried in this tick */
     bool infinite_line;
     unsigned rail_axis, rail_ticks; /* forced to the rail for so many ticks more */
-    size_t out_first, out_size;     /* ring of bytes that have left the device */
-    uint8_t *in;                    /* bytes the device has not taken yet */
+    uint64_t edges[HOST_EDGES];     /* ticks before which one comes at the trigger input */
+    unsigned edge_count;
+    size_t out_first, out_size; /* ring of bytes that have left the device */
+    uint8_t *in;                /* bytes the device has not taken yet */
     size_t in_first, in_size, in_capacity;
     struct host_obeyed obeyed[HOST_OBEYED]; /* a ring */
     uint64_t obeyed_count;                  /* since they were taken last */
@@ -191,6 +193,23 @@ static void force_rail(struct host_device *host, uint16_t adc_codes[AXES])
     adc_codes[host->rail_axis] = UINT16_MAX;
 }
 
+static void give_edge(struct host_device *host)
+{
+    for (unsigned i = host->edge_count; i-- > 0;)
+        if (host->edges[i] <= host->device.control.tick) {
+            host->edges[i] = host->edges[--host->edge_count];
+            device_trigger_edge(&host->device);
+        }
+}
+
+int host_trigger_at(struct host_device *host, uint64_t tick)
+{
+    if (tick < host->device.control.tick || host->edge_count >= HOST_EDGES)
+        return 0;
+    host->edges[host->edge_count++] = tick;
+    return 1;
+}
+
 /* The line carries a number of bytes each tick; capacity that was not used is lost, as on an idle line. */
 static void run_line(struct host_device *host)
 {
@@ -220,6 +239,7 @@ uint64_t host_run(struct host_device *host, struct plant *plant, uint64_t ticks,
             take_in(host);
         plant_sample(plant, adc_codes);
         force_rail(host, adc_codes);
+        give_edge(host);
         device_tick(&host->device, adc_codes, dac_codes);
         plant_drive(plant, dac_codes);
         run_line(host);
@@ -235,6 +255,7 @@ void host_run_codes(struct host_device *host, const uint16_t *adc_codes, uint16_
         uint64_t bytes = UINT64_MAX;
         if (host->in_size > 0)
             take_in(host);
+        give_edge(host);
         device_tick(&host->device, adc_codes + AXES * i, dac_codes + AXES * i);
         send(host, &bytes);
         fault_log_write(&host->device);
@@ -251,6 +272,9 @@ static bool is_control(const struct control *control)
 {
     if (control->state >= WIRE_STATE_COUNT || control->fault >= WIRE_FAULT_COUNT || control->path_mask >> AXES != 0)
         return false;
+    for (unsigned i = 0; i < TRIGGERS; i++)
+        if (control->trigger[i].config.mark >= WIRE_MARK_COUNT || control->trigger[i].config.axis >= AXES)
+            return false;
     for (unsigned axis = 0; axis < AXES; axis++)
         if (control->config[axis].mode >= WIRE_MODE_COUNT || control->config[axis].path.kind >= WIRE_PATH_KIND_COUNT ||
             control->axis[axis].drive > DRIVE_RAMP || control->queue[axis].count > SEGMENTS_QUEUED ||

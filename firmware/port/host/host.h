@@ -70,6 +70,11 @@ struct host_obeyed {
     uint32_t id, type;
 };
 
+/* An edge comes at the trigger input before this tick; false when it has passed, or when HOST_EDGES are still to
+ * come. */
+#define HOST_EDGES 64
+HOST_API int host_trigger_at(struct host_device *device, uint64_t tick);
+
 /* The commands that were carried out, not those that were refused before or answered from memory, the oldest of the
  * last HOST_OBEYED first: copies up to `capacity`, forgets them all and returns how many there were since the last
  * call. */

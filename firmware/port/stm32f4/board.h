@@ -34,7 +34,13 @@ enum pin_b {
     PIN_DAC_SDO = 14,
     PIN_DAC_SDIN = 15
 };
-enum pin_c { PIN_ADC_RESET = 5, PIN_DAC_CLEAR = 6 /* low: 0 V; pulled down on the board */, PIN_INTERLOCK = 7 };
+enum pin_c {
+    PIN_TRIGGER_OUT = 0, /* and the two after it */
+    PIN_ADC_RESET = 5,
+    PIN_DAC_CLEAR = 6, /* low: 0 V; pulled down on the board */
+    PIN_INTERLOCK = 7,
+    PIN_TRIGGER_IN = 8
+};
 
 #define AF_TIM2 1u
 #define AF_SPI 5u

@@ -179,22 +179,22 @@ void converters_drive(const uint16_t codes[CONVERTER_AXES])
     dac_frame(DAC_DATA | DAC_CHANNEL(2) | (codes[2] ^ CONVERTERS_TWOS_COMPLEMENT));
 }
 
-bool converters_dac_answers(void)
+/* It answers in the next frame, whatever that is. */
+static uint16_t dac_register(uint32_t which)
 {
-    dac_frame(DAC_READ | DAC_COARSE_GAIN | DAC_CHANNEL(0));
+    dac_frame(DAC_READ | which);
     set_dac_bus(DAC_BUS_SLOW);
     uint16_t answer = dac_frame(DAC_NOP);
     set_dac_bus(DAC_BUS_FAST);
-    return answer == DAC_RANGE_10V26;
+    return answer;
 }
 
-void converters_read_back(uint16_t codes[CONVERTER_AXES])
+bool converters_dac_answers(void)
 {
-    dac_frame(DAC_READ | DAC_DATA | DAC_CHANNEL(0));
-    set_dac_bus(DAC_BUS_SLOW);
-    for (unsigned axis = 0; axis < CONVERTER_AXES; axis++) { /* each answer comes with the next frame */
-        uint32_t next = axis + 1 < CONVERTER_AXES ? DAC_READ | DAC_DATA | DAC_CHANNEL(axis + 1) : DAC_NOP;
-        codes[axis] = (uint16_t)(dac_frame(next) ^ CONVERTERS_TWOS_COMPLEMENT);
-    }
-    set_dac_bus(DAC_BUS_FAST);
+    return dac_register(DAC_COARSE_GAIN | DAC_CHANNEL(0)) == DAC_RANGE_10V26;
+}
+
+uint16_t converters_read_back(unsigned axis)
+{
+    return (uint16_t)(dac_register(DAC_DATA | DAC_CHANNEL(axis)) ^ CONVERTERS_TWOS_COMPLEMENT);
 }

@@ -39,7 +39,7 @@ void converters_drive(const uint16_t codes[CONVERTER_AXES]);
 /* Whether the DAC gives back the range that it was given. Takes some 6 us. */
 bool converters_dac_answers(void);
 
-/* The codes that the DAC holds. */
-void converters_read_back(uint16_t codes[CONVERTER_AXES]);
+/* The code that the DAC holds. Takes as long. */
+uint16_t converters_read_back(unsigned axis);
 
 #endif

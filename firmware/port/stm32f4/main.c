@@ -79,7 +79,7 @@ int main(void)
 {
     set_up();
     for (;;) {
-        tick_main_loop_alive();
+        tick_between();
         fault_log_write(&device);
         if (update_restart_is_due(&device.update, device.control.tick))
             start_again();

@@ -171,6 +171,7 @@ struct syscfg {
 };
 #define SYSCFG ((struct syscfg *)0x40013800)
 #define SYSCFG_EXTICR_PORT_B 1u
+#define SYSCFG_EXTICR_PORT_C 2u
 
 struct exti {
     volatile uint32_t IMR, EMR, RTSR, FTSR, SWIER, PR;

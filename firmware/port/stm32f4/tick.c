@@ -21,10 +21,12 @@ _Static_assert(PERIOD_COUNTS *TICK_RATE_HZ == TIMER_HZ, "the tick rate must divi
 #define LOCK_COUNTS (TIMER_HZ / 50000u)
 _Static_assert(LOCK_COUNTS < PERIOD_COUNTS / 2, "a lock must fit between two ticks");
 
-/* Between two questions to the DAC. The question is not put in a tick that did something rare; it waits, but not for
- * long. */
+/* Between two questions to the DAC. The main loop asks, where there is time; one that is busy for long leaves it to the
+ * tick. */
 #define DAC_TICKS 7u
-#define DAC_TICKS_MOST 10u
+#define DAC_TICKS_MOST 20u
+#define TRIGGER_LINE BIT(PIN_TRIGGER_IN) /* of the EXTI, which keeps an edge until it is looked at */
+#define TRIGGER_PINS (((1u << TRIGGERS) - 1u) << PIN_TRIGGER_OUT)
 #define INTERLOCK_TICKS 3u /* open that long, it is no spike */
 /* So often in a row a converter may fail to answer, or the ADC to convert, before it is a fault: once is a spike. */
 #define MISSES 2u
@@ -41,10 +43,13 @@ static volatile uint32_t since_main_loop;
 static uint16_t adc_codes[AXES]; /* the last that the ADC gave */
 static uint32_t interlock_open_ticks;
 static uint32_t adc_misses, dac_misses; /* in a row */
-static uint32_t since_dac_asked;        /* ticks */
-static uint32_t ticked_at;              /* cycle counter, at the beginning of the last tick */
-static enum dac { DAC_HEARS, DAC_SILENT, DAC_BEHIND } dac;
-static uint16_t dac_codes_held[AXES]; /* DAC_BEHIND: on the way from where it stood to where it should be */
+static volatile uint32_t since_dac_asked;
+static uint32_t ticked_at; /* cycle counter, at the beginning of the last tick */
+/* DAC_BACK: it answers again, and is asked for its codes. DAC_BEHIND: it is on its way from them to the present ones.
+ */
+static enum dac { DAC_HEARS, DAC_SILENT, DAC_BACK, DAC_BEHIND } dac;
+static uint16_t dac_codes_held[AXES];
+static unsigned dac_codes_read;
 
 static void watch_interlock(void)
 {
@@ -53,6 +58,26 @@ static void watch_interlock(void)
         device_input(ticking);
     if (interlock_open_ticks >= INTERLOCK_TICKS) /* as long as it is: a fault that is cleared meanwhile comes back */
         device_raise(ticking, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
+}
+
+/* Pulses begin here, as long after the sample in every tick as the interrupt takes to come, and end with the tick's
+ * work. */
+static void begin_pulses(const struct device *device)
+{
+    GPIOC->BSRR = device->control.pulsing << PIN_TRIGGER_OUT;
+}
+
+static void end_pulses(void)
+{
+    GPIOC->BSRR = TRIGGER_PINS << 16;
+}
+
+static void watch_trigger(struct device *device)
+{
+    if ((EXTI->PR & TRIGGER_LINE) == 0)
+        return;
+    EXTI->PR = TRIGGER_LINE;
+    device_trigger_edge(device);
 }
 
 static void watch_adc(enum converters_sampled sampled)
@@ -78,11 +103,42 @@ static void dac_answered(bool answered)
         dac = DAC_SILENT;
         device_raise(ticking, WIRE_FAULT_CONVERTER_SILENT, NO_AXIS, DETAIL_DAC_SILENT);
     } else if (!answered) {
-        since_dac_asked = DAC_TICKS_MOST; /* again in the next tick */
+        since_dac_asked = DAC_TICKS - 1; /* again after the next tick */
     } else if (dac == DAC_SILENT) {
-        converters_read_back(dac_codes_held);
-        dac = DAC_BEHIND;
+        dac = DAC_BACK;
+        dac_codes_read = 0;
+        since_dac_asked = DAC_TICKS - 1;
     }
+}
+
+static void read_back(void)
+{
+    dac_codes_held[dac_codes_read] = converters_read_back(dac_codes_read);
+    dac_codes_read++;
+    if (dac_codes_read == AXES)
+        dac = DAC_BEHIND;
+    else
+        since_dac_asked = DAC_TICKS - 1;
+}
+
+/* While ticks are kept out: one answer at a time, which takes 9 us. */
+static void ask_dac(void)
+{
+    since_dac_asked = 0;
+    if (dac == DAC_BACK)
+        read_back();
+    else
+        dac_answered(converters_dac_answers());
+}
+
+void tick_between(void)
+{
+    since_main_loop = 0;
+    if (since_dac_asked < DAC_TICKS)
+        return;
+    tick_lock(NULL);
+    ask_dac();
+    tick_unlock(NULL);
 }
 
 /* Moves the DAC's codes towards those that it should have, each axis by the step of its ramp. */
@@ -103,22 +159,10 @@ static void catch_up(const uint16_t codes[AXES])
 /* What to send to a DAC that missed some codes; NULL: nothing yet. */
 static const uint16_t *codes_behind(const uint16_t codes[AXES])
 {
-    if (dac == DAC_SILENT)
+    if (dac == DAC_SILENT || dac == DAC_BACK)
         return NULL;
     catch_up(codes);
     return dac_codes_held;
-}
-
-static void watch_dac(struct device *device)
-{
-    if (++since_dac_asked < DAC_TICKS)
-        return;
-    if (device->rare && since_dac_asked < DAC_TICKS_MOST) {
-        device->rare = false;
-        return;
-    }
-    since_dac_asked = 0;
-    dac_answered(converters_dac_answers());
 }
 
 /* Ticks that should have begun since the last one, by the cycle counter, which nothing stops. */
@@ -149,15 +193,19 @@ void tick_interrupt(void)
     struct device *device = ticking;
     uint16_t dac_codes[AXES];
     TIM2->SR = ~TIM_SR_CC3IF;
+    begin_pulses(device);
     uint32_t due = ticks_due(start);
     if (due > 1)
         device_lose_ticks(device, due - 1);
     watch_adc(converters_sample(adc_codes));
     watch_interlock();
+    watch_trigger(device);
     device_tick(device, adc_codes, dac_codes);
-    watch_dac(device);
+    if (++since_dac_asked >= DAC_TICKS_MOST)
+        ask_dac();
     if (since_main_loop++ < MAIN_LOOP_TICKS)
         watchdog_feed();
+    end_pulses();
     keep_time(device, start);
 }
 
@@ -182,11 +230,6 @@ RAM_CODE void tick_parked(void)
     IWDG->KR = IWDG_FEED;
 }
 
-void tick_main_loop_alive(void)
-{
-    since_main_loop = 0;
-}
-
 void tick_lock(void *context)
 {
     (void)context;
@@ -201,10 +244,22 @@ void tick_unlock(void *context)
     __asm volatile("cpsie i" ::: "memory");
 }
 
+static void set_up_triggers(void)
+{
+    for (unsigned i = 0; i < TRIGGERS; i++)
+        pin_set_up(GPIOC, PIN_TRIGGER_OUT + i, PIN_OUTPUT, PULL_NONE, 0);
+    pin_set_up(GPIOC, PIN_TRIGGER_IN, PIN_INPUT, PULL_DOWN, 0);
+    SYSCFG->EXTICR[PIN_TRIGGER_IN / 4] = SYSCFG_EXTICR_PORT_C; /* the clock of SYSCFG is on since the converters */
+    EXTI->RTSR |= TRIGGER_LINE;
+    EXTI->IMR |= TRIGGER_LINE; /* pending is all that is wanted, as with BUSY */
+    EXTI->PR = TRIGGER_LINE;
+}
+
 void tick_start(struct device *device)
 {
     ticking = device;
     pin_set_up(GPIOC, PIN_INTERLOCK, PIN_INPUT, PULL_UP, 0);
+    set_up_triggers();
     DEMCR |= DEMCR_TRCENA;
     DWT->CYCCNT = 0;
     DWT->CTRL |= DWT_CTRL_CYCCNTENA;

@@ -7,8 +7,8 @@
 /* Starts the ticks of `device`, and its cycle counter. */
 void tick_start(struct device *device);
 
-/* From the main loop: it is alive. */
-void tick_main_loop_alive(void);
+/* From the main loop, again and again: it is alive, and does what need not be done in a tick. */
+void tick_between(void);
 
 /* Vector table. */
 void tick_interrupt(void);

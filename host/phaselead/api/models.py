@@ -99,7 +99,7 @@ def verify(
     stage = as_stage(model)
     given = PurePath(model).name if isinstance(model, str | os.PathLike) else stage.name
     found = verify_stage(stage, gather(records, map, rate), view, refit_offset=refit_offset)
-    return Verifications(found, view, given)
+    return Verifications(found, view, given, stage.sha256)
 
 
 def predict(

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 def demo(
     out: str | os.PathLike[str] = "phaselead-demo",
     *,
+    overwrite: bool = False,
     say: Callable[[str], None] = print,
     on_progress: Callable[[float], None] | None = None,
 ) -> Path:
     """The whole story on the built-in stage: identify, fit, verify, upload, track, record, replay. About a minute.
 
     Keeps every file in the folder ``out`` and returns the path of the report; ``say`` is given a line per chapter.
-    Raises PhaseleadError when a step fails.
+    Raises BadInput where the folder holds a demo already, unless ``overwrite``, PhaseleadError when a step fails.
 
     >>> import phaselead as pl
     >>> report = pl.demo("demo")  # doctest: +SKIP
@@ -30,7 +31,7 @@ def demo(
     """
     from phaselead.demo import run_demo
 
-    return run_demo(os.fspath(out), say, on_progress)
+    return run_demo(os.fspath(out), say, on_progress, overwrite=overwrite)
 
 
 def campaign(

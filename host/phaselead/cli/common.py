@@ -24,7 +24,7 @@ from phaselead.cli.outputs import overwriting
 from phaselead.cli.outputs import report_option as report_option
 from phaselead.errors import BadInput
 from phaselead.result import Table, json_text, pairs_table
-from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
+from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE, is_virtual, keeps_flash
 
 if TYPE_CHECKING:
     from phaselead.record import Recording
@@ -54,6 +54,26 @@ def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[...
     return click.option("--duration", metavar="S", type=float, callback=checked_duration, help=text)
 
 
+trigger_out_option = click.option(
+    "--trigger-out",
+    metavar="MARKS",
+    help="Where the trigger outputs pulse: frame,line,pixel=256; start, target, pixel=2ms, pixel=0.5um.",
+)
+
+
+def _checked_wait(_context: click.Context, _option: click.Parameter, seconds: float | None) -> float | None:
+    if seconds is not None and not 0 < seconds < math.inf:
+        raise BadInput(f"--trigger-in {seconds:g}: give the seconds to wait for an edge, above 0")
+    return seconds
+
+
+trigger_in_option = click.option(
+    "--trigger-in",
+    metavar="S",
+    type=float,
+    callback=_checked_wait,
+    help="Begin at a rising edge of the trigger input, which may take S seconds.",
+)
 force_option = click.option("--force", is_flag=True, help="Go on where the model says that it will go wrong.")
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Print every parameter and record too.")
 axis_option = click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
@@ -134,6 +154,15 @@ def warnings_said() -> Iterator[None]:
         warnings.simplefilter("always")
         warnings.showwarning = said
         yield
+
+
+def forgotten(port: str, what: str, *, flash: bool = False) -> list[str]:
+    """The line that says so where ``what`` the command did ends with it: it is in the memory of a virtual stage or,
+    with ``flash``, in one whose flash is kept nowhere."""
+    if keeps_flash(port) if flash else not is_virtual(port):
+        return []
+    kept = f"--port '{port}{'&' if '?' in port else '?'}state=flash.bin' keeps its flash, " if flash else ""
+    return [f"the virtual stage has ended, and {what} with it: {kept}`phaselead sim --pty` serves a stage that stays"]
 
 
 def warn_of_gaps(facts: Mapping[str, Any]) -> None:

@@ -7,6 +7,7 @@ import click
 from phaselead.cli.common import emit, json_option, progress
 from phaselead.cli.listing import top_level
 from phaselead.cli.output_level import quiet
+from phaselead.cli.outputs import overwriting
 
 
 @top_level(order=10, group="start")
@@ -20,7 +21,7 @@ def demo(out: str, json_to: str | None) -> None:
     lines: list[str] = []
     say = lines.append if json_to == "-" or quiet.get() else click.echo
     with progress("demo", 1.0) as advance:
-        report = run_demo(out, say, advance)
+        report = run_demo(out, say, advance, overwrite=overwriting())
     emit({"report": str(report)}, json_to, [])
     if json_to != "-" and not quiet.get():
         click.echo(report)

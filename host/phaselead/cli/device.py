@@ -6,12 +6,22 @@ import sys
 
 import click
 
-from phaselead.cli.common import emit_pairs, emit_result, force_option, json_option, port_option, warnings_said
+from phaselead.cli.common import (
+    emit,
+    emit_pairs,
+    emit_result,
+    force_option,
+    forgotten,
+    json_option,
+    port_option,
+    warnings_said,
+)
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT
 from phaselead.control import connect, own_loop_warnings
 from phaselead.device import Device, device_model
 from phaselead.model import load_stage
+from phaselead.result import pairs_table
 
 
 @top_level(order=80)
@@ -22,7 +32,8 @@ from phaselead.model import load_stage
 def arm(port: str, model_crc: str, json_to: str | None) -> None:
     """Arm the device: its output is live and at the safe value until a path is started."""
     with connect(port, park_on_exit=False) as device:
-        emit_result(device.arm(parse_crc(model_crc)), json_to)
+        found = device.arm(parse_crc(model_crc))
+    emit(found.as_dict(), json_to, [*found.tables(), *forgotten(port, "this session")])
 
 
 def parse_crc(text: str) -> int:
@@ -108,4 +119,5 @@ def upload(model_path: str, port: str, persist: bool, force: bool, json_to: str 
     own_loop_warnings(stage, force=force)  # and gains that are refused
     with connect(port) as device, warnings_said():
         uploaded = device.upload(stage, persist=persist, force=force)
-        emit_pairs({"model": model_path} | uploaded.as_dict(), json_to)
+    figures = {"model": model_path} | uploaded.as_dict()
+    emit(figures, json_to, [pairs_table(figures), *forgotten(port, "this model", flash=persist)])

@@ -33,8 +33,7 @@ from phaselead.waveforms import parse_waves
     "model_path",
     metavar="M",
     type=INPUT,
-    required=True,
-    help="Stage file; uploaded when the device holds another.",
+    help="Stage file, which it needs; uploaded when the device holds another.",
 )
 @click.option("--mode", type=click.Choice(["inverse", "inverse+pid"]), default="inverse+pid", show_default=True)
 @gains_option
@@ -47,6 +46,7 @@ from phaselead.waveforms import parse_waves
     type=OutputFile(*RUN_SUFFIXES),
     help="The table, for track --learned.",
 )
+@click.option("--save", "save_to", metavar="DIR", help="Keep every run there, as HDF5.")
 @report_option
 @force_option
 @axes_option
@@ -54,12 +54,13 @@ from phaselead.waveforms import parse_waves
 def learn(
     wave: str,
     port: str,
-    model_path: str,
+    model_path: str | None,
     mode: str,
     gains: str | None,
     follows: Follows | None,
     trials: int,
     output: str | None,
+    save_to: str | None,
     report: str | None,
     force: bool,
     axes: str | None,
@@ -71,7 +72,7 @@ def learn(
     this model, mode and path, and `phaselead track WAVE --learned LEARNED.h5` plays it.
     """
     parse_waves(wave, axes)  # what is written wrong is told before the port is opened
-    stage = load_stage(model_path)
+    stage = load_stage(model_path) if model_path else None
     with connect(port) as device, warnings_said(), progress(f"learning {wave}", 1.0) as advance:
         found = device.learn(
             wave,
@@ -82,6 +83,8 @@ def learn(
             trials=trials,
             follows=follows or "true",
             force=force,
+            save=save_to,
+            overwrite=overwriting(),
             on_progress=advance,
         )
     if output is not None:

@@ -7,11 +7,10 @@ from typing import Any
 
 import click
 
-from phaselead.cli.common import axes_option, emit, json_option, port_option
+from phaselead.cli.common import axes_option, emit, forgotten, json_option, port_option
 from phaselead.cli.listing import top_level
 from phaselead.control import connect
 from phaselead.device import written_limit
-from phaselead.serial_ports import is_virtual
 
 
 def limit_option(name: str, unit: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -58,16 +57,5 @@ def limits(
             found = device.set_limits(
                 axes, u_min_V=u_min, u_max_V=u_max, slew_V_per_s=slew, x_min_um=x_min, x_max_um=x_max, remove=remove
             )
-    forgotten = _forgotten(port) if given else []
-    emit(found.as_dict(), json_to, [*found.tables(), *forgotten])
-
-
-def _forgotten(port: str) -> list[str]:
-    """What becomes of them where the flash is not kept."""
-    if not is_virtual(port) or "state=" in port:
-        return []
-    kept = f"{port}{'&' if '?' in port else '?'}state=flash.bin"
-    return [
-        f"the virtual stage has ended, and these limits with it: --port '{kept}' keeps its flash, `phaselead sim "
-        "--pty` serves a stage that stays"
-    ]
+    ended = forgotten(port, "these limits", flash=True) if given else []
+    emit(found.as_dict(), json_to, [*found.tables(), *ended])

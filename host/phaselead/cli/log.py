@@ -13,6 +13,7 @@ from phaselead.cli.common import (
     emit,
     emit_pairs,
     emit_result,
+    forgotten,
     json_option,
     map_option,
     port_option,
@@ -24,6 +25,7 @@ from phaselead.cli.common import (
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, RECORD, OutputFile, overwriting
 from phaselead.record import RUN_SUFFIXES, SUFFIXES
+from phaselead.result import pairs_table
 
 TRIGGERS = ("fault", "set_point", "threshold", "input")
 
@@ -80,7 +82,7 @@ def trigger(
 
     with connect(port, park_on_exit=False) as device:
         facts = device.trigger(on, axis=axis, above_um=above_um, below_um=below_um, every=every, after=after)
-    emit_pairs(facts, json_to)
+    emit(facts, json_to, [pairs_table(facts), *forgotten(port, "this trigger")])
 
 
 @log.command()
@@ -128,7 +130,8 @@ def faults(port: str, json_to: str | None) -> None:
 def info(recording_path: str, column_map: str | None, rate: str | None, json_to: str | None) -> None:
     """Say what a recording holds."""
     (recording,) = read_recordings([recording_path], column_map, rate)
-    emit_pairs(recording.facts(), json_to)
+    hashes = {"sha256": recording.sha256, "samples_sha256": recording.samples_sha256}
+    emit_pairs(recording.facts() | hashes, json_to)
 
 
 @log.command()

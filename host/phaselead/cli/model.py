@@ -106,8 +106,7 @@ def verify(
     json_to: str | None,
 ) -> None:
     """Judge a stage file on recordings that it was not fitted on."""
-    stage = load_stage(model_path)
-    found = verify_stage(stage, read_recordings(records, column_map, rate), view=view)
+    found = verify_stage(model_path, read_recordings(records, column_map, rate), view=view)
     table = verification_table(found, f"{view} view of {Path(model_path).name}")
     emit(found.as_dict(), json_to, [table, *write_page(found, report)])
 

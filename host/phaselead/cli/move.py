@@ -12,9 +12,12 @@ from phaselead.cli.common import (
     emit,
     emit_result,
     force_option,
+    forgotten,
     json_option,
     port_option,
     show,
+    trigger_in_option,
+    trigger_out_option,
     warnings_said,
 )
 from phaselead.cli.listing import top_level
@@ -24,11 +27,10 @@ from phaselead.control import MODES, Controller, Planned, connect, parse_targets
 from phaselead.model import load_stage
 
 HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
-ENDED = "the virtual stage ended with this command; `phaselead sim --pty` serves one that stays"
 
 
 def _after(device: Controller) -> str:
-    return ENDED if device.device.session.virtual else HELD
+    return next(iter(forgotten(device.device.session.name, "what it holds")), HELD)
 
 
 @top_level(order=72)
@@ -43,6 +45,8 @@ def _after(device: Controller) -> str:
 @click.option("--duration", metavar="S", type=float, callback=checked_duration, help="Seconds the move takes.")
 @click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
+@trigger_out_option
+@trigger_in_option
 @force_option
 @axes_option
 @json_option
@@ -55,6 +59,8 @@ def move(
     duration: float | None,
     speed: float | None,
     park_after: bool,
+    trigger_out: str | None,
+    trigger_in: float | None,
     force: bool,
     axes: str | None,
     json_to: str | None,
@@ -82,6 +88,8 @@ def move(
             duration=duration,
             speed=speed,
             force=force,
+            trigger_out=trigger_out,
+            trigger_in=trigger_in,
             on_planned=announce,
         )
         if not park_after:

@@ -15,13 +15,15 @@ from phaselead.cli.common import (
     port_option,
     progress,
     report_option,
+    trigger_in_option,
+    trigger_out_option,
     warn_of_gaps,
     warnings_said,
     write_page,
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
-from phaselead.control import FOLLOWS, MODES, Follows, connect, load_learned
+from phaselead.control import FOLLOWS, MODES, Follows, connect, load_learned, parse_outputs
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES
@@ -81,6 +83,8 @@ gains_option = click.option(
     type=OutputFile(*RUN_SUFFIXES),
     help="Keep the run: recording, raw codes, what replay needs.",
 )
+@trigger_out_option
+@trigger_in_option
 @axes_option
 @report_option
 @json_option
@@ -97,6 +101,8 @@ def track(
     force: bool,
     duration: float | None,
     output: str | None,
+    trigger_out: str | None,
+    trigger_in: float | None,
     axes: str | None,
     report: str | None,
     json_to: str | None,
@@ -106,7 +112,7 @@ def track(
     WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um), or in volts
     for mode open: sine:5V@5Hz. Amplitudes are peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
     """
-    parse_waves(wave, axes)  # what is written wrong is told before the port is opened
+    parse_outputs(trigger_out, parse_waves(wave, axes))  # what is written wrong is told before the port is opened
     stage = load_stage(model_path) if model_path else None
     if table and trials:
         raise BadInput("--learned plays what was learned, --learn learns it: give one of them")
@@ -138,6 +144,8 @@ def track(
                 force=force,
                 output=output,
                 overwrite=overwriting(),
+                trigger_out=trigger_out,
+                trigger_in=trigger_in,
                 on_progress=advance,
             )
     warn_of_gaps(run.recording.facts())

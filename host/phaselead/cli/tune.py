@@ -47,6 +47,7 @@ from phaselead.model import load_stage
 @click.option(
     "--gain-share", type=float, default=10.0, show_default=True, help="How far the gain may change, up and down, %."
 )
+@click.option("--save", "save_to", metavar="DIR", help="Keep every run there, as HDF5.")
 @report_option
 @json_option
 def tune(
@@ -59,6 +60,7 @@ def tune(
     peak: float,
     mode_shift: float,
     gain_share: float,
+    save_to: str | None,
     report: str | None,
     json_to: str | None,
 ) -> None:
@@ -79,6 +81,8 @@ def tune(
             peak=peak,
             mode_shift=mode_shift / 100,
             gain_share=gain_share / 100,
+            save=save_to,
+            overwrite=overwriting(),
             on_progress=advance,
         )
     found.save(output, overwrite=overwriting())

@@ -24,6 +24,7 @@ from phaselead.control.moving import Moved, Planned
 from phaselead.control.run import Run
 from phaselead.control.targets import parse_targets
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings, track
+from phaselead.control.triggers import parse_outputs
 from phaselead.control.true_position import FOLLOWS, Follows
 from phaselead.control.tuning import Tuned, tune
 
@@ -55,6 +56,7 @@ __all__ = [
     "loop_warnings",
     "own_loop_warnings",
     "parse_gains",
+    "parse_outputs",
     "parse_targets",
     "path_warnings",
     "record_open_loop",

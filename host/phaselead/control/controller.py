@@ -16,6 +16,7 @@ from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
 from phaselead.control.held import held_stage, held_warning
 from phaselead.control.journal import record_open_loop, track_to_file
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.playing import Plays
 from phaselead.control.run import Run
@@ -42,7 +43,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import StageLike, as_stage
-from phaselead.record import RUN_SUFFIXES, Recording, check_output, parse_axes
+from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
 from phaselead.result import Facts
 from phaselead.serial_ports import default_port
 
@@ -283,6 +284,8 @@ class Controller(Plays, Tunes, Supervision):
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
+        trigger_out: str | None = None,
+        trigger_in: float | None = None,
         on_progress: Progress | None = None,
     ) -> Run:
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
@@ -302,7 +305,10 @@ class Controller(Plays, Tunes, Supervision):
         follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
         played with its mode, gains and ``follows``, and refused for others, or another model or path.
         ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
-        ``overwrite``.
+        ``overwrite``. ``trigger_out`` says where the three trigger outputs pulse, the first one first: "start",
+        "frame", "line", "pixel=256" (a line), "pixel=2ms", "pixel=0.5um" ("+0.5um": on the way up alone), "target" (a
+        step has settled), joined by commas; "y:line" of another axis. ``run.triggers`` has the pulses. ``trigger_in``:
+        the path begins at a rising edge of the trigger input, which is waited for so many seconds.
 
         The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
         allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
@@ -335,8 +341,11 @@ class Controller(Plays, Tunes, Supervision):
             force=force,
             follows=follows or "true",
             on_progress=on_progress,
+            trigger_out=trigger_out,
+            edge_within_s=trigger_in,
         )
-        return replace(run, recording=_named(run.recording, path or wave_text(wave, x, y, z)))
+        recording = _named(run.recording, path or wave_text(wave, x, y, z))
+        return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
 
     def learn(
         self,
@@ -352,6 +361,8 @@ class Controller(Plays, Tunes, Supervision):
         trials: int = 10,
         follows: Follows = "true",
         force: bool = False,
+        save: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
         on_progress: Progress | None = None,
     ) -> Learned:
         """Drives along a periodic path up to ``trials`` times, each time corrected by the error that repeats; keeps the
@@ -359,7 +370,8 @@ class Controller(Plays, Tunes, Supervision):
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
         as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
-        Raises BadInput as ``track`` does, and for a move.
+        ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
+        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
@@ -375,6 +387,7 @@ class Controller(Plays, Tunes, Supervision):
             trials=trials,
             follows=follows,
             force=force,
+            kept=KeptRuns(save, overwrite=overwrite),
             on_progress=on_progress,
         )
         return replace(found, wave=wave_text(wave, x, y, z))

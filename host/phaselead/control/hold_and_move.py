@@ -14,7 +14,18 @@ from phaselead.control.motion_limits import motion_limits, reach_um
 from phaselead.control.move_rehearsal import rehearse_move
 from phaselead.control.moving import Moved, Mover, Planned
 from phaselead.control.targets import Target, parse_target
-from phaselead.device import AxisWhere, Device, LeftRunning, MotionLimits, Where, read_limits, recall, remember
+from phaselead.control.triggers import parse_outputs
+from phaselead.device import (
+    AxisWhere,
+    Device,
+    LeftRunning,
+    MotionLimits,
+    Where,
+    read_limits,
+    recall,
+    remember,
+    set_outputs,
+)
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Stage, StageLike, as_stage
 
@@ -68,6 +79,8 @@ class HoldsAndMoves:
         wait: bool = True,
         rehearse: bool = True,
         force: bool = False,
+        trigger_out: str | None = None,
+        trigger_in: float | None = None,
         on_planned: Callable[[Planned, Mapping[str, float | None]], None] | None = None,
     ) -> Moved:
         """Moves the axes together and holds them there; the next move begins where this one ended, without parking.
@@ -77,7 +90,9 @@ class HoldsAndMoves:
         else what the device holds) and ``gains``; it holds every axis of a model that is given. All axes take the same
         time: ``duration`` in s, or ``speed`` at its highest in um/s, or as fast as the model's limits allow.
         ``wait=False`` returns at once; a further move is queued behind. Between two calls the device is kept alive; it
-        parks when the session ends, or a second after the program was killed.
+        parks when the session ends, or a second after the program was killed. ``trigger_out`` ("start", "target",
+        "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves too, until another is given, or "none".
+        ``trigger_in``: it begins at a rising edge of the trigger input, which is waited for so many seconds.
 
         The move runs on a model that is given first, unless ``rehearse`` is False or another move is under way;
         ``on_planned`` is given the plan and the seconds until each axis will have settled, before it starts.
@@ -94,12 +109,16 @@ class HoldsAndMoves:
         targets = _targets(x, y, z)
         mover = self._choose(targets, mode, model, gains, force=force)
         planned = _plan(mover, targets, duration, speed)
+        pulses = parse_outputs(trigger_out, planned.paths())
         idle = not any(one.moving for one in mover.where().axes.values())
         predicted = rehearse_move(mover, planned) if rehearse and idle and not force else {}
         if on_planned is not None:
             on_planned(planned, predicted)
         self._engage()
-        return mover.move(_plan(mover, targets, duration, speed), predicted, wait=wait)
+        if pulses is not None:
+            set_outputs(self.device, pulses)
+        planned = _plan(mover, targets, duration, speed)
+        return mover.move(planned, predicted, wait=wait, edge_within_s=trigger_in)
 
     def plan(
         self,

@@ -14,12 +14,14 @@ from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
 from phaselead.control.run_away import run_away
 from phaselead.control.tracking import run_recording, set_up, ticks_of, track
+from phaselead.control.triggers import parse_outputs
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import (
     Capture,
     Device,
     DeviceFault,
     FrameReader,
+    NoEdge,
     after_interrupt,
     recording_of,
     wire,
@@ -104,6 +106,10 @@ class RunFile:
             os.remove(self.path)
             self._writer = None
 
+    def forget(self) -> None:
+        """Of a run that never began: drops the journal."""
+        self._remove()
+
     def recovery_hint(self) -> str:
         """After an error: how to get at what was received, or nothing when there is nothing to get at."""
         if self._writer is None:
@@ -140,6 +146,9 @@ def run_file(output: str | None, device: Device, mode: str, stage: Stage | None,
     run = RunFile(output, journal_header(device, mode, stage), driven=driven)
     try:
         yield run
+    except NoEdge:
+        run.forget()
+        raise
     except (PhaseleadError, KeyboardInterrupt) as error:
         said = [str(error)] if isinstance(error, PhaseleadError) else [after_interrupt(device)]
         error.args = ("; ".join(part for part in (*said, run.recovery_hint()) if part),)
@@ -172,12 +181,16 @@ def track_to_file(
     force: bool = False,
     follows: Follows = "true",
     on_progress: Progress | None = None,
+    trigger_out: str | None = None,
+    edge_within_s: float | None = None,
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
 
     A run that ends in a fault is written too. One that does so on the model is refused before anything moves
-    (``rehearse``), unless ``force``. ``follows``: which position is to follow a path in micrometres.
+    (``rehearse``), unless ``force``. ``follows``: which position is to follow a path in micrometres. ``trigger_out``:
+    as ``parse_outputs`` reads it.
     """
+    pulses = parse_outputs(trigger_out, waveforms)
     waveforms = followed(waveforms, stage, follows)
     if not force:
         rehearse(waveforms, mode, stage, gains or {}, duration_s)
@@ -193,9 +206,11 @@ def track_to_file(
                 force=force,
                 on_progress=on_progress,
                 sink=file.sink,
+                pulses=pulses,
+                edge_within_s=edge_within_s,
             )
         except DeviceFault as fault:
-            recording = run_recording(fault.capture, mode, stage)
+            recording = run_recording(fault.capture, mode, stage, pulses)
             file.write(fault.capture, recording)
             _add(fault, run_away(recording, _rows_until(fault.capture)), output and _kept_in(output))
             raise

@@ -22,11 +22,14 @@ from phaselead.device import (
     TICK_HZ,
     Device,
     MotionLimits,
+    NoEdge,
     Where,
     device_model,
     inverse_refusal,
     motion,
+    no_edge,
     read_limits,
+    wire,
 )
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage
@@ -99,6 +102,11 @@ class Planned:
     start_um: Mapping[str, float]
     target_um: Mapping[str, float]
     duration_s: float
+
+    def paths(self) -> dict[str, Goto]:
+        """The same as paths."""
+        ends = ((axis, self.start_um[axis], target) for axis, target in self.target_um.items())
+        return {axis: Goto(target - start, start, "um", 1 / self.duration_s) for axis, start, target in ends}
 
     def sentences(self, predicted: Mapping[str, float | None]) -> list[str]:
         """What will happen, a line an axis; ``predicted`` as ``rehearse_move`` gives it."""
@@ -250,21 +258,29 @@ class Mover:
         else:
             slowest = max(targets, key=lambda axis: self.limits(axis).shortest_s(way[axis]))
             refuse_too_fast(slowest, way[slowest], seconds, self.model(slowest))
-        for axis in targets:
-            goto = Goto(target[axis] - start[axis], start[axis], "um", 1 / seconds)
-            check_path(axis, goto, self.mode, _model(self.known, axis))
+        planned = Planned(start, target, seconds)
+        for axis, path in planned.paths().items():
+            check_path(axis, path, self.mode, _model(self.known, axis))
         refuse_beyond_hard_limits(read_limits(self.device), target)
-        return Planned(start, target, seconds)
+        return planned
 
     def move(
-        self, planned: Planned, predicted: Mapping[str, float | None] | None = None, *, wait: bool = True
+        self,
+        planned: Planned,
+        predicted: Mapping[str, float | None] | None = None,
+        *,
+        wait: bool = True,
+        edge_within_s: float | None = None,
     ) -> Moved:
         """Makes a move, behind any that is under way; waits until all axes are on target, or a second after the move.
+        With ``edge_within_s`` it begins at an edge of the trigger input, which may take so long.
 
-        Raises DeviceRefused when a fault ends it.
+        Raises DeviceRefused when a fault ends it, NoEdge when none has come: the axes hold where they were.
         """
         segments = {axis: motion.move_segment(um, planned.duration_s) for axis, um in planned.target_um.items()}
-        tick = motion.queue(self.device, segments)
+        tick = motion.queue(self.device, segments, at_trigger=edge_within_s is not None)
+        if edge_within_s is not None and wait:
+            tick = self._wait_for_edge(tick, edge_within_s)
         axes = set(planned.target_um)
         found = self.where()
         if wait:
@@ -287,6 +303,14 @@ class Mover:
                 window_um(self.model(axis)),
             )
         return Moved(moved)
+
+    def _wait_for_edge(self, tick: int, within_s: float) -> int:
+        """The tick in which what waits for the trigger input begins."""
+        while not (first_tick := self.device.session.request(wire.StatusRequest()).first_tick):
+            if self._next().tick > tick + within_s * TICK_HZ:
+                self.hold()
+                raise NoEdge(no_edge(within_s))
+        return first_tick
 
     def hold(self) -> Where:
         """Stops every axis, drops what is queued, and holds.

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from phaselead.drawing import AXIS_COLOURS, GREY, figure_style, new_figure, thin
+from phaselead.drawing import AXIS_COLOURS, GREY, SCALE, figure_style, new_figure, thin
 from phaselead.record import Recording, Samples
 
 Response = NDArray[np.complex128]
@@ -41,10 +42,11 @@ def loop_figure(
         figure = new_figure(9.4, 3.2)
         parts = (("|L|", open_loop), ("|S|", sensitivity), ("|T|", complementary))
         for axes, (name, values) in zip(figure.subplots(1, 3, sharex=True), parts, strict=True):
-            for gain, row in zip(gain_um_per_V, np.abs(values), strict=True):
-                axes.loglog(f_Hz, row, linewidth=1.0, label=f"{gain:.3g} µm/V")
+            for i, (gain, row) in enumerate(zip(gain_um_per_V, np.abs(values), strict=True)):
+                colour = SCALE(i / max(len(gain_um_per_V) - 1, 1))
+                axes.loglog(f_Hz, row, color=colour, linewidth=1.0, label=f"{gain:.3g} µm/V")
             axes.axhline(1.0, color=GREY, linewidth=0.8)
-            axes.set(title=name, xlabel="frequency (Hz)")
+            axes.set(title=name, xlabel="frequency (Hz)", ylabel="magnitude (1)")
         axes.legend()
         return figure
 
@@ -54,7 +56,7 @@ def learning_figure(
 ) -> Figure:
     """By axis: named errors (k,) against trial, of which ``kept`` is marked, and what is added to one period (n,)."""
     with figure_style():
-        figure = new_figure(9.4, 3.6)
+        figure = new_figure(9.4, 4.2)
         errors, added = figure.subplots(1, 2)
         for axis, named in errors_pct.items():
             for (name, values), style in zip(named.items(), ("o-", "s--", "^:"), strict=False):
@@ -63,7 +65,8 @@ def learning_figure(
             turns = np.arange(len(values)) / len(values)
             added.plot(turns, 1000 * values, color=AXIS_COLOURS[axis], linewidth=1.0)
         errors.axvline(kept, color=GREY, linewidth=0.8)
-        errors.set(xlabel="trial", ylabel="error (% of the swing)")
-        errors.legend()
-        added.set(xlabel="period", ylabel="played − asked (nm)")
+        errors.set(xlabel="trial (number)", ylabel="error (% of the swing)")
+        errors.xaxis.set_major_locator(MaxNLocator(integer=True))
+        errors.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2)
+        added.set(xlabel="time (periods)", ylabel="played − asked (nm)")
         return figure

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from phaselead.device import Capture, write_run
+from phaselead.device import TICK_HZ, Capture, Pulses, pulses_of, write_run
 from phaselead.record import RUN_SUFFIXES, Recording, SampledResult, Samples, export
 from phaselead.result import Table
 
@@ -47,6 +47,22 @@ class Run(SampledResult):
     figures: dict[str, Any]
     true_um: dict[str, Samples] | None = None
     """Where a virtual stage truly was, shape (n,) per axis; None on a real port."""
+    triggers: Mapping[str, Samples] = field(default_factory=dict)
+    """When each trigger output pulsed, by what it was told ("line"): times from the first tick of the path, shape (n,);
+    those of joins into and out of it are left out."""
+
+    def with_pulses(self, pulses: Sequence[Pulses]) -> Run:
+        """With what these outputs were recorded to do; their numbers are the figures ``triggers``."""
+        ticks, begin, end = self.capture.ticks, self.capture.recorded_from, self.capture.end_tick
+        found: dict[str, Samples] = {}
+        for output, one in enumerate(pulses):
+            pulsed = pulses_of(self.capture.axes, output)
+            if pulsed is not None:
+                found[one.name] = (ticks[pulsed & (ticks >= begin) & (ticks < end)] - begin) / TICK_HZ
+        if not found:
+            return self
+        counts = {name: len(times_s) for name, times_s in found.items()}
+        return replace(self, figures=self.figures | {"triggers": counts}, triggers=found)
 
     @property
     def t_s(self) -> Samples:
@@ -83,6 +99,8 @@ class Run(SampledResult):
                 numbers = (f"{part[name]:.4g}" for name in ("rms_um", "max_um_mean_removed"))
                 rows.append((axis, label, f"{part['max_um']:.4g}", f"{part['max_pct']:.2f}", *numbers))
         counted = f"{self.figures['ticks']} ticks, {self.figures['dropped']} dropped"
+        if self.triggers:
+            said.append("pulses: " + ", ".join(f"{name} {len(times_s)}" for name, times_s in self.triggers.items()))
         return [*said, *([Table(headings, tuple(rows), f"mode {self.mode}")] if rows else []), counted]
 
     def plot(self) -> Figure:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from phaselead.control.edge_start import start_at_edge
 from phaselead.control.errors import tracking_error
 from phaselead.control.feeding import point_feeder, refuse_endless, refuse_without_period, send_fed
 from phaselead.control.gains import check_loop
@@ -15,12 +16,17 @@ from phaselead.control.joins import enter_s, quiet_s
 from phaselead.control.modes import INVERTS, NEEDS_MODEL, USES_TABLES
 from phaselead.control.motion_limits import refuse_too_fast
 from phaselead.control.run import Run
+from phaselead.control.triggers import set_pulses
 from phaselead.control.true_position import TruePositions
 from phaselead.device import (
+    ALL_CHANNELS,
     TICK_HZ,
     Capture,
+    Channel,
     Device,
+    EdgeWait,
     PointFeeder,
+    Pulses,
     Standing,
     device_model,
     inverse_refusal,
@@ -67,7 +73,7 @@ def check_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | Non
         if mode in NEEDS_MODEL and stage is None:
             raise BadInput(
                 f"mode {mode} needs a model and the device holds none: --model STAGE.toml (`phaselead identify` makes "
-                "one; `phaselead upload --persist` keeps it on the device)"
+                "one; `phaselead upload --persist` keeps it on the device), or --mode pid, which needs none"
             )
         check_path(axis, waveform, mode, stage.axis(axis) if stage is not None else AxisModel())
 
@@ -123,33 +129,57 @@ def track(
     force: bool = False,
     on_progress: Callable[[float], None] | None = None,
     sink: Callable[[bytes], None] | None = None,
+    pulses: Sequence[Pulses] | None = None,
+    edge_within_s: float | None = None,
 ) -> Run:
     """Runs the paths of all axes together from the same tick and parks at the end. Each is entered from where its axis
     stands before it begins, and left where it ends, without a kick.
 
     ``gains`` are needed by modes with pid; ``force`` takes them whatever the model says. ``on_progress`` is given the
-    fraction done; ``sink`` every chunk as it came off the line, for a journal.
+    fraction done; ``sink`` every chunk as it came off the line, for a journal. ``pulses``: what the trigger outputs
+    do; with ``edge_within_s`` the paths begin at an edge of the trigger input.
 
     Raises:
         BadInput: a path that the mode, the limits or the model do not allow, or gains that the model's loop cannot
             stand; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
-    ready = set_up(device, waveforms, mode, stage=stage, gains=gains, duration_s=duration_s, force=force)
+    ready = set_up(
+        device,
+        waveforms,
+        mode,
+        stage=stage,
+        gains=gains,
+        duration_s=duration_s,
+        force=force,
+        edge_within_s=edge_within_s,
+    )
     waveforms, ticks = ready.waveforms, ready.ticks
+    set_pulses(device, pulses, stage or held_stage(device, "".join(waveforms)) if pulses else None)
     true = TruePositions(device, ticks)
     capture = device.capture(
         ticks,
         axes="".join(sorted(waveforms)),
+        channels=channels_of_run(len(waveforms), pulses),
         lead_ticks=ready.lead_ticks,
         tail_ticks=ready.tail_ticks,
+        edge=ready.edge,
         progress=None if on_progress is None else lambda done: on_progress(done / ticks),
         sink=sink,
         feeder=ready.feeder,
     )
-    recording = run_recording(capture, mode, stage)
+    recording = run_recording(capture, mode, stage, pulses)
     true_um = true.of(recording, capture)
-    return Run(recording, capture, run_figures(recording, capture, waveforms, mode, true_um), true_um)
+    run = Run(recording, capture, run_figures(recording, capture, waveforms, mode, true_um), true_um)
+    return run.with_pulses(pulses or ())
+
+
+def channels_of_run(axes: int, pulses: Sequence[Pulses] | None) -> int:
+    """What is streamed of so many axes: all, and what the triggers do where they are in use. Three axes with all of it
+    are more than the line carries; a replay does without the feedback's volts, which are worked out anew."""
+    if not pulses:
+        return ALL_CHANNELS
+    return ALL_CHANNELS + Channel.TRIGGER - (Channel.FEEDBACK if axes > 2 else 0)
 
 
 class SetUp(NamedTuple):
@@ -164,6 +194,8 @@ class SetUp(NamedTuple):
     """Of the way out of them."""
     feeder: PointFeeder | None = None
     """Sends the points of paths that are longer than the device's memory."""
+    edge: EdgeWait | None = None
+    """What begins the paths, if it is not the start."""
 
 
 def set_up(
@@ -176,9 +208,10 @@ def set_up(
     duration_s: float | None = None,
     endless: bool = False,
     force: bool = False,
+    edge_within_s: float | None = None,
 ) -> SetUp:
-    """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``. Raises BadInput
-    as ``track``."""
+    """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``, and begin at an
+    edge of the trigger input where that is waited for. Raises BadInput as ``track``."""
     known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
     check_paths(waveforms, mode, known)
     if endless:
@@ -195,10 +228,26 @@ def set_up(
         model = None if known is None else known.axes.get(axis)
         entered_s[axis] = enter_s(waveform, standing[axis], mode, model)
         left_s[axis] = quiet_s(model)
+        if edge_within_s is not None:  # nothing begins at once out of a hold
+            entered_s[axis] = max(entered_s[axis], left_s[axis])
     lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
     feeder = None if endless else point_feeder(device, waveforms, ticks - lead_ticks, entered_s, left_s)
     if feeder is not None:
         feeder.begin()
+    tail_ticks = round(2 * max(left_s.values()) * TICK_HZ)
+    if edge_within_s is not None:
+        edge = start_at_edge(
+            device,
+            waveforms,
+            mode,
+            gains or {},
+            ticks=ticks - lead_ticks,
+            enter_s=max(entered_s.values()),
+            leave_s=max(left_s.values()),
+            feeder=feeder,
+            within_s=edge_within_s,
+        )
+        return SetUp(dict(waveforms), ticks, lead_ticks, tail_ticks, feeder, edge)
     for axis, waveform in waveforms.items():
         own_gains, length = (gains or {}).get(axis), 0 if endless else ticks - lead_ticks
         if feeder is not None and axis in feeder.points:
@@ -207,7 +256,7 @@ def set_up(
             send_axis(device, axis, waveform, mode, own_gains, length)
         leaves = waveform.periodic or waveform.played_as == "points"
         motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if leaves else 0.0)
-    return SetUp(dict(waveforms), ticks, lead_ticks, round(2 * max(left_s.values()) * TICK_HZ), feeder)
+    return SetUp(dict(waveforms), ticks, lead_ticks, tail_ticks, feeder)
 
 
 def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:
@@ -222,11 +271,14 @@ def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *,
     return [line for line in found if line is not None]
 
 
-def run_recording(capture: Capture, mode: str, stage: Stage | None) -> Recording:
-    """The capture of a run in units, with the stage file it was driven by."""
+def run_recording(
+    capture: Capture, mode: str, stage: Stage | None, pulses: Sequence[Pulses] | None = None
+) -> Recording:
+    """The capture of a run in units, with the stage file it was driven by, and the names of its trigger outputs."""
     closed = frozenset(capture.axes) if mode != "open" else frozenset[str]()
-    meta = {"mode": mode, "stage": stage_text(stage) if stage is not None else ""}
-    return recording_of(capture, closed_loop=closed, meta=meta)
+    meta: dict[str, Any] = {"mode": mode, "stage": stage_text(stage) if stage is not None else ""}
+    named = {"trigger_out": [one.name for one in pulses]} if pulses else {}
+    return recording_of(capture, closed_loop=closed, meta=meta | named)
 
 
 def assumed_limits(device: Device) -> str | None:

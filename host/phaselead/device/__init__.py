@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.device import motion, wire
-from phaselead.device.capture import DeviceFault, RanDry, Spool, park_quietly
+from phaselead.device.capture import DeviceFault, EdgeWait, NoEdge, RanDry, Spool, no_edge, park_quietly
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
@@ -16,7 +16,7 @@ from phaselead.device.live import Live, LiveAxis, LiveSamples
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.points import PointFeeder
-from phaselead.device.quantities import TICK_HZ, Converters, converters
+from phaselead.device.quantities import TICK_HZ, Converters, converters, path_request
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Refused, Session
 from phaselead.device.standing import (
@@ -29,16 +29,19 @@ from phaselead.device.standing import (
     status_in_units,
 )
 from phaselead.device.status import DeviceStatus
-from phaselead.device.stream import AXES, Capture, Gap, Stream, axes_of, decode_samples
+from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, Gap, Stream, axes_of, decode_samples
 from phaselead.device.transient import Trigger, pull, set_trigger
+from phaselead.device.triggers import OUTPUTS, Pulses, pulses_of, set_outputs
 from phaselead.device.wire import Channel, Mode
 from phaselead.serial_ports import BAUD
 
 __all__ = [
+    "ALL_CHANNELS",
     "AXES",
     "BAUD",
     "IDS_RESERVED",
     "LARGEST_STEP_V",
+    "OUTPUTS",
     "TICK_HZ",
     "AxisLimits",
     "AxisWhere",
@@ -48,6 +51,7 @@ __all__ = [
     "Device",
     "DeviceFault",
     "DeviceStatus",
+    "EdgeWait",
     "FaultLog",
     "FaultPage",
     "FrameReader",
@@ -59,7 +63,9 @@ __all__ = [
     "LiveSamples",
     "Mode",
     "MotionLimits",
+    "NoEdge",
     "PointFeeder",
+    "Pulses",
     "RanDry",
     "Refused",
     "SelfTest",
@@ -86,8 +92,11 @@ __all__ = [
     "inverse_refusal",
     "looser_than",
     "motion",
+    "no_edge",
     "park_quietly",
+    "path_request",
     "pull",
+    "pulses_of",
     "read_capture",
     "read_fault_log",
     "read_limits",
@@ -98,6 +107,7 @@ __all__ = [
     "says_when_interrupted",
     "selftest",
     "set_limits",
+    "set_outputs",
     "set_trigger",
     "standings",
     "status_in_units",

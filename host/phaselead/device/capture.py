@@ -77,6 +77,28 @@ class RanDry(DeviceFault):
 
 
 @dataclass(frozen=True)
+class EdgeWait:
+    """Paths that begin at an edge of the trigger input: ``queue`` is sent ``after_ticks`` after START, and the edge may
+    take ``within_s``."""
+
+    queue: wire.QueueRequest
+    after_ticks: int
+    within_s: float
+
+
+class NoEdge(DeviceRefused):
+    """No edge came at the trigger input; the device was parked, or holds where it was."""
+
+
+def no_edge(within_s: float) -> str:
+    """Says so, and what can be done."""
+    return (
+        f"no edge came at the trigger input within {within_s:g} s; look at its wire (docs/board.md; of a virtual stage "
+        "sim://...?trigger=2s), or wait longer"
+    )
+
+
+@dataclass(frozen=True)
 class Plan:
     """What to capture. ``axes`` are letters; ``start`` arms and starts their paths together."""
 
@@ -99,6 +121,8 @@ class Plan:
     """Run on after the record, before parking: the paths are being left."""
     feeder: PointFeeder | None = None
     """Sends what the paths still lack."""
+    edge: EdgeWait | None = None
+    """The paths that are started are holds; those to come begin at an edge of the trigger input."""
 
     @property
     def axis_mask(self) -> int:
@@ -231,6 +255,25 @@ class _Run:
             if progress is not None:
                 progress(min(max(self.next_tick - from_tick, 0), end_tick - from_tick))
 
+    def wait_for_edge(self, edge: EdgeWait, started_tick: int) -> int:
+        """The tick in which the paths begin once an edge has come at the trigger input, or the last one when a fault
+        came first. Raises NoEdge."""
+        self.run_on(started_tick + edge.after_ticks)
+        if not self.faulted:
+            self.session.request(edge.queue)
+        self.status, self.pending = None, None  # of before the paths were queued
+        end_s = self.clock_s + edge.within_s
+        while not self.faulted:
+            if self.status is not None and self.status.first_tick:
+                return self.status.first_tick
+            if self.clock_s > end_s:
+                raise NoEdge(no_edge(edge.within_s))
+            self.pump(self.bytes_of(READ_FEEDING_S))
+            self.feed()
+            if self.silent_s > SILENCE_S:
+                raise LinkError(self.why_silent())
+        return self.next_tick
+
     def run_on(self, end_tick: int) -> None:
         """Until the stream has passed ``end_tick``, or a fault; nothing is sent."""
         while self.next_tick < end_tick and not self.faulted:
@@ -333,8 +376,10 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
     start_tick = -1
     if plan.start:
         session.request(wire.ArmRequest(plan.model_crc))
-        started = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes)))
-        start_tick = started.first_tick - plan.lead_ticks
+        first_tick = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).first_tick
+        if plan.edge is not None:
+            first_tick = run.wait_for_edge(plan.edge, first_tick)
+        start_tick = first_tick - plan.lead_ticks
     begin = start_tick if plan.start else first.tick
     end_tick = begin + plan.ticks
     run.run_to(end_tick, progress, begin)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from phaselead.device import wire
 from phaselead.device.capture import (
+    EdgeWait,
     Plan,
     Progress,
     Sink,
@@ -305,6 +306,12 @@ class Device:
         (self._waves.add if kind == wire.PathKind.WAVE else self._waves.discard)(axis)
         return reply
 
+    def set_hold(self, axis: str, *, then: wire.PathKind) -> None:
+        """As ``set_path``: to hold where the axis stands when it is started, until a path of that kind is queued."""
+        self.set_path(axis, wire.PathKind.HOLD)
+        if then == wire.PathKind.WAVE:
+            self._waves.add(axis)
+
     def upload_wave(self, axis: str, points: NDArray[np.float64]) -> None:
         """One period of a waveform, 1024 points of 0 .. 1 of the swing; while parked. It is read back."""
         index, data = axis_index(axis), wave_points(points)
@@ -392,6 +399,7 @@ class Device:
         sink: Sink | None = None,
         spool: Spool | None = None,
         feeder: PointFeeder | None = None,
+        edge: EdgeWait | None = None,
     ) -> Capture:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
@@ -400,11 +408,13 @@ class Device:
         ``lead_ticks`` before the paths, and ``tail_ticks`` pass after it before parking. ``progress`` gets the ticks
         done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and commands
         in its place, and the capture then holds neither: for one that is larger than the memory. ``feeder`` sends
-        points of the paths meanwhile. On Ctrl-C and on errors the device is parked before the exception goes on.
+        points of the paths meanwhile. ``edge``: what is started is held, and its paths begin at an edge of the trigger
+        input. On Ctrl-C and on errors the device is parked before the exception goes on.
 
         Raises:
             DeviceFault: a fault latched; its ``capture`` holds what was recorded. RanDry, one of them, when points
                 came too late.
+            NoEdge: none came at the trigger input; the device was parked.
         """
         if ticks < 1 or not axes or len(set(axes)) != len(axes):
             raise BadInput(f"a capture of {ticks} ticks of axes {axes!r}: at least one tick, each axis once")
@@ -425,6 +435,7 @@ class Device:
             lead_ticks,
             tail_ticks,
             feeder,
+            edge,
         )
         return capture(self.session, self.hello, plan, progress, sink)
 

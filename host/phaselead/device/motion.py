@@ -143,9 +143,10 @@ def set_motion(device: Device, axis: str, limits: MotionLimits, window_um: float
     device.session.request(wire.MotionRequest(axis_index(axis), velocity, acceleration, jerk, window_q16, window_ticks))
 
 
-def hold_from_start(device: Device, axis: str, join_s: float) -> None:
-    """The path of an axis: to hold where it stands when it is started, passed to within ``join_s``."""
-    device.set_path(axis, "hold")
+def hold_from_start(device: Device, axis: str, join_s: float, then: wire.PathKind = wire.PathKind.HOLD) -> None:
+    """The path of an axis: to hold where it stands when it is started, passed to within ``join_s``; ``then`` is
+    the kind of path that is to be queued."""
+    device.set_hold(axis, then=then)
     device.session.request(wire.SetJoinsRequest(axis_index(axis), wire.PathFlag.FROM_HERE, join_ticks(join_s), 0))
 
 
@@ -173,18 +174,33 @@ def move_segment(target_um: float, duration_s: float, *, enter_s: float = 0.0, m
     )
 
 
+def path_segment(asked: wire.SetPathRequest, enter_ticks: int, leave_ticks: int) -> wire.Segment:
+    """A path as it would be set, for the queue."""
+    return wire.Segment(
+        asked.path, 0, asked.swing, asked.offset, asked.step_turn64, asked.ticks, enter_ticks, leave_ticks
+    )
+
+
 def hold_segment(enter_s: float) -> wire.Segment:
     """To stop where the axis is half a join from now."""
     return wire.Segment(wire.PathKind.HOLD, wire.PathFlag.FROM_HERE, 0, 0, 0, 0, join_ticks(enter_s), 0)
 
 
-def queue(device: Device, segments: Mapping[str, wire.Segment], *, at_once: bool = False, begin_tick: int = 0) -> int:
-    """Puts a path behind those under way, for each axis; all begin in the same tick. Returns the device's tick.
+def queue(
+    device: Device,
+    segments: Mapping[str, wire.Segment],
+    *,
+    at_once: bool = False,
+    begin_tick: int = 0,
+    at_trigger: bool = False,
+) -> int:
+    """Puts a path behind those under way, for each axis; all begin in the same tick, with ``at_trigger`` not before an
+    edge of the trigger input. Returns the device's tick.
 
     Raises Refused, in the words of protocol/schema.toml.
     """
     for axis in segments:
         axis_index(axis)
     three = tuple(segments.get(axis, NOTHING) for axis in AXES)
-    request = wire.QueueRequest(mask_of("".join(segments)), int(at_once), begin_tick, three)
+    request = wire.QueueRequest(mask_of("".join(segments)), int(at_once), begin_tick, three, int(at_trigger))
     return device.session.request(request).tick

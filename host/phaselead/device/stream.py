@@ -12,7 +12,8 @@ from phaselead.device import wire
 from phaselead.errors import LinkError
 
 AXES = "xyz"
-ALL_CHANNELS = sum(wire.Channel)
+ALL_CHANNELS = sum(channel for channel in wire.Channel if channel.name != "TRIGGER")
+"""Of the axes. What the device's triggers do costs a byte more a tick and axis: only where they are in use."""
 HEAD = np.dtype(
     [
         ("type", "u1"),
@@ -43,6 +44,8 @@ class AxisStream:
     """V q11."""
     feedback: NDArray[np.int16] | None = None
     """V q11."""
+    trigger: NDArray[np.uint8] | None = None
+    """Of the device: bits 0 to 2 for an output that pulses in the tick, bit 7 for an edge at the input."""
 
 
 @dataclass(frozen=True)

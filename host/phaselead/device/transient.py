@@ -48,7 +48,7 @@ class Trigger:
             raise BadInput(f"trigger {self.on!r}: must be one of {', '.join(names)}")
         levels = [level for level in (self.above_um, self.below_um) if level is not None]
         if (self.on == "threshold") != (len(levels) == 1) or len(levels) > 1:
-            raise BadInput("a threshold needs either a level above or one below, and nothing else takes one")
+            raise BadInput("a threshold takes one level, --above UM or --below UM, and nothing else takes any")
         if not 1 <= self.every <= 65535:
             raise BadInput(f"every {self.every}: between 1 and 65535 ticks")
         if not 0 <= self.after <= 1:

@@ -15,7 +15,7 @@ from phaselead.errors import LinkError
 
 FINGERPRINT = 0xD1C20CFC
 VERSION = 2
-REVISION = 3
+REVISION = 4
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -23,7 +23,14 @@ HEADER = struct.Struct("<BHQ")
 """type, id, session"""
 REPLY_HEAD = struct.Struct("<BQ")
 """status, tick"""
-CHANNEL_DTYPES = {"reference": "<i4", "adc": "<u2", "dac": "<u2", "feedforward": "<i2", "feedback": "<i2"}
+CHANNEL_DTYPES = {
+    "reference": "<i4",
+    "adc": "<u2",
+    "dac": "<u2",
+    "feedforward": "<i2",
+    "feedback": "<i2",
+    "trigger": "<u1",
+}
 """Of one axis in one tick of a samples batch, in the order of Channel's bits."""
 
 
@@ -234,6 +241,7 @@ class Channel(IntEnum):
     DAC = 4
     FEEDFORWARD = 8
     FEEDBACK = 16
+    TRIGGER = 32
 
 
 class Region(IntEnum):
@@ -253,6 +261,7 @@ class EventKind(IntEnum):
     FAULT = 1
     STREAM_OVERFLOW = 2
     PATH_DONE = 3
+    TRIGGER = 4
 
 
 class UpdateStanding(IntEnum):
@@ -270,6 +279,16 @@ class Trigger(IntEnum):
     SET_POINT = 1
     THRESHOLD = 2
     INPUT = 3
+
+
+class Mark(IntEnum):
+    """Where on the path of an axis a trigger output pulses."""
+
+    NONE = 0
+    TURN = 1
+    TIME = 2
+    WAY = 3
+    TARGET = 4
 
 
 class TransientState(IntEnum):
@@ -781,9 +800,10 @@ class StatusReply(Reply):
 
     NAME: ClassVar[str] = "status reply"
     NUMBER: ClassVar[int] = 0x83
-    SIZE: ClassVar[int] = 65
+    SIZE: ClassVar[int] = 73
+    LEAST: ClassVar[int | None] = 65
     PLATFORM: ClassVar[frozenset[str]] = frozenset({"overruns", "rx_errors"})
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBQ3BB3H3H3IIIII")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQBBBBQ3BB3H3H3IIIIIQ")
     status: int
     tick: int
     """the tick before which the command took effect."""
@@ -807,6 +827,8 @@ class StatusReply(Reply):
     rx_errors: int
     """frames thrown away: bad COBS, CRC or length."""
     model_crc: int
+    first_tick: int = 0
+    """in which the paths begin that an edge at the trigger input has begun; 0: those queued last still wait for one."""
 
     def pack(self) -> bytes:
         return _pack(
@@ -828,6 +850,7 @@ class StatusReply(Reply):
             self.stream_dropped,
             self.rx_errors,
             self.model_crc,
+            self.first_tick,
         )
 
     @classmethod
@@ -851,6 +874,7 @@ class StatusReply(Reply):
             v[21],
             v[22],
             v[23],
+            v[24],
         )
 
 
@@ -1877,7 +1901,9 @@ class MotionReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class MotionRequest(Command[MotionReply]):
-    """Limits of what is queued from now on, the window of `where`, and nothing that a tick depends on."""
+    """Limits of what is queued from now on, and the window of `where` and of the mark `target`; no output of an axis
+    depends on them.
+    """
 
     NAME: ClassVar[str] = "motion"
     NUMBER: ClassVar[int] = 0x40
@@ -1957,8 +1983,9 @@ class QueueRequest(Command[QueueReply]):
         Status.BUSY: "the queue is full; wait until a path of it has begun",
         Status.WRONG_STATE: "nothing runs, or points of the path before are still to come",
     }
-    SIZE: ClassVar[int] = 100
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBQ90s")
+    SIZE: ClassVar[int] = 101
+    LEAST: ClassVar[int | None] = 100
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBQ90sB")
     axis_mask: int
     at_once: int
     """1: what is queued for these axes is dropped, and the paths under way are left."""
@@ -1966,6 +1993,8 @@ class QueueRequest(Command[QueueReply]):
     """0: when the paths before have ended; those without an end are left at once."""
     segments: tuple[Segment, ...]
     """of axes x, y, z."""
+    at_trigger: int = 0
+    """1: nor before an edge of the trigger input: the next one from then on; an EVENT and STATUS say when."""
 
     def pack(self) -> bytes:
         if len(self.segments) != 3:
@@ -1977,13 +2006,14 @@ class QueueRequest(Command[QueueReply]):
             self.at_once,
             self.begin_tick,
             b"".join(item.pack() for item in self.segments),
+            self.at_trigger,
         )
 
     @classmethod
     def unpack(cls, payload: bytes) -> QueueRequest:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1], v[2], tuple(Segment.unpack(v[3][i : i + 30]) for i in range(0, 90, 30)))
+        return cls(v[0], v[1], v[2], tuple(Segment.unpack(v[3][i : i + 30]) for i in range(0, 90, 30)), v[4])
 
 
 @dataclass(frozen=True, slots=True)
@@ -2174,6 +2204,76 @@ class PointsRequest(Command[PointsReply]):
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
         return cls(v[0], v[1], v[2], payload[cls.SIZE :])
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerSetReply(Reply):
+    """The answer to trigger_set."""
+
+    NAME: ClassVar[str] = "trigger_set reply"
+    NUMBER: ClassVar[int] = 0xC7
+    SIZE: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BQ")
+    status: int
+    tick: int
+    """the tick before which the command took effect."""
+
+    def pack(self) -> bytes:
+        return _pack(TriggerSetReply.NAME, TriggerSetReply.LAYOUT, self.status, self.tick)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TriggerSetReply:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1])
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerSetRequest(Command[TriggerSetReply]):
+    """Where one of the three trigger outputs pulses, on the path of one axis; until another is set, or the session,
+    the model or the hard limits change.
+    """
+
+    NAME: ClassVar[str] = "trigger_set"
+    NUMBER: ClassVar[int] = 0x47
+    REPLY: ClassVar[type[Any]] = TriggerSetReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BAD_VALUE: "no such output, axis or mark, or marks closer than a tick or 2 nm",
+    }
+    SIZE: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBIi")
+    output: int
+    """0 to 2."""
+    mark: int
+    """turn: where a periodic path begins, and so often a turn; time: where a path begins, and every so many ticks;
+    way: where the reference passes one of the places; target: once after each change of the reference, when it
+    rests and the axis has been within its window for as long as MOTION says.
+    """
+    axis: int
+    rising: int
+    """way: 1: on the way up alone."""
+    every: int
+    """turn: so many a turn; time: ticks; way: um q16 (V q24 in mode open) from place to place."""
+    origin: int
+    """way: one of the places."""
+
+    def pack(self) -> bytes:
+        return _pack(
+            TriggerSetRequest.NAME,
+            TriggerSetRequest.LAYOUT,
+            self.output,
+            self.mark,
+            self.axis,
+            self.rising,
+            self.every,
+            self.origin,
+        )
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TriggerSetRequest:
+        payload = cls.fitted(payload)
+        v = cls.LAYOUT.unpack_from(payload)
+        return cls(v[0], v[1], v[2], v[3], v[4], v[5])
 
 
 @dataclass(frozen=True, slots=True)
@@ -2934,7 +3034,7 @@ class TransientReadReply(Reply):
 @dataclass(frozen=True, slots=True)
 class TransientReadRequest(Command[TransientReadReply]):
     """What the transient recorder does, and once it is frozen what it holds, oldest first: per entry the tick (u32,
-    its low half) and for each axis the fields of [tick].
+    its low half) and for each axis the first five fields of [tick].
     """
 
     NAME: ClassVar[str] = "transient_read"
@@ -2996,7 +3096,7 @@ class Samples(Message):
 
 @dataclass(frozen=True, slots=True)
 class Event(Message):
-    """A change of state, a fault, the end of a path."""
+    """A change of state, a fault, the end of a path, an edge at the trigger input that was waited for."""
 
     NAME: ClassVar[str] = "event"
     NUMBER: ClassVar[int] = 0x71
@@ -3005,7 +3105,9 @@ class Event(Message):
     tick: int
     kind: int
     value: int
-    """state_change: the state; fault: the fault; path_done: the axis; stream_overflow: ticks dropped so far."""
+    """state_change: the state; fault: the fault; path_done: the axis; stream_overflow: ticks dropped so far;
+    trigger: mask of the axes whose paths it begins.
+    """
 
     def pack(self) -> bytes:
         return _pack(Event.NAME, Event.LAYOUT, self.tick, self.kind, self.value)
@@ -3070,6 +3172,8 @@ MESSAGES: dict[int, type[Message]] = {
     0xC5: PointsBeginReply,
     0x46: PointsRequest,
     0xC6: PointsReply,
+    0x47: TriggerSetRequest,
+    0xC7: TriggerSetReply,
     0x42: SetGainsRequest,
     0xC2: SetGainsReply,
     0x43: WhereRequest,

@@ -29,7 +29,7 @@ from phaselead.gap.locate import excludes, headline, percent, unit_of
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Scene, Stage, derived_sizes
-from phaselead.record import write_text
+from phaselead.record import Source, write_text
 from phaselead.result import Result, Table, json_text
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ class GapResult(Result):
     """The size from which each effect is expected to be named, by noise, the base's misfit and the excitation alone."""
     base: Stage | None = None
     """The model that was compared."""
+    sources: Mapping[str, tuple[Source, ...]] = field(default_factory=dict)
+    """The recordings by what they were given as: train, holdout, reference."""
     verification: TrackingComparison | None = None
     """What tracking on a device came to, where that was asked for."""
 

@@ -57,7 +57,8 @@ def run_gap(
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
-    return replace(found, base=stage)
+    parts = {"train": train, "holdout": holdout, "reference": reference}
+    return replace(found, base=stage, sources={name: tuple(r.traced for r in part) for name, part in parts.items()})
 
 
 def verified_on(port: str, base: Stage, result: GapResult, on_progress: Progress | None = None) -> GapResult:

@@ -5,7 +5,6 @@ This is what `phaselead identify` does.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -132,7 +131,7 @@ def identify_device(
         mine = [(r, e) for r, e in zip(records, chosen, strict=True) if e.axis == axis]
         fits, rest_s = [not e.held_out for _, e in mine], mine[0][1].rest_s
         found = creeping.with_creep(found, axis, record, [r for r, _ in mine], fits, rest_s)
-        source = provenance_of(None, [replace(record, sha256=_digest(record))]).data
+        source = provenance_of(None, [replace(record, sha256=record.samples_sha256)]).data
         origin = found.provenance.model_copy(update={"data": (*found.provenance.data, *source)})
         found = found.model_copy(update={"provenance": origin})
         report.messages.append(f"axis {axis}: {creeping.described_creep(found.axis(axis))}; adopted as effect creep")
@@ -191,13 +190,13 @@ def refuse_resumed(plan: Sequence[Experiment], kept: Kept) -> None:
 
 
 def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None, holds: Mapping[str, Goto]) -> None:
-    """Raises BadInput for the first level of the plan, or move into a hold, that the limits (without a parent: the
+    """Raises BadInput for the largest level of the plan, or move into a hold, that the limits (without a parent: the
     defaults) leave out."""
 
     def model_of(axis: str) -> AxisModel:
         return parent.axes.get(axis, AxisModel()) if parent is not None else AxisModel()
 
-    for e in plan:
+    for e in sorted(plan, key=lambda e: -e.swing_V):
         model = model_of(e.axis)
         try:
             refuse_out_of_range(Sine(e.swing_V, 0.0, "V", e.f_Hz), model)
@@ -261,15 +260,6 @@ def recording_of_experiment(capture: Capture, experiment: Experiment) -> Recordi
     """The capture in units, scored after its settling periods. Raises BadInput when it is gapped."""
     recording = recording_of(capture, meta={"mode": "open"})
     settle = round(experiment.settle_periods / experiment.f_Hz * TICK_HZ)
-    recording = replace(recording, source=experiment.name, scored=slice(settle, None), sha256=_digest(recording))
+    recording = replace(recording, source=experiment.name, scored=slice(settle, None), sha256=recording.samples_sha256)
     refuse_gapped(recording)
     return recording
-
-
-def _digest(recording: Recording) -> str:
-    """SHA-256 over the samples, for the stage file's provenance."""
-    digest = hashlib.sha256(recording.t_s.tobytes())
-    for axis in recording.axes.values():
-        for values in (axis.u_V, axis.x_um):
-            digest.update(b"" if values is None else values.tobytes())
-    return digest.hexdigest()

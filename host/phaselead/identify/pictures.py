@@ -15,7 +15,7 @@ def error_bars(labels: Sequence[str], max_pct: Sequence[float], mean_pct: Sequen
     """Largest and mean errors as bars, one pair for each label, the first on top."""
     at = np.arange(len(labels))[::-1]
     with figure_style():
-        figure = new_figure(7.4, 1.4 + 0.4 * len(labels))
+        figure = new_figure(9.4, 1.4 + 0.4 * len(labels))
         axes = figure.add_subplot()
         axes.barh(at + 0.18, list(max_pct), height=0.36, color=RED, label="largest error")
         axes.barh(at - 0.18, list(mean_pct), height=0.36, color=BLUE, label="mean error")

@@ -27,11 +27,14 @@ class Verification:
     max_pct: float
     mean_pct: float
     axis: str = "x"
+    sha256: str = ""
+    """Of the recording's file, else of its samples."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
     """As it goes into JSON."""
     figures = asdict(verification)
+    del figures["sha256"]  # of the page; a reader of the JSON has the file
     if verification.axis == "x":
         del figures["axis"]  # the plain form of a one-axis recording
     return figures
@@ -50,6 +53,7 @@ def verify(
     for recording in recordings:
         driven = driven_axes(recording)
         predicted = predict(stage, recording) if view == "time" else None
+        sha256 = recording.traced.sha256
         for axis in driven:
             run = axis_run(recording, axis)
             if predicted is None:
@@ -59,16 +63,17 @@ def verify(
                 x = predicted.axes[axis].x_um
                 assert x is not None
                 model = x[run.scored]
-            found.append(_judge(run, model, refit_offset))
+            found.append(_judge(run, model, refit_offset, sha256))
     return found
 
 
-def _judge(run: AxisRun, model: Samples, refit_offset: bool) -> Verification:
+def _judge(run: AxisRun, model: Samples, refit_offset: bool, sha256: str) -> Verification:
     error = run.x_um[run.scored] - model
     if refit_offset:
         error = error - error.mean()
     largest, mean, range_um = float(np.abs(error).max()), float(np.abs(error).mean()), run.range_um
-    return Verification(run.source, largest, mean, range_um, 100 * largest / range_um, 100 * mean / range_um, run.axis)
+    shares_pct = 100 * largest / range_um, 100 * mean / range_um
+    return Verification(run.source, largest, mean, range_um, *shares_pct, run.axis, sha256)
 
 
 def _table_response(stage: Stage, run: AxisRun) -> Samples:

@@ -33,8 +33,15 @@ class Verifications(Result, list[Verification]):
     sine:4V@5Hz  x     ...
     """
 
-    def __init__(self, verifications: Iterable[Verification] = (), view: View = "time", model: str = "") -> None:
+    def __init__(
+        self,
+        verifications: Iterable[Verification] = (),
+        view: View = "time",
+        model: str = "",
+        model_sha256: str = "",
+    ) -> None:
         list.__init__(self, verifications)
+        self.model_sha256 = model_sha256
         self.view: View = view
         self.model_name = model
 

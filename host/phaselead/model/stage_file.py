@@ -198,7 +198,7 @@ def load_stage(path: str | Path) -> Stage:
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError:
-        raise BadInput(f"{path}: is not text; a stage file is TOML in UTF-8") from None
+        raise BadInput(f"{path}: is not text, but a stage file (.toml) is; is it a recording?") from None
     return parse_stage(text, str(path))
 
 

@@ -7,6 +7,7 @@ from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
+from phaselead.record.digest import Source, file_sha256
 from phaselead.record.direction import counts_backwards
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
@@ -35,11 +36,13 @@ __all__ = [
     "RecordsLike",
     "SampledResult",
     "Samples",
+    "Source",
     "atomic_path",
     "check_output",
     "counts_backwards",
     "export",
     "facts_of",
+    "file_sha256",
     "from_columns",
     "gather",
     "gather_one",

@@ -11,6 +11,7 @@ import numpy as np
 
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.columns import columns_of
+from phaselead.record.digest import Source, samples_sha256
 from phaselead.record.sampled import SampledResult
 from phaselead.result import Result, Table, pairs_table
 
@@ -48,7 +49,7 @@ class Recording(SampledResult):
     source: str = ""
     """The argument it was read from, for messages."""
     sha256: str = ""
-    """Of the file's bytes."""
+    """Of the file's bytes; empty where it was not read from one."""
     meta: dict[str, Any] = field(default_factory=dict)
     """Attributes of the file: stage file text, device, gaps ..."""
 
@@ -66,6 +67,16 @@ class Recording(SampledResult):
     def columns(self) -> Mapping[str, Samples]:
         """The samples by column, in the order of a CSV header: arrays of shape (n,)."""
         return columns_of(self.t_s, self.axes)
+
+    @property
+    def samples_sha256(self) -> str:
+        """SHA-256 of the samples, the same in every file that holds them to the last bit."""
+        return samples_sha256(self.t_s, self.axes)
+
+    @property
+    def traced(self) -> Source:
+        """Its name, and the SHA-256 of its file, else of its samples: what a report traces its numbers to."""
+        return Source(self.source or "recording", self.sha256 or self.samples_sha256)
 
     def facts(self) -> dict[str, Any]:
         """Length, rate, axes and ranges, and what its file says of where it came from: what ``log info`` prints."""

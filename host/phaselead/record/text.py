@@ -29,6 +29,8 @@ from phaselead.record.columns import (
 
 COMMENTS = (b"#", b"%")
 MOST_HEADING_LINES = 1000
+STAGE_FILE = 'format = "phaselead-stage"'
+"""How a stage file begins, which is easily given in place of a recording."""
 _COMMENT_LINES = re.compile(rb"(?m)^[ \t]*[#%][^\n]*(?:\n|\Z)")
 _BLANKS = re.compile(rb"[ \t]+")
 _LINE_ENDS = re.compile(rb"(?m)^ | $")
@@ -138,6 +140,8 @@ def _own_layout(content: bytes, source: str) -> _Layout:
         if not comment:
             first = line.decode("utf-8", "replace")
             break
+    if first.startswith(STAGE_FILE):
+        raise BadInput(f"{source}: is a stage file (--model takes one); give a recording (.csv or .h5)")
     raise BadInput(
         f"{source}: the first line, {shown(first)}, is no header such as t_s,u_V,x_um; "
         f"name the columns there, map them, e.g. {MAP_EXAMPLE}, or let `phaselead log import {source}` find them"

@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from phaselead.drawing import BLUE, GREY, ORANGE, figure_style, new_figure
+from phaselead.record import Source, file_sha256
+from phaselead.report.origin import Origin
 from phaselead.report.page import write_page
 from phaselead.validation import FAILED, NOTHING, UNKNOWN, reached
 
@@ -19,6 +21,8 @@ ON_DARK, ON_LIGHT = "#f7f7f7", "#1b1f24"
 def write_campaign_report(path: Path, result: dict[str, Any]) -> None:
     """Write the page, whole or not at all."""
     sizes = result["accuracy_by_size"]
+    cases = path.with_name("cases.jsonl")
+    answers = [Source(cases.name, file_sha256(cases))] if cases.is_file() else []
     write_page(
         path,
         "campaign.html",
@@ -29,6 +33,7 @@ def write_campaign_report(path: Path, result: dict[str, Any]) -> None:
         confusion=confusion_figure(result["confusion"]) if result["confusion"] else None,
         accuracy=size_figure(sizes) if sizes["mixed"] or sizes["sines"] else None,
         coverage=coverage_figure(result["accuracy_coverage"]) if result["accuracy_coverage"] else None,
+        origin=Origin({"What every case was answered": answers}),
         wrong=[{**w, "text": _answer(w)} for w in result["wrong"]],
     )
 

@@ -12,20 +12,26 @@ import numpy as np
 from phaselead.control import Run
 from phaselead.identify import Experiment, Identified, Verification, compare_with_table_1
 from phaselead.model import Stage
-from phaselead.record import Recording
+from phaselead.record import Recording, Source, file_sha256
 from phaselead.report import figures
+from phaselead.report.origin import SHOWN_DIGITS, Origin, of_stage
 from phaselead.report.page import write_page
 from phaselead.report.paper import RATIOS, TRACKING, VERIFICATION
 
-COMMANDS = (
-    "phaselead identify -o stage.toml",
-    "phaselead track sine:5V@5Hz --mode open --duration 1 -o held-out.h5",
-    "phaselead verify --model stage.toml held-out.h5",
-    "phaselead verify --model stage.toml --view table held-out.h5",
-    "phaselead track sine:60um@5Hz --model stage.toml --mode pid --gains paper",
-    "phaselead track sine:60um@5Hz --model stage.toml --mode ff",
-    "phaselead track sine:60um@5Hz --model stage.toml --mode ff+pid --gains paper -o run.h5",
-    "phaselead replay run.h5",
+FROM_FILES = (
+    "phaselead verify --model stage.toml open-x-5V-5Hz.h5 open-x-3V-15Hz.h5",
+    "phaselead verify --model stage.toml --view table open-x-5V-5Hz.h5 open-x-3V-15Hz.h5",
+    "phaselead plot track-pid.h5 track-ff.h5 track-ff-pid.h5 --of error -o errors.png",
+    "phaselead replay track-ff-pid.h5",
+)
+"""In the folder of the page: its own numbers."""
+ANEW = (
+    "phaselead identify --axis x,y,z -o new.toml",
+    "phaselead log record --drive sine:5V@5Hz --duration 1 -o new.h5",
+    "phaselead verify --model new.toml new.h5",
+    "phaselead track sine:60um@5Hz --model new.toml --mode pid --gains paper",
+    "phaselead track sine:60um@5Hz --model new.toml --mode ff",
+    "phaselead track sine:60um@5Hz --model new.toml --mode ff+pid --gains paper",
 )
 
 
@@ -83,10 +89,27 @@ def write_demo_report(path: Path, results: DemoResults) -> None:
         comparison_rows=comparison_rows(results),
         replayed_ticks=f"{results.replayed_ticks:,}",
         replay_sentence="every DAC code came out the same",
-        commands=COMMANDS,
-        stage_sha256=results.stage.sha256,
-        model_crc=f"{results.model_crc:08x}",
-        build_id=results.build_id,
+        from_files=FROM_FILES,
+        anew=ANEW,
+        origin=origin_of(path.parent, results),
+    )
+
+
+def origin_of(folder: Path, results: DemoResults) -> Origin:
+    """The runs beside the page by the hashes of their files, the records of the identification by those of their
+    samples."""
+    files = {file.name: Source(file.name, file_sha256(file)) for file in sorted(folder.glob("*.h5"))}
+    return Origin(
+        {
+            "Runs that were tracked": [one for name, one in files.items() if name.startswith("track")],
+            "Records in open loop, each from rest": [one for name, one in files.items() if name.startswith("open")],
+            "Records that the stage file was fitted on": [one.traced for one in results.identified.recordings],
+        },
+        [
+            of_stage(results.stage),
+            f"As the device holds it: CRC {results.model_crc:08x}.",
+            f"Recorded by the firmware in the host process, build {results.build_id[:SHOWN_DIGITS]}.",
+        ],
     )
 
 

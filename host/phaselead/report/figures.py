@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from phaselead.drawing import AXIS_COLOURS, BLUE, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
+from phaselead.drawing import AXIS_COLOURS, BLUE, GREY, ORANGE, PURPLE, RED, SCALE, figure_style, new_figure, thin
 from phaselead.model import TableView
 from phaselead.record import Samples
 
@@ -49,10 +48,9 @@ def loops_of_frequencies(loops: Sequence[Loop]) -> Figure:
     with figure_style():
         figure = new_figure(9.4, 3.9)
         whole, width = figure.subplots(1, 2)
-        shades = np.linspace(0.0, 0.85, len(loops))
-        for loop, shade in zip(loops, shades, strict=True):
+        for loop, shade in zip(loops, np.linspace(0.0, 1.0, len(loops)), strict=True):
             u_thin, x_thin = thin(loop.u_V, loop.x_um, most=1500)
-            colour = colormaps["viridis"](shade)
+            colour = SCALE(shade)
             slope, intercept = np.polyfit(loop.u_V, loop.x_um, 1)
             whole.plot(u_thin, x_thin, color=colour, label=f"{loop.f_Hz:g} Hz")
             width.plot(u_thin, x_thin - slope * u_thin - intercept, color=colour)
@@ -89,6 +87,8 @@ def surfaces(view: TableView) -> Figure:
             axes.set_title(label, y=0.97)
             axes.set_yticks([1, 5, 10, 15, 20] if view.f_Hz == (1.0, 20.0) else np.linspace(*view.f_Hz, 4))
             axes.view_init(elev=24, azim=-128)
+            for side in (axes.xaxis, axes.yaxis, axes.zaxis):
+                side.set_pane_color((1.0, 1.0, 1.0, 0.0))
         return figure
 
 

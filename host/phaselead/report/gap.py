@@ -32,6 +32,7 @@ from phaselead.gap import (
 from phaselead.gap import headline as cells_headline
 from phaselead.model import Stage, catalogue
 from phaselead.record import Samples
+from phaselead.report.origin import Origin, of_stage
 from phaselead.report.page import render
 
 MOST_TRACES = 4
@@ -42,6 +43,11 @@ USUAL_UNITS = {"s": ("ms", 1e3), "um": ("nm", 1e3), "V": ("mV", 1e3)}
 """The next smaller unit, and how many of it make one."""
 DENSITY_SEGMENT = 8192
 """Rows of one periodogram."""
+_USES = {
+    "train": "Recordings it learned from",
+    "holdout": "Held-out recordings: every figure of the gap is of these",
+    "reference": "Reference recordings, without what is missing",
+}
 
 
 def gap_page(
@@ -79,9 +85,10 @@ def gap_page(
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
         experiment=result.next_experiment,
         tracking=tracking_part(verification) if verification else None,
-        holdout=[sha[:12] for sha in result.holdout_sha256],
-        parent=stage.sha256,
-        following=result.stage.sha256,
+        origin=Origin(
+            {_USES[part]: sources for part, sources in result.sources.items()},
+            [of_stage(stage, "Compared was the stage file"), of_stage(result.stage, "The next one is")],
+        ),
         seconds=result.seconds,
     )
 
@@ -154,15 +161,27 @@ def sizes_of(effect: NamedEffect) -> list[str]:
 
 def in_usual_unit(value: float, unit: str) -> str:
     """With three digits; below 1 in the next smaller unit."""
+    factor, unit = usual_unit(value, unit)
+    return f"{value * factor:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+
+
+def usual_unit(value: float, unit: str) -> tuple[float, str]:
+    """The unit that a person uses of a value in ``unit``, and how many of it make one of that."""
     smaller, factor = USUAL_UNITS.get(unit, (unit, 1.0))
-    if value != 0 and abs(value) < 1:
-        value, unit = value * factor, smaller
-    return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+    return (factor, smaller) if 0 < abs(value) < 1 else (1.0, unit)
+
+
+def scaled_row(name: str, value: float, low: float, high: float, unit: str) -> dict[str, Any]:
+    """A parameter and its interval in a unit that a person uses; a unit that its name ends in is not said twice."""
+    factor, shown = usual_unit(value, unit)
+    plain, blank, number = name.partition(" ")
+    label = f"{plain.removesuffix(f'_{unit}')}{blank}{number}"
+    return {"name": label, "value": factor * value, "low": factor * low, "high": factor * high, "unit": shown}
 
 
 def _below_floor(result: GapResult) -> str:
     """The floor is of other records or of the noise, and a model can do better by chance."""
-    return ", no more than the floor: nothing is left to find" if result.gap.after <= result.gap.floor else ""
+    return ", no more than the floor, which other records set" if result.gap.after <= result.gap.floor else ""
 
 
 def remains(result: GapResult) -> str:
@@ -179,10 +198,7 @@ def remains(result: GapResult) -> str:
 def effect_part(effect: NamedEffect) -> dict[str, Any]:
     """One named effect for the template."""
     entry = catalogue().get(effect.name)
-    rows = [
-        {"name": name, "value": value, "low": low, "high": high, "unit": unit}
-        for name, value, low, high, unit in parameter_rows(effect.params)
-    ]
+    rows = [scaled_row(*row) for row in parameter_rows(effect.params)]
     return {
         "title": _title(effect).capitalize(), "share": percent(effect.share), "why": effect.why, "rows": rows,
         "probability": f"{effect.probability:.3g}",
@@ -230,7 +246,7 @@ def trace_figure(trace: Trace) -> Figure:
         middle.plot(t, left_before, color=RED, linewidth=0.9, label="before")
         for axes in (middle, lower):
             axes.plot(t, left_after, color=BLUE, linewidth=0.9, label="after")
-            axes.set(ylabel="measured - model (µm)")
+            axes.set(ylabel="measured − model (µm)")
         upper.set(ylabel="position (µm)")
         lower.set(xlabel="time (s)")
         lower.set_title("after, on its own scale", loc="right", fontsize=9)
@@ -302,7 +318,7 @@ def residual_figure(traces: Sequence[Trace]) -> Figure:
         for name, colour in (("before", RED), ("after", BLUE)):
             f, density = _mean_density(traces, name)
             axes.loglog(f, 1e3 * density, color=colour, linewidth=1.1, label=name)
-        axes.set(xlabel="frequency (Hz)", ylabel="nm/√Hz")
+        axes.set(xlabel="frequency (Hz)", ylabel="residual (nm/√Hz)")
         axes.legend()
         return figure
 
@@ -322,9 +338,12 @@ def _mean_density(traces: Sequence[Trace], which: str) -> tuple[Samples, Samples
 def bound_row(bound: Bound, result: GapResult) -> dict[str, Any]:
     """One upper bound beside the typical size of the effect, and the size from which it was expected to be named."""
     of_effect = [one.size for one in result.detectable if (one.name, one.axis) == (bound.name, bound.axis)]
+    factor, unit = usual_unit(bound.upper_95, bound.unit)
+    typical, named_from = typical_of(bound), of_effect[0] if of_effect else None
     return {
-        "name": _plain(bound.name), "axis": bound.axis, "upper": bound.upper_95, "typical": typical_of(bound),
-        "named_from": of_effect[0] if of_effect else None, "unit": unit_of(bound.unit),
+        "name": _plain(bound.name), "axis": bound.axis, "upper": factor * bound.upper_95,
+        "typical": None if typical is None else factor * typical,
+        "named_from": None if named_from is None else factor * named_from, "unit": unit_of(unit),
     }  # fmt: skip
 
 
@@ -336,6 +355,6 @@ def spectrum_figure(spectrum: Spectrum) -> Figure:
         if spectrum.reference is not None:
             axes.loglog(spectrum.f_Hz[1:], 1e3 * spectrum.reference[1:], color=GREY, label="reference records")
         axes.loglog(spectrum.f_Hz[1:], 1e3 * spectrum.seen[1:], color=BLUE, linewidth=1.0, label="held-out records")
-        axes.set(xlabel="frequency (Hz)", ylabel="nm/√Hz")
+        axes.set(xlabel="frequency (Hz)", ylabel="residual (nm/√Hz)")
         axes.legend()
         return figure

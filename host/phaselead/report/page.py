@@ -12,8 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from phaselead.drawing import DPI, to_svg
+from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, to_svg
 from phaselead.record import atomic_path, write_text
+from phaselead.report.origin import Origin
 from phaselead.version import VERSION
 
 COLOURS_OF_THE_PAGE = {
@@ -22,8 +23,17 @@ COLOURS_OF_THE_PAGE = {
     "fill: #000000": "fill: currentColor",
     "stroke: #000000": "stroke: currentColor",
     "stroke: #e4e4e4": "stroke: var(--grid)",
+    BLUE: "var(--blue)",
+    ORANGE: "var(--orange)",
+    GREEN: "var(--green)",
+    RED: "var(--red)",
+    PURPLE: "var(--purple)",
+    GREY: "var(--grey)",
 }
-"""What a figure draws its ground, its axes and its grid with, and what a page has for these."""
+"""What a figure draws its ground, its axes, its grid and its lines with, and what a page has for these: on a dark one
+lines are lighter."""
+NO_SCRIPTS = {"__main__.py", "ipykernel_launcher.py"}
+"""Of some other program, and of a notebook."""
 _environment = Environment(
     loader=PackageLoader("phaselead.report", "templates"), autoescape=True, undefined=StrictUndefined
 )
@@ -31,7 +41,8 @@ _environment = Environment(
 
 def _drawn(figure: Figure) -> Markup:
     """The figure in the colours of the page, light or dark; a click or the space bar enlarges it, without a script."""
-    text = to_svg(figure)
+    with figure_style():  # words stay words, and the same figure is the same text
+        text = to_svg(figure)
     for colour, own in COLOURS_OF_THE_PAGE.items():
         text = text.replace(colour, own)
     return Markup(f'<label class="zoom"><input type="checkbox" aria-label="enlarge the figure">{text}</label>')
@@ -41,15 +52,18 @@ _environment.filters["svg"] = _drawn
 
 
 def command_line() -> str:
-    """How the command line was called; empty in any other program."""
+    """How the command line, or the script that made the page, was called; empty in any other program."""
     program, *words = sys.argv or [""]
-    called = Path(program).parent.name if Path(program).name == "__main__.py" else Path(program).name
-    return shlex.join(["phaselead", *words]) if called == "phaselead" else ""
+    name = Path(program).name
+    if (Path(program).parent.name if name == "__main__.py" else name) == "phaselead":
+        return shlex.join(["phaselead", *words])
+    return shlex.join(["python", name, *words]) if name.endswith(".py") and name not in NO_SCRIPTS else ""
 
 
-def render(template: str, **values: Any) -> str:
+def render(template: str, *, origin: Origin | None = None, **values: Any) -> str:
     """The template with the values in it; a ``Figure`` is placed by the filter ``svg``."""
-    return _environment.get_template(template).render(version=VERSION, command=command_line(), **values)
+    given = {"version": VERSION, "command": command_line(), "origin": origin}
+    return _environment.get_template(template).render(**given, **values)
 
 
 def write_page(path: str | Path, template: str, **values: Any) -> None:

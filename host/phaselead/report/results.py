@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from phaselead.control import Learned, Run, Tuned
 from phaselead.identify import FitResult, Verifications
+from phaselead.record import Source
 from phaselead.report.axis_figures import (
     CREEP_FROM_S,
     bode_figure,
@@ -20,6 +21,7 @@ from phaselead.report.axis_figures import (
     step_figure,
     timed,
 )
+from phaselead.report.origin import SHOWN_DIGITS, Origin, of_device, of_run, of_stage
 from phaselead.report.page import render
 from phaselead.report.run_figures import runs_figure
 from phaselead.result import Table
@@ -59,11 +61,22 @@ def _(result: FitResult) -> str:
             )
             for view, found in result.held_out.items()
         ),
-        Part("What is the loop?", (), _html(result.model.tables()), result.model.plot(), "The model, driven slowly."),
+        Part("What is the loop?", (), (), result.model.plot(), "The model, driven slowly."),
         *(_parts_of_axes(result) if timed(result) else ()),
+        Part("What are its numbers?", (), _html(result.model.tables())),
     ]
-    origin = f"From {len(result.records)} records; stage {result.model.sha256[:12]}."
-    return _page(f"The model of {result.model.name}", " ".join(result.summary()), _cards_of_fit(result), parts, origin)
+    held_out = [Source(one.file, one.sha256) for found in result.held_out.values() for one in found]
+    origin = Origin(
+        {
+            "Recordings that it was fitted on": [one.traced for one in result.records],
+            "Held-out recordings": held_out,
+            "Recordings of a hold, for creep": [
+                Source(f"{axis}, held", held.traced.sha256) for axis, held in result.holds.items()
+            ],
+        },
+        [of_stage(result.model), *of_device([*result.records, *result.holds.values()])],
+    )
+    return _page(f"The stage file “{result.model.name}”", result.summary(), _cards_of_fit(result), parts, origin)
 
 
 def _parts_of_axes(result: FitResult) -> list[Part]:
@@ -94,7 +107,11 @@ def _(result: Verifications) -> str:
         {"value": f"{worst.mean_pct:.2g} %", "label": f"mean error on {worst.file}, the worst, of its range"},
         {"value": f"{worst.max_pct:.2g} %", "label": "largest error there"},
     ]  # fmt: skip
-    return _page(f"{result.model_name or 'The model'} on other records", f"The {result.view} view.", cards, [part], "")
+    of_model = f"The stage file: content {result.model_sha256[:SHOWN_DIGITS]}."
+    judged = {"Recordings that it was judged on": [Source(one.file, one.sha256) for one in result]}
+    origin = Origin(judged, [of_model] if result.model_sha256 else [])
+    title = f"“{result.model_name or 'the model'}” on other records"
+    return _page(title, [f"The {result.view} view."], cards, [part], origin)
 
 
 @result_page.register
@@ -107,8 +124,13 @@ def _(result: Run) -> str:
     ]
     parts = [Part("How near did it stay to its path?", said, tables, result.plot())]
     if cards:
-        parts.append(Part("At which frequencies is the error?", (), (), runs_figure([result.recording], "spectrum")))
-    return _page(f"A run in mode {result.mode}", result.recording.source, cards, parts, "")
+        parts.append(
+            Part(
+                "At which frequencies is the error?", (), (), runs_figure([result.recording], "spectrum", titled=False)
+            )
+        )
+    origin = Origin({"The recording": [result.recording.traced]}, of_run(result.recording))
+    return _page(f"A run in mode {result.mode}", [result.recording.source], cards, parts, origin)
 
 
 @result_page.register
@@ -124,7 +146,10 @@ def _(result: Learned) -> str:
     ]
     part = Part("What did each trial leave?", (), _html([table]), result.plot(), CAPTION_OF_LEARNING)
     path = result.wave or "a path"
-    return _page(f"Learned: {path}", f"{table.title}; {reason}.", cards, [part], "")
+    trials = [trial.source for trial in result.trials if trial.source.sha256]
+    facts = [f"Learned for the stage file with the content {result.stage_sha256[:SHOWN_DIGITS]}."]
+    origin = Origin({"The recording of each trial": trials}, facts)
+    return _page(f"Learned: {path}", [f"{table.title}; {reason}."], cards, [part], origin)
 
 
 @result_page.register
@@ -142,7 +167,8 @@ def _(result: Tuned) -> str:
         "measured."
     )
     part = Part("Has the loop its margin?", said, tables, result.plot(), caption)
-    return _page(f"The loop of axis {result.axis}", result.gains.origin or "", cards, [part], "")
+    origin = Origin({"Recordings of the open and of the closed loop": result.sources}, [of_stage(result.model)])
+    return _page(f"The loop of axis {result.axis}", [result.gains.origin or ""], cards, [part], origin)
 
 
 def _cards_of_fit(result: FitResult) -> list[dict[str, str]]:
@@ -164,5 +190,5 @@ def _html(parts: Sequence[Table | str]) -> list[Markup]:
     return [Markup(part.html()) for part in parts if isinstance(part, Table)]
 
 
-def _page(title: str, lead: str, cards: list[dict[str, str]], parts: Sequence[Part], origin: str) -> str:
-    return render("result.html", title=title, lead=lead, cards=cards, parts=parts, origin=origin)
+def _page(title: str, lead: Sequence[str], cards: list[dict[str, str]], parts: Sequence[Part], origin: Origin) -> str:
+    return render("result.html", title=title, lead=list(filter(None, lead)), cards=cards, parts=parts, origin=origin)

@@ -7,12 +7,11 @@ from pathlib import PurePath
 from typing import Literal, get_args
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, new_figure, thin
+from phaselead.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SCALE, figure_style, new_figure, thin
 from phaselead.errors import BadInput
 from phaselead.record import AxisRecord, Recording, Samples
 
@@ -29,9 +28,10 @@ TITLES = {
 }
 
 
-def runs_figure(recordings: Sequence[Recording], shown: Shown = "position") -> Figure:
+def runs_figure(recordings: Sequence[Recording], shown: Shown = "position", *, titled: bool = True) -> Figure:
     """One panel for each axis; every recording in a colour of its own. A spectrum is of the error or, where there is no
-    reference, of the position about its mean: amplitude density in um per root Hz.
+    reference, of the position about its mean: amplitude density in um per root Hz. ``titled``: with the question that
+    it answers, which a page has as a heading.
 
     Raises BadInput when no recording has what is asked for.
     """
@@ -43,11 +43,12 @@ def runs_figure(recordings: Sequence[Recording], shown: Shown = "position") -> F
         figure = new_figure(9.4, 1.0 + 2.8 * len(axes))
         for panel, axis in zip(figure.subplots(len(axes), 1, squeeze=False)[:, 0], axes, strict=True):
             for i, recording in enumerate(recordings):
-                many = colormaps["viridis"](0.85 * i / max(len(recordings) - 1, 1))
+                many = SCALE(i / max(len(recordings) - 1, 1))
                 _draw(panel, recording, axis, shown, COLOURS[i] if len(recordings) <= len(COLOURS) else many)
-            panel.set(xlabel=_across(shown), ylabel=f"{axis}: {_up(shown)}")
+            panel.set(xlabel=_across(shown), ylabel=f"{axis}: {_up(shown, recordings, axis)}")
             panel.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4)
-        figure.suptitle(TITLES[shown], x=0.02, ha="left")
+        if titled:
+            figure.suptitle(TITLES[shown], x=0.02, ha="left")
         return figure
 
 
@@ -55,10 +56,11 @@ def _across(shown: Shown) -> str:
     return "frequency (Hz)" if shown == "spectrum" else "time (s)"
 
 
-def _up(shown: Shown) -> str:
-    return {"position": "position (\u00b5m)", "error": "reference \u2212 measured (\u00b5m)"}.get(
-        shown, "\u00b5m/\u221aHz"
-    )
+def _up(shown: Shown, recordings: Sequence[Recording], axis: str) -> str:
+    if shown == "spectrum":
+        asked = any(axis in one.axes and one.axes[axis].r_um is not None for one in recordings)
+        return f"{'error' if asked else 'position'} (\u00b5m/\u221aHz)"
+    return {"position": "position (\u00b5m)", "error": "reference \u2212 measured (\u00b5m)"}[shown]
 
 
 def _signal(recording: Recording, axis: str, shown: Shown) -> Samples | None:

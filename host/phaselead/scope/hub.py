@@ -15,10 +15,11 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from phaselead.control import Controller, connect
-from phaselead.device import TICK_HZ, Where, explain_fault
+from phaselead.device import TICK_HZ, Limits, Where, explain_fault
 from phaselead.errors import LinkError, PhaseleadError
 from phaselead.model import Stage
 from phaselead.scope.samples import Samples
+from phaselead.scope.settings import settings_of
 from phaselead.scope.trigger import Trigger
 
 READ_S = 0.012
@@ -80,6 +81,9 @@ class Hub:
         self._alone_since: float | None = None if self.dev.resumed else time.monotonic()
         """None while a tab is open, and while what was held before is seen by none yet."""
         self._looked_s = self._came_s = 0.0
+        self.hard: Limits | None = None
+        """The hard limits of the device, as they were last read."""
+        self._settings_of: tuple[Stage | None, Limits | None, dict[str, Any]] = (None, None, {})
         self._at_rest = False
         """It was seen parked, and no order has moved it since: what it followed is history."""
         self._thread = threading.Thread(target=self._run, name="phaselead scope", daemon=True)
@@ -134,6 +138,7 @@ class Hub:
             "axes": {} if where is None else where.as_dict()["axes"],
             "model": None if self.stage is None else {"name": self.stage.name, "axes": sorted(self.stage.axes)},
             "limits": self._limits(),
+            "settings": self._settings(),
             "dropped": self.samples.dropped,
             "job": self.job,
             "lines": list(self.lines),
@@ -144,6 +149,13 @@ class Hub:
     def _limits(self) -> dict[str, Any]:
         axes = {} if self.stage is None else self.stage.axes
         return {axis: {"x_um": [m.sensor.x_min_um, m.sensor.x_max_um]} for axis, m in axes.items()}
+
+    def _settings(self) -> dict[str, Any]:
+        stage, hard, known = self._settings_of
+        if stage is not self.stage or hard is not self.hard:
+            known = settings_of(self.stage, self.hard)
+            self._settings_of = self.stage, self.hard, known
+        return known
 
     # ---------------------------------------------------------------- for orders, in the hub's thread
 
@@ -209,7 +221,10 @@ class Hub:
             self._live.close()
 
     def _take_over(self) -> None:
-        """What was held when the port was opened is held on, and parks from now on when this program is killed."""
+        """Hard limits are read, once. What was held when the port was opened is held on, and parks from now on when
+        this program is killed."""
+        with contextlib.suppress(PhaseleadError):  # of a device that has gone meanwhile, which the next read tells
+            self.hard = self.dev.limits()
         if self.dev.resumed:
             self.dev.device.set_timeout(round(TIMEOUT_S * TICK_HZ))
             held = (f"{axis} at {one.target_um:.3f} um" for axis, one in self.dev.where().axes.items() if one.held)

@@ -100,6 +100,7 @@ def tune(hub: Hub, given: Arguments) -> str:
     """Measures the response of an axis, shapes a loop on it, measures that, and uploads the model with its gains."""
     values = _given(JOBS["tune"], given)
     peak = _number("peak sensitivity", values["peak"])
+    options: dict[str, Any] = {} if peak is None else {"peak": peak}
     _at_rest(hub)
     with hub.working("tune"):
         found = hub.dev.tune(
@@ -107,7 +108,7 @@ def tune(hub: Hub, given: Arguments) -> str:
             model=hub.stage,
             level=_number("voltage", values["level"]),
             on_progress=hub.progress,
-            **({} if peak is None else {"peak": peak}),
+            **options,
         )
         name = f"tuned-{_stamp()}.toml"
         found.save(hub.new_file(name))

@@ -11,10 +11,11 @@ from typing import Any
 from phaselead.control import MODES, gains_of, loop_of
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
-from phaselead.model import load_stage
+from phaselead.model import Stage, load_stage
 from phaselead.scope.hub import TIMEOUT_S, Hub, Order
 from phaselead.scope.jobs import JOBS
 from phaselead.scope.saving import save
+from phaselead.scope.settings import HARD, changed, changed_hard
 from phaselead.scope.trigger import Trigger
 
 Arguments = Mapping[str, Any]
@@ -119,6 +120,39 @@ def model(hub: Hub, given: Arguments) -> str:
     return f"uploaded {stage.name} (axes {', '.join(sorted(stage.axes))})"
 
 
+def settings(hub: Hub, given: Arguments) -> str:
+    """Settings of an axis changed, while parked: those of the stage file are uploaded, and kept as one of their own;
+    the hard limits go to the device alone."""
+    if hub.dev.where().state != "parked":
+        raise BadInput("settings are changed while the device is parked; park it first")
+    values = given.get("values")
+    if not isinstance(values, Mapping) or not values:
+        raise BadInput("nothing was changed")
+    axis = text(given, "axis", "x")
+    hard = {name: value for name, value in values.items() if str(name).startswith(f"{HARD}.")}
+    of_file = {name: value for name, value in values.items() if name not in hard}
+    stage = None if not of_file else _changed_file(hub, axis, of_file)
+    said = []
+    if hard:
+        wanted = changed_hard(hub.dev.limits()[axis], hard)
+        hub.hard = hub.dev.set_limits(axis, **vars(wanted), remove=True)
+        said.append(f"{axis}: {', '.join(hard)} set on the device")
+    if stage is not None:
+        hub.dev.upload(stage)
+        hub.stage = stage
+        name = f"settings-{datetime.now():%Y%m%d-%H%M%S}.toml"
+        stage.save(hub.new_file(name))
+        said.append(f"{axis}: {', '.join(of_file)} changed and uploaded; the stage file is {hub.folder / name}")
+        hub.restream()
+    return "; ".join(said)
+
+
+def _changed_file(hub: Hub, axis: str, values: Arguments) -> Stage:
+    if hub.stage is None:
+        raise BadInput("there is no stage file to change; upload one, or identify the stage")
+    return changed(hub.stage, axis, values)
+
+
 def loop(hub: Hub, given: Arguments) -> str:
     """What the model says of gains, before anything moves."""
     if hub.stage is None:
@@ -180,6 +214,7 @@ ORDERS: dict[str, Order] = {
     "move": move,
     "play": play,
     "model": model,
+    "settings": settings,
     "loop": loop,
     "trigger": trigger,
     "save": save_samples,

@@ -181,6 +181,7 @@ class _Tab:
     async def _frames(self) -> None:
         loop = asyncio.get_running_loop()
         stated_s = slow_s = 0.0
+        due_s = loop.time()
         said: dict[str, Any] = {}
         while True:
             now_s = loop.time()
@@ -202,7 +203,8 @@ class _Tab:
                 said = state
                 if changed:
                     await self._send({"state": changed})
-            await asyncio.sleep(max(0.001, FRAME_S - (loop.time() - now_s)))
+            due_s = max(due_s + FRAME_S, loop.time() - FRAME_S)
+            await asyncio.sleep(max(0.001, due_s - loop.time()))
 
 
 def _parsed(text: str) -> dict[str, Any]:

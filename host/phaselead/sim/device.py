@@ -45,6 +45,7 @@ _SIGNATURES = {
     "host_flash": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE), ctypes.POINTER(_U64))),
     "host_cells": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE))),
     "host_inject": (None, (_POINTER, _U32, _U32)),
+    "host_trigger_at": (ctypes.c_int, (_POINTER, _U64)),
     "host_take_obeyed": (_U64, (_POINTER, _POINTER, _SIZE)),
     "host_cut_power_after": (None, (_POINTER, _U64)),
     "host_state_name": (_BYTES, (_U32,)),
@@ -165,6 +166,14 @@ class Firmware:
     def inject(self, fault: int, axis: int = 0) -> None:
         """Makes a fault happen (enum fault of the wire)."""
         self.library.host_inject(self._handle, fault, axis)
+
+    def trigger_at(self, tick: int) -> None:
+        """An edge comes at the trigger input before this tick. Raises BadInput when it has passed, or beyond the 64
+        that are kept."""
+        if not self.library.host_trigger_at(self._handle, tick):
+            raise BadInput(
+                f"an edge at tick {tick} has passed already, or is one of more than 64; give later ones, fewer"
+            )
 
     def take_obeyed(self) -> list[Obeyed]:
         """The commands carried out since the last call, in their order. Raises PhaseleadError when they were too many

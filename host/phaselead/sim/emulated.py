@@ -81,6 +81,7 @@ class Injection(enum.IntEnum):
     BOR_LEVEL = 13
     SUPPLY_LOW = 14
     FROZEN = 15
+    TRIGGER = 16
 
 
 def find_firmware(board: str) -> Path:
@@ -205,6 +206,8 @@ class EmulatedDevice:
         self._buffer = bytearray()
         self._flash: tuple[bytes, int] | None = None
         self._flash_changes = 0
+        self.pulses: NDArray[np.bool_] = np.empty((0, 3), bool)
+        """Whether each trigger output's pin rose in the ticks of the last ``codes``, shape (n, 3)."""
         self.plant = EmulatedStage(self)
         self._send_stage(parameters)
         self.ask(_Ask.BAUD, struct.pack("<I", baud))
@@ -353,7 +356,8 @@ class EmulatedDevice:
 
     def codes(self) -> tuple[Codes, Codes]:
         """ADC and DAC codes, shape (n, 3) each, of the ticks since the last call."""
-        rows = np.frombuffer(self.ask(_Ask.CODES), np.uint16).reshape(-1, 2, 3)
+        rows = np.frombuffer(self.ask(_Ask.CODES), np.uint16).reshape(-1, 3, 3)
+        self.pulses = rows[:, 2].astype(bool)
         return rows[:, 0].copy(), rows[:, 1].copy()
 
     def counts(self) -> Counts:

@@ -2,7 +2,8 @@
 
 ``sim://xyz250`` or ``sim://FILE.toml`` (``sim:///absolute/FILE.toml``), with ``?seed=N`` for the sensor
 noise, ``&state=FILE`` to keep the flash from one opening to the next, ``&baud=N`` for the line, ``&force=x:1um@2s``
-for a force that pushes the stage, as static displacement, from 2 s after the opening on (any number; they add up).
+for a force that pushes the stage, as static displacement, from 2 s after the opening on (any number; they add up),
+``&trigger=2s`` for an edge at the trigger input 2 s after the opening (any number).
 Each opening is a fresh device at rest. Time passes only in reads: until the bytes asked for are there, or the timeout
 is over.
 """
@@ -49,6 +50,8 @@ class SimUrl:
     state: Path | None = None
     baud: int = BAUD
     forces: tuple[Force, ...] = ()
+    edges_s: tuple[float, ...] = ()
+    """At the trigger input, after the opening."""
 
 
 def number_option(url: str, name: str, text: str, low: int, high: int) -> int:
@@ -71,6 +74,13 @@ def force_option(url: str, text: str) -> Force:
     raise BadInput(f"{url}: force {text!r} makes no sense; write it as force=x:1um@2s, um of static displacement")
 
 
+def trigger_option(url: str, text: str) -> float:
+    match = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+)(ms|s)", text.strip())
+    if match is None:
+        raise BadInput(f"{url}: trigger {text!r} makes no sense; write it as trigger=2s, an edge at the trigger input")
+    return float(match[1]) * (1e-3 if match[2] == "ms" else 1.0)
+
+
 def parse_url(url: str) -> SimUrl:
     """Reads a sim:// URL. Raises BadInput with what is wrong with it."""
     if not url.startswith(SCHEME):
@@ -86,8 +96,12 @@ def parse_url(url: str) -> SimUrl:
             options[name] = Path(text)
         elif name == "force":
             options["forces"] = (*options.get("forces", ()), force_option(url, text))
+        elif name == "trigger":
+            options["edges_s"] = (*options.get("edges_s", ()), trigger_option(url, text))
         else:
-            raise BadInput(f"{url}: {name!r} is no option; there are seed=N, state=FILE, baud=N and force=x:1um@2s")
+            raise BadInput(
+                f"{url}: {name!r} is no option; there are seed=N, state=FILE, baud=N, force=x:1um@2s and trigger=2s"
+            )
     if not stage:
         raise BadInput(f"{url}: names no stage; use sim://xyz250 or sim://FILE.toml")
     return SimUrl(unquote(stage), **options)
@@ -112,6 +126,8 @@ def open_device(parsed: SimUrl) -> VirtualDevice:
         raise BadInput(f"{parsed.state}: {error}") from None
     for force in parsed.forces:
         device.plant.push("xyz".index(force.axis), force.um, round(force.at_s * TICK_HZ))
+    for edge_s in parsed.edges_s:
+        device.trigger_at(round(edge_s * TICK_HZ))
     return device
 
 

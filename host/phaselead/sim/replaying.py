@@ -147,21 +147,23 @@ def _set_up_commands(capture: Capture) -> Iterator[wire.Command[Any]]:
         yield wire.WaveCommitRequest(AXES.index(axis), crc32(points))
 
 
-def _happenings(capture: Capture) -> list[tuple[int, bytes | int]]:
-    """Commands (frames) and faults (numbers), each with the tick before which it took effect."""
+def _happenings(capture: Capture) -> list[tuple[int, bytes | int | None]]:
+    """Commands (frames), faults (numbers) and edges at the trigger input (None) that were waited for, each with the
+    tick before which it took effect."""
     faults = [
         (event.tick, event.value)
         for event in capture.events
         if event.kind == wire.EventKind.FAULT and event.value in FROM_OUTSIDE
     ]
-    both: list[tuple[int, bytes | int]] = [*capture.command_log, *faults]
-    return sorted(both, key=lambda happening: happening[0])
+    edges = [(event.tick, None) for event in capture.events if event.kind == wire.EventKind.TRIGGER]
+    all_: list[tuple[int, bytes | int | None]] = [*capture.command_log, *faults, *edges]
+    return sorted(all_, key=lambda happening: happening[0])
 
 
 def _first_difference(firmware: Firmware, capture: Capture, adc: Codes) -> int | None:
     recorded = sum(1 << AXES.index(axis) for axis in capture.axes)
     first, at = capture.first_tick, 0
-    end: list[tuple[int, bytes | int]] = [(first + len(adc), b"")]
+    end: list[tuple[int, bytes | int | None]] = [(first + len(adc), b"")]
     for tick, happening in _happenings(capture) + end:
         to = min(max(tick - first, at), len(adc))
         _refuse_unseen(firmware, recorded)
@@ -169,7 +171,9 @@ def _first_difference(firmware: Firmware, capture: Capture, adc: Codes) -> int |
         if difference is not None:
             return difference
         at = to
-        if isinstance(happening, int):
+        if happening is None:
+            firmware.trigger_at(firmware.tick)
+        elif isinstance(happening, int):
             firmware.inject(happening)
         else:
             firmware.write(happening)

@@ -97,6 +97,13 @@ def predictable(name: str) -> bool:
     return entry is not None and entry.kind == "response"
 
 
+def _is_comparable(hidden: Outcome) -> bool:
+    """Whether a true size has the unit of the catalogue's; a generator may count a growth for each decade where the
+    catalogue counts it as a whole."""
+    entry = catalogue().get(hidden["name"])
+    return entry is not None and bool(entry.sizes) and hidden["unit"] == entry.sizes[0].unit
+
+
 def bounds_hold(outcome: Outcome) -> list[bool]:
     """For each hidden effect that was missed but bounded: whether its true size is within the bound."""
     if outcome["error"]:
@@ -108,7 +115,7 @@ def bounds_hold(outcome: Outcome) -> list[bool]:
             b for b in outcome["excluded"]
             if b["name"] == h["name"] and (h["axis"] is None or b["axis"] in (None, h["axis"]))
         ]  # fmt: skip
-        if h["name"] not in claimed and of_axis:
+        if h["name"] not in claimed and of_axis and _is_comparable(h):
             found.append(abs(h["value"]) <= max(b["upper_95"] for b in of_axis))
     return found
 
@@ -119,7 +126,7 @@ def intervals_hold(outcome: Outcome) -> list[bool]:
     sizes = {} if outcome["error"] else outcome.get("sizes", {})
     found = []
     for h in outcome["hidden"]:
-        if h["name"] in sizes:
+        if h["name"] in sizes and _is_comparable(h):
             _, low, high = sizes[h["name"]]
             found.append(low <= h["value"] <= high or low <= -h["value"] <= high)
     return found
@@ -146,7 +153,7 @@ def times_detectable(outcome: Outcome) -> float | None:
     """The true size of a single hidden effect as a multiple of what was stated to be detectable; None where nothing
     was stated."""
     (h,) = outcome["hidden"]
-    least = (outcome.get("detectable") or {}).get(h["name"])
+    least = (outcome.get("detectable") or {}).get(h["name"]) if _is_comparable(h) else None
     return abs(h["value"]) / least if least else None
 
 

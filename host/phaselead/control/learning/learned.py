@@ -14,7 +14,7 @@ import numpy as np
 from phaselead.control.true_position import FOLLOWS, Follows
 from phaselead.errors import BadInput
 from phaselead.model import Gains, Stage
-from phaselead.record import Samples, atomic_path, require_walkable
+from phaselead.record import Samples, Source, atomic_path, require_walkable
 from phaselead.result import Result, Table
 from phaselead.waveforms import POINTS, Replaced, Waveform
 
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 FORMAT, VERSION = "phaselead-learned", 1
 SAME_um = 1e-4
 """Paths that differ by less are one: a fortieth of a converter's code."""
+
+
+UNKNOWN = Source("", "")
+"""Of a table that was written before trials told of their recordings."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,8 @@ class Trial:
     rms_um: dict[str, float]
     true_max_um: dict[str, float] | None = None
     """Of the true position, where a virtual stage tells it."""
+    source: Source = UNKNOWN
+    """Its recording: the file where it was kept, and the SHA-256 of that, else of its samples."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +142,13 @@ class Learned(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """The figures that ``phaselead learn`` prints."""
-        best = asdict(self.best)
+        best = _trial_dict(self.best)
         return {
             "mode": self.mode,
             "follows": self.follows,
             "reason": self.reason,
             "best": best,
-            "trials": [asdict(trial) for trial in self.trials],
+            "trials": [_trial_dict(trial) for trial in self.trials],
             "swing_um": {axis: float(np.ptp(path.wanted_um)) for axis, path in self.paths.items()},
         }
 
@@ -204,6 +210,10 @@ class Learned(Result):
         return f"<Learned {self.mode}: {len(self.trials)} trials, axes {''.join(self.paths)}>"
 
 
+def _trial_dict(trial: Trial) -> dict[str, Any]:
+    return asdict(trial) | {"source": trial.source._asdict()}
+
+
 def one_period(wanted: Waveform) -> Samples:
     """A periodic path at the points that the device plays, (1024,)."""
     return wanted.value(np.arange(POINTS) / POINTS / wanted.f_Hz)
@@ -239,7 +249,9 @@ def _read(file: Any) -> Learned:
         f_Hz, lag_s, trial_s = numbers
         own = Gains.model_validate_json(gains) if gains else None
         paths[axis] = LearnedPath(f_Hz, wanted_um, played_um, lag_s, trial_s, own)
-    trials = tuple(Trial(**each) for each in json.loads(file.attrs["trials"]))
+    trials = tuple(
+        Trial(**(each | {"source": Source(*each.get("source", UNKNOWN))})) for each in json.loads(file.attrs["trials"])
+    )
     said = {name: str(file.attrs[name]) for name in ("stage_sha256", "mode", "reason")}
     if not paths or not any(trial.kept for trial in trials):
         raise ValueError

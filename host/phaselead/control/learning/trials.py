@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
 from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, values_of
@@ -59,6 +60,7 @@ def learn(
     trials: int = 10,
     follows: Follows = "true",
     force: bool = False,
+    kept: KeptRuns | None = None,
     on_progress: Progress | None = None,
 ) -> Learned:
     """Drives the paths as they are, then up to ``trials`` times corrected by what was seen, and keeps the best.
@@ -66,7 +68,8 @@ def learn(
     Each line of the period is corrected by what the error has of it that repeats, through the response of the model,
     itself corrected by what the trials show (``law``, ``response``). In mode ``inverse`` the reference becomes the
     voltage, so that it is the voltage that is learned. The error is against the path that was asked for. Every trial
-    runs on the model first; ends early when what is left does not repeat, or no longer shrinks.
+    runs on the model first; ends early when what is left does not repeat, or no longer shrinks. ``kept`` takes every
+    trial's run.
 
     Raises:
         BadInput: a path, mode or model that it is not for, or the first trial ends in a fault on the model.
@@ -78,7 +81,7 @@ def learn(
     check_paths(waveforms, mode, stage)
     loop_warnings(stage, mode, gains, force=force)
     used = dict(gains) if mode.endswith("pid") else {}
-    course = _Course(device, dict(waveforms), mode, stage, used, follows, force)
+    course = _Course(device, dict(waveforms), mode, stage, used, follows, force, kept or KeptRuns(None))
     return course.run(trials, on_progress or (lambda share: None))
 
 
@@ -104,9 +107,10 @@ class _Course:
         gains: dict[str, Gains],
         follows: Follows,
         force: bool,
+        kept: KeptRuns,
     ) -> None:
         self._device, self._wanted, self._mode, self._stage = device, wanted, mode, stage
-        self._gains, self._follows, self._force = gains, follows, force
+        self._gains, self._follows, self._force, self._kept = gains, follows, force, kept
         self._seconds = trial_seconds(wanted)
         asked = followed(wanted, stage, follows)
         self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
@@ -202,6 +206,7 @@ class _Course:
                 max_um={axis: one["max_um"] for axis, one in figures.items()},
                 rms_um={axis: one["rms_um"] for axis, one in figures.items()},
                 true_max_um=true or None,
+                source=self._kept.add(f"trial-{len(self._trials)}", run),
             )
         )
         return look

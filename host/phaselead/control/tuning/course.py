@@ -10,6 +10,7 @@ import numpy as np
 from phaselead.control.feedback_loop import local_gains, pid_response, plant_response
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
 from phaselead.control.tuning.plant import FittedPlant, fit_plant
@@ -49,13 +50,14 @@ def tune(
     peak: float = PEAK_SENSITIVITY,
     mode_shift: float = MODE_SHIFT,
     gain_share: float = GAIN_SHARE,
+    kept: KeptRuns | None = None,
     on_progress: Progress | None = None,
 ) -> Tuned:
     """Measures the response of one axis in open loop, shapes PID and filters on it, and measures the closed loop.
 
     ``level_V`` is the peak-to-peak of the multisine, ``middle_V`` what it is about: the middle of the limits. The loop
     is shaped for a peak sensitivity of ``peak`` with modes ``mode_shift`` and gains ``gain_share`` up and down, and
-    over the local gains of the stage's time view.
+    over the local gains of the stage's time view. ``kept`` takes the runs.
 
     Raises:
         BadInput: nothing has moved: a level outside limits. No loop was closed: no coherence, a response that is none
@@ -68,7 +70,7 @@ def tune(
     limits = parent.axis(axis).limits
     level_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V) if level_V is None else level_V
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
-    measured = _open_response(device, axis, parent, level_V, middle_V, told)
+    measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     sure = measured.reliable()
     fitted = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
     over = Range(local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share), mode_shift, peak)
@@ -87,6 +89,8 @@ def tune(
         middle=measured.middle_um,
         stage=parent,
         gains=gains,
+        name="closed",
+        kept=kept,
         on_progress=lambda done: told(last + (1 - last) * done),
     )
     loop = ClosedLoop(closed)
@@ -126,11 +130,19 @@ def _known(device: Device, axis: str) -> Stage:
 
 
 def _open_response(
-    device: Device, axis: str, stage: Stage, level_V: float, middle_V: float, told: Progress
+    device: Device, axis: str, stage: Stage, level_V: float, middle_V: float, kept: KeptRuns | None, told: Progress
 ) -> Measured:
     first, second = SHARES[0], SHARES[1]
     fine = measure(
-        device, axis, FINE, swing=level_V, middle=middle_V, stage=stage, on_progress=lambda done: told(first * done)
+        device,
+        axis,
+        FINE,
+        swing=level_V,
+        middle=middle_V,
+        stage=stage,
+        name="open-fine",
+        kept=kept,
+        on_progress=lambda done: told(first * done),
     )
     fast = measure(
         device,
@@ -139,6 +151,8 @@ def _open_response(
         swing=level_V,
         middle=middle_V,
         stage=stage,
+        name="open-fast",
+        kept=kept,
         on_progress=lambda done: told(first + (second - first) * done),
     )
     return fine.joined(fast)

@@ -51,27 +51,29 @@ def tuning_figure(
         for name, colour in parts:
             part = getattr(measured, name)
             besides.loglog(part.f_Hz, 1000 * part.um, ".", color=colour, markersize=3, label=name)
-        besides.set(title="what is heard", xlabel="frequency (Hz)", ylabel="nm rms a line")
+        besides.set(title="what is heard", xlabel="frequency (Hz)", ylabel="position (nm rms a line)")
         besides.legend()
         for moved in over.plants(plant):
             at_Hz = frequencies(moved)
             at_Hz = at_Hz[at_Hz >= LOWEST_Hz]
             for gain in over.gains():
                 loop = gain * plant_response(moved, at_Hz) * pid_response(gains, at_Hz)
-                nyquist.plot(loop.real, loop.imag, color=BLUE, linewidth=0.4, alpha=0.6)
-                of_s.loglog(at_Hz, np.abs(1 / (1 + loop)), color=BLUE, linewidth=0.4, alpha=0.6)
-                of_t.loglog(at_Hz, np.abs(loop / (1 + loop)), color=BLUE, linewidth=0.4, alpha=0.6)
+                nyquist.plot(loop.real, loop.imag, color=BLUE, linewidth=0.5, alpha=0.8)
+                of_s.loglog(at_Hz, np.abs(1 / (1 + loop)), color=BLUE, linewidth=0.5, alpha=0.8)
+                of_t.loglog(at_Hz, np.abs(loop / (1 + loop)), color=BLUE, linewidth=0.5, alpha=0.8)
         turn = np.exp(2j * np.pi * np.linspace(0, 1, 200))
         ring = turn / over.peak - 1
         nyquist.fill(ring.real, ring.imag, color=RED, alpha=0.15)
         lines = open_loop[sure]
         nyquist.plot(lines.real, lines.imag, ".", color=GREY, markersize=3)
-        nyquist.set(xlim=(-3, 2), ylim=(-3, 2), title="loop about −1", xlabel="real", ylabel="imaginary")
+        nyquist.set(
+            xlim=(-3, 2), ylim=(-3, 2), title="loop about −1", xlabel="real part (1)", ylabel="imaginary part (1)"
+        )
         of_s.loglog(closed.f_Hz, np.abs(closed.sensitivity), ".", color=RED, markersize=4, label="measured")
         of_s.axhline(over.peak, color=RED, linewidth=0.8)
-        of_s.set(title="|S|, from disturbance", xlabel="frequency (Hz)", ylabel="µm/µm", ylim=(1e-2, 5))
+        of_s.set(title="|S|, from disturbance", xlabel="frequency (Hz)", ylabel="error (µm/µm)", ylim=(1e-2, 5))
         of_s.legend()
         of_t.loglog(closed.f_Hz, np.abs(closed.complementary), ".", color=RED, markersize=4)
         of_t.axhline(2**-0.5, color=GREY, linewidth=0.8)
-        of_t.set(title="|T|, from reference", xlabel="frequency (Hz)", ylabel="µm/µm", ylim=(1e-2, 5))
+        of_t.set(title="|T|, from reference", xlabel="frequency (Hz)", ylabel="position (µm/µm)", ylim=(1e-2, 5))
         return figure

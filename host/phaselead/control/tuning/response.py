@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.tracking import track
 from phaselead.control.tuning.excitation import Grid, Lines, multisine
 from phaselead.device import TICK_HZ, Device
 from phaselead.errors import BadInput
 from phaselead.model import Gains, Stage
-from phaselead.record import Samples
+from phaselead.record import Samples, Source
 
 Response = NDArray[np.complex128]
 Spectra = NDArray[np.complex128]
@@ -65,6 +66,8 @@ class Measured:
     odd: Distortion
     even: Distortion
     noise: Distortion
+    sources: tuple[Source, ...] = ()
+    """The recordings it was made of."""
 
     def levels_dB(self) -> dict[str, float]:
         """Of odd and even distortion and of noise against the linear response, each the rms over its lines below
@@ -82,6 +85,7 @@ class Measured:
             gain=np.concatenate([self.gain, faster.gain[more]]),
             coherence=np.concatenate([self.coherence, faster.coherence[more]]),
             deviation=np.concatenate([self.deviation, faster.deviation[more]]),
+            sources=(*self.sources, *faster.sources),
         )
 
     def reliable(self) -> NDArray[np.bool_]:
@@ -103,15 +107,20 @@ def measure(
     middle: float,
     stage: Stage,
     gains: Gains | None = None,
+    name: str = "response",
+    kept: KeptRuns | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Measured:
     """Drives ``REALISATIONS`` multisines about ``middle``: volts in open loop, micrometres under ``gains``.
 
     In open loop the gain is from applied voltage to measured position, um/V; in a closed one from reference to
-    measured position. Raises BadInput for a path outside limits, DeviceFault as ``track``.
+    measured position. ``kept`` takes the runs, under ``name`` and a number.
+
+    Raises BadInput for a path outside limits, DeviceFault as ``track``.
     """
     unit, mode = ("V", "open") if gains is None else ("um", "pid")
-    spectra, middles_um = [], []
+    kept = kept or KeptRuns(None)
+    spectra, middles_um, sources = [], [], []
     for number in range(REALISATIONS):
         wave = multisine(plan.grid, swing, middle, unit, seed=number)  # type: ignore[arg-type]
         run = track(
@@ -123,6 +132,7 @@ def measure(
             duration_s=plan.seconds + 1.0,
             force=True,
         )
+        sources.append(kept.add(f"{name}-{number + 1}", run))
         record = run.recording.axes[axis]
         assert record.x_um is not None
         given = record.u_V if gains is None else record.r_um
@@ -133,7 +143,8 @@ def measure(
         if on_progress is not None:
             on_progress((number + 1) / REALISATIONS)
     given_of, found_of = (np.array([pair[i] for pair in spectra]) for i in (0, 1))
-    return response_of(given_of, found_of, plan.grid, float(np.mean(middles_um)))
+    found = response_of(given_of, found_of, plan.grid, float(np.mean(middles_um)))
+    return replace(found, sources=tuple(sources))
 
 
 def _periods(values: Samples, plan: Plan) -> Spectra:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from phaselead.control.feedback_loop import pid_response
+from phaselead.control.feedback_loop import BANDWIDTH, pid_response
 from phaselead.control.tuning.plant import FittedPlant
 from phaselead.control.tuning.response import Measured, Response
-from phaselead.control.tuning.shaping import Predicted, Range, bandwidth_Hz
+from phaselead.control.tuning.shaping import RINGS, Predicted, Range, bandwidth_Hz
 from phaselead.model import Gains, Stage, save_stage
-from phaselead.record import Samples
+from phaselead.record import Samples, Source
 from phaselead.result import Result, Table
 
 if TYPE_CHECKING:
@@ -46,8 +46,12 @@ class ClosedLoop:
 
     @cached_property
     def bandwidth_Hz(self) -> float:
-        """Where |T| first falls below -3 dB."""
-        return float(bandwidth_Hz(self.f_Hz, self.complementary[None])[0])
+        """Where |T| first falls below -3 dB. A line that lacks coherence counts too where |T| and its standard
+        deviation are below: in a notch the position follows so little that none has coherence."""
+        measured = self.response
+        small = np.abs(measured.gain) * (1 + measured.deviation) < BANDWIDTH
+        told = measured.reliable() | small
+        return float(bandwidth_Hz(measured.f_Hz[told], measured.gain[told][None])[0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,6 +82,11 @@ class Tuned(Result):
         gains = self.model.axis(self.axis).gains
         assert gains is not None
         return gains
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The recordings it rests on: the open loop's, then the closed one's."""
+        return (*self.measured.sources, *self.closed.response.sources)
 
     @property
     def open_loop(self) -> Response:
@@ -112,6 +121,7 @@ class Tuned(Result):
                 "peak_sensitivity": self.closed.peak_sensitivity,
                 "bandwidth_Hz": self.closed.bandwidth_Hz,
             },
+            "sources": [one._asdict() for one in self.sources],
         }
 
     @property
@@ -127,10 +137,11 @@ class Tuned(Result):
     def tables(self) -> list[Table | str]:
         low, high = self.over.gain_um_per_V
         g, levels = self.gains, self.measured.levels_dB()
-        modes = ", ".join(f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in self._modes())
+        rings, rest = self._modes(rings=True), self._modes(rings=False)
         response = (
             ("gain (um/V)", f"{self.plant.gain_um_per_V:.3g}"),
-            ("modes", modes),
+            ("modes", rings or "none"),
+            *([("damped terms (hysteresis, creep)", rest)] if rest else []),
             ("odd, even distortion, noise (dB)", ", ".join(f"{levels[name]:.0f}" for name in ("odd", "even", "noise"))),
             ("lines with coherence", f"{self.measured.reliable().sum()} of {len(self.measured.f_Hz)}"),
         )
@@ -156,8 +167,12 @@ class Tuned(Result):
             Table(("loop", "peak sensitivity", "bandwidth, -3 dB (Hz)"), loop),
         ]
 
-    def _modes(self) -> list[tuple[float, float, float]]:
-        return sorted(self.plant.plant.modes, key=lambda mode: mode[1])
+    def _modes(self, *, rings: bool) -> str:
+        """Frequency, share and damping of the fitted modes that ring, or of those damped more, which stand for
+        hysteresis and creep."""
+        found = [mode for mode in self.plant.plant.modes if (mode[2] < RINGS) == rings]
+        by_frequency = sorted(found, key=lambda mode: mode[1])
+        return ", ".join(f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in by_frequency)
 
     def plot(self) -> Figure:
         """Bode, Nyquist and sensitivity, predicted and measured."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.tuning.course import GAIN_SHARE, tune
 from phaselead.control.tuning.result import Tuned
 from phaselead.device import Device, says_when_interrupted
@@ -27,6 +29,8 @@ class Tunes:
         peak: float = PEAK_SENSITIVITY,
         mode_shift: float = MODE_SHIFT,
         gain_share: float = GAIN_SHARE,
+        save: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
         on_progress: Callable[[float], None] | None = None,
     ) -> Tuned:
         """Measures the response of an axis, shapes PID and filters on it, and measures the loop that they make.
@@ -34,13 +38,15 @@ class Tunes:
         A multisine of ``level`` V, peak-to-peak, about ``middle`` V is played in open loop (default: a sixtieth of the
         limits, about their middle), then one of a micrometre or two in closed loop. The loop has a peak sensitivity of
         at most ``peak`` with modes ``mode_shift`` and gains ``gain_share`` up and down, and at every local gain of the
-        model's time view. ``model``: default is the one last uploaded, else what the device holds.
+        model's time view. ``model``: default is the one last uploaded, else what the device holds. ``save`` is a folder
+        that keeps every run; one that holds recordings is written over only with ``overwrite``.
 
         Give the result's ``model`` to ``track``, or ``save`` it. Raises BadInput where there is no coherence or no
         margin, and as ``track`` does.
         """
         stage = self.model if model is None else as_stage(model)
-        with says_when_interrupted(self.device, "nothing is kept: tune measures anew"):
+        said = "nothing is kept: tune measures anew" if save is None else f"what was measured is in {os.fspath(save)}"
+        with says_when_interrupted(self.device, said):
             return tune(
                 self.device,
                 axis,
@@ -50,5 +56,6 @@ class Tunes:
                 peak=peak,
                 mode_shift=mode_shift,
                 gain_share=gain_share,
+                kept=KeptRuns(save, overwrite=overwrite),
                 on_progress=on_progress,
             )

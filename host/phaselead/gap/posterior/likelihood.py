@@ -143,6 +143,7 @@ class Likelihood:
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
         self.every = np.ones(len(self.fitted), dtype=bool)
+        self._octaves = np.unique(np.concatenate([run.octaves for run in self.runs]), return_inverse=True)[1]
         pairs = zip(self.runs, self.shared, strict=True)
         self._among_shared = np.concatenate([run.products(one, one) for run, one in pairs])
 
@@ -300,15 +301,29 @@ class Likelihood:
         density = self.log_density(terms.power(amounts), self.variance(terms, scales), which)
         return density + terms.prior.log_density - 0.5 * float(amounts @ amounts)
 
-    def information(self, terms: Terms, scales: Scales, which: Samples) -> tuple[Samples, Samples]:
-        """(p + e, p + e) of the records and the priors together, and the slope (p + e,) of the log density."""
+    def information(
+        self, terms: Terms, scales: Scales, which: Samples, independent: Samples | float = 1.0
+    ) -> tuple[Samples, Samples]:
+        """(p + e, p + e) of the records and the priors together, and the slope (p + e,) of the log density. Of what a
+        block says only the share ``independent`` (blocks,) counts."""
         amounts = self.settled(terms, scales, which)
-        w = np.where(which, self.weights(terms.power(amounts), self.variance(terms, scales)), 0.0)
+        w = independent * np.where(which, self.weights(terms.power(amounts), self.variance(terms, scales)), 0.0)
         normal = np.tensordot(w, terms.moments, 1)
         slope = normal[:-1, -1] - normal[:-1, :-1] @ amounts
         off = internal(terms.entries) - terms.prior.centre
         slope -= np.concatenate([terms.prior.precision * off, amounts[len(off) :]])
         return normal[:-1, :-1] + np.diag(terms.precision), slope
+
+    def _covariance(self, terms: Terms, scales: Scales) -> Samples:
+        """(p, p) of the parameters in internal units. What the base and the equations miss is the stage's, and the same
+        in every record: an octave tells a parameter past it once, however many records there are."""
+        variance = self.variance(terms, scales)
+        told = terms.signal / variance
+        of_octave = np.bincount(self._octaves, told) ** 2 / np.maximum(np.bincount(self._octaves, told**2), 1e-300)
+        records = np.maximum(of_octave, 1.0)[self._octaves]
+        independent = variance / (self.noise + records * (variance - self.noise))
+        p = len(terms.prior.centre)
+        return np.asarray(np.linalg.inv(self.information(terms, scales, self.every, independent)[0])[:p, :p])
 
     def likeliest_scales(self, terms: Terms, near: Scales | None = None) -> tuple[float, Scales]:
         """The most likely scales, after the log density there: of all, or by steps from those of a set like it."""
@@ -364,7 +379,7 @@ class Likelihood:
         covariance = np.zeros((p, p))
         for probability, one in zip(likely / likely.sum(), grid, strict=True):
             if p and probability > NEGLIGIBLE:
-                covariance += probability * np.linalg.inv(self.information(terms, one, self.every)[0])[:p, :p]
+                covariance += probability * self._covariance(terms, one)
         return Fit(terms, _log_sum(every), _log_sum(fitted), named, scales, covariance)
 
     def _log_evidence(self, terms: Terms, scales: Scales, which: Samples) -> float:

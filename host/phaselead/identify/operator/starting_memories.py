@@ -107,4 +107,5 @@ def _message(elsewhere: list[str], count: int) -> list[str]:
     if not elsewhere:
         return []
     more = f" and {len(elsewhere) - NAMED_RECORDS} more" if len(elsewhere) > NAMED_RECORDS else ""
-    return [f"{len(elsewhere)} of {count} records do not start from rest: {', '.join(elsewhere[:NAMED_RECORDS])}{more}"]
+    named = f"{', '.join(elsewhere[:NAMED_RECORDS])}{more}"
+    return [f"{len(elsewhere)} of {count} records do not start from rest, where each began was fitted: {named}"]

@@ -58,6 +58,7 @@ void gpio_reset(void);
 bool gpio_is_function(enum gpio_port port, unsigned pin, unsigned function);
 /* What the pin is driven to; `pull` when it is not driven. */
 bool gpio_output(enum gpio_port port, unsigned pin, bool pull);
+unsigned gpio_take_pulses(void); /* mask of PC0 to PC2: those that rose since the last time */
 
 /* ---- converters.c: SPI1 and SPI2 */
 void converters_map(void);
@@ -87,6 +88,7 @@ void dac_power_on(void);
 void exti_map(void);
 void exti_reset(void);
 void exti_supply_fell(void);
+void exti_trigger_rises(void); /* an edge at PC8 */
 
 /* ---- line.c: USART and its DMA */
 void line_map(void);
@@ -140,7 +142,8 @@ enum injection {
     INJECT_NO_CONVERSION,
     INJECT_BOR_LEVEL,
     INJECT_SUPPLY_LOW,
-    INJECT_FROZEN
+    INJECT_FROZEN,
+    INJECT_TRIGGER
 };
 extern struct injected {
     bool adc_silent, dac_silent, interlock_open, no_conversion;
@@ -159,7 +162,10 @@ void cycles_cache_cold(void);
 /* ---- count.c: instructions and modelled cycles between two places */
 #define COUNT_FIGURES 5
 void count_open(qemu_plugin_id_t id, const char *argument);
-void count_wait(unsigned waited); /* the processor waits so long for a part that takes no time here */
+/* For parts that take no time here: the cycle that comes so many later, and whether it is over. Without counting it is
+ * at once. */
+uint64_t count_later(unsigned cycles_later);
+bool count_is_over(uint64_t cycle);
 /* Since the last report: runs; of one run the most instructions, cycles, cycles to a mark; the longest lock, cycles. */
 size_t count_report(uint64_t *to, size_t room);
 

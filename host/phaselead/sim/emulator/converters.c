@@ -22,8 +22,9 @@
 struct spi {
     uint32_t regs[0x100];
     bool second;
-    bool under_way; /* a word, until done_ns */
+    bool under_way; /* a word, until both of these; the second where cycles are counted */
     int64_t done_ns;
+    uint64_t done_cycle;
     uint32_t incoming;
 };
 
@@ -64,7 +65,7 @@ static uint64_t clock_of(const struct spi *spi)
 
 static bool busy(const struct spi *spi)
 {
-    return spi->under_way && now_ns() < spi->done_ns;
+    return spi->under_way && (now_ns() < spi->done_ns || !count_is_over(spi->done_cycle));
 }
 
 static void receive(struct spi *spi)
@@ -95,11 +96,8 @@ static void start_word(struct spi *spi, uint32_t word)
 {
     uint64_t Hz = clock_of(spi);
     unsigned bits = spi->regs[SPI_CR1] & CR1_DFF16 ? 16 : 8;
-    spi->done_ns = now_ns();
-    if (board.delays)
-        spi->done_ns += (int64_t)(bits * 1000000000ull / Hz);
-    else
-        count_wait((unsigned)(bits * rcc_sysclk_Hz() / Hz));
+    spi->done_ns = now_ns() + (board.delays ? (int64_t)(bits * 1000000000ull / Hz) : 0);
+    spi->done_cycle = count_later((unsigned)(bits * rcc_sysclk_Hz() / Hz));
     spi->incoming = exchange(spi, word, Hz);
     spi->under_way = true;
     receive(spi);

@@ -26,7 +26,7 @@ static unsigned exit_count, mark_count;
 static uint64_t instructions, cycles;
 static uint64_t instructions_began, cycles_began, lock_began;
 static uint32_t follows_at; /* where the next instruction lies unless this one branches */
-static bool inside, locked;
+static bool counts, inside, locked;
 static struct {
     uint64_t runs, most_instructions, most_cycles, most_cycles_to_mark, longest_lock;
 } figures;
@@ -102,9 +102,14 @@ static void on_access(unsigned vcpu, uint32_t info, uint64_t address, void *data
     cycles += cycles_of_access((uint32_t)address, qemu_plugin_mem_is_store(info));
 }
 
-void count_wait(unsigned waited)
+uint64_t count_later(unsigned cycles_later)
 {
-    cycles += waited;
+    return counts ? cycles + cycles_later : 0;
+}
+
+bool count_is_over(uint64_t cycle)
+{
+    return cycles >= cycle;
 }
 
 static bool among(const uint64_t *places, unsigned count, uint64_t address)
@@ -168,6 +173,7 @@ static const char *places(const char *text, uint64_t *to, unsigned room, unsigne
 void count_open(qemu_plugin_id_t id, const char *argument)
 {
     unsigned one = 0;
+    counts = true;
     argument = places(argument, &entry, 1, &one);
     argument = places(argument, exits, PLACES, &exit_count);
     places(argument, marks, PLACES, &mark_count);

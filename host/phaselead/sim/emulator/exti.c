@@ -1,5 +1,5 @@
-/* Two lines of the EXTI: 0, on which port B's BUSY falls, and 16, which the supply's voltage detector raises. And the
- * part of SYSCFG that connects them.
+/* Three lines of the EXTI: 0, on which port B's BUSY falls, 8, on which port C's trigger input rises, and 16, which the
+ * supply's voltage detector raises. And the part of SYSCFG that connects them.
  */
 #include "board.h"
 
@@ -10,14 +10,16 @@
 #define FTSR 3
 #define PR 5
 #define EXTICR1 2
+#define EXTICR3 4
 #define SYSCFG_CLOCK 14
 #define LINE_BUSY 0
+#define LINE_TRIGGER 8
 #define LINE_SUPPLY 16
 #define PVD_IRQ 1
 
 static MemoryRegion exti, syscfg;
 static uint32_t regs[0x100], connected[0x100];
-static bool supply_fell;
+static bool supply_fell, trigger_rose;
 
 static bool listens(unsigned line, unsigned edge)
 {
@@ -27,7 +29,12 @@ static bool listens(unsigned line, unsigned edge)
 static uint32_t pending(void)
 {
     bool busy = listens(LINE_BUSY, FTSR) && (connected[EXTICR1] & 15u) == GPIO_B && adc_busy_fell();
-    return (uint32_t)busy << LINE_BUSY | (uint32_t)supply_fell << LINE_SUPPLY;
+    return (uint32_t)busy << LINE_BUSY | (uint32_t)trigger_rose << LINE_TRIGGER | (uint32_t)supply_fell << LINE_SUPPLY;
+}
+
+void exti_trigger_rises(void)
+{
+    trigger_rose = trigger_rose || (listens(LINE_TRIGGER, RTSR) && (connected[EXTICR3] & 15u) == GPIO_C);
 }
 
 void exti_supply_fell(void)
@@ -53,6 +60,8 @@ static void exti_write(void *opaque, uint64_t offset, uint64_t value, unsigned s
     }
     if (value >> LINE_BUSY & 1u)
         adc_forget_edge();
+    if (value >> LINE_TRIGGER & 1u)
+        trigger_rose = false;
     if (value >> LINE_SUPPLY & 1u) {
         supply_fell = false;
         board_irq(PVD_IRQ, false);
@@ -76,7 +85,7 @@ void exti_reset(void)
 {
     memset(regs, 0, sizeof regs);
     memset(connected, 0, sizeof connected);
-    supply_fell = false;
+    supply_fell = trigger_rose = false;
     board_irq(PVD_IRQ, false);
 }
 

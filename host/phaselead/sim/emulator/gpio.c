@@ -14,10 +14,12 @@
 #define PIN_BUSY 0
 #define PIN_FRSTDATA 1
 #define PIN_INTERLOCK 7
+#define TRIGGER_PINS 7u /* PC0 to PC2 */
 
 static MemoryRegion regions[3];
 static uint32_t regs[3][0x100];
 static const int PORTS[3] = {GPIO_A, GPIO_B, GPIO_C};
+static uint32_t pulses;
 
 static unsigned mode(enum gpio_port port, unsigned pin)
 {
@@ -53,16 +55,32 @@ static uint64_t gpio_read(void *opaque, uint64_t offset, unsigned size)
     return offset / 4 == IDR ? inputs(port) : regs[port][offset / 4];
 }
 
+static void note_pulses(uint32_t before)
+{
+    for (unsigned pin = 0; TRIGGER_PINS >> pin != 0; pin++)
+        if (mode(GPIO_C, pin) == OUTPUT)
+            pulses |= ~before & regs[GPIO_C][ODR] & 1u << pin;
+}
+
+unsigned gpio_take_pulses(void)
+{
+    unsigned taken = pulses & TRIGGER_PINS;
+    pulses = 0;
+    return taken;
+}
+
 static void gpio_write(void *opaque, uint64_t offset, uint64_t value, unsigned size)
 {
     int port = *(const int *)opaque;
     (void)size;
     if (!rcc_on(RCC_AHB1ENR, (unsigned)port))
         return;
+    const uint32_t before = regs[GPIO_C][ODR];
     if (offset / 4 == BSRR)
         regs[port][ODR] = (regs[port][ODR] & ~((uint32_t)value >> 16)) | ((uint32_t)value & 0xFFFFu);
     else
         regs[port][offset / 4] = (uint32_t)value;
+    note_pulses(before);
     converters_pins_changed();
 }
 

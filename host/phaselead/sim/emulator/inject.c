@@ -68,6 +68,9 @@ void inject(uint32_t what, uint32_t value)
     case INJECT_FROZEN:
         injected.frozen_mask = value;
         break;
+    case INJECT_TRIGGER:
+        exti_trigger_rises();
+        break;
     case INJECT_RESET_PIN:
         qemu_system_reset_request(CAUSE_GUEST_RESET);
         break;

@@ -22,7 +22,7 @@ enum ask {
     ASK_FLASH,     /* -> sectors 1 to 7 */
     ASK_TRACE,     /* u64 capacity */
     ASK_TAKE_TRACE,
-    ASK_CODES, /* -> u16 adc[3], u16 dac[3] of every tick since the last time */
+    ASK_CODES, /* -> u16 adc[3], u16 dac[3], u16 pulses[3] of every tick since the last time */
     ASK_COUNTS,
     ASK_PEEK, /* u32 address, u32 size */
     ASK_POKE, /* u32 address, bytes; flash too */
@@ -44,7 +44,7 @@ static bool awake; /* the first tick has come: until then the stage rests */
 static uint64_t ticks, ticks_left, wanted, ran;
 static bool running;
 static size_t trace_capacity;
-static uint16_t (*codes_log)[2][AXES];
+static uint16_t (*codes_log)[3][AXES];
 static size_t logged, log_capacity;
 
 static void read_all(void *to, size_t size)
@@ -232,6 +232,9 @@ static void end_tick(void)
     dac_output(codes);
     if (awake) {
         log_codes(1, codes);
+        const uint16_t pulses = (uint16_t)gpio_take_pulses();
+        for (unsigned pin = 0; pin < AXES; pin++)
+            codes_log[logged][2][pin] = pulses >> pin & 1u;
         logged++;
         stage.drive(plant, codes);
     }
