@@ -29,7 +29,7 @@ int main(int count, char **arguments)
         static const uint16_t ADC_CODES[RECORDER_AXES];
         static const struct axis_trace TRACES[RECORDER_AXES];
         for (unsigned long left = strtoul(arguments[i], NULL, 10); left > 0; left--) {
-            recorder_tick(&recorder, tick++, ADC_CODES, TRACES);
+            recorder_tick(&recorder, tick++, ADC_CODES, TRACES, 0);
             print_batches();
         }
         const uint32_t lost = (uint32_t)strtoul(arguments[i + 1], NULL, 10);
