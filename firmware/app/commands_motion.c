@@ -164,8 +164,6 @@ static enum wire_status put_segments(struct device *device, const struct wire_qu
                                      const struct segment segments[AXES])
 {
     struct control *control = &device->control;
-    if (control->state != WIRE_STATE_RUNNING)
-        return control->state == WIRE_STATE_FAULT ? WIRE_STATUS_FAULT_LATCHED : WIRE_STATUS_WRONG_STATE;
     if (queue->begin_tick != 0 && queue->begin_tick <= control->tick)
         return WIRE_STATUS_BAD_VALUE;
     for (unsigned axis = 0; axis < AXES; axis++)
@@ -232,6 +230,10 @@ enum wire_status command_queue(struct device *device, const struct request *requ
         device_unlock(device);
         status = check_segments(device, &queue, line_ups, segments);
         device_lock(device);
+        if (device->control.state == WIRE_STATE_FAULT) { /* it came meanwhile, and no axis is driven any more */
+            answer->tick = device->control.tick;
+            status = WIRE_STATUS_FAULT_LATCHED;
+        }
     }
     if (status == WIRE_STATUS_OK)
         status = put_segments(device, &queue, segments);

@@ -136,13 +136,6 @@ static void begin_join(const struct axis_config *config, struct axis_state *stat
         state->path.wait_ticks = wait_ticks;
 }
 
-/* Where the stage stands by the memory of the inverse, which asks for the present output again. */
-static int32_t remembered_q16(const struct compensation *compensation, const struct axis_state *state)
-{
-    bool saturated = false;
-    return compensation != NULL ? sat_i32(round_shift_i64(state->compensation.inverse.x_q44, 28), &saturated) : 0;
-}
-
 void axis_enter(struct axis_config *config, const struct axis_model *model, struct axis_state *state, uint16_t adc_code,
                 uint32_t enter_ticks)
 {
@@ -152,7 +145,7 @@ void axis_enter(struct axis_config *config, const struct axis_model *model, stru
         return;
     const int32_t here = volts ? state->u_q24 : converter_position_q16(&config->converter, adc_code, &saturated);
     state->join = (struct join_state){.path = {.kind = PATH_HOLD, .offset = here},
-                                      .ahead_q16 = remembered_q16(model->compensation, state),
+                                      .ahead_q16 = compensation_here_q16(model->compensation, &state->compensation),
                                       .u_q24 = state->u_q24,
                                       .standing = 1};
     state->target.reference = here;

@@ -1,5 +1,7 @@
 #include "core/compensation.h"
 
+#include <stddef.h>
+
 #include "core/fixed.h"
 #include "core/inverse_memory.h"
 
@@ -44,6 +46,17 @@ void compensation_follow(const struct compensation *compensation, struct compens
 {
     inverse_follow(&compensation->inverse, &state->inverse, u_q24);
     follow_creep(compensation, state);
+}
+
+int32_t compensation_here_q16(const struct compensation *compensation, const struct compensation_state *state)
+{
+    bool saturated = false;
+    if (compensation == NULL)
+        return 0;
+    int64_t here_q40 = round_shift_i64(state->inverse.x_q44, 4);
+    if (creep_is_in_use(&compensation->creep))
+        here_q40 -= creep_undo_q40(&compensation->creep, &state->creep, 0); /* and so far it has crept */
+    return sat_i32(round_shift_i64(here_q40, 24), &saturated);
 }
 
 /* A constant passes each section unchanged, since its static gain is exactly 1: all start from the same value. */

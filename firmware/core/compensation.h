@@ -49,6 +49,9 @@ void compensation_admit(const struct compensation *compensation, struct compensa
 /* A tick in which something else decided the output. */
 void compensation_follow(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24);
 
+/* Where the stage stands by the memory: asked for that, a step gives the present output again. 0 without a model. */
+int32_t compensation_here_q16(const struct compensation *compensation, const struct compensation_state *state);
+
 /* The voltage for the position that is wanted one preview from now, |ahead| < 32768 um. */
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
                               int32_t ahead_q16, bool *saturated);

@@ -169,6 +169,11 @@ def test_limits_that_cannot_be_met_change_nothing(bad, status):
     assert bench.firmware.flash()[1] == writes
 
 
+@pytest.mark.parametrize("bad", [{"dac_min": ZERO_V_CODE + 1}, {"dac_max": ZERO_V_CODE - 1}])
+def test_limits_without_0_V_are_refused_where_0_V_is_the_safe_value(bad):
+    assert Bench().status_of(limits_set(replace(FREE, **bad))) == wire.Status.OUTSIDE_LIMITS
+
+
 def test_a_model_whose_safe_value_is_outside_is_refused():
     bench = limited(EIGHT_V)
     assert bench.upload(model(u_park_q24=9 * V)).status == wire.Status.OUTSIDE_LIMITS

@@ -105,6 +105,13 @@ def test_positions_must_fit_their_format(bench):
     assert reply.invalid_field == FIELDS.index("adc_um_per_code_q32") + 1
 
 
+def test_a_position_may_be_the_largest_of_its_format(bench):
+    """65536 codes of 2^-16 x (2^31 - 1) LSB each, and not one code more."""
+    assert bench.upload(model(adc_zero_code=-1, adc_um_per_code_q32=2**31 - 1)).status == wire.Status.OK
+    reply = bench.upload(model(adc_zero_code=-2, adc_um_per_code_q32=2**31 - 1))
+    assert reply.invalid_field == FIELDS.index("adc_um_per_code_q32") + 1
+
+
 def test_a_wrong_magic_is_no_model(bench):
     reply = bench.upload(replace(model(), magic=1))
     assert (reply.status, reply.invalid_field) == (wire.Status.MODEL_INVALID, MAGIC)
@@ -152,6 +159,7 @@ def test_chunks_stay_inside_the_blob_and_inside_a_transaction(bench):
     assert bench.status_of(wire.ModelChunkRequest(0, b"1234")) == wire.Status.WRONG_STATE
     end = wire.Model.SIZE
     assert bench.status_of(wire.ModelBeginRequest(end - 1, 0)) == wire.Status.BAD_VALUE
+    assert bench.status_of(wire.ModelChunkRequest(0, b"1234")) == wire.Status.WRONG_STATE
     bench.ok(wire.ModelBeginRequest(end, 0))
     for offset, size in ((end, 1), (end - 1, 2), (2**32 - 1, 2), (end - 999, 1000), (0, 0)):
         assert bench.status_of(wire.ModelChunkRequest(offset, bytes(size))) == wire.Status.BAD_VALUE

@@ -188,6 +188,20 @@ def test_a_stamped_path_begins_in_its_tick():
     assert first + moved[0] == tick  # its first value is the one that was held
 
 
+def test_it_moves_for_as_long_as_a_path_has_not_ended():
+    """One without an end for ever, one that holds for a time for that time."""
+    bench = holding()
+    assert bench.ok(wire.WhereRequest()).moving == 0
+    assert queue(bench, x=hold(ticks=200)) == wire.Status.OK
+    bench.run(100)
+    assert bench.ok(wire.WhereRequest()).moving == 1
+    bench.run(200)
+    assert bench.ok(wire.WhereRequest()).moving == 0
+    assert queue(bench, x=sine(V, 0, 5, 0)) == wire.Status.OK
+    bench.run(3000)
+    assert bench.ok(wire.WhereRequest()).moving == 1
+
+
 def test_a_queue_that_runs_dry_holds_and_says_so():
     bench = holding()
     assert queue(bench, x=move_to(V, 50, flags=MORE)) == wire.Status.OK
@@ -307,6 +321,43 @@ def test_start_enters_a_path_and_says_when_it_begins():
     assert np.abs(from_first[:1000] - whole).max() < 2
     assert max(derivatives(from_first)) < V // 50
     assert max(derivatives(reference[first - bench.samples[0].first_tick - 300 :])) < V // 50
+
+
+@pytest.mark.parametrize("rest_ticks", [0, 20_000])
+def test_an_inverse_path_is_entered_from_the_voltage_at_which_the_axis_stands(rest_ticks):
+    """With creep in the model it once began with a step of 190 codes, 60 mV."""
+    bench = Bench()
+    assert bench.upload(model(u_park_q24=5 * V)).status == wire.Status.OK
+    bench.ok(wire.ArmRequest(0))
+    bench.run(1000)
+    bench.park()
+    bench.run(rest_ticks)
+    assert bench.set_axis(0, wire.Mode.INVERSE) == wire.Status.OK
+    assert bench.set_path(0, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
+    bench.ok(wire.SetJoinsRequest(0, HERE, 500, 0))
+    bench.ok(wire.ArmRequest(0))
+    before = int(bench.dac[-1, 0])
+    bench.ok(wire.StartRequest(1))
+    codes = bench.run(600)[:, 0].astype(int)
+    assert before == 32768 + 5 * 3200
+    assert np.abs(codes[:20] - before).max() < 100  # a join begins at rest
+    assert np.abs(np.diff(codes, prepend=before)).max() < 40
+    assert abs(codes[-1] - before) > 1000  # the sensor says that it stands elsewhere: there it went
+
+
+@pytest.mark.parametrize(
+    ("preview_q16", "whole"), [(0, 0), (1, 1), (1 << 16, 1), ((1 << 16) + 1, 2), (3 << 15, 2), (2 << 16, 2)]
+)
+def test_a_path_begins_no_sooner_than_its_inverse_can_look_ahead(preview_q16, whole):
+    """By so many whole ticks, rounded up."""
+    bench = Bench()
+    assert bench.upload(model(preview_ticks_q16=preview_q16)).status == wire.Status.OK
+    assert bench.set_axis(0, wire.Mode.INVERSE) == wire.Status.OK
+    assert bench.set_path(0, swing=20 * UM) == wire.Status.OK
+    bench.ok(wire.SetJoinsRequest(0, 0, 50, 0))
+    bench.ok(wire.ArmRequest(0))
+    started = bench.ok(wire.StartRequest(1))
+    assert started.first_tick - started.tick == 1 + 50 + whole
 
 
 def test_on_target_needs_its_window_for_long_enough():

@@ -63,6 +63,11 @@ def test_every_start_is_counted():
         flash = kept(bench)
 
 
+def test_the_first_start_of_all_writes_one_record_and_erases_nothing():
+    """An erase takes a second."""
+    assert started(None).firmware.flash()[1] == 1
+
+
 @pytest.mark.parametrize("places", [1, PLACES - 3, PLACES - 2, PLACES - 1, PLACES, PLACES + 1])
 def test_a_cut_at_any_byte_leaves_the_old_limits_or_the_new(places):
     """Around the end of a sector too, where everything is copied to the other one."""
@@ -243,6 +248,51 @@ def test_the_log_keeps_the_last_sixteen_over_resets():
         found = [(f.power_cycle, f.tick, f.fault, f.axis, f.state) for f in log.faults[: log.count]]
         assert found == expected[-16:]
         assert log.power_cycle == count + 1
+
+
+def logged(bench):
+    log = bench.ok(wire.FaultLogRequest())
+    return [(fault.tick, fault.fault) for fault in log.faults[: log.count]]
+
+
+def latch(bench, fault):
+    """A fault of a parked device, cleared; tick and fault."""
+    bench.firmware.inject(fault)
+    bench.run(2)
+    tick = bench.status().fault_tick
+    bench.ok(wire.ClearFaultRequest())
+    return tick, fault
+
+
+FAULTS = (wire.Fault.INTERLOCK, wire.Fault.CONVERTER_SILENT, wire.Fault.TICK_OVERRUN)
+
+
+def test_a_fault_that_is_there_twice_keeps_its_place_when_one_of_the_two_is_damaged():
+    """A sector that is full stays, and its faults are copied to the other."""
+    bench = started(None)
+    faults = []
+    for fault in FAULTS * 2:
+        faults.append(latch(bench, fault))
+        bench.run(3)
+    for _ in range(PLACES):
+        bench.ok(limits_set(to_V(3)))
+    flash = kept(bench)
+    for sector in range(2):
+        for place in range(PLACES):
+            damaged = bytearray(flash)
+            damaged[JOURNAL + sector * SECTOR + place * RECORD + 40] ^= 0x10
+            assert logged(started(bytes(damaged))) == faults, (sector, place)
+
+
+def test_of_the_faults_that_cannot_be_written_yet_the_first_four_are_kept():
+    """As many as FAULT_LOG_WAITING of fault_log.h; nothing is written while it is recorded."""
+    bench = started(None)
+    bench.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))
+    first_four = [latch(bench, fault) for fault in FAULTS * 2][:4]
+    assert logged(bench) == first_four
+    bench.run(300)
+    assert logged(bench) == first_four
+    assert logged(started(kept(bench))) == first_four
 
 
 def test_a_lost_core_is_in_the_log():

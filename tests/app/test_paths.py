@@ -107,6 +107,32 @@ def test_the_rectangle_includes_its_edges_and_nothing_more(modelled):
     assert refusal(bench, wire.Mode.FF, swing=round((high + 0.1) * UM)) == wire.Status.OUTSIDE_RECTANGLE
 
 
+def first_step(f_q16):
+    """The least step whose frequency is nearest to so many 2^-16 Hz."""
+    return -((1 - 2 * f_q16) * 2**47 // 5000)
+
+
+def test_a_frequency_is_within_the_rectangle_when_its_nearest_in_q16_is(modelled):
+    for step, status in (
+        (first_step(1 << 16) - 1, wire.Status.OUTSIDE_RECTANGLE),
+        (first_step(1 << 16), wire.Status.OK),
+        (first_step((20 << 16) + 1) - 1, wire.Status.OK),
+        (first_step((20 << 16) + 1), wire.Status.OUTSIDE_RECTANGLE),
+    ):
+        assert refusal(modelled, wire.Mode.FF, swing=60 * UM, step=step) == status
+
+
+@pytest.mark.parametrize("code", [0, 20_000, 60_000, 65_535])
+def test_without_a_model_a_code_of_the_sensor_is_280_um_by_65536(bench, code):
+    """And code 2341 is 0 um: the default converter of device.c."""
+    assert refusal(bench, wire.Mode.PID, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
+    bench.ok(wire.SetJoinsRequest(0, wire.PathFlag.FROM_HERE, 50, 0))
+    bench.ok(wire.ArmRequest(0))
+    bench.run(1, adc=code)
+    bench.ok(wire.StartRequest(1))
+    assert bench.ok(wire.WhereRequest()).end[0] == (code - 2341) * 280
+
+
 def test_a_table_path_is_refused_where_its_voltage_would_clip(modelled):
     # 60 um ride on the gain of a 60 um swing; 200 um higher that asks for more than 10 V.
     assert refusal(modelled, wire.Mode.FF, swing=60 * UM, offset=100 * UM) == wire.Status.OK

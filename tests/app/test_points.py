@@ -53,6 +53,11 @@ def wave(points):
     return lambda _axis, n: int(points[n % len(points)])
 
 
+def waves(points):
+    """One of its own for each axis."""
+    return lambda axis, n: int(points[axis][n % len(points[axis])])
+
+
 def begin(bench, *, mode=wire.Mode.OPEN, unit=V, log2=0, axes=1, enter=100, leave=100, swing=4, offset=1, ticks=0):
     """Path and joins, armed and started; the recorder runs from before."""
     for axis in range(axes):
@@ -109,22 +114,22 @@ def smooth(seed, length=RING):
     st.integers(1, 3),
 )
 def test_a_path_that_comes_in_points_is_the_table_bit_for_bit(seed, log2, mode, enter, axes):
-    """Reference and DAC code, the joins at both ends included."""
-    points, ticks = smooth(seed), 1500
+    """Reference and DAC code, the joins at both ends included; each axis has points of its own."""
+    points, ticks = [np.roll(smooth(seed), 100 * axis) for axis in range(axes)], 1500
     needed = (ticks + 120 >> log2) + 3
     unit = V if mode == wire.Mode.OPEN else 8 * UM
 
     def run(streamed):
         bench = ready(mode, axes)
         if streamed:
-            source = Source(bench, wave(points), first=-enter // 2**log2, log2=log2, axes=axes)
+            source = Source(bench, waves(points), first=-enter // 2**log2, log2=log2, axes=axes)
             source.length_ticks = ticks
             source.fill(min(source.first + RING, needed))
         else:
             for axis in range(axes):
                 for at in range(0, RING, 256):
-                    bench.ok(wire.WaveChunkRequest(axis, at, sent(points[at : at + 256])))
-                bench.ok(wire.WaveCommitRequest(axis, crc32(sent(points))))
+                    bench.ok(wire.WaveChunkRequest(axis, at, sent(points[axis][at : at + 256])))
+                bench.ok(wire.WaveCommitRequest(axis, crc32(sent(points[axis]))))
         begin(bench, mode=mode, unit=unit, log2=log2, axes=axes, enter=enter, ticks=0 if streamed else ticks)
         ran = 0
         while ran < ticks + 800:
@@ -241,6 +246,17 @@ def test_what_is_refused_moves_nothing():
     bench.run(10)
     assert begun(1, 0, 0) == wire.Status.BUSY
     assert (bench.dac == bench.dac[0]).all(0)[1:].all()
+
+
+def test_a_piece_goes_on_from_the_last_point_of_the_one_before():
+    """From there, and not from what lies in the ring behind it, it may be as steep as was said."""
+    bench, most = ready(), ONE // 100
+    put = lambda first, values: bench.status_of(wire.PointsRequest(1, first, 0, sent(values)))  # noqa: E731
+    bench.ok(wire.PointsBeginRequest(1, 0, -10, (most,) * 3))
+    assert put(-10, [ONE // 2] * 10) == wire.Status.OK
+    assert put(0, [ONE // 2 + most + 1]) == put(0, [ONE // 2 - most - 1]) == wire.Status.BAD_VALUE
+    assert put(0, [ONE // 2 + most]) == wire.Status.OK
+    assert put(1, [ONE // 2]) == wire.Status.OK
 
 
 @pytest.mark.parametrize("mode", [wire.Mode.FF, wire.Mode.FF_PID])

@@ -1,6 +1,7 @@
 """An axis whose output stands still is passed over in a tick; what goes on meanwhile must not be."""
 
 import numpy as np
+import pytest
 from device_bench import UM, Bench, V
 
 from phaselead.device import wire
@@ -29,3 +30,13 @@ def test_creep_goes_on_while_the_output_rests():
     fresh = crept(0, volts=0)
     assert np.max(np.abs(crept(0, volts=8) - fresh)) > 10
     assert np.max(np.abs(crept(7500, volts=8) - fresh)) <= 1
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_an_axis_moves_while_the_others_rest(axis):
+    bench = Bench()
+    bench.run(50)
+    bench.drive(axis=axis, swing=8 * V)
+    codes = bench.run(500).astype(int)
+    assert [bool(np.ptp(codes[:, i]) > 20_000) for i in range(3)] == [i == axis for i in range(3)]
+    assert not np.ptp(np.delete(codes, axis, axis=1))

@@ -113,6 +113,19 @@ def test_a_threshold_triggers_in_the_tick_that_crosses_it(axis, falling, level, 
     assert len(ticks) <= ENTRIES
 
 
+@pytest.mark.parametrize("falling", [0, 1])
+def test_to_reach_a_threshold_is_to_cross_it_and_to_leave_it_is_not(falling):
+    """Random codes hardly ever are the level itself."""
+    beyond = -1 if falling else 1
+    bench = Bench()
+    bench.ok(arm(wire.Trigger.THRESHOLD, falling=falling, level=MID_CODE))  # which is what this tick sees
+    bench.run(5, adc=MID_CODE + beyond)
+    bench.run(5, adc=MID_CODE - beyond)
+    reached = len(bench.dac)
+    bench.run(200, adc=MID_CODE)
+    assert pull(bench).head.trigger_tick == reached
+
+
 @pytest.mark.parametrize(("channel", "level"), [(wire.Channel.DAC, 32768 + 3200), (wire.Channel.REFERENCE, V)])
 def test_output_and_reference_have_thresholds_too(channel, level):
     bench = Bench()

@@ -222,6 +222,7 @@ def test_chunks_belong_behind_the_header_and_inside_the_image():
     for offset, size in ((0, 4), (63, 1), (IMAGE_SIZE - 3, 4), (2**32 - 1, 1), (IMAGE_SIZE + 4, 0)):
         assert bench.status_of(wire.UpdateChunkRequest(offset, bytes(size))) == wire.Status.BAD_VALUE
     bench.ok(wire.UpdateChunkRequest(IMAGE_SIZE - 4, bytes(4)))
+    bench.ok(wire.UpdateChunkRequest(IMAGE_SIZE, b""))
 
 
 def test_another_host_does_not_go_on_with_an_image_or_a_model():
@@ -296,6 +297,13 @@ def test_a_full_record_is_written_anew():
     assert running(boot(cells)) == bytes([3]) * 20
     start = OWN_SIZE + 2 * SLOT_SIZE
     assert cells[start : start + 32] == entry(3, 0) * 2  # what ran when it was erased
+
+
+def test_a_record_without_a_single_place_left_is_written_anew():
+    """Where the second entry of a confirmation finds no room."""
+    record = entry(3, 0).ljust(RECORD_SIZE, b"\0")
+    cells = updated(flashed(a=image(OLD, 0), record=record), NEW, 1)
+    assert running(boot(cells)) == NEW
 
 
 BLANK = b"\xff" * 16

@@ -194,6 +194,14 @@ class Segment(ct.Structure):
     ]
 
 
+class SegmentQueue(ct.Structure):
+    _fields_ = [
+        ("ring", Segment * 8),
+        ("dry_tick", ct.c_uint64),
+        *((name, ct.c_uint32) for name in ("first", "count", "dry", "reserved")),
+    ]
+
+
 class JoinState(ct.Structure):
     _fields_ = [
         ("path", PathConfig),
@@ -465,10 +473,16 @@ PROTOTYPES = {
     "decoupling_takes": (ct.c_bool, [I32 * 3, ct.c_uint]),
     "decoupling_make": (ct.c_bool, [ct.POINTER((I32 * 3) * 3), ct.POINTER(Decoupling)]),
     "decouple": (None, [ct.POINTER(Decoupling), U32, I32 * 3, FLAG]),
+    "segment_put": (None, [ct.POINTER(SegmentQueue), ct.POINTER(Segment), U32]),
+    "segment_first": (ct.POINTER(Segment), [ct.POINTER(SegmentQueue)]),
+    "segment_last": (ct.POINTER(Segment), [ct.POINTER(SegmentQueue)]),
+    "segment_drop_first": (None, [ct.POINTER(SegmentQueue)]),
+    "segment_drop_all": (None, [ct.POINTER(SegmentQueue)]),
     "compensation_make": (ct.c_bool, [ct.POINTER(Compensation)]),
     "compensation_admit": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState)]),
     "compensation_rest": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32]),
     "compensation_follow": (None, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32]),
+    "compensation_here_q16": (I32, [ct.POINTER(Compensation), ct.POINTER(CompensationState)]),
     "compensation_step_q24": (I32, [ct.POINTER(Compensation), ct.POINTER(CompensationState), I32, FLAG]),
     "sine_q30": (I32, [U32]),
     "path_start": (None, [ct.POINTER(PathState)]),

@@ -125,6 +125,7 @@ def broken(**fields):
         (broken(play={2: (1,)}), PLAY_ORDER),
         (broken(knot_d_q24={1: 0}), KNOT_ORDER),
         (broken(gain_q20=1 << 30), STEEP),
+        (inverse_of([(64 << 24, 1 << 20)]), EXISTS),
         (broken(play={3: ((64 << 24) + 1,)}), PLAY_ORDER),
         (broken(gain_q20=(1 << 10) - 1), FALLS),
         (broken(gain_q20=-(10 << 20)), FALLS),
