@@ -14,6 +14,8 @@ import numpy as np
 
 import phaselead as pl
 from phaselead.control import Tuned
+from phaselead.control.tuning.course import LEVEL_SHARE
+from phaselead.identify import FitResult
 from phaselead.model import AdoptedEffect, Stage, save_stage
 from phaselead.sim import built_in
 
@@ -24,6 +26,16 @@ SEEN_um, BACK_um = 0.1, 0.05
 TICK_HZ = 5000
 IDENTIFY_s = 60.0
 MIDDLE_um = {"xy30": 15.0, "x100": 50.0}
+
+
+def tune_x(device: pl.Controller, fitted: FitResult) -> pl.Tuned:
+    """As it comes, or, where that is refused, with twice the level, as the refusal asks for."""
+    try:
+        return device.tune("x", model=fitted)
+    except pl.BadInput as refusal:
+        print(f"again with twice the level: {refusal}", flush=True)
+        limits = fitted.model.axis("x").limits
+        return device.tune("x", model=fitted, level=2 * LEVEL_SHARE * (limits.u_max_V - limits.u_min_V))
 
 
 def moved(stage: Stage, factor: float) -> Stage:
@@ -94,7 +106,7 @@ def main(names: tuple[str, ...]) -> None:
         for name in names:
             stage, place_um = built_in(name), MIDDLE_um.get(name, 60.0)
             with pl.connect(f"sim://{name}") as dev:
-                tuned = dev.tune("x", model=dev.identify("x", duration=IDENTIFY_s))
+                tuned = tune_x(dev, dev.identify("x", duration=IDENTIFY_s))
             low, high = tuned.predicted.bandwidth_Hz
             each = [moved(stage, factor) for factor in (0.9, 1.0, 1.1)]
             back = ", ".join(f"{back_ms(tuned, one, folder, place_um):.1f}" for one in each)
