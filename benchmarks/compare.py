@@ -18,14 +18,13 @@ import numpy as np
 import phaselead as pl
 from compare_page import write_page
 from phaselead.control.joins import quiet_s
-from phaselead.control.tuning.course import LEVEL_SHARE
-from phaselead.identify import FitResult
 from phaselead.model import AxisModel, Stage, load_stage, save_stage, sensor_lag_s
 from phaselead.model.operator import resting_at
 from phaselead.sim import built_in
 from rivals import RIVALS, Evidence, Path, Sine, drive, paths_for
 from rivals.bench import Reference
 from rivals.evidence import TICK_S
+from tuning import tune_x
 
 OUT = File("out/compare")
 SEED, TRIALS, JUDGED_PERIODS = 1, 10, 4
@@ -105,7 +104,7 @@ def made(stage: str) -> Made:
         with pl.connect(f"sim://{stage}") as device:
             fitted = device.identify("x")
             save_stage(identified, fitted.model)
-            loop = _tuned(device, fitted)
+            loop = tune_x(device, fitted)
         save_stage(tuned, loop.model)
         sure = loop.measured.reliable()
         model = fitted.axis("x")
@@ -117,16 +116,6 @@ def made(stage: str) -> Made:
             sensor_lag_s(model),
         ).save(evidence)
     return Made(Evidence.load(evidence), load_stage(identified), load_stage(tuned))
-
-
-def _tuned(device: pl.Controller, fitted: FitResult) -> pl.Tuned:
-    """As it comes, or, where that is refused, with twice the level, as the refusal asks for."""
-    try:
-        return device.tune("x", model=fitted)
-    except pl.BadInput as refusal:
-        print(f"again with twice the level: {refusal}", flush=True)
-        limits = fitted.model.axis("x").limits
-        return device.tune("x", model=fitted, level=2 * LEVEL_SHARE * (limits.u_max_V - limits.u_min_V))
 
 
 def _sine(record: pl.Recording) -> Sine:
