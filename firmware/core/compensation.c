@@ -53,10 +53,8 @@ int32_t compensation_here_q16(const struct compensation *compensation, const str
     bool saturated = false;
     if (compensation == NULL)
         return 0;
-    int64_t here_q40 = round_shift_i64(state->inverse.x_q44, 4);
-    if (creep_is_in_use(&compensation->creep))
-        here_q40 -= creep_undo_q40(&compensation->creep, &state->creep, 0); /* and so far it has crept */
-    return sat_i32(round_shift_i64(here_q40, 24), &saturated);
+    const int64_t here_q16 = round_shift_i64(state->inverse.x_q44, 28);
+    return sat_i32(here_q16 + creep_so_far_q16(&compensation->creep, &state->creep), &saturated);
 }
 
 /* A constant passes each section unchanged, since its static gain is exactly 1: all start from the same value. */

@@ -48,6 +48,15 @@ int64_t creep_undo_q40(const struct creep_config *config, const struct creep_sta
     return bounded(x_q40 - high_q38 * 4 - round_shift_i64(low_q70, 30));
 }
 
+int64_t creep_so_far_q16(const struct creep_config *config, const struct creep_state *state)
+{
+    int64_t sum_q44 = 0; /* lags in q14 fit 32 bits; a start is short of cycles, and the flash of room */
+#pragma GCC unroll 1
+    for (unsigned i = 0; i < CREEP_TERMS; i++)
+        sum_q44 += (int64_t)(int32_t)floor_shift_i64(state->lag_q40[i], 26) * config->k_q30[i];
+    return round_shift_i64(sum_q44, 28);
+}
+
 void creep_follow(const struct creep_config *config, struct creep_state *state, int64_t d_q40)
 {
     for (unsigned i = 0; i < CREEP_TERMS; i++)

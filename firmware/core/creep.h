@@ -35,6 +35,9 @@ void creep_admit(struct creep_state *state);
 /* d for a displacement x from rest, both um, each below 65536 um. */
 int64_t creep_undo_q40(const struct creep_config *config, const struct creep_state *state, int64_t x_q40);
 
+/* x - d, to 2^-15 um. */
+int64_t creep_so_far_q16(const struct creep_config *config, const struct creep_state *state);
+
 /* One tick during which the displacement before creep was d, below 65536 um. */
 void creep_follow(const struct creep_config *config, struct creep_state *state, int64_t d_q40);
 
