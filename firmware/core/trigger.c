@@ -33,13 +33,15 @@ static bool turn_step(struct trigger *trigger, const struct path_config *path, c
 
 static bool time_step(struct trigger *trigger, const struct path_state *state)
 {
-    const bool begins = state->elapsed == 1;
-    if (trigger->state.mark == 0 && !begins)
-        return false;
-    const bool passed = begins || --trigger->state.mark == 0;
-    if (passed)
-        trigger->state.mark = trigger->config.every;
-    return passed;
+    if (state->elapsed != 1) {
+        if (trigger->state.mark == 0)
+            return false;
+        trigger->state.mark--;
+        if (trigger->state.mark != 0)
+            return false;
+    }
+    trigger->state.mark = trigger->config.every;
+    return true;
 }
 
 static bool way_step(struct trigger *trigger, int32_t reference)

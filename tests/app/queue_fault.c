@@ -23,7 +23,10 @@ static void tick(void)
 static void fault_first(void *context)
 {
     (void)context;
-    if (until == 0 || --until > 0)
+    if (until == 0)
+        return;
+    until--;
+    if (until > 0)
         return;
     device_raise(&device, WIRE_FAULT_INTERLOCK, NO_AXIS, 0);
     tick();
