@@ -99,7 +99,7 @@ def test_identify_refuses_levels_beyond_the_limits_before_anything_moves(run, tm
     save_stage(model, NARROW)
     outcome = run("identify", "--model", model, "-o", tmp_path / "out.toml")
     assert outcome.status == 2
-    assert "the level of 8 V at 20 Hz does not fit the limits (-2..6 V" in outcome.err
+    assert "the level of 10 V at 20 Hz does not fit the limits (-2..6 V" in outcome.err
     assert not (tmp_path / "out.toml").exists()
 
 

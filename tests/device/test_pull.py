@@ -129,9 +129,9 @@ def test_what_is_read_is_read_once_and_in_pieces_that_come_through(monkeypatch):
     ("how", "words"),
     [
         ({"on": "moon"}, "must be one of fault, set_point, threshold, input"),
-        ({"on": "threshold"}, "either a level above or one below"),
-        ({"on": "threshold", "above_um": 1, "below_um": 2}, "either a level above or one below"),
-        ({"on": "fault", "above_um": 1}, "nothing else takes one"),
+        ({"on": "threshold"}, "a threshold takes one level"),
+        ({"on": "threshold", "above_um": 1, "below_um": 2}, "a threshold takes one level"),
+        ({"on": "fault", "above_um": 1}, "nothing else takes any"),
         ({"on": "threshold", "above_um": 500}, "beyond the sensor's range"),
         ({"every": 0}, "between 1 and 65535"),
         ({"after": 1.5}, "between 0 and 1"),
