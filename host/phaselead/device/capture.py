@@ -172,8 +172,9 @@ class _Run:
 
     session: Session
     plan: Plan
+    first_tick: int
     clock_s: float = 0.0
-    next_tick: int = 0
+    next_tick: int = field(init=False)
     bodies: list[bytes] = field(default_factory=list)
     """Batches, unless a spool takes them."""
     sample_bytes: int = 0
@@ -190,6 +191,7 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.tick_size = tick_dtype(self.plan.channels, self.plan.axis_mask).itemsize
+        self.next_tick = self.first_tick
 
     def bytes_of(self, seconds: float) -> int:
         """Of the stream, in so much device time."""
@@ -199,11 +201,11 @@ class _Run:
         session, before = self.session, self.next_tick
         began_s = session.now_s()
         session.pump(size)
-        if session.samples:
-            last = session.samples[-1]
+        came = self.collect()
+        if came:
+            last = came[-1]
             ticks = (len(last) - HEAD.itemsize) // self.tick_size * self.plan.decimation
             self.next_tick = int.from_bytes(last[FIRST_TICK], "little") + ticks
-            self.collect()
         if self.next_tick > before:
             self.clock_s += (self.next_tick - before) / TICK_HZ
             self.silent_s = 0.0
@@ -212,12 +214,15 @@ class _Run:
             self.clock_s += waited_s
             self.silent_s += waited_s
 
-    def collect(self) -> None:
-        """Takes over what the session has gathered."""
-        came, self.session.samples = self.session.samples, []
+    def collect(self) -> list[bytes]:
+        """Takes over the batches that the session has gathered; not those of a stream before this one, whose last may
+        still have been under way when it was stopped."""
+        gathered, self.session.samples = self.session.samples, []
+        came = [body for body in gathered if int.from_bytes(body[FIRST_TICK], "little") >= self.first_tick]
         self.sample_bytes += sum(map(len, came)) - HEAD.itemsize * len(came)
         if self.plan.spool is None:
             self.bodies += came
+        return came
 
     def feed(self) -> None:
         """Asks for the status when it is due or something has happened, without waiting for the answer."""
@@ -291,7 +296,7 @@ class _Run:
             )
         return f"the stream from {self.session.name} stopped; check cable and power, then try again"
 
-    def drain(self, sent: int, first_tick: int) -> None:
+    def drain(self, sent: int) -> None:
         """Until everything sent before the stream was stopped has come, or nothing comes any more."""
         while self.silent_s < 2 * (self.session.port.timeout or 0.0):
             self.collect()
@@ -368,7 +373,7 @@ def capture(
 def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Progress | None) -> Capture:
     first = _stream_start(session, plan)
     session.log = [] if plan.spool is None else _Answered(plan.spool)
-    run = _Run(session, plan, next_tick=first.tick, damaged_before=session.reader.errors)
+    run = _Run(session, plan, first.tick, damaged_before=session.reader.errors)
     state = read_region(session, wire.Region.STATE, first.state_size)
     regions = {axis: wire.Region[f"WAVE_{axis.upper()}"] for axis in plan.wave_axes}
     waves = {axis: read_region(session, region) for axis, region in regions.items()}
@@ -392,7 +397,7 @@ def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Pro
         status = wait_parked(session, run.bytes_of(0.01))
     stopped = session.request(wire.StreamStopRequest())
     run.silent_s = 0.0
-    run.drain(stopped.sent_ticks, first.tick)
+    run.drain(stopped.sent_ticks)
     run.collect()
     rows = stopped.sent_ticks, stopped.dropped_ticks
     if plan.spool is None:
