@@ -99,7 +99,8 @@ def script(talker):
     paths_one_after_another(talker)
     talker.ok(
         replace(with_gains(0, wire.Mode.PID), filters=(NEAR_ONE, SLOWER)),
-        wire.SetPathRequest(0, wire.PathKind.SINE, 20 * UM, 10 * UM, step(80), 48_500),  # held, y shakes x: a fault
+        # Once that has ended x is held while y shakes it: a fault after half a second.
+        wire.SetPathRequest(0, wire.PathKind.SINE, 20 * UM, 10 * UM, step(80), 48_500),
         wire.SetAxisRequest(1, wire.Mode.OPEN, 0, 0, 0, 0x7FFFFFFF),
         wire.SetPathRequest(1, wire.PathKind.SINE, 11 * V, -1 * V, step(60), 0),  # faster than the slew limit
         with_gains(2, wire.Mode.INVERSE_PID),
