@@ -77,13 +77,18 @@ def test_a_port_in_use_is_told(served):
     assert "in use" in outcome.stderr or "busy" in outcome.stderr
 
 
-def test_interrupt_leaves_the_output_parked_and_the_journal_recoverable(served, tmp_path):
-    output = tmp_path / "run.h5"
+def tracking(served, output, journal):
+    """A process that tracks, once some of it is in its journal."""
     arguments = ["track", "sine:40um@1Hz", "--mode", "pid", "--duration", "60", "-o", str(output), "--port", served]
     running = subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True)
-    journal = tmp_path / "run.h5.journal"
     while not journal.exists() or journal.stat().st_size < 50_000:  # bounded by the wait for the process
         assert running.poll() is None
+    return running
+
+
+def test_interrupt_leaves_the_output_parked_and_the_journal_recoverable(served, tmp_path):
+    output, journal = tmp_path / "run.h5", tmp_path / "run.h5.journal"
+    running = tracking(served, output, journal)
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=60)
     assert running.returncode == 130
@@ -96,12 +101,8 @@ def test_interrupt_leaves_the_output_parked_and_the_journal_recoverable(served, 
 
 
 def test_kill_9_leaves_a_device_that_goes_home_by_itself_and_a_journal(served, tmp_path):
-    output = tmp_path / "run.h5"
-    arguments = ["track", "sine:40um@1Hz", "--mode", "pid", "--duration", "60", "-o", str(output), "--port", served]
-    running = subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True)
-    journal = tmp_path / "run.h5.journal"
-    while not journal.exists() or journal.stat().st_size < 50_000:  # bounded by the wait for the process
-        assert running.poll() is None
+    output, journal = tmp_path / "run.h5", tmp_path / "run.h5.journal"
+    running = tracking(served, output, journal)
     running.kill()
     running.communicate(timeout=60)
     assert running.returncode == -signal.SIGKILL
