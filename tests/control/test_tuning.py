@@ -186,6 +186,26 @@ def test_a_shaped_loop_has_its_margin_and_fits_the_device(plant: SmallSignal) ->
         assert predicted(plant.with_modes_at(factor), gains, replace(over, mode_shift=0.0)).peak_sensitivity < 2.3
 
 
+def over_s(plant: SmallSignal, gain_um_per_V: float, gains: Gains) -> float:
+    """When a step of force on the stage stays within 5 % of what it would move, by the loop's response."""
+    f_Hz = np.arange(1, 2501.0)
+    moving = plant_response(plant, f_Hz)
+    loop = gain_um_per_V * moving * pid_response(gains, f_Hz)
+    way = np.cumsum(np.fft.irfft(np.concatenate([[0], moving / (1 + loop)])))
+    late = np.flatnonzero(np.abs(way - way[-100:].mean()) > 0.05)
+    return float((late[-1] + 1) * TICK_S)
+
+
+def test_a_push_on_what_was_measured_is_over_sooner_than_with_the_widest_loop(monkeypatch) -> None:
+    plain = replace(PLANT, gain_um_per_V=(16.0, 16.0), modes=((1.0, 200.0, 0.02),), lags_s=(), delay_s=3e-4)
+    over = Range((14.0, 28.0), 0.1, 2.0)
+    calm = shape(plain, over)
+    monkeypatch.setattr(shaping._Push, "unrest", lambda push, values: 0.0)
+    wide = shape(plain, over)
+    assert over_s(plain, 16.0, calm) < 0.8 * over_s(plain, 16.0, wide)
+    assert predicted(plain, calm, over).bandwidth_Hz[0] > 0.8 * predicted(plain, wide, over).bandwidth_Hz[0]
+
+
 def test_the_same_plant_gives_the_same_gains() -> None:
     over, plain = Range((14.0, 28.0), 0.1, 2.0), replace(PLANT, modes=((1.0, 200.0, 0.02),))
     assert shape(plain, over) == shape(plain, over)
