@@ -130,7 +130,7 @@ enum wire_status command_arm(struct device *device, const struct request *reques
             return WIRE_STATUS_MUST_NAME_MODEL;
         if (device->journal.newest.limits_lost)
             return WIRE_STATUS_LIMITS_LOST;
-        if (!device_admits(device, device->idle))
+        if (!device_admits(device))
             return WIRE_STATUS_OUTSIDE_LIMITS;
         device_take_safe_values(device);
     }

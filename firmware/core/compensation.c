@@ -23,7 +23,8 @@ bool compensation_make(struct compensation *compensation)
 
 void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24)
 {
-    *state = (struct compensation_state){.primed = 0};
+    state->primed = 0; /* so that the first step primes the sections */
+    state->creep = (struct creep_state){{0}};
     inverse_rest(&compensation->inverse, &state->inverse, u_q24);
 }
 
