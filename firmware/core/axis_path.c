@@ -144,7 +144,8 @@ void axis_enter(struct axis_config *config, const struct axis_model *model, stru
     if (!enters(config))
         return;
     const int32_t here = volts ? state->u_q24 : converter_position_q16(&config->converter, adc_code, &saturated);
-    state->join.path = (struct path_config){.kind = PATH_HOLD, .offset = here};
+    state->join.path.kind = PATH_HOLD; /* nothing else of a hold is looked at */
+    state->join.path.offset = here;
     state->join.ahead_q16 = compensation_here_q16(model->compensation, &state->compensation);
     state->join.u_q24 = state->u_q24;
     state->join.standing = 1;
