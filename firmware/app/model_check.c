@@ -133,7 +133,7 @@ static enum model_field expand_axis(struct model_slot *slot, unsigned axis, cons
 /* Of the first axis whose row is to blame; of x when it is the whole that has no inverse. */
 static uint16_t expand_coupling(struct model_slot *slot, struct wire_axis_model *room)
 {
-    int32_t coupling_q28[MODEL_AXES][MODEL_AXES];
+    int32_t (*coupling_q28)[MODEL_AXES] = slot->coupling_q28;
     for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
         const struct wire_axis_model *model = model_axis(slot, axis, room);
         memcpy(coupling_q28[axis], model->coupling_q28, sizeof coupling_q28[axis]);

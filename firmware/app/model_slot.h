@@ -29,6 +29,7 @@ struct model_slot {
     struct feedforward_tables tables[MODEL_AXES];
     struct compensation compensation[MODEL_AXES];
     struct model_reach reach[MODEL_AXES];
+    int32_t coupling_q28[MODEL_AXES][MODEL_AXES];
     struct decoupling decoupling;
 };
 
