@@ -173,6 +173,47 @@ def test_the_plant_behind_lines_is_found(
     assert np.median(found.misfit) < 0.02
 
 
+X500 = SmallSignal((33.0, 33.0), ((0.93, 85.0, 0.012), (0.07, 310.0, 0.01)), (1e-4, 3e-4), HOLD_S + 2e-4)
+
+
+def measured_on(plant: SmallSignal) -> Measured:
+    """With 1 % of error on every line, and no coherence where the motion is small."""
+    fine, fast = (plan.grid.frequencies(plan.grid.excited) for plan in (course.FINE, course.FAST))
+    f_Hz = np.concatenate([fine, fast[(fast > fine[-1]) & (fast < 500)]])
+    rng = np.random.default_rng(1)
+    gain = plant.gain_um_per_V[0] * plant_response(plant, f_Hz)
+    gain = gain * (1 + 0.01 * (rng.normal(size=len(f_Hz)) + 1j * rng.normal(size=len(f_Hz))))
+    nothing = Distortion(f_Hz, np.zeros(len(f_Hz)))
+    coherence = np.where(np.abs(gain) > 0.9, 1.0, 0.5)
+    return Measured(f_Hz, gain, coherence, np.full(len(f_Hz), 0.01), 0.0, nothing, nothing, nothing, nothing)
+
+
+@pytest.mark.parametrize("share", [0.03, 0.05, 0.07])
+def test_a_second_mode_is_found_beyond_a_place_where_the_stage_stands_still(share: float) -> None:
+    """Where two modes cancel any plant is off by more than where one is missing. The loop shaped without the mode
+    passed the rehearsal, which lacked it too, and ended in an oscillation of the stage."""
+    measured = measured_on(replace(X500, modes=((1 - share, 85.0, 0.012), (share, 310.0, 0.01))))
+    sure = measured.reliable()
+    found = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
+    assert any(
+        f == pytest.approx(310, rel=0.01) and c == pytest.approx(share, rel=0.1) for c, f, _ in found.plant.modes
+    )
+    assert found.misfit.max() < 0.1
+
+
+def test_a_loop_that_is_not_stable_on_the_measured_lines_is_refused() -> None:
+    """These gains were shaped on a plant without the second mode: where L is 15 the sensitivity is small again, and no
+    line was near enough to -1."""
+    one, other = (
+        LoopFilter(zeros_Hz=74.48, zeros_zeta=0.6271, poles_Hz=42.38, poles_zeta=1.0),
+        LoopFilter(zeros_Hz=521.8, zeros_zeta=1.018, poles_Hz=309.2, poles_zeta=0.3),
+    )
+    gains = Gains(kp_V_per_um=0.000157, ki_V_per_um_s=16.36, kd_V_s_per_um=0.0001003, filters=(one, other))
+    fitted = FittedPlant(replace(X500, modes=((1.0, 85.0, 0.012),)), 33.0, np.zeros(1))
+    with pytest.raises(BadInput, match=r"not stable on the response that was measured, which at 3\d\d\.?\d* Hz"):
+        course._refuse_measured(measured_on(X500), fitted, gains, Range((21.0, 56.8), 0.1, 1.5))
+
+
 # ---------------------------------------------------------------- the loop
 @pytest.mark.parametrize("plant", [PLANT, replace(PLANT, modes=((1.0, 420.0, 0.015),)), replace(PLANT, delay_s=1e-3)])
 def test_a_shaped_loop_has_its_margin_and_fits_the_device(plant: SmallSignal) -> None:
