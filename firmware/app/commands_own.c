@@ -52,7 +52,7 @@ enum wire_status command_fault_log(struct device *device, const struct request *
 {
     struct wire_fault_log_reply reply = {.power_cycle = device->journal.newest.power_cycle};
     (void)request;
-    reply.count = (uint8_t)fault_log_read(&device->fault_log, &device->journal, reply.faults);
+    reply.count = (uint8_t)fault_log_read(device->port.fault_log, &device->journal, reply.faults);
     wire_pack_fault_log_reply(&reply, answer->payload, answer->size);
     return WIRE_STATUS_OK;
 }

@@ -68,8 +68,9 @@ struct control {
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
  * overlap. */
 struct device_port {
-    struct flash_port flash;   /* of the models */
-    struct flash_port records; /* of the journal */
+    struct flash_port flash;     /* of the models */
+    struct flash_port records;   /* of the journal */
+    struct fault_log *fault_log; /* in memory that a reset leaves as it is */
     struct update_port update;
     void (*lock)(void *context);
     void (*unlock)(void *context);
@@ -106,7 +107,6 @@ struct device {
     struct model_store models;
     struct update update;
     struct journal journal;
-    struct fault_log fault_log;
     struct axis_config idle[AXES];    /* what axes begin with: device_make_idle(). No tick reads them */
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
