@@ -231,7 +231,7 @@ class Controller(Plays, Tunes, Supervision):
         frequencies: Sequence[float] | None = None,
         u_max: float | None = None,
         duration: float | None = None,
-        creep: bool = False,
+        creep: bool | None = None,
         save: str | os.PathLike[str] | None = None,
         resume: bool = False,
         overwrite: bool = False,
@@ -243,25 +243,31 @@ class Controller(Plays, Tunes, Supervision):
         which is uploaded first, else of the model the device holds.
 
         The sines: ``levels`` in V, peak-to-peak, and ``frequencies`` in Hz, by default the paper's 8 of each;
-        ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
-        evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
-        ``resume`` goes on with those that it has, ``overwrite`` measures them again. ``creep``: also
-        hold 5 V, or the largest level if that is less, for 12 s an axis, and fit its creep; that takes 52 s an axis
-        beside ``duration``, and does not go with ``resume``.
+        ``u_max`` (V) scales these levels so that the largest is this. In the end each axis rests for 40 s and holds
+        5 V, or the largest level if that is less, for 12 s, which shows its creep; not with ``creep=False``.
+        ``duration`` (s, of the device's time) thins the sines evenly until they take no longer; where they leave no
+        time for the holds these are left out with a warning, or with ``creep=True`` the sines are thinned for them.
+        ``save`` is a folder that keeps every recording as soon as it is there; ``resume`` goes on with those that it
+        has, ``overwrite`` measures them again.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
+        from phaselead.identify import identify_device, keeping, plan_as_time_allows  # slow to load, needed here only
 
         letters = parse_axes(axes)
         stage = None if model is None else as_stage(model)
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
-        plan = plan_of(letters, levels_V=levels, f_Hz=frequencies, u_max_V=u_max, duration_s=duration)
+        plan, creeping, said = plan_as_time_allows(
+            letters, creep=creep, duration_s=duration, levels_V=levels, f_Hz=frequencies, u_max_V=u_max
+        )
+        if said is not None:
+            warnings.warn(said, stacklevel=2)
         with contextlib.ExitStack() as stack:
             kept = None
             if save is not None:
-                kept = stack.enter_context(keeping(save, plan, resume=resume, overwrite=overwrite))
-            done = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage, creep=creep)
+                holds = letters if creeping else ()
+                kept = stack.enter_context(keeping(save, plan, holds, resume=resume, overwrite=overwrite))
+            done = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage, creep=creeping)
             found = done.as_fit()
         return replace(found, model=with_gains(found.model))
 
