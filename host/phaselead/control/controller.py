@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 from phaselead import interrupt
 from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
-from phaselead.control.held import held_stage, held_warning
+from phaselead.control.held import held_sha256, held_stage, held_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
@@ -329,7 +329,8 @@ class Controller(Plays, Tunes, Supervision):
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
         if known is not None:
             chosen = chosen if gains is not None else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, chosen, follows)
+            sha256 = held_sha256(self.device) if stage is None else stage.sha256
+            waveforms = known.waveforms(waveforms, sha256, mode, chosen, follows)
         for line in [
             *held_warning(held, mode, chosen),
             *loop_warnings(stage, mode, chosen, force=force),
@@ -375,14 +376,20 @@ class Controller(Plays, Tunes, Supervision):
         best. Give the result to ``track(learned=...)``, or ``save`` it.
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
-        as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
+        as for ``track``. The error is against the path that was asked for; every trial runs on the model first, but for
+        one that only the device holds, whose modes cannot be read back.
         ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
         ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
-        chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
+        held = held_stage(self.device) if stage is None else None
+        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
+        for line in [
+            *held_warning(held, mode, chosen),
+            *loop_warnings(stage, mode, chosen, force=force),
+            *path_warnings(waveforms),
+        ]:
             warnings.warn(line, stacklevel=2)
         found = learn(
             self.device,
