@@ -156,7 +156,11 @@ export class Panel {
       at("lines").replaceChildren(...lines.reverse());
     }
     if ("files" in changed) {
-      at("files").replaceChildren(...state.files.map((name) => made("li", {}, made("a", { href: `/files/${encodeURIComponent(name)}`, target: "_blank" }, name))));
+      const linked = (names) => names.map((name) => made("li", {}, made("a", { href: `/files/${encodeURIComponent(name)}`, target: "_blank" }, name)));
+      const pages = state.files.filter((name) => name.endsWith(".html"));
+      at("files").replaceChildren(...linked(state.files.filter((name) => !pages.includes(name))));
+      at("page-list").replaceChildren(...linked(pages.reverse()));
+      at("pages").hidden = pages.length === 0;
     }
   }
 }
