@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from phaselead.model import save_stage
+from phaselead.model import load_stage, save_stage
 from phaselead.sim import built_in
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: make test-browser")
@@ -164,6 +164,33 @@ def test_settings_are_changed_and_refused(context, served, stage_path):
     page.locator("#alert:not([hidden])").wait_for()
     assert "u_max_V" in page.inner_text("#alert")
     assert page.locator("#settings details[open]").count() == 1
+
+
+def test_filters_and_effects_are_edited(context, served, stage_path, tmp_path):
+    page = opened(context, served[0])
+    page.locator("#model-path").fill(str(stage_path))
+    page.get_by_role("button", name="Upload", exact=True).click()
+    page.get_by_text("Filters of the loop", exact=True).click()
+    page.get_by_label("kind of filter 1").select_option("notch")
+    sync_api.expect(page.locator("[name='filters.0.zeros_Hz']")).to_have_value("200")
+    assert page.locator("[name='filters.0.poles_Hz']").is_hidden()
+    page.locator("[name='filters.0.zeros_Hz']").fill("190")
+    page.get_by_text("Effect: Resonance", exact=True).click()
+    page.locator("[name='effects.1.resonance.zeta']").fill("0.03")
+    page.get_by_text("Effect: Creep", exact=True).click()
+    page.locator("[name='effects.0.creep']").check()
+    page.get_by_role("button", name="Save and upload").click()
+    page.get_by_text("effects.0.creep changed and uploaded").wait_for()
+    (kept,) = tmp_path.glob("settings-*.toml")
+    axis = load_stage(kept).axis("x")
+    assert [(one.zeros_Hz, one.poles_Hz) for one in axis.gains.filters] == [(190, 190)]
+    assert [effect.name for effect in axis.effects if effect.name in ("creep", "resonance")] == ["resonance"]
+    assert axis.effects[0].params["zeta"] == 0.03
+    sync_api.expect(page.get_by_label("kind of filter 1")).to_have_value("notch")
+    page.locator("[name='effects.0.resonance.zeta']").fill("3")
+    page.get_by_role("button", name="Save and upload").click()
+    page.locator("#alert:not([hidden])").wait_for()
+    assert "resonance.zeta = 3: must be 0.002 to 0.5" in page.inner_text("#alert")
 
 
 def test_the_scope_that_ends_is_said(context, served):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 from phaselead import interrupt
 from phaselead.control.doctor import Diagnosis, diagnose
 from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
-from phaselead.control.held import held_stage, held_warning
+from phaselead.control.held import held_sha256, held_stage, held_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
@@ -231,7 +231,7 @@ class Controller(Plays, Tunes, Supervision):
         frequencies: Sequence[float] | None = None,
         u_max: float | None = None,
         duration: float | None = None,
-        creep: bool = False,
+        creep: bool | None = None,
         save: str | os.PathLike[str] | None = None,
         resume: bool = False,
         overwrite: bool = False,
@@ -243,25 +243,31 @@ class Controller(Plays, Tunes, Supervision):
         which is uploaded first, else of the model the device holds.
 
         The sines: ``levels`` in V, peak-to-peak, and ``frequencies`` in Hz, by default the paper's 8 of each;
-        ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
-        evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
-        ``resume`` goes on with those that it has, ``overwrite`` measures them again. ``creep``: also
-        hold 5 V, or the largest level if that is less, for 12 s an axis, and fit its creep; that takes 52 s an axis
-        beside ``duration``, and does not go with ``resume``.
+        ``u_max`` (V) scales these levels so that the largest is this. In the end each axis rests for 40 s and holds
+        5 V, or the largest level if that is less, for 12 s, which shows its creep; not with ``creep=False``.
+        ``duration`` (s, of the device's time) thins the sines evenly until they take no longer; where they leave no
+        time for the holds these are left out with a warning, or with ``creep=True`` the sines are thinned for them.
+        ``save`` is a folder that keeps every recording as soon as it is there; ``resume`` goes on with those that it
+        has, ``overwrite`` measures them again.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
+        from phaselead.identify import identify_device, keeping, plan_as_time_allows  # slow to load, needed here only
 
         letters = parse_axes(axes)
         stage = None if model is None else as_stage(model)
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
-        plan = plan_of(letters, levels_V=levels, f_Hz=frequencies, u_max_V=u_max, duration_s=duration)
+        plan, creeping, said = plan_as_time_allows(
+            letters, creep=creep, duration_s=duration, levels_V=levels, f_Hz=frequencies, u_max_V=u_max
+        )
+        if said is not None:
+            warnings.warn(said, stacklevel=2)
         with contextlib.ExitStack() as stack:
             kept = None
             if save is not None:
-                kept = stack.enter_context(keeping(save, plan, resume=resume, overwrite=overwrite))
-            done = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage, creep=creep)
+                holds = letters if creeping else ()
+                kept = stack.enter_context(keeping(save, plan, holds, resume=resume, overwrite=overwrite))
+            done = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage, creep=creeping)
             found = done.as_fit()
         return replace(found, model=with_gains(found.model))
 
@@ -323,7 +329,8 @@ class Controller(Plays, Tunes, Supervision):
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
         if known is not None:
             chosen = chosen if gains is not None else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, chosen, follows)
+            sha256 = held_sha256(self.device) if stage is None else stage.sha256
+            waveforms = known.waveforms(waveforms, sha256, mode, chosen, follows)
         for line in [
             *held_warning(held, mode, chosen),
             *loop_warnings(stage, mode, chosen, force=force),
@@ -369,14 +376,20 @@ class Controller(Plays, Tunes, Supervision):
         best. Give the result to ``track(learned=...)``, or ``save`` it.
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
-        as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
+        as for ``track``. The error is against the path that was asked for; every trial runs on the model first, but for
+        one that only the device holds, whose modes cannot be read back.
         ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
         ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
-        chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
+        held = held_stage(self.device) if stage is None else None
+        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
+        for line in [
+            *held_warning(held, mode, chosen),
+            *loop_warnings(stage, mode, chosen, force=force),
+            *path_warnings(waveforms),
+        ]:
             warnings.warn(line, stacklevel=2)
         found = learn(
             self.device,
