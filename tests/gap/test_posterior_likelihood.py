@@ -229,12 +229,14 @@ def test_reference_records_have_no_effect():
     toy = Toy(5, [sized(1.0)])
     reference, train, *_ = toy.likelihood.runs
     for amount in (0.5, 4.0):
-        fresh = toy.likelihood.fresh(0, [sized(amount)])
-        assert not fresh[:, :-1].any()
-        np.testing.assert_allclose(fresh[:, -1:], reference.coefficients(reference.modelled.error()[:, None]))
-        assert toy.likelihood.fresh(1, [sized(amount)])[:, :-1].any()
+        np.testing.assert_allclose(
+            reference.simulated([sized(amount)]).columns, reference.coefficients(reference.modelled.error()[:, None])
+        )
+        assert not reference.simulated([sized(amount)]).power.any()
+        found = train.simulated([sized(amount)])
         left = train.modelled.error([sized(amount)])[:, None]
-        np.testing.assert_allclose(toy.likelihood.fresh(1, [sized(amount)])[:, -1:], train.coefficients(left))
+        assert found.columns[:, :-1].any()
+        np.testing.assert_allclose(found.columns[:, -1:], train.coefficients(left))
         signal = np.split(toy.likelihood.terms([sized(amount)]).signal, len(ROLES))
         assert [bool(one.any()) for one in signal] == [False, True, True, True]
 

@@ -21,15 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from phaselead.gap.posterior.before import as_fault, before_record
-from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.before import as_fault
+from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.refit import (
     SizedEffect,
     bounded,
-    fresh_columns,
     from_internal,
     internal,
     is_logarithmic,
@@ -97,8 +96,6 @@ class Terms:
     of_material: Samples
     """(blocks,) the part of it that is of the ceramic's loops and creep."""
     prior: Prior
-    before: tuple[Samples, ...]
-    """Per run the coefficients (n - 1, b) of what slow effects had done before it began."""
     settled: dict[tuple[Scales, bool], Settled] = field(default_factory=dict)
     """Where what is integrated out settles, by scales and whether held-out records counted, once found."""
 
@@ -179,80 +176,54 @@ class Likelihood:
         with."""
         shared = list(self.shared)
         for i, (effect, _) in enumerate(entries):
-            size = np.sqrt(_squares([self._signal(run, entries, i) for run in self.runs]))
+            size = self._size_um(entries, i)
             for rival in self.known:
                 if not confused(effect, rival[0]):
                     continue
-                squares = _squares([self._signal(run, [rival], 0) for run in self.runs])
-                share = LIKE_RIVALS * size / np.sqrt(squares) if squares > 0 else 0.0
+                of_rival = self._size_um([rival], 0)
+                share = LIKE_RIVALS * size / of_rival if of_rival > 0 else 0.0
                 for j, run in enumerate(self.runs):
                     near = run.coefficients(as_fault(run.modelled, [rival]) * (share * run.changed))
                     shared[j] = np.concatenate([shared[j], near], axis=1)
         return replace(self, shared=tuple(shared))
 
-    def _signal(self, run: BlockedRun, entries: Sequence[SizedEffect], index: int) -> Samples:
-        """Coefficients (n - 1, 1) of what one effect adds to the others."""
-        if not run.changed:
-            return np.zeros((run.edges[-1], 1))
-        rest = [*entries[:index], *entries[index + 1 :]]
-        return run.coefficients((run.modelled.answer(entries) - run.modelled.answer(rest))[:, None])
-
-    def fresh(self, run: int, entries: Sequence[SizedEffect]) -> Samples:
-        """Coefficients (n - 1, p + 1) of one run: the tangents of all parameters, and the residual. Effects do nothing
-        in a reference record."""
-        blocks, free = self.runs[run], parameters_of(entries)
-        if not blocks.changed:
-            residual = blocks.base_error
-            return np.concatenate([np.zeros((len(residual), len(free))), residual], axis=1)
-        return blocks.coefficients(fresh_columns(blocks.modelled, entries, free))
-
-    def _before(self, entries: Sequence[SizedEffect]) -> tuple[Samples, ...]:
-        """What slow effects had done before each record began."""
-        found = [before_record(run.modelled, entries) if run.changed else None for run in self.runs]
-        b = next((one.shape[1] for one in found if one is not None), 0)
-        return tuple(
-            np.zeros((run.edges[-1], b)) if one is None else run.coefficients(one)
-            for run, one in zip(self.runs, found, strict=True)
-        )
+    def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
+        """Root of the squares, over all records, of what one effect adds to the others."""
+        return float(np.sqrt(sum(run.simulated(entries).power[index] @ run.sizes for run in self.runs)))
 
     def terms(self, entries: Sequence[SizedEffect]) -> Terms:
         """A set of effects at its parameters."""
-        entries = tuple(entries)
-        signals = [[self._signal(run, entries, i) for run in self.runs] for i in range(len(entries))]
-        added = np.stack([self._powers(of) for of in signals]) if signals else np.zeros((0, len(self.every)))
-        material = is_of_material(entries)
-        before = self._before(entries)
-        moments = self._moments([self.fresh(i, entries) for i in range(len(self.runs))], before)
-        return Terms(
-            entries, moments, added.sum(axis=0), added[material].sum(axis=0), prior_of(entries, self.step_s), before
-        )
+        found = [run.simulated(entries) for run in self.runs]
+        pairs = zip(self.runs, found, strict=True)
+        of_effects = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
+        material = of_effects[is_of_material(entries)].sum(axis=0)
+        prior = prior_of(entries, self.step_s)
+        return Terms(tuple(entries), self._moments(found), of_effects.sum(axis=0), material, prior)
 
-    def _powers(self, signals: Sequence[Samples]) -> Samples:
-        """Power (blocks,), spread, of coefficients (n - 1, 1) per run."""
-        pairs = zip(self.runs, signals, strict=True)
-        return np.concatenate([run.spread(run.products(one, one)[:, 0, 0]) for run, one in pairs])
+    def _moments(self, found: Sequence[Simulated]) -> Moments:
+        """Of tangents, of what is integrated out, and of the residual."""
+        width = max(one.columns.shape[1] for one in found)
+        own, across = [], []
+        for run, shared, one in zip(self.runs, self.shared, found, strict=True):
+            none = width - one.columns.shape[1]
+            own.append(np.pad(run.products(one.columns, one.columns), ((0, 0), (none, 0), (none, 0))))
+            across.append(np.pad(run.products(one.columns, shared), ((0, 0), (none, 0), (0, 0))))
+        tangents = max(one.tangents for one in found)
+        return Moments(np.concatenate(own), np.concatenate(across), self._among_shared, self._blocks, tangents)
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
+        width = terms.moments.integrated.own.shape[1]
         own, across = [], []
-        for run, before, shared in zip(self.runs, terms.before, self.shared, strict=True):
+        for run, shared in zip(self.runs, self.shared, strict=True):
             left = run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
-            own.append(run.products(left, np.concatenate([before, left], axis=1))[:, 0])
+            mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
+            own.append(np.pad(run.products(left, mine)[:, 0], ((0, 0), (width - mine.shape[1], 0))))
             across.append(run.products(left, shared)[:, 0])
         moments = terms.moments.with_residual(np.concatenate(own), np.concatenate(across))
         prior = prior_of(entries, self.step_s)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
-        return Terms(entries, moments, terms.signal, terms.of_material, none, terms.before)
-
-    def _moments(self, fresh: Sequence[Samples], before: Sequence[Samples]) -> Moments:
-        """Of tangents, of what is integrated out, and of the residual."""
-        own, across = [], []
-        for run, shared, new, more in zip(self.runs, self.shared, fresh, before, strict=True):
-            columns = np.concatenate([new[:, :-1], more, new[:, -1:]], axis=1)
-            own.append(run.products(columns, columns))
-            across.append(run.products(columns, shared))
-        tangents = fresh[0].shape[1] - 1
-        return Moments(np.concatenate(own), np.concatenate(across), self._among_shared, self._blocks, tangents)
+        return Terms(entries, moments, terms.signal, terms.of_material, none)
 
     def variance(self, terms: Terms, scales: Sequence[Scales]) -> Samples:
         """v (s, blocks) in um^2."""
@@ -434,10 +405,6 @@ def _log_prior(terms: Terms, scales: Scales) -> float:
     within = sum(share <= MOST_MISSED for share in SHARES)
     of_share = (1 - OUTSIDE) / within if scales[0] <= MOST_MISSED else OUTSIDE / (len(SHARES) - within)
     return float(np.log(of_share if terms.entries else 1.0) - np.log(len(TIMES_BASE)))
-
-
-def _squares(parts: Sequence[Samples]) -> float:
-    return sum(float(np.sum(part**2)) for part in parts)
 
 
 def _log_sum(logs: Samples) -> float:

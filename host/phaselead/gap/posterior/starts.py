@@ -153,8 +153,9 @@ class Starts:
             if not run.changed:
                 continue
             roots = np.repeat(np.sqrt(mine / run.sizes), run.sizes)[:, None].astype(np.float32)
-            fresh = likelihood.fresh(i, fit.entries)
-            of_set = np.concatenate([fresh[:, :p], likelihood.shared[i], fresh[:, p:], terms.before[i]], axis=1)
+            of_run = run.simulated(fit.entries)
+            tangents, residual = of_run.columns[:, :p], of_run.columns[:, -1:]
+            of_set = np.concatenate([tangents, likelihood.shared[i], residual, of_run.before], axis=1)
             weighed = columns[i] * roots
             cross = (of_set.astype(np.float32) * roots).T @ weighed
             common += cross[: c + 1]
