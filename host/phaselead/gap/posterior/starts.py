@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,12 +45,18 @@ class SizedGroup:
     deviation: float
 
 
-@dataclass
 class Starts:
     """Of all effects of a catalogue beside any set."""
 
-    likelihood: Likelihood
-    effects: Sequence[Effect]
+    def __init__(self, likelihood: Likelihood, effects: Sequence[Effect]) -> None:
+        self.likelihood = likelihood
+        self.effects = effects
+
+    def of(self, likelihood: Likelihood) -> Starts:
+        """The same under another likelihood of the same runs; what was simulated is kept."""
+        other = copy(self)
+        other.likelihood = likelihood
+        return other
 
     @cached_property
     def _groups(self) -> list[RegressorGroup]:
