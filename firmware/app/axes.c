@@ -136,7 +136,7 @@ void axes_start(struct device *device, uint8_t axis_mask)
 void axes_couple_joins(struct device *device, uint8_t axis_mask)
 {
     const struct model_slot *slot = model_store_active(&device->models);
-    int32_t seen_q16[AXES];
+    int32_t seen_q16[AXES], rest_q16[AXES] = {0};
     uint32_t inverting = 0;
 #pragma GCC unroll 1 /* the flash is short of room */
     for (unsigned axis = 0; axis < AXES; axis++) {
@@ -146,16 +146,16 @@ void axes_couple_joins(struct device *device, uint8_t axis_mask)
         seen_q16[axis] = converter_position_q16(&config->converter, device->adc_codes[axis], &saturated);
         if (compensation == NULL || !axis_mode_inverts(config->mode))
             continue;
-        seen_q16[axis] = sub_i32(device->control.axis[axis].join.ahead_q16, compensation->rest_q16);
+        rest_q16[axis] = compensation->rest_q16;
+        seen_q16[axis] = sub_i32(device->control.axis[axis].join.ahead_q16, rest_q16[axis]);
         inverting |= axis_mask & 1u << axis;
     }
-    if (inverting == 0)
+    if (slot == NULL || inverting == 0)
         return;
     couple((const int32_t (*)[AXES])slot->coupling_q28, axis_mask, seen_q16);
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(inverting, axis))
-            device->control.axis[axis].join.ahead_q16 =
-                add_i32(seen_q16[axis], device->model_of[axis].compensation->rest_q16);
+            device->control.axis[axis].join.ahead_q16 = add_i32(seen_q16[axis], rest_q16[axis]);
 }
 
 void axes_leave_paths(struct device *device, enum axis_drive drive)

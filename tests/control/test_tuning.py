@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead.control.feedback_loop import HOLD_S, pid_response, plant_response
-from phaselead.control.tuning import course, shaping
+from phaselead.control.rehearsal import CUT
+from phaselead.control.tuning import course, rehearsed, shaping
 from phaselead.control.tuning.course import local_range
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
@@ -345,6 +346,18 @@ def test_the_rehearsal_passes_what_has_a_margin_and_no_other(ki: float, kd: floa
     parent = built_in("xyz250").axis("x")
     with contextlib.nullcontext() if stands else pytest.raises(BadInput, match="was not closed on the stage"):
         refuse_rehearsed("x", parent, fitted, 28.4, (4.0, 90.9), gains, {"x": path})
+
+
+@pytest.mark.parametrize(
+    ("said", "level"),
+    [("ends in fault adc_rail on axis x", "higher"), (f"{CUT} in 19% of the ticks of axis x", "lower")],
+)
+def test_the_level_asked_for_is_one_that_helps(monkeypatch: pytest.MonkeyPatch, said: str, level: str) -> None:
+    """On x500 a higher one was asked for, by which the path of the rehearsal is cut even more."""
+    monkeypatch.setattr(rehearsed, "trouble_on_model", lambda *run: said)
+    with pytest.raises(BadInput, match=f"tune again with a {level} --level"):
+        refuse_rehearsed("x", built_in("xyz250").axes["x"], FittedPlant(PLANT, 20.0, np.zeros(1)), 28.0, (4.0, 90.0),
+                         Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0), {})  # fmt: skip
 
 
 def test_a_loop_that_runs_away_on_what_was_measured_is_never_closed(monkeypatch: pytest.MonkeyPatch) -> None:
