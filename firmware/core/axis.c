@@ -176,6 +176,14 @@ enum watch_finding axis_watch(const struct axis_config *config, struct axis_stat
     return runs_away ? WATCH_OSCILLATION : found;
 }
 
+enum watch_finding axis_watch_codes(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
+{
+    const struct output_config *output = &config->output;
+    const struct watch_config watch = {.u_range_q24 = (uint32_t)output->u_max_q24 - (uint32_t)output->u_min_q24};
+    const struct watch_tick tick = {.adc_code = adc_code, .u_q24 = state->u_q24};
+    return watch_codes(&watch, &state->watch, &tick);
+}
+
 bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
 {
     return watch_range(&state->watch, adc_code, config->code_min, config->code_max);

@@ -83,6 +83,16 @@ def test_the_newest_are_kept_where_one_more_comes_with_the_reset():
     assert logged(Bench(flash=kept(bench))) == [*faults[1:], (0, wire.Fault.CORE_LOST)]
 
 
+def test_what_is_read_is_the_newest_of_what_is_in_flash_and_what_waits():
+    bench, faults = with_many_waiting(WAITING)
+    bench.ok(wire.StreamStopRequest())
+    bench.run(300)
+    bench.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))
+    for fault in FAULTS:
+        faults.append(latch(bench, fault))
+        assert logged(bench) == faults[-16:]
+
+
 def test_starts_that_were_never_written_are_counted_apart():
     bench = started(None)
     for _ in range(3):
