@@ -1,6 +1,7 @@
 # make demo   the whole story on the built-in stage        make test   everything CI runs
 # make toolchain   PlatformIO without its registry         make firmware   the boards' ELF files
 # make manual   the manual as a site in out/manual         make picture   the moving picture of the README
+# make links   the manual's links to other sites, for a maintainer with a network
 # make package   sdist and wheel in dist/                  make lock   requirements*.lock from the ranges in pyproject.toml
 # Each sets up what it needs: a virtual environment in .venv with pinned packages, and the compiled parts.
 PYTHON ?= python3
@@ -19,7 +20,7 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 
 BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
 
-.PHONY: demo test manual picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording coverage-and-manual fuzz-those-installed lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual links picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording coverage-and-manual fuzz-those-installed lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo --overwrite
@@ -49,6 +50,12 @@ manual: $(STAMP)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-docs.lock
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -q -E -W --keep-going -j 2 -d out/doctrees docs out/manual
 	@echo out/manual/index.html
+
+# Whether the manual's links to other sites still lead somewhere. A maintainer asks before a release; CI does not: it needs
+# a network, and another site that is down is no fault of a change. The list is in out/links/output.txt.
+links: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-docs.lock
+	@$(BIN)/python -m sphinx -q -E -b linkcheck -D nb_execution_mode=off -d out/doctrees-links docs out/links
 
 picture: $(STAMP)
 	@$(BIN)/python docs/moving_picture.py
