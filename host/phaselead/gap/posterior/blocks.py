@@ -51,6 +51,10 @@ class Simulated:
         """(n - 1, b) of the columns."""
         return self.columns[:, self.tangents : -1]
 
+    def of_tangents(self, p: int) -> Samples:
+        """(n - 1, p) of all parameters; of a reference record zeros."""
+        return self.columns[:, :p] if self.tangents else np.zeros((len(self.columns), p))
+
 
 @dataclass(frozen=True)
 class BlockedRun:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from phaselead.gap.posterior.before import as_fault
+from phaselead.gap.posterior.before import as_fault, fault_deviations
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
@@ -183,8 +183,8 @@ class Likelihood:
                 of_rival = self._size_um([rival], 0)
                 share = LIKE_RIVALS * size / of_rival if of_rival > 0 else 0.0
                 for j, run in enumerate(self.runs):
-                    near = run.coefficients(as_fault(run.modelled, [rival]) * (share * run.changed))
-                    shared[j] = np.concatenate([shared[j], near], axis=1)
+                    like_rival = run.simulated([rival]).of_tangents(len(rival[0].parameters)) * fault_deviations(rival)
+                    shared[j] = np.concatenate([shared[j], share * like_rival], axis=1)
         return replace(self, shared=tuple(shared))
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
@@ -320,17 +320,17 @@ class Likelihood:
         found = self.log_joint(terms, scales, self.every).tolist()
         return {one: log + _log_prior(terms, one) for one, log in zip(scales, found, strict=True)}
 
-    def fit(self, start: Sequence[SizedEffect], steps: int = STEPS) -> Fit:
-        """The most likely parameters near those of ``start``."""
+    def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
+        """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
         terms, scales, _ = self.fitted_terms(start, steps)
         return self.judged(terms, scales)
 
-    def fitted_terms(self, start: Sequence[SizedEffect], steps: int = STEPS) -> tuple[Terms, Scales, float]:
+    def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, Scales, float]:
         """A set at its most likely parameters near those of ``start``, the scales there and the log density."""
-        terms = self.terms(start)
+        terms = start if isinstance(start, Terms) else self.terms(start)
         best, scales = self.likeliest_scales(terms)
         damping = 1e-3
-        for _ in range(steps if len(start) else 0):
+        for _ in range(steps if terms.entries else 0):
             information, slope = self.information(terms, [scales], self.every)
             gained = 0.0
             for _ in range(DAMPINGS):

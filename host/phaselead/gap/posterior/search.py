@@ -114,7 +114,7 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     if not rough:
         return None
     terms, _, _ = max(rough, key=lambda one: one[2])
-    return likelihood.fit(terms.entries)
+    return likelihood.fit(terms)
 
 
 def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
