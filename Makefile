@@ -1,6 +1,7 @@
 # make demo   the whole story on the built-in stage        make test   everything CI runs
 # make toolchain   PlatformIO without its registry         make firmware   the boards' ELF files
 # make manual   the manual as a site in out/manual         make picture   the moving picture of the README
+# make links   the manual's links to other sites, for a maintainer with a network
 # make package   sdist and wheel in dist/                  make lock   requirements*.lock from the ranges in pyproject.toml
 # Each sets up what it needs: a virtual environment in .venv with pinned packages, and the compiled parts.
 PYTHON ?= python3
@@ -19,28 +20,42 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 
 BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
 
-.PHONY: demo test manual picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual links picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording coverage-and-manual fuzz-those-installed lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo --overwrite
 
+# What needs one core comes two at a time; -Otarget keeps their words apart.
+TOGETHER = $(MAKE) --no-print-directory -j2 -Otarget
+FUZZERS = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock
+
 test: $(STAMP)
 	@sh tests/tools.sh
-	@! command -v arm-none-eabi-gcc >/dev/null || $(MAKE) --no-print-directory firmware
 	@! command -v chromium >/dev/null || $(BROWSER_DRIVER) || echo "note: without playwright the scope's page is not tested"
+	@$(FUZZERS) || true
 	@$(BIN)/python protocol/generate.py --check
-	@$(MAKE) --no-print-directory lint
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile --durations 25
-	@$(MAKE) --no-print-directory coverage
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
-	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --seed 1 --those-installed
+	@$(TOGETHER) lint $$(! command -v arm-none-eabi-gcc >/dev/null || echo firmware)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile --no-loadscope-reorder \
+		--durations 25
+	@$(TOGETHER) fuzz-those-installed coverage-and-manual
+
+coverage-and-manual: coverage
 	@$(MAKE) --no-print-directory manual
+
+fuzz-those-installed: $(STAMP)
+	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --seed 1 --those-installed
 
 # Every warning is an error: a link or an anchor that leads nowhere, a page that no list has, a notebook that fails.
 manual: $(STAMP)
 	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-docs.lock
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -q -E -W --keep-going -j 2 -d out/doctrees docs out/manual
 	@echo out/manual/index.html
+
+# Whether the manual's links to other sites still lead somewhere. A maintainer asks before a release; CI does not: it needs
+# a network, and another site that is down is no fault of a change. The list is in out/links/output.txt.
+links: $(STAMP)
+	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-docs.lock
+	@$(BIN)/python -m sphinx -q -E -b linkcheck -D nb_execution_mode=off -d out/doctrees-links docs out/links
 
 picture: $(STAMP)
 	@$(BIN)/python docs/moving_picture.py
@@ -81,7 +96,7 @@ soak: $(STAMP)
 
 # Inputs nobody thought of, SECONDS for each of the five targets; needs clang with libclang-rt.
 fuzz: $(STAMP)
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock
+	@$(FUZZERS)
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
 
 # Breaks the firmware in 200 places, one at a time, and counts what the tests notice: hours. A run that was cut short goes on.

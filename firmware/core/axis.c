@@ -24,7 +24,7 @@ void axis_start(struct axis_state *state)
     state->join.step_turn64 = 0;
     state->near_ticks = 0;
     state->filter.primed = 0;
-    state->oscillation = (struct oscillation_state){0};
+    oscillation_start(&state->oscillation);
     state->drive = DRIVE_PATH;
 }
 

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 import phaselead as pl
 from phaselead.cli import main
+from phaselead.control import load_learned
 from phaselead.control.run_away import growing_Hz
 from phaselead.device import explain_fault, fault_names
 from phaselead.device.loop_test import LoopResult, SelfTest
@@ -49,8 +50,27 @@ def test_a_persisted_model_drives_without_its_file(run, stage_file, tmp_path, mo
     assert "30 Hz lies outside" in run("track", "sine:60um@30Hz", "--mode", "ff", "--port", port).err
 
 
-def test_without_a_model_anywhere_the_way_to_one_is_said(run):
-    outcome = run("track", "sine:60um@5Hz", "--mode", "inverse")
+def test_a_persisted_model_is_enough_to_learn_with(run, stage_file, tmp_path):
+    """learn, and track --learned, asked for --model."""
+    port, table = f"sim://xyz250?state={tmp_path / 'flash.bin'}", tmp_path / "learned.h5"
+    assert run("upload", stage_file, "--persist", "--port", port).status == 0
+    outcome = run("learn", "sine:30um@50Hz", "--trials", 3, "-o", table, "--port", port, "--json", "-")
+    assert outcome.status == 0, outcome.err
+    assert "does not tell the modes" in outcome.err
+    first, *_, last = [trial["rms_um"]["x"] for trial in outcome.json["trials"] if trial["kept"]]
+    assert last < first / 2
+    assert load_learned(table).stage_sha256 == pl.load(stage_file).sha256
+    played = run("track", "sine:30um@50Hz", "--learned", table, "--port", port, "--json", "-")
+    assert played.status == 0, played.err
+    assert played.json["rms_um"] < first / 2
+    other = run("track", "sine:30um@50Hz", "--learned", table)
+    assert other.status == 2
+    assert "needs the model it was learned with" in other.err
+
+
+@pytest.mark.parametrize("command", ["track", "learn"])
+def test_without_a_model_anywhere_the_way_to_one_is_said(run, command):
+    outcome = run(command, "sine:60um@5Hz", "--mode", "inverse")
     assert outcome.status == 2
     for word in ("the device holds none", "--model", "identify", "upload --persist"):
         assert word in outcome.err

@@ -19,7 +19,7 @@ from phaselead.errors import BadInput
 from phaselead.record import JournalReader
 
 RECORD = ("log", "record", "--drive", "sine:5V@5Hz", "--duration", "2")
-IDENTIFY = ("identify", "--levels", "1,2,3V", "--frequencies", "10,15,20")
+IDENTIFY = ("identify", "--levels", "1,2,3V", "--frequencies", "10,15,20", "--no-creep")
 TRACK = ("track", "sine:40um@5Hz", "--mode", "pid", "--duration", "1")
 
 

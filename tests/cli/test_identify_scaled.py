@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import signal
 from collections import namedtuple
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead import interrupt
+from phaselead.device.device import Device
 from phaselead.errors import BadInput
 from phaselead.identify import creep as creeping
 from phaselead.identify import experiment as experiments
 from phaselead.identify.plan import FEWEST, plan_of, plan_seconds
-from phaselead.model import AxisModel, Limits, Stage, save_stage
+from phaselead.model import AxisModel, Limits, Stage
 
-SMALL = ("--levels", "1,2,3V", "--frequencies", "10,15,20Hz")
+CREEPING = ("--levels", "1,2,3V", "--frequencies", "10,15,20Hz")
+SMALL = (*CREEPING, "--no-creep")
 RECORDS = 3 * 3 + 2
 LEVELS = st.lists(st.floats(0.1, 10), min_size=2, max_size=9, unique_by=lambda v: round(v, 1))
 FREQUENCIES = st.lists(st.floats(0.5, 200), min_size=2, max_size=9, unique_by=lambda f: round(f, 1))
@@ -198,63 +202,127 @@ def test_records_of_another_calibration_are_not_mixed_in(run, tmp_path, monkeypa
     assert len(list(Path(folder).iterdir())) == RECORDS
 
 
-def holds(monkeypatch, ended: BaseException | None = None) -> list[float]:
-    """The highest voltage of each hold that is run; ``ended`` comes in the middle of the first."""
-    highest_V: list[float] = []
+def holds(monkeypatch, ended: BaseException | None = None) -> list[tuple[float, float]]:
+    """The highest voltage of each hold that is run, and its steepest rise; ``ended`` comes in the middle of the
+    first."""
+    held: list[tuple[float, float]] = []
     hold = creeping.hold
 
     def watched(device, axis, move):
         if ended is not None:
             raise ended
-        record = hold(device, axis, move)
-        highest_V.append(float(record.axes[axis].u_V.max()))
-        return record
+        capture = hold(device, axis, move)
+        u_V = creeping.recording_of_hold(capture, axis).axes[axis].u_V
+        held.append((float(u_V.max()), float((u_V[50:] - u_V[:-50]).max()) * 100))
+        return capture
 
     monkeypatch.setattr(creeping, "hold", watched)
-    return highest_V
+    return held
 
 
-def test_the_hold_for_creep_goes_no_further_than_the_sines(run, tmp_path, monkeypatch):
+def creep_of(model):
+    return [effect for effect in model.axis("x").effects if effect.name == "creep"]
+
+
+def test_the_hold_for_creep_goes_no_further_than_the_sines(monkeypatch):
     """It went to 5 V, whatever --u-max."""
-    highest_V = holds(monkeypatch)
+    held = holds(monkeypatch)
     done: list[float] = []
     with pl.connect() as dev:
-        found = dev.identify(levels=[1, 2, 3], frequencies=[10, 15, 20], creep=True, on_progress=done.append)
-    assert highest_V == [pytest.approx(3, abs=0.001)]
-    assert any(effect.name == "creep" for effect in found.model.axis("x").effects)
+        found = dev.identify(levels=[1, 2, 3], frequencies=[10, 15, 20], on_progress=done.append)
+    assert [highest_V for highest_V, _ in held] == [pytest.approx(3, abs=0.001)]
+    assert creep_of(found.model)
     assert done == sorted(done)
     assert done[-2] < 0.5 < done[-1] < 1
 
 
-def test_a_hold_that_the_limits_do_not_bear_is_told_before_anything_moves(run, tmp_path, monkeypatch):
-    stage = Stage(name="slow", axes={"x": AxisModel(limits=Limits(slew_V_per_s=20.0, ramp_V_per_s=20.0))})
-    save_stage(tmp_path / "slow.toml", stage)
-    measured = failing(monkeypatch, AssertionError(), after=0)
-    words = ("--levels", "1,2,3V", "--frequencies", "0.5,1,2Hz", "--model", tmp_path / "slow.toml")
-    outcome = run("identify", "-o", tmp_path / "s.toml", *words, "--creep")
-    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
-    assert "--creep moves to 3 V at up to 28.1 V/s" in outcome.err
-    assert measured == []
+def test_the_hold_keeps_to_the_slew_limit(monkeypatch):
+    """A stage that bore the sines was refused, since the move into the hold was faster than they are."""
+    held = holds(monkeypatch)
+    slow = Stage(name="slow", axes={"x": AxisModel(limits=Limits(slew_V_per_s=23.0, ramp_V_per_s=23.0))})
+    with pl.connect() as dev:
+        found = dev.identify(model=slow, levels=[1, 2, 3], frequencies=[1.8, 2, 2.4])
+    assert held == [(pytest.approx(3, abs=0.001), pytest.approx(23, rel=0.02))]
+    assert np.sum(creep_of(found.model)[0].params["k"][1:]) == pytest.approx(0.014, rel=0.05)
 
 
-def test_an_interrupt_in_the_hold_says_that_the_output_is_parked(run, tmp_path, monkeypatch):
-    output = tmp_path / "s.toml"
+def test_no_creep_leaves_the_hold_out(run, tmp_path, monkeypatch):
+    held = holds(monkeypatch)
+    outcome = run("identify", "-o", tmp_path / "s.toml", *SMALL, "--report", tmp_path / "s.html")
+    assert outcome.status == 0
+    assert (held, creep_of(pl.load(tmp_path / "s.toml"))) == ([], [])
+    assert "was identified without" in (tmp_path / "s.html").read_text()
+
+
+@pytest.mark.parametrize("words", [("--no-creep",), (), ("--axis", "x,y,z")])
+def test_the_time_said_beforehand_is_the_time_it_takes(run, tmp_path, monkeypatch, words):
+    ticks = []
+    exit_ = Device.__exit__
+
+    def counted(device, *error):
+        ticks.append(device.status().tick)
+        return exit_(device, *error)
+
+    monkeypatch.setattr(Device, "__exit__", counted)
+    outcome = run("identify", "-o", tmp_path / "s.toml", *CREEPING, *words)
+    minutes, seconds = re.search(r"take (?:(\d+) min )?(\d+) s of the device's time", outcome.err).groups()
+    assert ticks[0] / 5000 == pytest.approx(60 * int(minutes or 0) + int(seconds), rel=0.02, abs=1.5)
+
+
+def test_a_duration_leaves_the_sines_their_time(run, tmp_path, monkeypatch):
+    """They would be thinned until no mode is seen; asked for, creep has its place."""
+    held = holds(monkeypatch)
+    outcome = run("identify", "-o", tmp_path / "s.toml", *CREEPING, "--duration", "60s")
+    assert outcome.status == 0
+    assert "60 s leave no time for creep" in outcome.err
+    assert held == []
+    outcome = run("identify", "-o", tmp_path / "t.toml", *CREEPING, "--duration", "60s", "--creep")
+    assert outcome.status == 2
+    assert "--no-creep" in outcome.err
+    assert run("identify", "-o", tmp_path / "t.toml", *CREEPING, "--duration", "100s").status == 0
+    assert len(held) == 1
+
+
+def test_an_interrupt_in_the_hold_says_how_to_go_on(run, tmp_path, monkeypatch):
+    output, kept = tmp_path / "s.toml", tmp_path / "kept"
     with monkeypatch.context() as patch:
         holds(patch, KeyboardInterrupt())
-        ended = run("identify", "-o", output, *SMALL, "--creep")
+        ended = run("identify", "-o", output, *CREEPING, "--save", kept)
     assert ended.status == 130
     assert "the output is parked" in ended.err
-    assert f"{RECORDS} of {RECORDS} records are kept" in ended.err
-    assert "--resume, without --creep" in ended.err
-
-
-def test_creep_takes_the_records_of_one_session(run, tmp_path, monkeypatch):
-    output = tmp_path / "s.toml"
-    with monkeypatch.context() as patch:
-        failing(patch, KeyboardInterrupt(), after=4)
-        run("identify", "-o", output, *SMALL, "--creep")
+    assert f"{RECORDS} of {RECORDS + 1} records are kept in {kept}: go on with --resume" in ended.err
     measured = failing(monkeypatch, AssertionError(), after=0)
-    outcome = run("identify", "-o", output, *SMALL, "--creep", "--resume")
-    assert outcome.status == 2
-    assert "creep takes those of one" in outcome.err
-    assert measured == []
+    outcome = run("identify", "-o", output, *CREEPING, "--save", kept, "--resume")
+    assert (outcome.status, measured) == (0, [])
+    assert "1 hold for creep to be measured" in outcome.err
+    assert (kept / "creep" / "x-hold.h5").exists()
+    assert len(list(kept.glob("*.h5"))) == RECORDS
+
+
+def test_what_crept_is_not_carried_from_one_session_into_the_next(tmp_path, monkeypatch):
+    """It was refused: what goes on from one record into the next was not known of records of two sessions."""
+    wishes = {"levels": [1, 2, 3], "frequencies": [10, 15, 20]}
+    with pl.connect() as dev:
+        whole = dev.identify(**wishes)
+    with monkeypatch.context() as patch, pl.connect() as dev:
+        failing(patch, KeyboardInterrupt(), after=4)
+        with pytest.raises(KeyboardInterrupt):
+            dev.identify(**wishes, save=tmp_path)
+    began: list[list[float | None]] = []
+    without_creep = creeping.without_creep
+
+    def watched(records, axis, k, rested_s):
+        began.append(list(rested_s))
+        return without_creep(records, axis, k, rested_s)
+
+    monkeypatch.setattr(creeping, "without_creep", watched)
+    with pl.connect() as dev:
+        first = dev.device.status().tick
+        resumed = dev.identify(**wishes, save=tmp_path, resume=True)
+        assert dev.device.status().tick - first > 5000 * (40 + 52 + 7 * 3)
+    ((start, *rested_s),) = began
+    assert (start, rested_s[3]) == (None, None)
+    assert [pause_s for pause_s in rested_s if pause_s is not None] == pytest.approx([3.2] * 9, abs=0.2)
+    ours, theirs = resumed.model.axis("x"), whole.model.axis("x")
+    np.testing.assert_allclose(creep_of(resumed.model)[0].params["k"], creep_of(whole.model)[0].params["k"], rtol=0.05)
+    assert ours.time.residual_um_rms == pytest.approx(theirs.time.residual_um_rms, rel=0.02)

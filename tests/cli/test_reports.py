@@ -78,7 +78,7 @@ def test_what_is_left_has_a_scale_of_its_own():
 @pytest.fixture(name="results", scope="module")
 def _results() -> dict[str, object]:
     with pl.connect() as dev:
-        fitted = dev.identify(levels=[1, 2, 3], frequencies=[10, 15, 20])
+        fitted = dev.identify(levels=[1, 2, 3], frequencies=[10, 15, 20], creep=False)
         dev.upload(fitted)
         run = dev.track("sine:20um@12Hz", duration=0.5)
         other = dev.record("sine:2V@12Hz", duration=0.5)
@@ -123,7 +123,7 @@ def test_every_result_has_a_page(results, tmp_path, name):
 @pytest.fixture(name="identified", scope="module")
 def _identified() -> pl.FitResult:
     with pl.connect() as dev:
-        return dev.identify("xyz", levels=[1, 2, 3], frequencies=[10, 15, 20], creep=True)
+        return dev.identify("xyz", levels=[1, 2, 3], frequencies=[10, 15, 20])
 
 
 def test_a_fit_shows_response_step_creep_and_noise_of_every_axis(identified):
@@ -150,7 +150,7 @@ def test_the_figures_of_an_axis_are_those_of_its_stage(identified):
 
 def test_a_fit_without_creep_says_how_to_measure_it(results):
     assert creep_figure(results["fit"]) is None
-    assert "identify --creep" in result_page(results["fit"])
+    assert "phaselead identify` holds each axis" in result_page(results["fit"])
 
 
 def test_figures_take_the_colours_of_the_page(results):

@@ -109,7 +109,7 @@ def test_identify_keeps_limits_and_calibration(given):
     with Device.open("sim://xyz250") as device:
         if not given:
             device.upload(device_model(NARROW))
-        found = identify_device(device, plan=SHORT, stage=NARROW if given else None).stage
+        found = identify_device(device, plan=SHORT, stage=NARROW if given else None, creep=False).stage
     axis, wanted = found.axis("x"), NARROW.axis("x")
     assert found.provenance.parent_sha256 == NARROW.sha256
     assert axis.limits.u_max_V == 6

@@ -123,7 +123,7 @@ def outcome(learned, tmp_path_factory):
     with Device.open(f"sim://{path}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
         run = track(
-            device, found.waveforms({"x": SINE}, STAGE, found.mode, GAINS), found.mode, stage=STAGE, gains=GAINS
+            device, found.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS), found.mode, stage=STAGE, gains=GAINS
         )
     return found, run
 
@@ -152,7 +152,7 @@ def test_a_table_is_read_as_it_was_written(outcome, tmp_path):
     found.save(tmp_path / "learned.h5")
     again = load_learned(tmp_path / "learned.h5")
     assert json.dumps(again.as_dict()) == json.dumps(found.as_dict())
-    one, two = (table.waveforms({"x": SINE}, STAGE, found.mode, GAINS)["x"] for table in (found, again))
+    one, two = (table.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS)["x"] for table in (found, again))
     assert (one.points == two.points).all()
     assert again.gains() == found.gains()
     assert found.plot().axes
@@ -182,21 +182,21 @@ OTHER_GAINS = {"x": Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0)
 )
 def test_a_table_is_refused_for_what_it_is_not(wave, stage, mode, gains, said):
     with pytest.raises(BadInput, match=said) as caught:
-        TABLE.waveforms({"x": parse_wave(wave)}, stage, mode, gains)
+        TABLE.waveforms({"x": parse_wave(wave)}, stage and stage.sha256, mode, gains)
     assert "\n" not in str(caught.value)
 
 
 def test_a_table_is_refused_for_the_other_position():
     """It was played as if it had been learned for that."""
-    as_learned = TABLE.waveforms({"x": SINE}, STAGE, "inverse+pid", GAINS, "true")
+    as_learned = TABLE.waveforms({"x": SINE}, STAGE.sha256, "inverse+pid", GAINS, "true")
     assert set(as_learned) == {"x"}
     with pytest.raises(BadInput, match="for the true position, not the measured one"):
-        TABLE.waveforms({"x": SINE}, STAGE, "inverse+pid", GAINS, "measured")
+        TABLE.waveforms({"x": SINE}, STAGE.sha256, "inverse+pid", GAINS, "measured")
 
 
 def test_a_table_is_refused_for_other_axes():
     with pytest.raises(BadInput, match="is for x, the path for xy"):
-        TABLE.waveforms({"x": SINE, "y": SINE}, STAGE, "inverse+pid", GAINS)
+        TABLE.waveforms({"x": SINE, "y": SINE}, STAGE.sha256, "inverse+pid", GAINS)
 
 
 @pytest.mark.parametrize("content", [b"", b"not HDF5", None])

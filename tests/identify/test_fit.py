@@ -11,7 +11,7 @@ from bench_stage import BenchStage, Grid, record, rising_sine, sine_record
 
 from phaselead.errors import BadInput
 from phaselead.identify.fitting import FitReport, fit
-from phaselead.identify.plan import HELD_OUT, plan_grid, plan_seconds
+from phaselead.identify.plan import AROUND_S, HELD_OUT, plan_grid, plan_seconds
 from phaselead.identify.table import grid_table
 from phaselead.identify.verification import verification_dict, verify
 from phaselead.model.prediction import predict
@@ -208,7 +208,7 @@ def test_the_plan_rises_and_keeps_the_held_out_apart():
     assert min(e.swing_V for e in plan) == 0.5
     assert max(e.swing_V for e in plan) == 10.0
     assert {min(e.f_Hz for e in plan), max(e.f_Hz for e in plan)} == {1.0, 20.0}
-    assert plan_seconds(plan) == pytest.approx(sum(e.seconds for e in plan))
+    assert plan_seconds(plan) == pytest.approx(sum(e.seconds + AROUND_S for e in plan))
 
 
 def constant() -> Recording:

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from phaselead.model import save_stage
+from phaselead.model import load_stage, save_stage
 from phaselead.sim import built_in
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: make test-browser")
@@ -80,17 +80,18 @@ def play(page: Any, wave: str = "sine:40um@5Hz") -> None:
     page.locator("#state[data-state=running]").wait_for()
 
 
-def ink(page: Any, plot: str) -> int:
-    """Pixels of a plot that are not its ground."""
-    return page.evaluate(
+def until_inked(page: Any, plot: str) -> None:
+    """Waits until a plot has a trace: pixels that are not its ground. Of the traces over time grid and words are on
+    another canvas."""
+    page.wait_for_function(
         """(id) => {
-          const canvas = document.querySelector(`#${id} canvas`);
+          const canvas = document.querySelector(`#${id} canvas.bands`) ?? document.querySelector(`#${id} canvas`);
           const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
           let count = 0;
           for (let i = 3; i < data.length; i += 4) count += data[i] > 128;
-          return count;
+          return count > 500;
         }""",
-        plot,
+        arg=plot,
     )
 
 
@@ -99,10 +100,56 @@ def test_play_and_the_space_bar_stops(context, served):
     play(page)
     sync_api.expect(page.locator(".readout b").first).to_have_text(re.compile("^3"))
     for plot in ("position", "error", "effort", "feedback", "spectrum", "loop"):
-        assert ink(page, plot) > 500, plot
+        until_inked(page, plot)
     page.keyboard.press("Space")
     page.locator("#state[data-state=parked]").wait_for()
     assert "STOP" in page.inner_text("#lines")
+
+
+FAR = """(id) => {
+  const canvas = document.querySelector(`#${id} canvas.bands`), { width, height } = canvas;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+  const alpha = (x, y) => (x < 0 || y < 0 || x >= width || y >= height ? 0 : data[4 * (y * width + x) + 3]);
+  if (!window.before) { window.before = { width, height, data }; return null; }
+  const near = (x, y) => {
+    for (let dx = -3; dx <= 3; dx++) for (let dy = -3; dy <= 3; dy++) if (alpha(x + dx, y + dy) > 40) return true;
+    return false;
+  };
+  let inked = 0, far = 0;
+  for (let y = 0; y < height; y++) for (let x = 4; x < width - 4; x++) {
+    if (window.before.data[4 * (y * width + x) + 3] < 200) continue;
+    inked++;
+    far += !near(x, y);
+  }
+  return [inked, far];
+}"""
+"""Of two looks at a plot: pixels that were inked in the first, and those with no ink near them in the second."""
+
+
+COUNT_DRAWN = """() => {
+  const send = WebSocket.prototype.send;
+  window.drawn = 0;
+  WebSocket.prototype.send = function (text) {
+    window.drawn += text === '{"seen": true}';
+    return send.call(this, text);
+  };
+}"""
+
+
+def test_what_is_shifted_on_is_what_would_be_drawn_anew(context, served):
+    """The traces are shifted by whole pixels as columns come, though a column is no whole pixel wide."""
+    page = opened(context, served[0])
+    page.select_option("#window", "0.5")
+    play(page, "square:40um@3Hz")
+    page.evaluate(COUNT_DRAWN)
+    page.wait_for_function("() => window.drawn > 150")
+    page.locator("#pause").click()
+    assert page.evaluate(FAR, "position") is None
+    page.emulate_media(color_scheme="dark")  # draws everything anew
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    inked, far = page.evaluate(FAR, "position")
+    assert inked > 1500
+    assert far < inked / 100
 
 
 def test_set_points_refusals_and_saving(context, served, tmp_path):
@@ -164,6 +211,33 @@ def test_settings_are_changed_and_refused(context, served, stage_path):
     page.locator("#alert:not([hidden])").wait_for()
     assert "u_max_V" in page.inner_text("#alert")
     assert page.locator("#settings details[open]").count() == 1
+
+
+def test_filters_and_effects_are_edited(context, served, stage_path, tmp_path):
+    page = opened(context, served[0])
+    page.locator("#model-path").fill(str(stage_path))
+    page.get_by_role("button", name="Upload", exact=True).click()
+    page.get_by_text("Filters of the loop", exact=True).click()
+    page.get_by_label("kind of filter 1").select_option("notch")
+    sync_api.expect(page.locator("[name='filters.0.zeros_Hz']")).to_have_value("200")
+    assert page.locator("[name='filters.0.poles_Hz']").is_hidden()
+    page.locator("[name='filters.0.zeros_Hz']").fill("190")
+    page.get_by_text("Effect: Resonance", exact=True).click()
+    page.locator("[name='effects.1.resonance.zeta']").fill("0.03")
+    page.get_by_text("Effect: Creep", exact=True).click()
+    page.locator("[name='effects.0.creep']").check()
+    page.get_by_role("button", name="Save and upload").click()
+    page.get_by_text("effects.0.creep changed and uploaded").wait_for()
+    (kept,) = tmp_path.glob("settings-*.toml")
+    axis = load_stage(kept).axis("x")
+    assert [(one.zeros_Hz, one.poles_Hz) for one in axis.gains.filters] == [(190, 190)]
+    assert [effect.name for effect in axis.effects if effect.name in ("creep", "resonance")] == ["resonance"]
+    assert axis.effects[0].params["zeta"] == 0.03
+    sync_api.expect(page.get_by_label("kind of filter 1")).to_have_value("notch")
+    page.locator("[name='effects.0.resonance.zeta']").fill("3")
+    page.get_by_role("button", name="Save and upload").click()
+    page.locator("#alert:not([hidden])").wait_for()
+    assert "resonance.zeta = 3: must be 0.002 to 0.5" in page.inner_text("#alert")
 
 
 def test_the_scope_that_ends_is_said(context, served):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import phaselead as pl
+from phaselead import report
 from phaselead.scope.samples import TRACES
 from phaselead.scope.view import COLUMNS, HEAD, LOOP, SPECTRUM
 from phaselead.sim import built_in
@@ -182,10 +183,18 @@ def test_jobs_show_progress_and_stop_ends_them(rig, tmp_path):
     tab.until(lambda: at_rest(tab) and tab.state["job"] is None)
     assert "identified x" in tab.order("identify", axes="x", duration="60")
     tab.until(lambda: tab.state["model"] is not None)
-    (file,) = tab.state["files"]
+    tab.until(lambda: len(tab.state["files"]) == 2)
+    file, page = tab.state["files"]
     assert pl.load(str(tmp_path / file)).axes.keys() == {"x"}
+    shown = rig.browser.get(f"/files/{page}")
+    assert "What does the model leave?" in shown.text
+    command = f"phaselead identify --axis x --duration=60s -o {file} --port sim://xyz250 --report {page}"
+    assert f"<code>{command}</code>" in shown.text
+    assert "sandbox" in shown.headers["content-security-policy"]
     assert "peak sensitivity" in tab.order("loop", axis="x")
     assert "um rms" in tab.order("learn", wave="x=sine:20um@10Hz", trials="1")
+    tab.until(lambda: tab.state["files"][-1].startswith("learned-") and tab.state["files"][-1].endswith(".html"))
+    assert "What did each trial leave?" in rig.browser.get(f"/files/{tab.state['files'][-1]}").text
     for name, volts in (("a", 3), ("b", 2)):
         tab.order("play", waves={"x": f"sine:{volts}V@5Hz"}, mode="open")
         tab.until(lambda: running(tab))
@@ -259,9 +268,11 @@ def test_tune_is_started_from_the_page(rig, tmp_path, monkeypatch):
     assert "choose 1.2 to 3" in tab.refused("tune", axis="x", peak="9")
     assert "is no number" in tab.refused("tune", axis="x", level="much")
     monkeypatch.setattr(rig.hub.dev, "tune", tuned)
+    monkeypatch.setattr(report, "result_page", lambda result: f"the page of {result.axis}")
     assert "tuned y: bandwidth 140 Hz" in tab.order("tune", axis="y", level="0.3", peak="")
-    tab.until(lambda: tab.state["model"] is not None and tab.state["files"])
-    (file,) = tab.state["files"]
+    tab.until(lambda: tab.state["model"] is not None and len(tab.state["files"]) == 2)
+    file, page = tab.state["files"]
+    assert rig.browser.get(f"/files/{page}").text == "the page of y"
     assert pl.load(str(tmp_path / file)).axes.keys() == built_in("xyz250").axes.keys()
     assert "peak sensitivity" in tab.order("loop", axis="x")
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from phaselead.errors import BadInput
-from phaselead.model import load_stage
+from phaselead.model import AdoptedEffect, load_stage
 from phaselead.scope.settings import changed, settings_of
 from phaselead.sim import built_in
 
@@ -21,6 +23,10 @@ def test_every_setting_has_its_words_and_its_value():
     assert found["limits.u_max_V"]["value"] == stage.axis("x").limits.u_max_V
     assert all(row["what"] for row in found.values())
     assert "gains.filters" not in found
+    assert found["filters.1.poles_Hz"]["value"] is None
+    resonance = found["effects.1.resonance.f_Hz"]
+    assert (resonance["value"], resonance["low"], resonance["high"]) == (200.0, 10.0, 5000.0)
+    assert found["effects.0.creep.tau_s.2"]["value"] == 10.0
     assert settings_of(None) == {}
 
 
@@ -35,6 +41,44 @@ def test_a_change_leaves_the_rest_and_names_its_parent():
     assert after.provenance.parent_sha256 == before.sha256
 
 
+NOTCH = {"zeros_Hz": 200.0, "zeros_zeta": 0.05, "poles_Hz": 200.0, "poles_zeta": 0.5}
+
+
+def test_filters_are_put_in_changed_and_taken_out():
+    model = changed(built_in("xyz250"), "x", {f"filters.1.{name}": value for name, value in NOTCH.items()})
+    (notch,) = model.axis("x").gains.filters
+    assert notch.model_dump() == NOTCH
+    assert rows(model)["filters.0.zeros_Hz"]["value"] == 200.0
+    both = changed(model, "x", {"filters.1.poles_Hz": 800, "filters.1.poles_zeta": 0.7, "filters.0.zeros_zeta": 0.1})
+    assert [one.zeros_zeta for one in both.axis("x").gains.filters] == [0.1, 0.0]
+    gains = both.axis("x").gains
+    assert gains.model_copy(update={"filters": None}) == model.axis("x").gains.model_copy(update={"filters": None})
+    one = changed(both, "x", {f"filters.0.{name}": None for name in NOTCH})
+    assert [filter_.poles_Hz for filter_ in one.axis("x").gains.filters] == [800]
+    none = changed(one, "x", {f"filters.0.{name}": None for name in NOTCH})
+    assert none.axis("x").gains.filters is None
+
+
+def test_effects_are_edited_and_removed():
+    resonance = AdoptedEffect(
+        name="resonance",
+        params={"f_Hz": (200.0, 600.0), "zeta": 0.02},
+        ci95={"f_Hz": [199, 201], "zeta": [0.01, 0.03]},
+        share=0.8,
+    )
+    creep = AdoptedEffect(name="creep", params={"gamma": 0.01, "tau_first_s": 0.1, "tau_last_s": 100.0})
+    axis = built_in("xyz250").axis("x").model_copy(update={"effects": (creep, resonance)})
+    before = built_in("xyz250").model_copy(update={"axes": {"x": axis}})
+    after = changed(before, "x", {"effects.1.resonance.f_Hz.1": 640, "effects.0.creep.gamma": 0.02})
+    found = {one.name: one for one in after.axis("x").effects}
+    assert found["resonance"].params == {"f_Hz": (200.0, 640.0), "zeta": 0.02}
+    assert (set(found["resonance"].ci95), found["resonance"].share) == ({"zeta"}, None)
+    assert found["creep"].params["gamma"] == 0.02
+    less = changed(before, "x", {"effects.0.creep": None, "effects.1.resonance.zeta": 0.03})
+    assert [(one.name, one.params["zeta"]) for one in less.axis("x").effects] == [("resonance", 0.03)]
+    assert before.axis("x").effects == (creep, resonance)
+
+
 @pytest.mark.parametrize(
     ("values", "said"),
     [
@@ -42,13 +86,24 @@ def test_a_change_leaves_the_rest_and_names_its_parent():
         ({"limits.u_max_V": "8"}, "must be a number"),
         ({"limits.u_max_V": None, "limits.u_min_V": 50}, "u_max_V"),
         ({"limits.nothing": 1}, "limits.nothing: is no setting"),
-        ({"effects.name": 1}, "effects.name: is no setting"),
+        ({"effects.name": 1}, "effects.name: is no effect"),
+        ({"effects.0.resonance.f_Hz": 190}, "effects.0.resonance.f_Hz: is no effect"),
+        ({"effects.1.resonance.f_Hz": 1}, "resonance.f_Hz = 1: must be 10 to 5000"),
+        ({"effects.1.resonance.f_Hz": "190"}, "must be a number"),
+        ({"effects.1.resonance.f_Hz": None}, "must be a number"),
+        ({"effects.1.resonance.q": 1}, "resonance.q: is no number of this effect"),
+        ({"effects.1.resonance": 1}, "an effect is removed, or its numbers are given"),
+        ({"effects.0.creep.tau_s.0": 0}, "creep.tau_s.0 = 0: must be at least"),
+        ({"filters.2.poles_Hz": 500}, "filters.2.poles_Hz: is no setting"),
+        ({"filters.0.poles_Hz": 500}, "filters[0].poles_zeta: missing key"),
+        ({"filters.0.poles_Hz": 5000, "filters.0.poles_zeta": 0.7}, "must be at most 2250"),
+        ({"filters.0.poles_Hz": "500", "filters.0.poles_zeta": 0.7}, "must be a number"),
         ({"gains.filters": None}, "is no setting"),
         ({}, "nothing was changed"),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(values, said):
-    with pytest.raises(BadInput, match=said.replace(".", r"\.")):
+    with pytest.raises(BadInput, match=re.escape(said)):
         changed(built_in("xyz250"), "x", values)
 
 

@@ -71,7 +71,7 @@ def test_other_ports_have_none(url):
 def test_identify_knows_the_sensor_of_a_built_in_stage():
     plan = plan_grid(levels_V=(1.0, 2.0, 4.0), f_Hz=(5.0, 10.0, 20.0), held_out=((3.0, 15.0),), rest_s=0.1)
     with Device.open("sim://x100") as device:
-        found = identify_device(device, ("x",), plan=plan)
+        found = identify_device(device, ("x",), plan=plan, creep=False)
     assert found.stage.name == "identified"
     assert found.stage.axes["x"].sensor == built_in("x100").axes["x"].sensor
     assert 15 < found.held_out[0].axes["x"].x_um.max() < 25

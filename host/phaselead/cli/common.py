@@ -139,6 +139,12 @@ def warn(lines: Iterable[str]) -> None:
         click.echo(f"warning: {line}", err=True)
 
 
+def tell(line: str) -> None:
+    """What a person wants to know beforehand, on the standard error."""
+    if not quiet.get():
+        click.echo(line, err=True)
+
+
 @contextmanager
 def warnings_said() -> Iterator[None]:
     """What the library warns of meanwhile is said at once and once, before what it warns of happens."""

@@ -33,7 +33,7 @@ from phaselead.waveforms import parse_waves
     "model_path",
     metavar="M",
     type=INPUT,
-    help="Stage file, which it needs; uploaded when the device holds another.",
+    help="Stage file; uploaded when the device holds another. Default: what the device holds.",
 )
 @click.option("--mode", type=click.Choice(["inverse", "inverse+pid"]), default="inverse+pid", show_default=True)
 @gains_option

@@ -21,6 +21,7 @@ from phaselead.cli.common import (
     rate_option,
     read_recordings,
     report_option,
+    tell,
     verbose_option,
     warn,
     write_page,
@@ -139,13 +140,15 @@ def predict(
     "--model", "model_path", metavar="M", type=INPUT, help="Stage file with limits and calibration; uploaded first."
 )
 @click.option("--axis", "axes", metavar="AXES", default="x", show_default=True, help="x, or several: x,y,z.")
-@click.option("--creep", is_flag=True, help="Also hold 5 V for 12 s and fit the creep; takes 52 s an axis more.")
+@click.option(
+    "--creep/--no-creep",
+    default=None,
+    help="The hold that shows creep takes 52 s an axis. Default: with it, as far as --duration leaves the time.",
+)
 @click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10V.")
 @click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20Hz.")
 @click.option("--u-max", metavar="V", help="Scale the levels so that the largest is this.")
-@click.option(
-    "--duration", metavar="S", help="Thin the grid evenly until it takes no longer than this; without --creep."
-)
+@click.option("--duration", metavar="S", help="Thin the grid evenly until all of it takes no longer than this.")
 @click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
 @click.option("--resume", is_flag=True, help="Go on with the recordings that are there.")
 @verbose_option
@@ -156,7 +159,7 @@ def identify(
     output: str,
     model_path: str | None,
     axes: str,
-    creep: bool,
+    creep: bool | None,
     levels: str | None,
     frequencies: str | None,
     u_max: str | None,
@@ -170,30 +173,37 @@ def identify(
     """Run the identification experiment on a device, fit both views, verify on held-out inputs.
 
     Sines of 0.5-10 V peak-to-peak at 1-20 Hz, open loop, rising level by level; 5 V at 5 Hz and 3 V at 15 Hz are
-    recorded but not used for the fit. Limits and calibration are those of --model, else of the model the device holds.
+    recorded but not used for the fit. In the end each axis rests for 40 s and holds 5 V for 12 s, which shows its
+    creep. How long all this takes is said first. Limits and calibration are those of --model, else of the model the
+    device holds.
 
     Each recording is on disk as soon as it is there: in --save DIR, else in STAGE.toml.records until the stage file is
     written. After an interruption --resume goes on.
     """
     from phaselead.control import assumed_limits
     from phaselead.device import Device
-    from phaselead.identify import identify_device, keeping, plan_of
+    from phaselead.identify import identify_device, keeping, plan_as_time_allows
 
     axis_names = parse_axes(axes, "--axis")
-    plan = plan_of(
+    plan, creeping, said = plan_as_time_allows(
         axis_names,
+        creep=creep,
+        duration_s=number("--duration", duration, SECONDS),
         levels_V=numbers("--levels", levels, VOLTS),
         f_Hz=numbers("--frequencies", frequencies, HERTZ),
         u_max_V=number("--u-max", u_max, VOLTS),
-        duration_s=number("--duration", duration, SECONDS),
     )
+    if said is not None:
+        warn([f"--duration: {said}; --creep thins the sines for it"])
     stage = load_stage(model_path) if model_path else None
-    folder = save_to or f"{output}.records"
-    keep = keeping(folder, plan, resume=resume, overwrite=overwriting(), only_until_done=save_to is None)
-    with keep as kept, Device.open(port) as device, progress("identifying", 1.0) as advance:
+    folder, holds = save_to or f"{output}.records", axis_names if creeping else ()
+    keep = keeping(folder, plan, holds, resume=resume, overwrite=overwriting(), only_until_done=save_to is None)
+    with keep as kept, Device.open(port) as device:
         if stage is None and (warning := assumed_limits(device)) is not None:
             warn([warning])
-        found = identify_device(device, axis_names, advance, plan=plan, kept=kept, stage=stage, creep=creep)
+        tell(f"{kept.ahead(plan, holds)}; Ctrl-C parks, --resume goes on")
+        with progress("identifying", 1.0) as advance:
+            found = identify_device(device, axis_names, advance, plan=plan, kept=kept, stage=stage, creep=creeping)
         fitted = found.as_fit()
         fitted = replace(fitted, model=with_gains(fitted.model))
         fitted.save(output, overwrite=overwriting())

@@ -6,26 +6,19 @@ import atexit
 import contextlib
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from phaselead import interrupt
 from phaselead.control.doctor import Diagnosis, diagnose
-from phaselead.control.gains import GainsLike, gains_of, own_loop_warnings, with_gains
-from phaselead.control.held import held_stage, held_warning
-from phaselead.control.journal import record_open_loop, track_to_file
-from phaselead.control.kept_runs import KeptRuns
-from phaselead.control.learning import Learned, learn, load_learned
-from phaselead.control.playing import Plays
-from phaselead.control.run import Run
+from phaselead.control.gains import own_loop_warnings, with_gains
+from phaselead.control.running import Runs
 from phaselead.control.supervision import Supervision
-from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings
-from phaselead.control.true_position import Follows
+from phaselead.control.tracking import assumed_limits
 from phaselead.control.tuning import Tunes
 from phaselead.control.uploaded import Upload
-from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.device import (
     BAUD,
     IDS_RESERVED,
@@ -43,7 +36,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import StageLike, as_stage
-from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
+from phaselead.record import parse_axes
 from phaselead.result import Facts
 from phaselead.serial_ports import default_port
 
@@ -80,7 +73,7 @@ def connect(url: str | None = None, *, baud: int = BAUD, park_on_exit: bool = Tr
     return controller
 
 
-class Controller(Plays, Tunes, Supervision):
+class Controller(Runs, Tunes, Supervision):
     """A device and the model it was given. ``connect`` makes one.
 
     In a ``with`` block the outputs ramp to their safe value on the way out: at its end, on an exception, on Ctrl-C, and
@@ -231,7 +224,7 @@ class Controller(Plays, Tunes, Supervision):
         frequencies: Sequence[float] | None = None,
         u_max: float | None = None,
         duration: float | None = None,
-        creep: bool = False,
+        creep: bool | None = None,
         save: str | os.PathLike[str] | None = None,
         resume: bool = False,
         overwrite: bool = False,
@@ -243,190 +236,30 @@ class Controller(Plays, Tunes, Supervision):
         which is uploaded first, else of the model the device holds.
 
         The sines: ``levels`` in V, peak-to-peak, and ``frequencies`` in Hz, by default the paper's 8 of each;
-        ``u_max`` (V) scales these levels so that the largest is this; ``duration`` (s, of the device's time) thins them
-        evenly until they take no longer. ``save`` is a folder that keeps every recording as soon as it is there;
-        ``resume`` goes on with those that it has, ``overwrite`` measures them again. ``creep``: also
-        hold 5 V, or the largest level if that is less, for 12 s an axis, and fit its creep; that takes 52 s an axis
-        beside ``duration``, and does not go with ``resume``.
+        ``u_max`` (V) scales these levels so that the largest is this. In the end each axis rests for 40 s and holds
+        5 V, or the largest level if that is less, for 12 s, which shows its creep; not with ``creep=False``.
+        ``duration`` (s, of the device's time) thins the sines evenly until they take no longer; where they leave no
+        time for the holds these are left out with a warning, or with ``creep=True`` the sines are thinned for them.
+        ``save`` is a folder that keeps every recording as soon as it is there; ``resume`` goes on with those that it
+        has, ``overwrite`` measures them again.
         Raises BadInput when the limits leave the experiment out or a record cannot be used.
         """
-        from phaselead.identify import identify_device, keeping, plan_of  # slow to load, needed here only
+        from phaselead.identify import identify_device, keeping, plan_as_time_allows  # slow to load, needed here only
 
         letters = parse_axes(axes)
         stage = None if model is None else as_stage(model)
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
-        plan = plan_of(letters, levels_V=levels, f_Hz=frequencies, u_max_V=u_max, duration_s=duration)
+        plan, creeping, said = plan_as_time_allows(
+            letters, creep=creep, duration_s=duration, levels_V=levels, f_Hz=frequencies, u_max_V=u_max
+        )
+        if said is not None:
+            warnings.warn(said, stacklevel=2)
         with contextlib.ExitStack() as stack:
             kept = None
             if save is not None:
-                kept = stack.enter_context(keeping(save, plan, resume=resume, overwrite=overwrite))
-            done = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage, creep=creep)
+                holds = letters if creeping else ()
+                kept = stack.enter_context(keeping(save, plan, holds, resume=resume, overwrite=overwrite))
+            done = identify_device(self.device, letters, on_progress, plan=plan, kept=kept, stage=stage, creep=creeping)
             found = done.as_fit()
         return replace(found, model=with_gains(found.model))
-
-    # ---------------------------------------------------------------- running
-
-    def track(
-        self,
-        wave: WavesLike | None = None,
-        *,
-        mode: str | None = None,
-        axis: str | None = None,
-        x: WaveLike | None = None,
-        y: WaveLike | None = None,
-        z: WaveLike | None = None,
-        model: StageLike | None = None,
-        gains: GainsLike | Mapping[str, GainsLike] | None = None,
-        duration: float | None = None,
-        follows: Follows | None = None,
-        learned: Learned | str | os.PathLike[str] | None = None,
-        force: bool = False,
-        output: str | os.PathLike[str] | None = None,
-        overwrite: bool = False,
-        trigger_out: str | None = None,
-        trigger_in: float | None = None,
-        on_progress: Progress | None = None,
-    ) -> Run:
-        """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
-
-        ``wave`` is "sine:60um@5Hz", "triangle:100um@20Hz", "file:path.csv@10Hz", "path:scan.csv" (of any length, sent
-        while it is played), "goto:120um", or in volts for mode open; amplitudes are peak-to-peak. It is for ``axis``, x
-        or several ("x,y"), by default x; several paths run together as ``track(x="...", y="...")`` or
-        ``track({"x": "...", "y": "..."})``.
-
-        ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
-        uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)
-        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it or for what the
-        device tells of the one it holds; the paper's where nobody has a model.
-        Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
-        ``duration`` in s; default ten periods, or a move and a second.
-        ``follows``: "true" (the default), where the model says by how much the sensor is late, makes the stage itself
-        follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
-        played with its mode, gains and ``follows``, and refused for others, or another model or path.
-        ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
-        ``overwrite``. ``trigger_out`` says where the three trigger outputs pulse, the first one first: "start",
-        "frame", "line", "pixel=256" (a line), "pixel=2ms", "pixel=0.5um" ("+0.5um": on the way up alone), "target" (a
-        step has settled), joined by commas; "y:line" of another axis. ``run.triggers`` has the pulses. ``trigger_in``:
-        the path begins at a rising edge of the trigger input, which is waited for so many seconds.
-
-        The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
-        allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
-        recorded) when the device latches a fault.
-        """
-        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
-        known = load_learned(learned) if isinstance(learned, str | os.PathLike) else learned
-        mode = mode or ("ff+pid" if known is None else known.mode)
-        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
-        path = _output(output, overwrite)
-        held = held_stage(self.device) if stage is None else None
-        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
-        if known is not None:
-            chosen = chosen if gains is not None else known.gains()
-            waveforms = known.waveforms(waveforms, stage, mode, chosen, follows)
-        for line in [
-            *held_warning(held, mode, chosen),
-            *loop_warnings(stage, mode, chosen, force=force),
-            *path_warnings(waveforms),
-        ]:
-            warnings.warn(line, stacklevel=2)
-        run = track_to_file(
-            self.device,
-            waveforms,
-            mode,
-            output=path,
-            stage=stage,
-            gains=chosen,
-            duration_s=duration,
-            force=force,
-            follows=follows or "true",
-            on_progress=on_progress,
-            trigger_out=trigger_out,
-            edge_within_s=trigger_in,
-        )
-        recording = _named(run.recording, path or wave_text(wave, x, y, z))
-        return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
-
-    def learn(
-        self,
-        wave: WavesLike | None = None,
-        *,
-        mode: str = "inverse+pid",
-        axis: str | None = None,
-        x: WaveLike | None = None,
-        y: WaveLike | None = None,
-        z: WaveLike | None = None,
-        model: StageLike | None = None,
-        gains: GainsLike | Mapping[str, GainsLike] | None = None,
-        trials: int = 10,
-        follows: Follows = "true",
-        force: bool = False,
-        save: str | os.PathLike[str] | None = None,
-        overwrite: bool = False,
-        on_progress: Progress | None = None,
-    ) -> Learned:
-        """Drives along a periodic path up to ``trials`` times, each time corrected by the error that repeats; keeps the
-        best. Give the result to ``track(learned=...)``, or ``save`` it.
-
-        Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
-        as for ``track``. The error is against the path that was asked for; every trial runs on the model first.
-        ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
-        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
-        """
-        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
-        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
-        chosen = {name: gains_of(gains, stage, name) for name in waveforms}
-        for line in [*loop_warnings(stage, mode, chosen, force=force), *path_warnings(waveforms)]:
-            warnings.warn(line, stacklevel=2)
-        found = learn(
-            self.device,
-            waveforms,
-            mode,
-            stage=stage,
-            gains=chosen,
-            trials=trials,
-            follows=follows,
-            force=force,
-            kept=KeptRuns(save, overwrite=overwrite),
-            on_progress=on_progress,
-        )
-        return replace(found, wave=wave_text(wave, x, y, z))
-
-    def record(
-        self,
-        drive: WavesLike | None = None,
-        *,
-        axis: str | None = None,
-        duration: float | None = None,
-        output: str | os.PathLike[str] | None = None,
-        overwrite: bool = False,
-        on_progress: Progress | None = None,
-    ) -> Recording:
-        """Records what the device does, open loop; needs no model.
-
-        ``drive`` is played in volts meanwhile ("sine:5V@5Hz"); without one it only listens on ``axis``. ``duration`` in
-        s; default ten periods, or 1 s when only listening. ``output`` (.h5) keeps the record on disk, with the raw
-        codes that a replay needs; one that exists is written over only with ``overwrite``. Raises as ``track`` does.
-        """
-        path, letters = _output(output, overwrite), "".join(parse_axes(axis or "x", "axis"))
-        waveforms = None if drive is None else given_waves(drive, axis, {})
-        recording = record_open_loop(
-            self.device,
-            waveforms,
-            letters,
-            output=path,
-            stage=None if waveforms is None else self._own_model(waveforms, "open"),
-            duration_s=duration,
-            on_progress=on_progress,
-        )
-        return _named(recording, path or wave_text(drive) or f"{letters} at rest")
-
-
-def _named(recording: Recording, name: str) -> Recording:
-    return replace(recording, source=name)
-
-
-def _output(output: str | os.PathLike[str] | None, overwrite: bool) -> str | None:
-    path = None if output is None else os.fspath(output)
-    check_output(path, suffixes=RUN_SUFFIXES, overwrite=overwrite)
-    return path

@@ -25,6 +25,12 @@ def held_stage(device: Device, axes: str = "") -> Stage | None:
     return Stage(name=f"held by the device (stage file {held.stage_sha256[:12]})", axes=known or held.axes)
 
 
+def held_sha256(device: Device) -> str | None:
+    """The hash of the stage file that the model on the device was made of; None when it holds none."""
+    blob = device.read_model()
+    return None if blob is None else from_device_model(blob).stage_sha256
+
+
 def held_warning(held: Stage | None, mode: str, gains: dict[str, Gains]) -> list[str]:
     """What to say of gains that were designed for what a device tells of its model."""
     slow = [axis for axis, own in gains.items() if own.origin is not None]

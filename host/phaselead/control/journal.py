@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
 from phaselead.control.run_away import run_away
-from phaselead.control.tracking import run_recording, set_up, ticks_of, track
+from phaselead.control.tracking import Asked, run_recording, set_up, ticks_of, track
 from phaselead.control.triggers import parse_outputs
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import (
@@ -28,7 +28,7 @@ from phaselead.device import (
     write_run,
 )
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.model import Gains, Stage, stage_text
+from phaselead.model import Stage, stage_text
 from phaselead.record import (
     RUN_SUFFIXES,
     JournalReader,
@@ -175,40 +175,25 @@ def track_to_file(
     mode: str,
     *,
     output: str | None,
-    stage: Stage | None = None,
-    gains: Mapping[str, Gains] | None = None,
-    duration_s: float | None = None,
-    force: bool = False,
     follows: Follows = "true",
     on_progress: Progress | None = None,
     trigger_out: str | None = None,
-    edge_within_s: float | None = None,
+    **asked: Unpack[Asked],
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
 
     A run that ends in a fault is written too. One that does so on the model is refused before anything moves
-    (``rehearse``), unless ``force``. ``follows``: which position is to follow a path in micrometres. ``trigger_out``:
-    as ``parse_outputs`` reads it.
+    (``rehearse``), unless ``force`` is asked for. ``follows``: which position is to follow a path in micrometres.
+    ``trigger_out``: as ``parse_outputs`` reads it.
     """
+    stage = asked.get("stage")
     pulses = parse_outputs(trigger_out, waveforms)
     waveforms = followed(waveforms, stage, follows)
-    if not force:
-        rehearse(waveforms, mode, stage, gains or {}, duration_s)
+    if not asked.get("force"):
+        rehearse(waveforms, mode, stage, asked.get("gains") or {}, asked.get("duration_s"))
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
-            run = track(
-                device,
-                waveforms,
-                mode,
-                stage=stage,
-                gains=gains,
-                duration_s=duration_s,
-                force=force,
-                on_progress=on_progress,
-                sink=file.sink,
-                pulses=pulses,
-                edge_within_s=edge_within_s,
-            )
+            run = track(device, waveforms, mode, on_progress=on_progress, sink=file.sink, pulses=pulses, **asked)
         except DeviceFault as fault:
             recording = run_recording(fault.capture, mode, stage, pulses)
             file.write(fault.capture, recording)

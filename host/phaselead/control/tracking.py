@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
@@ -118,42 +118,42 @@ def _refuse_without_inverse(axis: str, waveform: Waveform, mode: str, model: Axi
         )
 
 
+class Asked(TypedDict, total=False):
+    """What a run may be asked for beside its paths and its mode."""
+
+    stage: Stage | None
+    """The model, uploaded when the device holds another."""
+    gains: Mapping[str, Gains] | None
+    """By axis, for modes with pid."""
+    duration_s: float | None
+    force: bool
+    """Takes the gains whatever the model says."""
+    edge_within_s: float | None
+    """The paths begin at an edge of the trigger input, which is waited for so long."""
+
+
 def track(
     device: Device,
     waveforms: Mapping[str, Waveform],
     mode: str,
     *,
-    stage: Stage | None = None,
-    gains: Mapping[str, Gains] | None = None,
-    duration_s: float | None = None,
-    force: bool = False,
     on_progress: Callable[[float], None] | None = None,
     sink: Callable[[bytes], None] | None = None,
     pulses: Sequence[Pulses] | None = None,
-    edge_within_s: float | None = None,
+    **asked: Unpack[Asked],
 ) -> Run:
     """Runs the paths of all axes together from the same tick and parks at the end. Each is entered from where its axis
     stands before it begins, and left where it ends, without a kick.
 
-    ``gains`` are needed by modes with pid; ``force`` takes them whatever the model says. ``on_progress`` is given the
-    fraction done; ``sink`` every chunk as it came off the line, for a journal. ``pulses``: what the trigger outputs
-    do; with ``edge_within_s`` the paths begin at an edge of the trigger input.
+    ``asked``: see there. ``on_progress`` is given the fraction done; ``sink`` every chunk as it came off the line, for
+    a journal. ``pulses``: what the trigger outputs do.
 
     Raises:
         BadInput: a path that the mode, the limits or the model do not allow, or gains that the model's loop cannot
             stand; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
-    ready = set_up(
-        device,
-        waveforms,
-        mode,
-        stage=stage,
-        gains=gains,
-        duration_s=duration_s,
-        force=force,
-        edge_within_s=edge_within_s,
-    )
+    ready, stage = set_up(device, waveforms, mode, **asked), asked.get("stage")
     waveforms, ticks = ready.waveforms, ready.ticks
     set_pulses(device, pulses, stage or held_stage(device, "".join(waveforms)) if pulses else None)
     true = TruePositions(device, ticks)

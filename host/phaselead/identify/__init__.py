@@ -21,7 +21,7 @@ from phaselead.identify.modal import (
     score_test,
 )
 from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
-from phaselead.identify.plan import HELD_OUT, Experiment, plan_of, plan_seconds
+from phaselead.identify.plan import HELD_OUT, Experiment, plan_as_time_allows, plan_of, plan_seconds
 from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verify
@@ -59,6 +59,7 @@ __all__ = [
     "identify_device",
     "keeping",
     "noise_um_rms",
+    "plan_as_time_allows",
     "plan_of",
     "plan_seconds",
     "play_thresholds",

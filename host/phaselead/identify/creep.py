@@ -1,111 +1,115 @@
-"""Creep of an axis from one hold, and its time view fitted without it."""
+"""Creep of an axis from one hold at the end of the experiment, and the records without what creeps in them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import nnls
 
-from phaselead.device import TICK_HZ, Channel, Device, Mode, recording_of
-from phaselead.identify.fitting import fit
-from phaselead.identify.plan import Experiment
-from phaselead.model import AdoptedEffect, AxisModel, Stage, lags, simulate
+from phaselead.device import TICK_HZ, Capture, Channel, Device, Mode, recording_of
+from phaselead.identify.plan import HOLD_S, Experiment, name_of_hold
+from phaselead.model import AdoptedEffect, lags
 from phaselead.record import Recording, Samples, refuse_gapped
 from phaselead.waveforms import Goto
 
 TAU_S = np.array([0.1, 1.0, 10.0])
 """Creep is straight in the logarithm of time (Devasia, Eleftheriou and Moheimani 2007): one lag a decade draws it."""
-HOLD_V, MOVE_S, HOLD_S = 5.0, 0.2, 12.0
-"""No further than the largest sine of its axis."""
-WAIT_S = 40.0
-"""At rest before: four times the slowest."""
-SECONDS = WAIT_S + HOLD_S
-"""That it takes an axis."""
-FROM_S = 0.3
-"""Of the hold: before it the mode rings."""
-EVERY = 50
-"""Rows: creep is slow."""
-TURNS = 2
-"""Fits of the time view and of the creep in turn: the second changes creep by 1 %, a third by less than 0.01 %."""
+HOLD_V, MOVE_S = 5.0, 0.2
+"""No further than the largest sine of its axis; slower where its slew limit asks for that."""
+RINGS_S = 0.1
+"""After the move, before it is looked at."""
+EVERY = 100
+"""Rows that are averaged, 20 ms, a period of the mains: creep is slow."""
+TURNS = 4
+"""Of what creeps being fed what moved without it: each leaves a share of what the last did, the sum of k."""
 
 
-def hold_of(plan: Sequence[Experiment], axis: str) -> Goto:
-    """The move into the hold: to 5 V, or as far as the plan drives this axis."""
-    return Goto(min(HOLD_V, max(e.swing_V for e in plan if e.axis == axis)), 0.0, "V", 1 / MOVE_S)
+def hold_of(plan: Sequence[Experiment], axis: str, slew_V_per_s: float) -> Goto:
+    """The move into the hold: to 5 V, or as far as the plan drives this axis, in as long as the slew limit takes."""
+    move = Goto(min(HOLD_V, max(e.swing_V for e in plan if e.axis == axis)), 0.0, "V", 1 / MOVE_S)
+    slower = 0.999 * slew_V_per_s / move.steepest()
+    return move if slower >= 1 else replace(move, f_Hz=move.f_Hz * slower)
 
 
-def hold(device: Device, axis: str, move: Goto) -> Recording:
-    """Rests, moves and holds; the record begins with the move. Raises BadInput where it is gapped."""
-    device.wait(WAIT_S)
+def hold(device: Device, axis: str, move: Goto) -> Capture:
+    """Moves and holds, from rest: no shorter than it moves. The capture begins with the move."""
     device.set_axis(axis, Mode.OPEN)
-    device.set_path(axis, "move", swing=move.swing, f_Hz=move.f_Hz, ticks=round(MOVE_S * TICK_HZ))
-    capture = device.capture(round(HOLD_S * TICK_HZ), axes=axis, channels=Channel.ADC | Channel.DAC)
-    recording = replace(recording_of(capture, meta={"mode": "open"}), source=f"{axis}-hold")
+    device.set_path(axis, "move", swing=move.swing, f_Hz=move.f_Hz, ticks=round(move.duration_s * TICK_HZ))
+    ticks = round(max(HOLD_S, 2 * move.duration_s) * TICK_HZ)
+    return device.capture(ticks, axes=axis, channels=Channel.ADC | Channel.DAC)
+
+
+def recording_of_hold(capture: Capture, axis: str) -> Recording:
+    """The capture in units. Raises BadInput where it is gapped."""
+    recording = recording_of(capture, meta={"mode": "open"})
+    recording = replace(recording, source=name_of_hold(axis), sha256=recording.samples_sha256)
     refuse_gapped(recording)
     return recording
 
 
-def with_creep(
-    stage: Stage, axis: str, held: Recording, records: Sequence[Recording], used: Sequence[bool], rest_s: float
-) -> Stage:
-    """The stage with the creep of ``axis`` that its hold shows. The time view is fitted again, on what those of the
-    ``records`` that are ``used`` show without creep; the table view stays, it is the paper's. The records were run in
-    this order from rest, each after ``rest_s`` at 0 V, and each drives this axis; the hold came after them.
-    """
-    found, highest_V = stage.axis(axis), max(float(r.axes[axis].u_V.max()) for r in records)  # type: ignore[union-attr]
-    k = _creep(found, held, axis, highest_V)
-    for _ in range(TURNS):
-        without = _less_creep(records, axis, found, k, rest_s)
-        fitted = fit([record for record, use in zip(without, used, strict=True) if use], parent=stage)[0].axis(axis)
-        found = found.model_copy(update={"time": fitted.time, "effects": fitted.effects})
-        k = _creep(found, held, axis, highest_V)
-    params = {"k": tuple(map(float, k)), "tau_s": tuple(map(float, TAU_S))}
-    effects = (AdoptedEffect(name="creep", params=params), *found.effects)
-    found = found.model_copy(update={"effects": effects})
-    return stage.model_copy(update={"axes": {**stage.axes, axis: found}})
-
-
-def described_creep(model: AxisModel) -> str:
-    """How much it creeps, in words."""
-    k = np.ravel([e.params["k"] for e in model.effects if e.name == "creep"])
-    return f"goes on by {100 * k.sum():.2g} % of a step while it is held for some {HOLD_S:g} s"
-
-
-def _creep(model: AxisModel, held: Recording, axis: str, highest_V: float) -> Samples:
-    """k (3,), not negative, of the lags that the hold shows beside the model, with an offset of its own.
-
-    The stage has been up to ``highest_V`` before: so has the model.
-    """
-    record, step_s = held.axes[axis], 1 / TICK_HZ
+def creep_of(held: Recording, axis: str) -> Samples:
+    """k (3,), not negative, of the lags that the hold shows: what still moves while the voltage does not."""
+    record = held.axes[axis]
     assert record.u_V is not None
     assert record.x_um is not None
-    before_V = highest_V * np.concatenate([np.linspace(0, 1, 500), np.linspace(1, 0, 500)])
-    u_V = np.concatenate([before_V, record.u_V])
-    moved_um = simulate(model, np.arange(len(u_V)) * step_s, u_V)[len(before_V) :]
-    columns = [lags(moved_um - moved_um[0], np.array([tau_s]), np.ones(1), step_s) for tau_s in TAU_S]
-    level = np.ones_like(moved_um)
-    rows = slice(round(FROM_S * TICK_HZ), None, EVERY)
-    basis = np.stack([*columns, level, -level], axis=1)[rows]
-    return np.asarray(nnls(basis, (record.x_um - moved_um)[rows])[0][: len(TAU_S)])
+    there = int(np.argmax(record.u_V >= record.u_V.max())) + round(RINGS_S * TICK_HZ)
+    way_um = float(record.x_um[there] - record.x_um[0])
+    moved = np.where(np.arange(len(record.x_um)) < there, (record.x_um - record.x_um[0]) / way_um, 1.0)
+    moved[0] = 0.0
+    columns = [*(lags(moved, np.array([tau_s]), np.ones(1), 1 / TICK_HZ) for tau_s in TAU_S), np.ones_like(moved)]
+    basis = np.stack([_slow(column[there:]) for column in columns], axis=1)
+    *gone_on, level = nnls(basis, _slow(record.x_um[there:] - record.x_um[0]) * np.sign(way_um))[0]
+    return np.array(gone_on) / float(level)
 
 
-def _less_creep(
-    records: Sequence[Recording], axis: str, model: AxisModel, k: Samples, rest_s: float
+def _slow(x: Samples) -> Samples:
+    return np.asarray(x[: len(x) // EVERY * EVERY].reshape(-1, EVERY).mean(axis=1))
+
+
+def without_creep(
+    records: Sequence[Recording], axis: str, k: Samples, rested_s: Sequence[float | None]
 ) -> list[Recording]:
-    """The records without what creeps in them; what one leaves goes on in those behind it."""
-    still = np.zeros(round(rest_s * TICK_HZ))
-    moved = []
-    for record in records:
-        moved_um = simulate(model, record.t_s, record.axes[axis].u_V)  # type: ignore[arg-type]
-        moved += [still, moved_um - moved_um[0]]
-    ends = np.cumsum([len(part) for part in moved])
-    crept = np.split(lags(np.concatenate(moved), TAU_S, k, 1 / TICK_HZ), ends[:-1])[1::2]
-    return [_less(record, axis, crept_um) for record, crept_um in zip(records, crept, strict=True)]
+    """The records, which drive this axis one after the other, without what creeps in them.
+
+    ``rested_s``: of each, since the end of the one before, out of which what crept there goes on; None where it does
+    not: the first of a session, which begins at rest. What creeps is counted from where each record begins: the little
+    that its remanence creeps is an offset, which the fit has.
+    """
+    begins = [i for i, pause_s in enumerate(rested_s) if pause_s is None]
+    found: list[Recording] = []
+    for begin, end in itertools.pairwise([*begins, len(records)]):
+        found += _of_session(records[begin:end], axis, k, [pause_s or 0.0 for pause_s in rested_s[begin:end]])
+    return found
+
+
+def _of_session(records: Sequence[Recording], axis: str, k: Samples, rested_s: Sequence[float]) -> Iterator[Recording]:
+    parts: list[Samples] = []
+    for record, pause_s in zip(records, rested_s, strict=True):
+        x_um = record.axes[axis].x_um
+        assert x_um is not None
+        parts += [np.zeros(round(pause_s * TICK_HZ)), x_um - x_um[0]]
+    all_um = np.concatenate(parts)
+    crept_um = np.zeros_like(all_um)
+    for _ in range(TURNS):
+        crept_um = lags(all_um - crept_um, TAU_S, k, 1 / TICK_HZ)
+    crept = np.split(crept_um, np.cumsum([len(part) for part in parts])[:-1])[1::2]
+    return (_less(record, axis, crept_um) for record, crept_um in zip(records, crept, strict=True))
 
 
 def _less(record: Recording, axis: str, crept_um: Samples) -> Recording:
     one = record.axes[axis]
     assert one.x_um is not None
     return replace(record, axes={**record.axes, axis: replace(one, x_um=one.x_um - crept_um)})
+
+
+def effect_of_creep(k: Samples) -> AdoptedEffect:
+    """As a stage file has it."""
+    return AdoptedEffect(name="creep", params={"k": tuple(map(float, k)), "tau_s": tuple(map(float, TAU_S))})
+
+
+def described_creep(k: Samples) -> str:
+    """How much an axis creeps, in words."""
+    return f"goes on by {100 * k.sum():.2g} % of a step while it is held for some {HOLD_S:g} s"

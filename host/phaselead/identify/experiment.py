@@ -5,6 +5,7 @@ This is what `phaselead identify` does.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -26,14 +27,16 @@ from phaselead.identify import creep as creeping
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.kept import Kept
-from phaselead.identify.plan import Experiment, plan_grid, plan_seconds
+from phaselead.identify.plan import AROUND_S, HELD_S, WAIT_S, Experiment, name_of_hold, plan_grid, plan_seconds
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications
 from phaselead.model import AxisModel, Stage, provenance_of
-from phaselead.record import AXES, Recording, refuse_gapped
+from phaselead.record import AXES, Recording, Samples, refuse_gapped
 from phaselead.sim import data_sheet
 from phaselead.waveforms import Goto, Sine, refuse_out_of_range
 
+LATE_S = 1.0
+"""A pause that is longer than planned by more than this was not one within a session."""
 CHANNELS = Channel.ADC | Channel.DAC
 FIT_SHARE = 0.1
 """Of the progress bar, for what comes after the last record."""
@@ -80,7 +83,7 @@ def identify_device(
     plan: Sequence[Experiment] | None = None,
     kept: Kept | None = None,
     stage: Stage | None = None,
-    creep: bool = False,
+    creep: bool = True,
 ) -> Identified:
     """Run the plan (default: the paper's grid on ``axes``), fit both views, and verify on what was held out.
 
@@ -90,78 +93,132 @@ def identify_device(
     of the plan as soon as it is there, and has those of a session that was cut short. Limits and calibration are those
     of ``stage``, which is uploaded first, else of the model that the device holds, else a built-in stage's own,
     else the defaults; they go on into what is identified. ``creep``: at the end each axis also holds 5 V, or the
-    largest level of the plan if that is less, for 12 s, after 40 s of rest, and its creep is fitted. That takes the
-    records of one session.
+    largest level of the plan if that is less, for 12 s, after 40 s of rest; its creep is an effect of the model, and
+    the time view is fitted to what the sines show without it.
 
     Raises:
-        BadInput: the plan leaves the device's limits or ``creep`` is wanted of kept records (nothing has moved), a
-            record is gapped or the fit impossible.
+        BadInput: the plan leaves the device's limits (nothing has moved), a record is gapped or the fit impossible.
     """
     chosen = list(plan) if plan is not None else plan_grid(axes)
-    holds = {axis: creeping.hold_of(chosen, axis) for axis in (axes if creep else ())}
-    if creep and kept is not None:
-        refuse_resumed(chosen, kept)
-        kept.remedy = "go on with --resume, without --creep"
-    if stage is not None:
-        refuse_beyond_limits(chosen, stage, holds)
-        device.upload_if_other(device_model(stage))
+    held_axes = tuple(axes) if creep else ()
     parent, parent_sha256 = (stage, stage.sha256) if stage is not None else held_by(device)
+    upload = stage
     if parent is None and (sheet := data_sheet(device.session.name)) is not None:
         parent = sheet.model_copy(update={"name": "identified"})
-        if not is_assumed(parent):
-            device.upload(device_model(parent))
-    refuse_beyond_limits(chosen, parent, holds)
+        upload = None if is_assumed(parent) else parent
+    refuse_beyond_limits(chosen, parent)
+    if upload is not None:
+        device.upload_if_other(device_model(upload))
     refuse_away_from_zero(device)
-    progress = Progress(plan_seconds(chosen) + creeping.SECONDS * len(holds), on_progress)
-    held: dict[str, Recording] = {}
+    resumed = kept is not None and kept.is_resumed(chosen, held_axes)
+    waits_s = WAIT_S if resumed and creep else 0.0
+    progress = Progress(plan_seconds(chosen, held_axes) + waits_s, on_progress)
     try:
-        records = _recorded(device, chosen, len(set(axes)) == 1, kept, progress)
-        for axis, move in holds.items():
-            held[axis] = creeping.hold(device, axis, move)
-            progress.add(creeping.SECONDS)
+        taken = _taken(device, chosen, len(set(axes)) == 1, kept, progress, waits_s)
+        holds = {
+            axis: _hold(device, axis, creeping.hold_of(chosen, axis, slew_V_per_s(parent, axis)), kept, progress)
+            for axis in held_axes
+        }
     except KeyboardInterrupt as ended:
         ended.args = (after_interrupt(device),)
         raise
+    records = [one.recording for one in taken]
     used = [r for r, e in zip(records, chosen, strict=True) if not e.held_out]
     held_out = [r for r, e in zip(records, chosen, strict=True) if e.held_out]
-    found, report = fit(used, name="identified", parent=parent)
-    origin = found.provenance.model_copy(update={"parent_sha256": parent_sha256})
-    found = found.model_copy(update={"provenance": origin})
-    for axis, record in held.items():
-        mine = [(r, e) for r, e in zip(records, chosen, strict=True) if e.axis == axis]
-        fits, rest_s = [not e.held_out for _, e in mine], mine[0][1].rest_s
-        found = creeping.with_creep(found, axis, record, [r for r, _ in mine], fits, rest_s)
-        source = provenance_of(None, [replace(record, sha256=record.samples_sha256)]).data
-        origin = found.provenance.model_copy(update={"data": (*found.provenance.data, *source)})
-        found = found.model_copy(update={"provenance": origin})
-        report.messages.append(f"axis {axis}: {creeping.described_creep(found.axis(axis))}; adopted as effect creep")
+    k = {axis: creeping.creep_of(record, axis) for axis, record in holds.items()}
+    less = _without_creep(chosen, taken, k)
+    found, report = fit(used, name="identified", parent=parent, without=lambda r: less[r.source])
+    for axis in k:
+        found = _with_creep(found, axis, k[axis], report)
+    held = provenance_of(None, list(holds.values())).data
+    origin = {"parent_sha256": parent_sha256, "data": (*found.provenance.data, *held)}
+    found = found.model_copy(update={"provenance": found.provenance.model_copy(update=origin)})
     apart = [after_first_period(r, e) for r, e in _held_out(chosen, held_out)]
     verifications: dict[View, list[Verification]] = {"time": verify(found, apart, "time")}
     if all(found.axis(e.axis).table is not None for e in chosen):
         verifications["table"] = verify(found, held_out, "table")
-    return Identified(found, report, verifications, used, held_out, held)
+    return Identified(found, report, verifications, used, held_out, holds)
 
 
-def _recorded(
+@dataclass(frozen=True)
+class Taken:
+    """A record of the plan, and which ticks of which session it is."""
+
+    recording: Recording
+    session: int
+    begin_tick: int
+    end_tick: int
+
+    def rested_s(self, before: Taken, planned_s: float) -> float | None:
+        """Since the end of the record before; None where it was not taken right after that one, as planned."""
+        pause_s = (self.begin_tick - before.end_tick) / TICK_HZ
+        return pause_s if self.session == before.session and 0 <= pause_s <= planned_s + LATE_S else None
+
+
+def _taken(
     device: Device,
     plan: Sequence[Experiment],
     alone: bool,
     kept: Kept | None,
     progress: Progress,
-) -> list[Recording]:
-    """Every experiment of the plan, run now or found among what was kept."""
-    records = []
+    waits_s: float,
+) -> list[Taken]:
+    """Every experiment of the plan, run now or found among what was kept; before the first that is run after one that
+    was found it waits."""
+    records: list[Taken] = []
     for experiment in plan:
         capture = kept.found(experiment.name, device) if kept is not None else None
         known = capture is not None
         if capture is None:
+            if waits_s:
+                device.wait(waits_s)
+                progress.add(waits_s)
+                waits_s = 0.0
             capture = run_experiment(device, experiment, alone=alone)[0]
         recording = recording_of_experiment(capture, experiment)
         if kept is not None and not known:
             kept.add(capture, recording)
-        records.append(recording)
-        progress.add(experiment.seconds)
+        records.append(Taken(recording, capture.session, capture.recorded_from, capture.end_tick))
+        progress.add(experiment.seconds + AROUND_S)
     return records
+
+
+def _hold(device: Device, axis: str, move: Goto, kept: Kept | None, progress: Progress) -> Recording:
+    """The record that shows how an axis creeps, run now or found."""
+    capture = kept.found(name_of_hold(axis), device) if kept is not None else None
+    known = capture is not None
+    if capture is None:
+        device.wait(WAIT_S)
+        capture = creeping.hold(device, axis, move)
+    recording = creeping.recording_of_hold(capture, axis)
+    if kept is not None and not known:
+        kept.add(capture, recording)
+    progress.add(HELD_S)
+    return recording
+
+
+def _without_creep(
+    plan: Sequence[Experiment], taken: Sequence[Taken], k: Mapping[str, Samples]
+) -> dict[str, Recording]:
+    """Every record of the plan without what creeps in it, by its source."""
+    less = {one.recording.source: one.recording for one in taken}
+    for axis, shares in k.items():
+        mine = [(one, e) for one, e in zip(taken, plan, strict=True) if e.axis == axis]
+        pauses = [one.rested_s(before, e.rest_s) for (before, _), (one, e) in itertools.pairwise(mine)]
+        records = [one.recording for one, _ in mine]
+        less |= {r.source: r for r in creeping.without_creep(records, axis, shares, [None, *pauses])}
+    return less
+
+
+def _with_creep(stage: Stage, axis: str, k: Samples, report: FitReport) -> Stage:
+    """The stage with this creep as an effect, where there is any; the report says so."""
+    if not k.any():
+        report.messages.append(f"axis {axis}: no creep seen while it is held")
+        return stage
+    report.messages.append(f"axis {axis}: {creeping.described_creep(k)}; adopted as effect creep")
+    model = stage.axis(axis)
+    model = model.model_copy(update={"effects": (creeping.effect_of_creep(k), *model.effects)})
+    return stage.model_copy(update={"axes": {**stage.axes, axis: model}})
 
 
 def is_assumed(sheet: Stage) -> bool:
@@ -179,25 +236,19 @@ def held_by(device: Device) -> tuple[Stage | None, str | None]:
     return Stage(name="identified", axes=held.axes), held.stage_sha256
 
 
-def refuse_resumed(plan: Sequence[Experiment], kept: Kept) -> None:
-    """Raises BadInput where records of the plan are there already: creep goes on from one record into the next, and a
-    session that was broken off did not rest between two of them as planned."""
-    if there := [e.name for e in plan if kept.path(e.name).exists()]:
-        raise BadInput(
-            f"{kept.folder}: holds {len(there)} records of an earlier session, and creep takes those of one; leave "
-            "--creep out, or measure all again with --overwrite instead of --resume"
-        )
+def slew_V_per_s(parent: Stage | None, axis: str) -> float:
+    """That the limits of an axis allow."""
+    return _model_of(parent, axis).limits.slew_V_per_s
 
 
-def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None, holds: Mapping[str, Goto]) -> None:
-    """Raises BadInput for the largest level of the plan, or move into a hold, that the limits (without a parent: the
-    defaults) leave out."""
+def _model_of(parent: Stage | None, axis: str) -> AxisModel:
+    return parent.axes.get(axis, AxisModel()) if parent is not None else AxisModel()
 
-    def model_of(axis: str) -> AxisModel:
-        return parent.axes.get(axis, AxisModel()) if parent is not None else AxisModel()
 
+def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None) -> None:
+    """Raises BadInput for the largest level of the plan that the limits (without a parent: the defaults) leave out."""
     for e in sorted(plan, key=lambda e: -e.swing_V):
-        model = model_of(e.axis)
+        model = _model_of(parent, e.axis)
         try:
             refuse_out_of_range(Sine(e.swing_V, 0.0, "V", e.f_Hz), model)
         except BadInput as error:
@@ -206,14 +257,6 @@ def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None, holds
                 f"{e.axis}: the level of {e.swing_V:g} V at {e.f_Hz:g} Hz does not fit the limits "
                 f"({limits.u_min_V:g}..{limits.u_max_V:g} V, {limits.slew_V_per_s:g} V/s): identify drives from 0 V; "
                 "widen them with --model if the stage bears it, else record smaller sines and fit those"
-            ) from error
-    for axis, move in holds.items():
-        try:
-            refuse_out_of_range(move, model_of(axis))
-        except BadInput as error:
-            raise BadInput(
-                f"{axis}: --creep moves to {move.swing:g} V at up to {move.steepest():.3g} V/s, which its slew limit "
-                f"({model_of(axis).limits.slew_V_per_s:g} V/s) does not bear; leave it out, or choose smaller levels"
             ) from error
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -106,20 +106,26 @@ def fit(
     *,
     name: str = "fitted",
     parent: Stage | None = None,
+    without: Callable[[Recording], Recording] | None = None,
 ) -> tuple[Stage, FitReport]:
     """Fit every driven axis of the recordings.
 
     ``base="linear"`` is gain and offset only. ``parent`` gives name, limits, calibration and gains, and its
-    hash goes into the provenance. Raises BadInput, one line, for data that cannot be used.
+    hash goes into the provenance. ``without`` takes from a recording what an effect beside the time view does in it;
+    the table view is of what was measured. Raises BadInput, one line, for data that cannot be used.
     """
     _refuse_mixture(recordings)
     recordings, left_out = usable(recordings)
     coupling = cross_coupling(recordings)
     runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
+    own = runs
+    if without is not None:
+        less = [without(recording) for recording in recordings]
+        own = _runs_by_axis(decoupled(less, coupling[0]) if coupling else less)[0]
     time, table, modes = {}, {}, {}
     for axis, axis_runs in runs.items():
         backwards = sensor_counts_backwards(axis_runs)
-        forward = [turned(run) for run in axis_runs] if backwards else axis_runs
+        forward = [turned(run) for run in own[axis]] if backwards else own[axis]
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):
             if base == "operator":
                 refuse_without_loop(axis_runs)

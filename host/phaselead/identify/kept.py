@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from phaselead.device import TICK_HZ, Capture, Device, read_capture, write_run
 from phaselead.errors import BadInput, PhaseleadError
-from phaselead.identify.plan import Experiment
+from phaselead.identify.plan import HOLD_S, WAIT_S, Experiment, name_of_hold, plan_seconds
 from phaselead.record import Recording
 
 BYTES_A_TICK = {1: 36, 3: 76}
@@ -26,12 +27,26 @@ class Kept:
         self.folder = folder
         self.names: list[str] = []
         """Of this session, found or added."""
-        self.remedy = "go on with --resume"
-        """When the session is cut short."""
 
     def path(self, name: str) -> Path:
         """Of the record of this experiment."""
         return self.folder / f"{name}.h5"
+
+    def is_resumed(self, plan: Sequence[Experiment], holds: Sequence[str]) -> bool:
+        """Whether some of these records are there, and some are not."""
+        there = [self.path(name).exists() for name in names_of(plan, holds)]
+        return any(there) and not all(there)
+
+    def ahead(self, plan: Sequence[Experiment], holds: Sequence[str]) -> str:
+        """What is still to be measured and how long that takes, in words."""
+        sines = [e for e in plan if not self.path(e.name).exists()]
+        held = [axis for axis in holds if not self.path(name_of_hold(axis)).exists()]
+        seconds = plan_seconds(sines, held) + (WAIT_S if holds and self.is_resumed(plan, holds) else 0)
+        parts = [f"{len(sines)} sine{'s' if len(sines) != 1 else ''}"] * bool(sines)
+        parts += [f"{len(held)} hold{'s' if len(held) != 1 else ''} for creep"] * bool(held)
+        if not parts:
+            return "every record is there"
+        return f"{' and '.join(parts)} to be measured take {_minutes(seconds)} of the device's time"
 
     def found(self, name: str, device: Device) -> Capture | None:
         """The record of an earlier session, None where there is none.
@@ -51,48 +66,59 @@ class Kept:
 
     def add(self, capture: Capture, recording: Recording) -> None:
         """Keeps a record. Raises BadInput where it cannot be written."""
-        write_run(self.path(recording.source), capture, recording)
+        path = self.path(recording.source)
+        path.parent.mkdir(exist_ok=True)
+        write_run(path, capture, recording)
         self.names.append(recording.source)
 
     def discard(self) -> None:
         """Removes what was kept, and the folder if nothing else is in it."""
-        for name in self.names:
-            self.path(name).unlink(missing_ok=True)
-        with suppress(OSError):
-            self.folder.rmdir()
+        paths = [self.path(name) for name in self.names]
+        for path in paths:
+            path.unlink(missing_ok=True)
+        for folder in sorted({self.folder, *(path.parent for path in paths)}, reverse=True):
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def _minutes(seconds: float) -> str:
+    whole = math.ceil(seconds)
+    return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"
 
 
 @contextmanager
 def keeping(
     folder: str | os.PathLike[str],
     plan: Sequence[Experiment],
+    holds: Sequence[str] = (),
     *,
     resume: bool = False,
     overwrite: bool = False,
     only_until_done: bool = False,
 ) -> Iterator[Kept]:
-    """A folder for the records of a plan, made if it is not there. An error or Ctrl-C names it and how to go on;
-    ``only_until_done`` removes the records once everything after them has worked.
+    """A folder for the records of a plan and of the ``holds`` of these axes, made if it is not there. An error or
+    Ctrl-C names it and how to go on; ``only_until_done`` removes the records once everything after them has worked.
 
     Raises BadInput, before anything is driven, where the folder cannot be written to or lacks space, and where it holds
     records of these names without ``resume``, which takes them, or ``overwrite``, which measures again.
     """
     kept = Kept(_writable(Path(folder)))
-    _refuse_without_space(kept.folder, plan)
-    there = [kept.path(e.name) for e in plan if kept.path(e.name).exists()]
+    _refuse_without_space(kept.folder, plan, holds)
+    names = names_of(plan, holds)
+    there = [path for path in map(kept.path, names) if path.exists()]
     if overwrite and not resume:
         for path in there:
             path.unlink()
     elif there and not resume:
         raise BadInput(
-            f"{kept.folder}: holds {len(there)} of the {len(plan)} records of this experiment; go on with --resume, "
+            f"{kept.folder}: holds {len(there)} of the {len(names)} records of this experiment; go on with --resume, "
             "measure again with --overwrite, or give another folder"
         )
     try:
         yield kept
     except (PhaseleadError, KeyboardInterrupt, OSError) as error:
         if kept.names:
-            _add(error, f"{len(kept.names)} of {len(plan)} records are kept in {kept.folder}: {kept.remedy}")
+            _add(error, f"{len(kept.names)} of {len(names)} records are kept in {kept.folder}: go on with --resume")
         else:
             kept.discard()
         raise
@@ -117,15 +143,21 @@ def _writable(folder: Path) -> Path:
     return folder
 
 
-def needed_bytes(plan: Sequence[Experiment]) -> int:
-    """At most, of all records of a plan."""
+def names_of(plan: Sequence[Experiment], holds: Sequence[str]) -> list[str]:
+    """Of the records of the plan and of the holds of these axes."""
+    return [*(e.name for e in plan), *map(name_of_hold, holds)]
+
+
+def needed_bytes(plan: Sequence[Experiment], holds: Sequence[str] = ()) -> int:
+    """At most, of all records of a plan and of the holds of these axes."""
     axes = len({e.axis for e in plan})
     driven_s = sum(e.seconds - e.rest_s for e in plan)
-    return round(driven_s * TICK_HZ * BYTES_A_TICK[1 if axes == 1 else 3]) + len(plan) * BYTES_A_RECORD
+    rows = driven_s * TICK_HZ * BYTES_A_TICK[1 if axes == 1 else 3] + len(holds) * HOLD_S * TICK_HZ * BYTES_A_TICK[1]
+    return round(rows) + len(names_of(plan, holds)) * BYTES_A_RECORD
 
 
-def _refuse_without_space(folder: Path, plan: Sequence[Experiment]) -> None:
-    needed, free = needed_bytes(plan), shutil.disk_usage(folder).free
+def _refuse_without_space(folder: Path, plan: Sequence[Experiment], holds: Sequence[str]) -> None:
+    needed, free = needed_bytes(plan, holds), shutil.disk_usage(folder).free
     if free < needed:
         raise BadInput(
             f"{folder}: the records need up to {needed / 1e6:.0f} MB, {free / 1e6:.0f} MB are free; make room, or give "

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,13 @@ HELD_OUT = ((3.0, 15.0), (5.0, 5.0))
 FEWEST = 3
 """Levels and frequencies that a table view takes (Xu & Li 2010, eqs. 6 to 8: three coefficients along each)."""
 REST_S = 3.0
+AROUND_S = 0.24
+"""Of the device's time that a record takes beside its rest and its periods: stream and paths are set up, and it parks.
+Measured on a virtual stage; a line adds its delays."""
+WAIT_S, HOLD_S = 40.0, 12.0
+"""Of the hold that shows creep: at rest before, four times its slowest lag, and held."""
+HELD_S = WAIT_S + HOLD_S + AROUND_S
+"""What it takes, an axis."""
 SAME = 0.02
 """Levels or frequencies closer than this, relatively, are one to a fit."""
 
@@ -42,6 +51,7 @@ class Experiment:
 
     @property
     def seconds(self) -> float:
+        """Of its pause and its sine."""
         return self.rest_s + (self.settle_periods + self.measure_periods) / self.f_Hz
 
 
@@ -80,9 +90,15 @@ def plan_grid(
     return plan
 
 
-def plan_seconds(plan: Sequence[Experiment]) -> float:
-    """How long the device is driven, pauses included."""
-    return float(np.sum([e.seconds for e in plan]))
+def name_of_hold(axis: str) -> str:
+    """Of the recording that shows the creep of an axis: in a folder of its own, since a fit of the sines has no use for
+    it."""
+    return f"creep/{axis}-hold"
+
+
+def plan_seconds(plan: Sequence[Experiment], holds: Sequence[str] = ()) -> float:
+    """How long it takes of the device's time, pauses and the ``holds`` of these axes included."""
+    return float(np.sum([e.seconds + AROUND_S for e in plan])) + HELD_S * len(holds)
 
 
 def plan_of(
@@ -92,10 +108,11 @@ def plan_of(
     f_Hz: Sequence[float] | None = None,
     u_max_V: float | None = None,
     duration_s: float | None = None,
+    creep: bool = False,
 ) -> list[Experiment]:
     """The grid as a user wants it. ``u_max_V`` scales the paper's levels so that the largest is this; ``duration_s``
-    thins the grid evenly until it takes no longer. The held-out inputs stand at the same shares of the largest level
-    and the highest frequency as the paper's. Raises BadInput.
+    thins the grid evenly until it takes no longer, with ``creep`` the hold of each axis included. The held-out inputs
+    stand at the same shares of the largest level and the highest frequency as the paper's. Raises BadInput.
     """
     _refuse_nonsense(levels_V, f_Hz, u_max_V, duration_s)
     top_V = u_max_V if u_max_V is not None else max(levels_V or LEVELS_V)
@@ -110,12 +127,13 @@ def plan_of(
     def grid(chosen_V: Sequence[float], chosen_Hz: Sequence[float]) -> list[Experiment]:
         return plan_grid(axes, levels_V=chosen_V, f_Hz=chosen_Hz, held_out=held_out)
 
-    chosen = grid(levels, frequencies)
-    while duration_s is not None and plan_seconds(chosen) > duration_s:
+    chosen, holds = grid(levels, frequencies), axes if creep else ()
+    while duration_s is not None and plan_seconds(chosen, holds) > duration_s:
         if max(len(levels), len(frequencies)) <= FEWEST:
+            held, left_out = (" with its holds for creep", " or creep (--no-creep)") if creep else ("", "")
             raise BadInput(
                 f"--duration {duration_s:g}: the smallest grid of these levels and frequencies takes "
-                f"{plan_seconds(chosen):.0f} s; allow that, or leave slow frequencies out"
+                f"{math.ceil(plan_seconds(chosen, holds))} s{held}; allow that, or leave slow frequencies{left_out} out"
             )
         if len(levels) >= len(frequencies):
             levels = thinned(levels)
@@ -123,6 +141,21 @@ def plan_of(
             frequencies = thinned(frequencies)
         chosen = grid(levels, frequencies)
     return chosen
+
+
+def plan_as_time_allows(
+    axes: Sequence[str], *, creep: bool | None, duration_s: float | None, **wishes: Any
+) -> tuple[list[Experiment], bool, str | None]:
+    """The grid of these ``wishes`` (see ``plan_of``), whether creep is measured after it, and what to say about that.
+
+    It is unless ``creep`` is False, or None and the sines leave no time for it in ``duration_s``: a thinner grid costs
+    more than creep brings. Raises BadInput.
+    """
+    chosen = plan_of(axes, duration_s=duration_s, creep=creep is True, **wishes)
+    if creep is not None or duration_s is None or plan_seconds(chosen, axes) <= duration_s:
+        return chosen, creep is not False, None
+    said = f"{duration_s:g} s leave no time for creep, which takes {HELD_S:.0f} s an axis beside the sines"
+    return chosen, False, f"{said}: it is left out"
 
 
 def thinned(values: Sequence[float]) -> list[float]:

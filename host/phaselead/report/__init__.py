@@ -6,7 +6,7 @@ from phaselead.report import figures
 from phaselead.report.campaign import write_campaign_report
 from phaselead.report.demo import DemoResults, HeldOut, tracked, write_demo_report
 from phaselead.report.gap import gap_page
-from phaselead.report.page import save_figure, save_png
+from phaselead.report.page import made_by, save_figure, save_png
 from phaselead.report.results import result_page
 from phaselead.report.run_figures import SHOWN, Shown, runs_figure
 
@@ -17,6 +17,7 @@ __all__ = [
     "Shown",
     "figures",
     "gap_page",
+    "made_by",
     "result_page",
     "runs_figure",
     "save_figure",

@@ -104,6 +104,7 @@ def origin_of(folder: Path, results: DemoResults) -> Origin:
             "Runs that were tracked": [one for name, one in files.items() if name.startswith("track")],
             "Records in open loop, each from rest": [one for name, one in files.items() if name.startswith("open")],
             "Records that the stage file was fitted on": [one.traced for one in results.identified.recordings],
+            "Records of a hold, for creep": [one.traced for one in results.identified.holds.values()],
         },
         [
             of_stage(results.stage),
@@ -190,7 +191,8 @@ def grid_sentence(identified: Identified) -> str:
     return (
         f"{len(sources)} sines on axes {', '.join(axes)}: {len(levels)} levels of {levels[0]:g} to {levels[-1]:g} V "
         f"peak-to-peak at {len(frequencies)} frequencies of {frequencies[0]:g} to {frequencies[-1]:g} Hz, recorded "
-        "through the device without a gap, one period to settle and four to measure each."
+        "through the device without a gap, one period to settle and four to measure each; then a hold of each axis, "
+        "which shows its creep."
     )
 
 

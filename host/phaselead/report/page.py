@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +54,23 @@ def _drawn(figure: Figure) -> Markup:
 _environment.filters["svg"] = _drawn
 
 
+_made_by: ContextVar[str] = ContextVar("made_by", default="")
+
+
+@contextmanager
+def made_by(command: str) -> Iterator[None]:
+    """Pages that are written meanwhile say that this command makes them: of a program that does what a command does."""
+    token = _made_by.set(command)
+    try:
+        yield
+    finally:
+        _made_by.reset(token)
+
+
 def command_line() -> str:
     """How the command line, or the script that made the page, was called; empty in any other program."""
+    if _made_by.get():
+        return _made_by.get()
     program, *words = sys.argv or [""]
     name = Path(program).name
     if (Path(program).parent.name if name == "__main__.py" else name) == "phaselead":

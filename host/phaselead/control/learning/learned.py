@@ -13,7 +13,7 @@ import numpy as np
 
 from phaselead.control.true_position import FOLLOWS, Follows
 from phaselead.errors import BadInput
-from phaselead.model import Gains, Stage
+from phaselead.model import Gains
 from phaselead.record import Samples, Source, atomic_path, require_walkable
 from phaselead.result import Result, Table
 from phaselead.waveforms import POINTS, Replaced, Waveform
@@ -95,7 +95,7 @@ class Learned(Result):
     def waveforms(
         self,
         wanted: Mapping[str, Waveform],
-        stage: Stage | None,
+        stage_sha256: str | None,
         mode: str,
         gains: Mapping[str, Gains],
         follows: Follows | None = None,
@@ -104,11 +104,11 @@ class Learned(Result):
 
         Raises BadInput where it was learned for another model, mode, gains, axis, path or position that follows.
         """
-        if stage is None:
+        if stage_sha256 is None:
             raise BadInput("a learned table needs the model it was learned with: --model STAGE.toml")
-        if stage.sha256 != self.stage_sha256:
+        if stage_sha256 != self.stage_sha256:
             raise BadInput(
-                f"the learned table is for another model ({self.stage_sha256[:12]}, this one is {stage.sha256[:12]}); "
+                f"the learned table is for another model ({self.stage_sha256[:12]}, this one is {stage_sha256[:12]}); "
                 "learn again with this one (phaselead learn), or give the model it was learned with"
             )
         if mode != self.mode:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.control.held import held_sha256, held_stage
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
@@ -69,19 +70,26 @@ def learn(
     itself corrected by what the trials show (``law``, ``response``). In mode ``inverse`` the reference becomes the
     voltage, so that it is the voltage that is learned. The error is against the path that was asked for. Every trial
     runs on the model first; ends early when what is left does not repeat, or no longer shrinks. ``kept`` takes every
-    trial's run.
+    trial's run. Without ``stage`` it learns with the model that the device holds, as far as that can be read back: its
+    modes cannot, so that nothing runs on it first.
 
     Raises:
         BadInput: a path, mode or model that it is not for, or the first trial ends in a fault on the model.
         DeviceFault: the first trial ended in one. A later one ends the learning; the best trial before it is kept.
     """
-    if stage is None:
-        raise BadInput("learning needs a model: --model STAGE.toml (`phaselead identify` makes one)")
+    known = stage or held_stage(device)
+    sha256 = held_sha256(device) if stage is None else stage.sha256
+    if known is None or sha256 is None:
+        raise BadInput(
+            "learning needs a model, and the device holds none: --model STAGE.toml (`phaselead identify` makes one, "
+            "`phaselead upload --persist` keeps it on the device)"
+        )
     _refuse(waveforms, mode, trials)
-    check_paths(waveforms, mode, stage)
+    check_paths(waveforms, mode, known)
     loop_warnings(stage, mode, gains, force=force)
     used = dict(gains) if mode.endswith("pid") else {}
-    course = _Course(device, dict(waveforms), mode, stage, used, follows, force, kept or KeptRuns(None))
+    force = force or stage is None
+    course = _Course(device, dict(waveforms), mode, stage, known, sha256, used, follows, force, kept or KeptRuns(None))
     return course.run(trials, on_progress or (lambda share: None))
 
 
@@ -103,13 +111,16 @@ class _Course:
         device: Device,
         wanted: dict[str, Waveform],
         mode: str,
-        stage: Stage,
+        stage: Stage | None,
+        known: Stage,
+        sha256: str,
         gains: dict[str, Gains],
         follows: Follows,
         force: bool,
         kept: KeptRuns,
     ) -> None:
-        self._device, self._wanted, self._mode, self._stage = device, wanted, mode, stage
+        self._device, self._wanted, self._mode = device, wanted, mode
+        self._stage, self._known, self._sha256 = stage, known, sha256
         self._gains, self._follows, self._force, self._kept = gains, follows, force, kept
         self._seconds = trial_seconds(wanted)
         asked = followed(wanted, stage, follows)
@@ -117,7 +128,7 @@ class _Course:
         self._lag_s = {axis: one.lag_s if isinstance(one, Replaced) else 0.0 for axis, one in asked.items()}
         self._count = {axis: line_count(one) for axis, one in wanted.items()}
         self._response: dict[str, Response] = {
-            axis: model_response(stage.axis(axis), gains.get(axis), one.f_Hz * np.arange(self._count[axis] + 1.0))
+            axis: model_response(known.axis(axis), gains.get(axis), one.f_Hz * np.arange(self._count[axis] + 1.0))
             for axis, one in wanted.items()
         }
         self._trials: list[Trial] = []
@@ -155,7 +166,7 @@ class _Course:
     def _about_limits(self) -> str:
         """What no learning mends: an axis whose output was at its slew limit in any trial."""
         each = (
-            f"{a} was at its slew limit of {self._stage.axis(a).limits.slew_V_per_s:g} V/s"
+            f"{a} was at its slew limit of {self._known.axis(a).limits.slew_V_per_s:g} V/s"
             for a in sorted(self._limited)
         )
         return "".join(f"; the output of {one}: a smaller or slower path would not be" for one in each)
@@ -220,7 +231,7 @@ class _Course:
             assert measured_um is not None
             assert u_V is not None
             fastest_V_per_s = float(np.abs(np.diff(u_V[rows])).max()) * TICK_HZ
-            if fastest_V_per_s > AT_LIMIT * self._stage.axis(axis).limits.slew_V_per_s:
+            if fastest_V_per_s > AT_LIMIT * self._known.axis(axis).limits.slew_V_per_s:
                 self._limited.add(axis)
             off_um = (wave.value(run.t_s) - measured_um)[rows]
             error[axis] = error_lines(run.t_s[rows], off_um, wave.f_Hz, self._count[axis], TICK_HZ)
@@ -248,7 +259,7 @@ class _Course:
             )
             for axis, wanted in self._wanted.items()
         }
-        return Learned(self._stage.sha256, self._mode, self._follows, paths, tuple(self._trials), reason)
+        return Learned(self._sha256, self._mode, self._follows, paths, tuple(self._trials), reason)
 
 
 def trial_seconds(waveforms: Mapping[str, Waveform]) -> float:

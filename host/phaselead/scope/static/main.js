@@ -1,10 +1,10 @@
 // Puts link, figures and panel together, and draws once for each frame of the screen.
 
+import { at } from "./elements.js";
 import { COLUMNS, Link, SPECTRUM } from "./link.js";
 import { Panel } from "./panel.js";
 import { Figures, Store } from "./plots.js";
 
-const at = (id) => document.getElementById(id);
 const TRACES = 6;
 let panel, figures, store, fresh = false, paused = false, drawn = 0;
 const slow = {};

@@ -1,15 +1,8 @@
 // The controls beside the traces: what they ask for, and what the hub says of itself.
 
-const at = (id) => document.getElementById(id);
-const made = (tag, attributes = {}, ...children) => {
-  const one = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name === "class") one.className = value; else if (name in one) one[name] = value; else one.setAttribute(name, value);
-  }
-  one.append(...children);
-  return one;
-};
-const numberOf = (input) => (input.value === "" ? null : Number(input.value));
+import { at, made, numberOf } from "./elements.js";
+import { Settings } from "./settings.js";
+
 // Formats of the device: Kp and Kd/Ts have 7 bits before the point, Ki Ts has none.
 const GAINS = [["Kp", "V/µm", 127], ["Ki", "V/(µm s)", 2499], ["Kd", "V s/µm", 0.0255]];
 
@@ -88,8 +81,7 @@ export class Panel {
     submits("how", () => this.checkGains());
     at("check").addEventListener("click", () => this.checkGains());
     at("upload").addEventListener("click", () => this.order("model", { path: at("model-path").value }));
-    submits("settings", () => this.saveSettings());
-    at("settings").elements.axis.addEventListener("change", () => this.settings());
+    this.settings = new Settings((order, given) => this.order(order, given));
     submits("trigger", (form) => this.order("trigger", {
       run: form.run.value, axis: form.axis.value, trace: form.trace.value, edge: form.edge.value,
       level: numberOf(form.level), before: numberOf(form.before) / 100, window_s: numberOf(form.window_s),
@@ -102,31 +94,6 @@ export class Panel {
     for (const axis of Object.keys(gains).length ? Object.keys(gains) : this.axes.slice(0, 1)) {
       if (!(await this.order("loop", { axis, gains })).ok) return;
     }
-  }
-
-  // One field for each setting of the chosen axis, in the groups of the stage file; only those that were changed are sent.
-  settings() {
-    const form = at("settings"), all = this.state.settings ?? {}, axes = Object.keys(all);
-    const choice = form.elements.axis, axis = axes.includes(choice.value) ? choice.value : axes[0];
-    at("no-settings").hidden = Boolean(this.state.model);
-    at("settings-of").hidden = axes.length === 0;
-    choice.replaceChildren(...axes.map((one) => made("option", { selected: one === axis }, one)));
-    const open = new Set([...at("settings-parts").children].filter((one) => one.open).map((one) => one.dataset.part));
-    const groups = new Map();
-    for (const one of all[axis] ?? []) {
-      const group = groups.get(one.part) ?? made("details", { class: "job", open: open.has(one.part) }, made("summary", {}, one.title));
-      group.dataset.part = one.part;
-      const input = made("input", { type: "number", step: "any", value: one.value ?? "", defaultValue: one.value ?? "", placeholder: "left out", name: `${one.part}.${one.name}` });
-      group.append(made("div", { class: "line" }, made("label", { title: one.name }, `${one.name}: ${one.what} `, input)));
-      groups.set(one.part, group);
-    }
-    at("settings-parts").replaceChildren(...groups.values());
-  }
-
-  saveSettings() {
-    const form = at("settings"), inputs = [...at("settings-parts").querySelectorAll("input")];
-    const values = Object.fromEntries(inputs.filter((one) => one.value !== one.defaultValue).map((one) => [one.name, numberOf(one)]));
-    return this.order("settings", { axis: form.elements.axis.value, values });
   }
 
   jobs(jobs) {
@@ -177,7 +144,7 @@ export class Panel {
       if (this.targets[axis]) [this.targets[axis].min, this.targets[axis].max] = limits.x_um;
     }
     at("model").textContent = state.model ? `model: ${state.model.name} (${state.model.axes.join(", ")})` : "no model: pid with the paper's gains";
-    if ("settings" in changed || "model" in changed) this.settings();
+    if ("settings" in changed || "model" in changed) this.settings.update(state.settings, state.model);
     at("waiting").textContent = state.trigger && state.trigger.run !== "off" ? (state.trigger.waiting ? "waiting" : "fired") : "";
     at("job").hidden = !state.job;
     if (state.job) {
@@ -189,7 +156,11 @@ export class Panel {
       at("lines").replaceChildren(...lines.reverse());
     }
     if ("files" in changed) {
-      at("files").replaceChildren(...state.files.map((name) => made("li", {}, made("a", { href: `/files/${encodeURIComponent(name)}`, target: "_blank" }, name))));
+      const linked = (names) => names.map((name) => made("li", {}, made("a", { href: `/files/${encodeURIComponent(name)}`, target: "_blank" }, name)));
+      const pages = state.files.filter((name) => name.endsWith(".html"));
+      at("files").replaceChildren(...linked(state.files.filter((name) => !pages.includes(name))));
+      at("page-list").replaceChildren(...linked(pages.reverse()));
+      at("pages").hidden = pages.length === 0;
     }
   }
 }

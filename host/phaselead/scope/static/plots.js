@@ -4,8 +4,8 @@ const TICK_HZ = 5000;
 const ROOM = 0.08;
 const R = 0, X = 1, E = 2, U = 3, FF = 4, FB = 5;
 const AXIS_WIDTH = 58;
-// Of a trace: as many as an ordinary laptop draws 60 times a second for three axes without a GPU.
-const MOST_COLUMNS = 600;
+// Of a trace: as many as a window of a screen has pixels.
+const MOST_COLUMNS = 1000;
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -36,6 +36,8 @@ function decades(low, high) {
   return [10 ** Math.min(top - 1, Math.max(bottom, top - 5)), 10 ** top];
 }
 
+// Grid and labels are uPlot's, drawn when a range changes. The traces lie over them on a canvas of their own, which is
+// shifted as columns come, so that a frame costs its new columns alone.
 class Traces {
   constructor(host, axes, lines, onResize) {
     this.host = host;
@@ -43,23 +45,22 @@ class Traces {
     this.shown = new Set(axes);
     this.onResize = onResize;
     this.range = null;
+    this.canvas = Object.assign(document.createElement("canvas"), { className: "bands" });
+    this.ctx = this.canvas.getContext("2d");
     this.build();
     new ResizeObserver(() => this.fit()).observe(host);
   }
 
   build() {
-    const colour = colours();
+    this.colour = colours();
     this.plot?.destroy();
-    const series = this.lines.map((line) => ({
-      fill: colour.of(line.axis) + (line.pale ?? ""), width: 0, points: { show: false }, show: this.shown.has(line.axis),
-      paths: (plot) => ({ stroke: null, fill: this.band(plot, line), clip: null, band: null, gaps: null, flags: 1 }),
-    }));
-    const lost = (plot) => this.drawLost(plot, colour);
     this.plot = new uPlot({
-      ...look(colour), ...this.size(),
+      ...look(this.colour), ...this.size(),
       scales: { x: { time: false, range: () => this.span ?? [-1, 0] }, y: { range: () => this.range ?? [-1, 1] } },
-      series: [{}, ...series], hooks: { drawClear: [lost] },
-    }, [[], ...this.lines.map(() => [])], this.host);
+      series: [{}, { paths: () => null, points: { show: false } }],
+    }, [[0], [0]], this.host);
+    this.plot.over.append(this.canvas);
+    this.again();
   }
 
   size() {
@@ -68,71 +69,106 @@ class Traces {
 
   fit() {
     this.plot.setSize(this.size());
+    this.again();
     this.onResize?.();
   }
 
   show(axis, on) {
     if (on) this.shown.add(axis); else this.shown.delete(axis);
-    this.lines.forEach((line, i) => line.axis === axis && this.plot.setSeries(i + 1, { show: on }));
     this.range = null;
+    this.again();
   }
 
-  // The band from the lowest to the highest value of every column: filled, it costs a fraction of a stroked line.
-  band(plot, line) {
-    const path = new Path2D(), { store } = this;
-    if (!store) return path;
-    const [low, high] = store.trace(line.at, line.trace);
-    const { left, top, width, height } = plot.bbox, { min, max } = plot.scales.y;
-    const perColumn = width / store.capacity, perUnit = height / (max - min);
-    const half = ((line.width ?? 1.4) * devicePixelRatio) / 2;
-    const y = (value) => top + (max - value) * perUnit;
-    for (let i = 0; i < low.length; i++) {
-      if (low[i] !== low[i]) continue;
-      let end = i;
-      while (end < low.length && low[end] === low[end]) end++;
-      path.moveTo(left + i * perColumn, y(high[i]) - half);
-      for (let k = i + 1; k < end; k++) path.lineTo(left + k * perColumn, y(high[k]) - half);
-      for (let k = end - 1; k >= i; k--) path.lineTo(left + k * perColumn, y(low[k]) + half);
-      path.closePath();
-      i = end;
-    }
-    return path;
-  }
-
-  drawLost(plot, colour) {
-    if (this.store?.shot) this.drawTrigger(plot, colour);
-    if (!this.store?.anyLost) return;
-    const { ctx, bbox } = plot, { lost, capacity } = this.store;
-    const width = bbox.width / capacity;
-    ctx.save();
-    ctx.fillStyle = colour.drop;
-    for (let i = 0; i < capacity; i++) {
-      if (lost[i]) ctx.fillRect(bbox.left + i * width, bbox.top, Math.max(width, 2), bbox.height);
-    }
-    ctx.restore();
-  }
-
-  drawTrigger({ ctx, bbox, valToPos }, colour) {
-    ctx.fillStyle = colour.soft;
-    ctx.fillRect(Math.round(valToPos(0, "x", true)), bbox.top, Math.max(1, devicePixelRatio), bbox.height);
+  // Everything anew, now where there is something, else with the next frame.
+  again() {
+    this.drawn = null;
+    if (this.store) this.draw(this.store);
   }
 
   draw(store) {
     this.store = store;
-    this.span = store.span;
     let low = Infinity, high = -Infinity;
-    const data = [store.t];
     for (const line of this.lines) {
-      const [lows, highs] = store.trace(line.at, line.trace);
-      data.push(highs);
       if (!this.shown.has(line.axis)) continue;
+      const [lows, highs] = store.trace(line.at, line.trace);
       for (let i = 0; i < lows.length; i++) {
         if (lows[i] < low) low = lows[i];
         if (highs[i] > high) high = highs[i];
       }
     }
-    this.range = steady(this.range, low, high);
-    this.plot.setData(data, true);
+    const range = steady(this.range, low, high);
+    if (range !== this.range || this.span?.[0] !== store.span[0] || this.span?.[1] !== store.span[1]) {
+      [this.range, this.span, this.drawn] = [range, store.span, null];
+      this.plot.setData([[0], [0]], true);
+    }
+    const { canvas, plot: { bbox } } = this, fits = canvas.width === Math.round(bbox.width) && canvas.height === Math.round(bbox.height);
+    if (fits && this.drawn?.reset === store.resets) this.shift(store); else this.whole(store);
+  }
+
+  whole(store) {
+    const { width, height } = this.plot.bbox;
+    [this.canvas.width, this.canvas.height] = [Math.round(width), Math.round(height)];
+    this.drawn = { reset: store.resets, from: store.added, to: store.added, shifted: 0, perColumn: this.canvas.width / store.capacity };
+    this.strip(0);
+    if (!store.shot) return;
+    this.ctx.fillStyle = this.colour.soft;
+    this.ctx.fillRect(Math.round(this.plot.valToPos(0, "x", true) - this.plot.bbox.left), 0, Math.max(1, devicePixelRatio), this.canvas.height);
+  }
+
+  // By whole pixels: what a column is wider or narrower is made up for as soon as it has become one.
+  shift(store) {
+    const { canvas, ctx, drawn } = this;
+    if (store.added === drawn.to) return;
+    const shifted = Math.floor((store.added - drawn.from) * drawn.perColumn), by = shifted - drawn.shifted;
+    const kept = Math.floor((store.capacity - 1 + drawn.to - drawn.from) * drawn.perColumn - shifted);
+    if (kept <= 0) return this.whole(store);
+    if (by > 0) {
+      ctx.globalCompositeOperation = "copy";
+      ctx.drawImage(canvas, by, 0, canvas.width - by, canvas.height, 0, 0, canvas.width - by, canvas.height);
+      ctx.globalCompositeOperation = "source-over";
+    }
+    [drawn.to, drawn.shifted] = [store.added, shifted];
+    this.strip(kept);
+  }
+
+  // Draws from this pixel to the right end.
+  strip(left) {
+    const { canvas, ctx, drawn, store } = this, late = store.added - drawn.from;
+    const x = (column) => (column + late) * drawn.perColumn - drawn.shifted;
+    const first = Math.max(0, Math.floor((left + drawn.shifted) / drawn.perColumn) - late - 1);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, 0, canvas.width - left, canvas.height);
+    ctx.clip();
+    ctx.clearRect(left, 0, canvas.width - left, canvas.height);
+    if (store.anyLost) {
+      ctx.fillStyle = this.colour.drop;
+      for (let i = first; i < store.capacity; i++) if (store.lost[i]) ctx.fillRect(x(i), 0, Math.max(drawn.perColumn, 2), canvas.height);
+    }
+    for (const line of this.lines) {
+      if (!this.shown.has(line.axis)) continue;
+      ctx.fillStyle = this.colour.of(line.axis) + (line.pale ?? "");
+      ctx.fill(this.band(line, first, x));
+    }
+    ctx.restore();
+  }
+
+  // The band from the lowest to the highest value of every column: filled, it costs a fraction of a stroked line.
+  band(line, first, x) {
+    const path = new Path2D(), [low, high] = this.store.trace(line.at, line.trace), [min, max] = this.range;
+    const perUnit = this.canvas.height / (max - min), half = ((line.width ?? 1.4) * devicePixelRatio) / 2;
+    const y = (value) => (max - value) * perUnit;
+    for (let i = first; i < low.length; i++) {
+      if (low[i] !== low[i]) continue;
+      let end = i;
+      while (end < low.length && low[end] === low[end]) end++;
+      path.moveTo(x(i), y(high[i]) - half);
+      for (let k = i + 1; k < end; k++) path.lineTo(x(k), y(high[k]) - half);
+      for (let k = end - 1; k >= i; k--) path.lineTo(x(k), y(low[k]) + half);
+      path.closePath();
+      i = end;
+    }
+    return path;
   }
 }
 
@@ -141,11 +177,14 @@ export class Store {
   constructor(axes, traces) {
     this.axes = axes;
     this.traces = traces;
+    this.resets = 0;
     this.reset(1, 1, null);
   }
 
   reset(capacity, ticks, start) {
     this.capacity = capacity;
+    this.resets++;
+    this.added = 0;
     const made = () => Array.from({ length: this.axes * this.traces }, () => new Float32Array(capacity).fill(NaN));
     this.low = made();
     this.high = made();
@@ -153,7 +192,6 @@ export class Store {
     this.anyLost = false;
     this.shot = start !== null;
     const dt = ticks / TICK_HZ, from = start ?? -capacity * dt;
-    this.t = Float64Array.from({ length: capacity }, (_, i) => from + i * dt);
     this.span = [from, from + capacity * dt];
   }
 
@@ -172,6 +210,7 @@ export class Store {
         values.set(came.subarray(row * frame.columns + skip, (row + 1) * frame.columns), values.length - n);
       });
     }
+    this.added += n;
     this.lost.copyWithin(0, n);
     this.lost.set(frame.lost.subarray(skip), this.capacity - n);
     this.anyLost = this.lost.some((one) => one);

@@ -1,0 +1,198 @@
+"""Runs from Python: along a path, again and again along it, or listening; each is recorded and judged."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.held import held_sha256, held_stage, held_warning
+from phaselead.control.journal import record_open_loop, track_to_file
+from phaselead.control.kept_runs import KeptRuns
+from phaselead.control.learning import Learned, learn, load_learned
+from phaselead.control.playing import Plays
+from phaselead.control.run import Run
+from phaselead.control.tracking import loop_warnings, path_warnings
+from phaselead.control.true_position import Follows
+from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
+from phaselead.model import StageLike, as_stage
+from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
+
+Progress = Callable[[float], None]
+
+
+class Runs(Plays):
+    """The part of a controller that drives along paths, records, parks and judges."""
+
+    def track(
+        self,
+        wave: WavesLike | None = None,
+        *,
+        mode: str | None = None,
+        axis: str | None = None,
+        x: WaveLike | None = None,
+        y: WaveLike | None = None,
+        z: WaveLike | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        duration: float | None = None,
+        follows: Follows | None = None,
+        learned: Learned | str | os.PathLike[str] | None = None,
+        force: bool = False,
+        output: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
+        trigger_out: str | None = None,
+        trigger_in: float | None = None,
+        on_progress: Progress | None = None,
+    ) -> Run:
+        """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
+
+        ``wave`` is "sine:60um@5Hz", "triangle:100um@20Hz", "file:path.csv@10Hz", "path:scan.csv" (of any length, sent
+        while it is played), "goto:120um", or in volts for mode open; amplitudes are peak-to-peak. It is for ``axis``, x
+        or several ("x,y"), by default x; several paths run together as ``track(x="...", y="...")`` or
+        ``track({"x": "...", "y": "..."})``.
+
+        ``mode``: open, pid, ff, ff+pid (the default), inverse, inverse+pid. ``model``: default is the one last
+        uploaded, else what the device holds; one that it does not hold is uploaded. ``gains``: "paper", (KP, KI, KD)
+        in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it or for what the
+        device tells of the one it holds; the paper's where nobody has a model.
+        Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
+        ``duration`` in s; default ten periods, or a move and a second.
+        ``follows``: "true" (the default), where the model says by how much the sensor is late, makes the stage itself
+        follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
+        played with its mode, gains and ``follows``, and refused for others, or another model or path.
+        ``output`` (.h5) keeps the run on disk from the first tick on; one that exists is written over only with
+        ``overwrite``. ``trigger_out`` says where the three trigger outputs pulse, the first one first: "start",
+        "frame", "line", "pixel=256" (a line), "pixel=2ms", "pixel=0.5um" ("+0.5um": on the way up alone), "target" (a
+        step has settled), joined by commas; "y:line" of another axis. ``run.triggers`` has the pulses. ``trigger_in``:
+        the path begins at a rising edge of the trigger input, which is waited for so many seconds.
+
+        The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
+        allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
+        recorded) when the device latches a fault.
+        """
+        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
+        known = load_learned(learned) if isinstance(learned, str | os.PathLike) else learned
+        mode = mode or ("ff+pid" if known is None else known.mode)
+        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
+        path = _output(output, overwrite)
+        held = held_stage(self.device) if stage is None else None
+        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
+        if known is not None:
+            chosen = chosen if gains is not None else known.gains()
+            sha256 = held_sha256(self.device) if stage is None else stage.sha256
+            waveforms = known.waveforms(waveforms, sha256, mode, chosen, follows)
+        for line in [
+            *held_warning(held, mode, chosen),
+            *loop_warnings(stage, mode, chosen, force=force),
+            *path_warnings(waveforms),
+        ]:
+            warnings.warn(line, stacklevel=2)
+        run = track_to_file(
+            self.device,
+            waveforms,
+            mode,
+            output=path,
+            stage=stage,
+            gains=chosen,
+            duration_s=duration,
+            force=force,
+            follows=follows or "true",
+            on_progress=on_progress,
+            trigger_out=trigger_out,
+            edge_within_s=trigger_in,
+        )
+        recording = _named(run.recording, path or wave_text(wave, x, y, z))
+        return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
+
+    def learn(
+        self,
+        wave: WavesLike | None = None,
+        *,
+        mode: str = "inverse+pid",
+        axis: str | None = None,
+        x: WaveLike | None = None,
+        y: WaveLike | None = None,
+        z: WaveLike | None = None,
+        model: StageLike | None = None,
+        gains: GainsLike | Mapping[str, GainsLike] | None = None,
+        trials: int = 10,
+        follows: Follows = "true",
+        force: bool = False,
+        save: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
+        on_progress: Progress | None = None,
+    ) -> Learned:
+        """Drives along a periodic path up to ``trials`` times, each time corrected by the error that repeats; keeps the
+        best. Give the result to ``track(learned=...)``, or ``save`` it.
+
+        Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
+        as for ``track``. The error is against the path that was asked for; every trial runs on the model first, but for
+        one that only the device holds, whose modes cannot be read back.
+        ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
+        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
+        """
+        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
+        stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
+        held = held_stage(self.device) if stage is None else None
+        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
+        for line in [
+            *held_warning(held, mode, chosen),
+            *loop_warnings(stage, mode, chosen, force=force),
+            *path_warnings(waveforms),
+        ]:
+            warnings.warn(line, stacklevel=2)
+        found = learn(
+            self.device,
+            waveforms,
+            mode,
+            stage=stage,
+            gains=chosen,
+            trials=trials,
+            follows=follows,
+            force=force,
+            kept=KeptRuns(save, overwrite=overwrite),
+            on_progress=on_progress,
+        )
+        return replace(found, wave=wave_text(wave, x, y, z))
+
+    def record(
+        self,
+        drive: WavesLike | None = None,
+        *,
+        axis: str | None = None,
+        duration: float | None = None,
+        output: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
+        on_progress: Progress | None = None,
+    ) -> Recording:
+        """Records what the device does, open loop; needs no model.
+
+        ``drive`` is played in volts meanwhile ("sine:5V@5Hz"); without one it only listens on ``axis``. ``duration`` in
+        s; default ten periods, or 1 s when only listening. ``output`` (.h5) keeps the record on disk, with the raw
+        codes that a replay needs; one that exists is written over only with ``overwrite``. Raises as ``track`` does.
+        """
+        path, letters = _output(output, overwrite), "".join(parse_axes(axis or "x", "axis"))
+        waveforms = None if drive is None else given_waves(drive, axis, {})
+        recording = record_open_loop(
+            self.device,
+            waveforms,
+            letters,
+            output=path,
+            stage=None if waveforms is None else self._own_model(waveforms, "open"),
+            duration_s=duration,
+            on_progress=on_progress,
+        )
+        return _named(recording, path or wave_text(drive) or f"{letters} at rest")
+
+
+def _named(recording: Recording, name: str) -> Recording:
+    return replace(recording, source=name)
+
+
+def _output(output: str | os.PathLike[str] | None, overwrite: bool) -> str | None:
+    path = None if output is None else os.fspath(output)
+    check_output(path, suffixes=RUN_SUFFIXES, overwrite=overwrite)
+    return path
