@@ -45,8 +45,8 @@ def _run() -> Run:
 
 @pytest.fixture(scope="session")
 def stage_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The built-in stage, identified through the command line."""
+    """The built-in stage, identified through the command line; its records are beside it, in ``kept``."""
     path = tmp_path_factory.mktemp("identified") / "stage.toml"
-    outcome = run_command("identify", "-o", path)
+    outcome = run_command("identify", "-o", path, "--save", path.parent / "kept")
     assert outcome.status == 0, outcome.err
     return path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from random import Random
@@ -48,7 +49,7 @@ COMMANDS = {
     "flash --wire": ["flash", "--wire", "--image", "IMAGE"],
     "learn": ["learn", "sine:20um@20Hz", "--model", "KNOWN", "--trials", "1", "-o", "RUN"],
     "tune": ["tune", "--model", "KNOWN", "-o", "OUT"],
-    "identify": ["identify", "-o", "OUT"],
+    "identify": ["identify", "-o", "OUT", "--levels", "1,2,3V", "--frequencies", "10,15,20Hz"],
 }
 LONG = {"identify": 2, "learn": 4, "tune": 1}
 """Moments of these: tune takes 20 s of processor time, between its first experiment and its last."""
@@ -172,8 +173,7 @@ def moments(run, device, name, folder):
         outcome = run(*words(name, folder))
         assert outcome.status in (0, 1), outcome.err
         CALLS[name] = max(1, device.calls - 2)
-        for left in folder.glob("run.*"):
-            left.unlink()
+        forget(folder)
     random, calls = Random(name), CALLS[name]
     if name in LONG:
         return sorted(random.randint(1, calls) for _ in range(LONG[name]))
@@ -201,9 +201,17 @@ def recovered(run, folder) -> Recording | None:
     return read_recording(str(output))
 
 
-def again(device, folder, moment, act, name=""):
+def forget(folder):
+    """What an earlier moment has left, the records of an identification too."""
     for left in folder.glob("run.*"):
-        left.unlink()
+        if left.is_dir():
+            shutil.rmtree(left)
+        else:
+            left.unlink()
+
+
+def again(device, folder, moment, act, name=""):
+    forget(folder)
     interrupt.clear()
     VirtualDevice.inject(device, wire.Fault.CORE_LOST)
     session = Session(Quiet(device))

@@ -265,7 +265,7 @@ def test_the_time_said_beforehand_is_the_time_it_takes(run, tmp_path, monkeypatc
 
     monkeypatch.setattr(Device, "__exit__", counted)
     outcome = run("identify", "-o", tmp_path / "s.toml", *CREEPING, *words)
-    minutes, seconds = re.search(r"take (?:(\d+) min )?(\d+) s of the device's time", outcome.err).groups()
+    minutes, seconds = re.search(r"take (?:(\d+) min )?(\d+) s of the device's time", outcome.out).groups()
     assert ticks[0] / 5000 == pytest.approx(60 * int(minutes or 0) + int(seconds), rel=0.02, abs=1.5)
 
 
@@ -294,7 +294,7 @@ def test_an_interrupt_in_the_hold_says_how_to_go_on(run, tmp_path, monkeypatch):
     measured = failing(monkeypatch, AssertionError(), after=0)
     outcome = run("identify", "-o", output, *CREEPING, "--save", kept, "--resume")
     assert (outcome.status, measured) == (0, [])
-    assert "1 hold for creep to be measured" in outcome.err
+    assert "1 hold for creep to be measured" in outcome.out
     assert (kept / "creep" / "x-hold.h5").exists()
     assert len(list(kept.glob("*.h5"))) == RECORDS
 

@@ -95,7 +95,8 @@ def test_every_run_replays_and_a_bent_one_names_its_first_tick(run, tracked, tmp
 
 def test_three_axes_run_together_each_on_its_own_path(run, tmp_path):
     stage = tmp_path / "three.toml"
-    assert run("identify", "--axis", "x,y,z", "-o", stage).status == 0
+    grid = ("--levels", "1,3,6V", "--frequencies", "2,6,20Hz", "--no-creep")
+    assert run("identify", "--axis", "x,y,z", "-o", stage, *grid).status == 0
     waves = "x=sine:60um@5Hz,y=sine:40um@10Hz,z=goto:50um"
     outcome = run("track", waves, "--model", stage, "--json", "-")
     assert outcome.status == 0, outcome.err
@@ -107,16 +108,17 @@ def test_three_axes_run_together_each_on_its_own_path(run, tmp_path):
     np.testing.assert_allclose(coupling, built_in, atol=0.003)
 
 
-def test_identify_gives_the_same_file_twice(run, stage_file, tmp_path):
-    again = tmp_path / "again.toml"
-    run("identify", "-o", again)
-    assert load_stage(again).axes == load_stage(stage_file).axes
+def test_identify_gives_the_same_file_twice(run, tmp_path):
+    files = [tmp_path / "once.toml", tmp_path / "again.toml"]
+    for file in files:
+        assert run("identify", "--levels", "1,2,3V", "--frequencies", "10,15,20Hz", "-o", file).status == 0
+    once, again = map(load_stage, files)
+    assert once.axes == again.axes
 
 
 def test_fit_of_the_saved_records_is_the_fit_of_identify(run, stage_file, tmp_path):
-    kept = tmp_path / "kept"
-    assert run("identify", "-o", tmp_path / "a.toml", "--save", kept).status == 0
-    records = [f"{path}@{settled(path)}:" for path in sorted(kept.glob("*.h5")) if not held_out(path)]
+    kept = sorted((stage_file.parent / "kept").glob("*.h5"))
+    records = [f"{path}@{settled(path)}:" for path in kept if not held_out(path)]
     assert run("fit", *records, "-o", tmp_path / "b.toml").status == 0
     fitted, identified = load_stage(tmp_path / "b.toml").axes["x"], load_stage(stage_file).axes["x"]
     assert fitted.table is not None

@@ -139,10 +139,10 @@ def warn(lines: Iterable[str]) -> None:
         click.echo(f"warning: {line}", err=True)
 
 
-def tell(line: str) -> None:
-    """What a person wants to know beforehand, on the standard error."""
-    if not quiet.get():
-        click.echo(line, err=True)
+def tell(line: str, json_to: str | None) -> None:
+    """What a person wants to know beforehand; nothing where only JSON is to be printed."""
+    if json_to != "-" and not quiet.get():
+        click.echo(line)
 
 
 @contextmanager

@@ -201,7 +201,7 @@ def identify(
     with keep as kept, Device.open(port) as device:
         if stage is None and (warning := assumed_limits(device)) is not None:
             warn([warning])
-        tell(f"{kept.ahead(plan, holds)}; Ctrl-C parks, --resume goes on")
+        tell(f"{kept.ahead(plan, holds)}; Ctrl-C parks, --resume goes on", json_to)
         with progress("identifying", 1.0) as advance:
             found = identify_device(device, axis_names, advance, plan=plan, kept=kept, stage=stage, creep=creeping)
         fitted = found.as_fit()

@@ -217,7 +217,7 @@ def _with_creep(stage: Stage, axis: str, k: Samples, report: FitReport) -> Stage
         return stage
     report.messages.append(f"axis {axis}: {creeping.described_creep(k)}; adopted as effect creep")
     model = stage.axis(axis)
-    model = model.model_copy(update={"effects": (creeping.effect_of_creep(k), *model.effects)})
+    model = model.model_copy(update={"effects": (*model.effects, creeping.effect_of_creep(k))})
     return stage.model_copy(update={"axes": {**stage.axes, axis: model}})
 
 
