@@ -129,8 +129,10 @@ class BlockedRun:
     def simulated(self, entries: Sequence[SizedEffect]) -> Simulated:
         """What a set of effects does in the record."""
         key = tuple((id(effect), *(params[p.name] for p in effect.parameters)) for effect, params in entries)
-        found = self._known.pop(key) if key in self._known else self._simulated(tuple(entries))
-        self._known[key] = found  # the most recent is the last
+        if key in self._known:
+            self._known[key] = self._known.pop(key)  # the most recent is the last
+            return self._known[key]
+        found = self._known[key] = self._simulated(tuple(entries))
         while len(self._known) > 1 and sum(one.columns.shape[1] for one in self._known.values()) > REMEMBERED:
             del self._known[next(iter(self._known))]
         return found

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -203,24 +203,25 @@ class Likelihood:
     def _moments(self, found: Sequence[Simulated]) -> Moments:
         """Of tangents, of what is integrated out, and of the residual."""
         width = max(one.columns.shape[1] for one in found)
-        own, across = [], []
-        for run, shared, one in zip(self.runs, self.shared, found, strict=True):
+        own = np.zeros((self._blocks[-1], width, width))
+        across = np.zeros((self._blocks[-1], width, self._among_shared.size))
+        parts = zip(self.runs, self.shared, found, pairwise(self._blocks), strict=True)
+        for run, shared, one, (a, b) in parts:
             none = width - one.columns.shape[1]
-            own.append(np.pad(run.products(one.columns, one.columns), ((0, 0), (none, 0), (none, 0))))
-            across.append(np.pad(run.products(one.columns, shared), ((0, 0), (none, 0), (0, 0))))
-        tangents = max(one.tangents for one in found)
-        return Moments(np.concatenate(own), np.concatenate(across), self._among_shared, self._blocks, tangents)
+            own[a:b, none:, none:] = run.products(one.columns, one.columns)
+            across[a:b, none:] = run.products(one.columns, shared)
+        return Moments(own, across, self._among_shared, self._blocks, max(one.tangents for one in found))
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
-        width = terms.moments.integrated.own.shape[1]
-        own, across = [], []
-        for run, shared in zip(self.runs, self.shared, strict=True):
+        own: Samples = np.zeros(terms.moments.integrated.own.shape[:2])
+        across = np.zeros((self._blocks[-1], self._among_shared.size))
+        for run, shared, (a, b) in zip(self.runs, self.shared, pairwise(self._blocks), strict=True):
             left = run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
-            own.append(np.pad(run.products(left, mine)[:, 0], ((0, 0), (width - mine.shape[1], 0))))
-            across.append(run.products(left, shared)[:, 0])
-        moments = terms.moments.with_residual(np.concatenate(own), np.concatenate(across))
+            own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
+            across[a:b] = run.products(left, shared)[:, 0]
+        moments = terms.moments.with_residual(own, across)
         prior = prior_of(entries, self.step_s)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
         return Terms(entries, moments, terms.signal, terms.of_material, none)

@@ -43,7 +43,8 @@ class Amounts:
 
     def behind(self, zeros: int) -> Amounts:
         """The same behind so many more common columns, of which there is nothing."""
-        return Amounts(np.pad(self.common, ((0, 0), (zeros, 0), (0, 0))), self.before)
+        s, _, m = self.common.shape
+        return Amounts(np.concatenate([np.zeros((s, zeros, m)), self.common], axis=1), self.before)
 
     def largest(self) -> Samples:
         """(s,) of the magnitudes."""
@@ -128,7 +129,8 @@ class Moments:
     def power(self, amounts: Amounts) -> Samples:
         """Mean power (s, blocks) of the residual less amounts of the k and b columns."""
         moments, common = self.integrated, amounts.common[..., 0]
-        with_residual = np.pad(-amounts.before[..., 0], ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
+        of_residual = np.ones((*amounts.before.shape[:2], 1))
+        with_residual = np.concatenate([-amounts.before[..., 0], of_residual], axis=2)
         taken = np.repeat(with_residual, np.diff(self.runs), axis=1).transpose(1, 0, 2)
         left = taken @ moments.own - 2 * (moments.across @ common.T).transpose(0, 2, 1)
         return np.asarray(np.maximum((left * taken).sum(axis=2).T + self.shared.power(common), 0.0))
