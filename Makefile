@@ -20,22 +20,30 @@ LOCK = $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-has
 
 BROWSER_DRIVER = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-browser.lock
 
-.PHONY: demo test manual links picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording lint generate setup package lock toolchain firmware budget clean
+.PHONY: demo test manual links picture test-browser bench compare campaign link-trial storage-trial soak fuzz mutation coverage big-recording coverage-and-manual fuzz-those-installed lint generate setup package lock toolchain firmware budget clean
 
 demo: $(STAMP)
 	@$(BIN)/phaselead demo --out out/demo --overwrite
 
+# What needs one core comes two at a time; -Otarget keeps their words apart.
+TOGETHER = $(MAKE) --no-print-directory -j2 -Otarget
+FUZZERS = $(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock
+
 test: $(STAMP)
 	@sh tests/tools.sh
-	@! command -v arm-none-eabi-gcc >/dev/null || $(MAKE) --no-print-directory firmware
 	@! command -v chromium >/dev/null || $(BROWSER_DRIVER) || echo "note: without playwright the scope's page is not tested"
+	@$(FUZZERS) || true
 	@$(BIN)/python protocol/generate.py --check
-	@$(MAKE) --no-print-directory lint
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile --durations 25
-	@$(MAKE) --no-print-directory coverage
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock || true
-	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --seed 1 --those-installed
+	@$(TOGETHER) lint $$(! command -v arm-none-eabi-gcc >/dev/null || echo firmware)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -rs -n 2 --dist loadfile --no-loadscope-reorder \
+		--durations 25
+	@$(TOGETHER) fuzz-those-installed coverage-and-manual
+
+coverage-and-manual: coverage
 	@$(MAKE) --no-print-directory manual
+
+fuzz-those-installed: $(STAMP)
+	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS) --seed 1 --those-installed
 
 # Every warning is an error: a link or an anchor that leads nowhere, a page that no list has, a notebook that fails.
 manual: $(STAMP)
@@ -88,7 +96,7 @@ soak: $(STAMP)
 
 # Inputs nobody thought of, SECONDS for each of the five targets; needs clang with libclang-rt.
 fuzz: $(STAMP)
-	@$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements-fuzz.lock
+	@$(FUZZERS)
 	@$(BIN)/python tests/fuzz/fuzz.py --seconds $(SECONDS)
 
 # Breaks the firmware in 200 places, one at a time, and counts what the tests notice: hours. A run that was cut short goes on.

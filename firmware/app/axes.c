@@ -1,5 +1,6 @@
 #include "app/axes.h"
 
+#include "core/decouple.h"
 #include "core/fixed.h"
 
 uint32_t axes_moving(const struct device *device)
@@ -130,6 +131,31 @@ void axes_start(struct device *device, uint8_t axis_mask)
             axis_enter(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
                        device->adc_codes[axis], enter_ticks);
         }
+}
+
+void axes_couple_joins(struct device *device, uint8_t axis_mask)
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    int32_t seen_q16[AXES], rest_q16[AXES] = {0};
+    uint32_t inverting = 0;
+#pragma GCC unroll 1 /* the flash is short of room */
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        const struct axis_config *config = &device->control.config[axis];
+        const struct compensation *compensation = device->model_of[axis].compensation;
+        bool saturated = false;
+        seen_q16[axis] = converter_position_q16(&config->converter, device->adc_codes[axis], &saturated);
+        if (compensation == NULL || !axis_mode_inverts(config->mode))
+            continue;
+        rest_q16[axis] = compensation->rest_q16;
+        seen_q16[axis] = sub_i32(device->control.axis[axis].join.ahead_q16, rest_q16[axis]);
+        inverting |= axis_mask & 1u << axis;
+    }
+    if (slot == NULL || inverting == 0)
+        return;
+    couple((const int32_t (*)[AXES])slot->coupling_q28, axis_mask, seen_q16);
+    for (unsigned axis = 0; axis < AXES; axis++)
+        if (is_in(inverting, axis))
+            device->control.axis[axis].join.ahead_q16 = add_i32(seen_q16[axis], rest_q16[axis]);
 }
 
 void axes_leave_paths(struct device *device, enum axis_drive drive)

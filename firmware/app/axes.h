@@ -27,7 +27,12 @@ void axes_follow_outputs(struct device *device, uint32_t moving);
  * That takes too long for a command, which keeps ticks out. */
 void axes_start(struct device *device, uint8_t axis_mask);
 
-/* How long after that the paths of these axes begin: those that are entered by a join. */
+/* After that, still between the same two ticks: from their first target on these axes are decoupled from each other, so
+ * the join of an inverse is to begin with what is seen of all their motions. What is seen of an axis without an inverse
+ * is known. */
+void axes_couple_joins(struct device *device, uint8_t axis_mask);
+
+/* How long after a start the paths of these axes begin: those that are entered by a join. */
 uint32_t axes_enter_ticks(const struct device *device, uint32_t mask);
 
 /* All axes leave their paths, to hold or to ramp to their safe value. */

@@ -24,13 +24,13 @@ enum wire_status command_model_chunk(struct device *device, const struct request
 
 /* Another calibration of the DAC changes its code, and so the output, although u stays. A step of the park ramp is
  * tolerated. Returns the field that is to blame, 0 for none. */
-static uint16_t would_jump(const struct device *device, const struct axis_config idle[AXES])
+static uint16_t would_jump(const struct device *device)
 {
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_config *now = &device->control.config[axis];
         bool saturated = false;
         int32_t u_q24 = device->control.axis[axis].u_q24;
-        int64_t jump = (int64_t)converter_dac_code(&idle[axis].converter, u_q24, &saturated);
+        int64_t jump = (int64_t)converter_dac_code(&device->idle[axis].converter, u_q24, &saturated);
         int64_t tolerated = floor_shift_i64((int64_t)now->ramp_q24 * now->converter.dac_codes_per_V_q16, 40) + 1;
         jump -= device->dac_codes[axis];
         if (jump > tolerated || jump < -tolerated)
@@ -48,20 +48,18 @@ static uint8_t held_back(const struct model_slot *slot, const struct axis_config
     return (uint8_t)mask;
 }
 
-/* What stands in the way of these as the outputs are: one would jump, or there would be no way home. */
-static enum wire_status check_outputs(const struct device *device, const struct axis_config idle[AXES],
-                                      uint16_t *invalid_field)
+/* What stands in the way of the new limits as the outputs are: one would jump, or there would be no way home. */
+static enum wire_status check_outputs(const struct device *device, uint16_t *invalid_field)
 {
-    if (!device_admits(device, idle))
+    if (!device_admits(device))
         return WIRE_STATUS_OUTSIDE_LIMITS;
-    *invalid_field = would_jump(device, idle);
+    *invalid_field = would_jump(device);
     return *invalid_field == 0 ? WIRE_STATUS_OK : WIRE_STATUS_MODEL_INVALID;
 }
 
 enum wire_status command_model_commit(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_model_commit_reply reply = {0};
-    struct axis_config idle[AXES];
     (void)request;
     enum wire_status status = device_wants_still(device);
     if (status == WIRE_STATUS_OK)
@@ -70,22 +68,22 @@ enum wire_status command_model_commit(struct device *device, const struct reques
         wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
         return status;
     }
-    device_make_idle(model_store_prepared(&device->models), device->journal.newest.limits, idle);
-    reply.held_back = held_back(model_store_prepared(&device->models), idle);
-    status = check_outputs(device, idle, &reply.invalid_field); /* they stay as they are, unless a fault comes */
+    device_make_idle(device, model_store_prepared(&device->models), device->journal.newest.limits);
+    reply.held_back = held_back(model_store_prepared(&device->models), device->idle);
+    status = check_outputs(device, &reply.invalid_field); /* they stay as they are, unless a fault comes */
     device_lock(device);
     if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
         status = WIRE_STATUS_FAULT_LATCHED;
     } else if (status == WIRE_STATUS_OK) {
         model_store_swap(&device->models);
         device_link_models(device);
-        device_begin_idle(device, idle);
+        device_begin_idle(device);
         device_rest(device);
     }
     answer->tick = device->control.tick;
     device_unlock(device);
-    if (status == WIRE_STATUS_OK)
-        device_keep_idle(device, idle);
+    if (status != WIRE_STATUS_OK)
+        device_make_idle_again(device);
     wire_pack_model_commit_reply(&reply, answer->payload, answer->size);
     return status;
 }

@@ -16,25 +16,26 @@ static bool are_sane(const struct wire_axis_limits limits[AXES])
 enum wire_status command_limits_set(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_limits_set_request set;
-    struct axis_config idle[AXES];
     wire_unpack_limits_set_request(&set, request->payload, request->size);
     if (!are_sane(set.limits))
         return WIRE_STATUS_BAD_VALUE;
     if (device_wants_still(device) != WIRE_STATUS_OK)
         return WIRE_STATUS_BUSY;
-    device_make_idle(model_store_active(&device->models), set.limits, idle);
-    if (!device_admits(device, idle)) /* the outputs stay as they are, unless a fault comes */
+    device_make_idle(device, model_store_active(&device->models), set.limits);
+    if (!device_admits(device)) { /* the outputs stay as they are, unless a fault comes */
+        device_make_idle_again(device);
         return WIRE_STATUS_OUTSIDE_LIMITS;
+    }
     bool written = journal_write(&device->journal, &device->port.records, set.limits, NULL);
     device_lock(device);
     answer->tick = device->control.tick;
     if (written)
-        device_begin_idle(device, idle);
+        device_begin_idle(device);
     else
         device_fault(device, WIRE_FAULT_FLASH_ERROR, NO_AXIS, 0);
     device_unlock(device);
-    if (written)
-        device_keep_idle(device, idle);
+    if (!written)
+        device_make_idle_again(device);
     return written ? WIRE_STATUS_OK : WIRE_STATUS_FLASH_FAILED;
 }
 
@@ -51,7 +52,7 @@ enum wire_status command_fault_log(struct device *device, const struct request *
 {
     struct wire_fault_log_reply reply = {.power_cycle = device->journal.newest.power_cycle};
     (void)request;
-    reply.count = (uint8_t)fault_log_read(&device->fault_log, &device->journal, reply.faults);
+    reply.count = (uint8_t)fault_log_read(device->port.fault_log, &device->journal, reply.faults);
     wire_pack_fault_log_reply(&reply, answer->payload, answer->size);
     return WIRE_STATUS_OK;
 }

@@ -130,7 +130,7 @@ enum wire_status command_arm(struct device *device, const struct request *reques
             return WIRE_STATUS_MUST_NAME_MODEL;
         if (device->journal.newest.limits_lost)
             return WIRE_STATUS_LIMITS_LOST;
-        if (!device_admits(device, device->idle))
+        if (!device_admits(device))
             return WIRE_STATUS_OUTSIDE_LIMITS;
         device_take_safe_values(device);
     }
@@ -156,7 +156,10 @@ enum wire_status command_start(struct device *device, const struct request *requ
     const struct wire_start_reply reply = {.first_tick =
                                                device->control.tick + 1 + axes_enter_ticks(device, start.axis_mask)};
     wire_pack_start_reply(&reply, answer->payload, answer->size);
-    return device_event(device, EVENT_START, start.axis_mask);
+    const enum wire_status status = device_event(device, EVENT_START, start.axis_mask);
+    if (status == WIRE_STATUS_OK)
+        axes_couple_joins(device, start.axis_mask);
+    return status;
 }
 
 enum wire_status command_park(struct device *device, const struct request *request, struct answer *answer)

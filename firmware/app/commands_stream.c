@@ -63,7 +63,7 @@ static uint32_t pack_faults(struct device *device, uint8_t out[FAULTS_PACKED_SIZ
 {
     struct wire_logged_fault faults[JOURNAL_FAULTS];
     device_lock(device);
-    uint32_t count = fault_log_read(&device->fault_log, &device->journal, faults);
+    uint32_t count = fault_log_read(device->port.fault_log, &device->journal, faults);
     device_unlock(device);
     const uint32_t power_cycle = device->journal.newest.power_cycle;
     uint32_t size = sizeof power_cycle;

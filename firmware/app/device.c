@@ -62,19 +62,23 @@ void device_link_models(struct device *device)
                                                      device_wave_q30(device, axis)};
 }
 
-void device_make_idle(const struct model_slot *slot, const struct wire_axis_limits limits[AXES],
-                      struct axis_config idle[AXES])
+void device_make_idle(struct device *device, const struct model_slot *slot, const struct wire_axis_limits limits[AXES])
 {
     for (unsigned axis = 0; axis < AXES; axis++) {
-        idle[axis] = slot ? slot->idle[axis] : DEFAULT_IDLE;
-        hard_limits_apply(&limits[axis], &idle[axis]);
+        device->idle[axis] = slot ? slot->idle[axis] : DEFAULT_IDLE;
+        hard_limits_apply(&limits[axis], &device->idle[axis]);
     }
 }
 
-bool device_admits(const struct device *device, const struct axis_config idle[AXES])
+void device_make_idle_again(struct device *device)
+{
+    device_make_idle(device, model_store_active(&device->models), device->journal.newest.limits);
+}
+
+bool device_admits(const struct device *device)
 {
     for (unsigned axis = 0; axis < AXES; axis++)
-        if (!hard_limits_admit(&idle[axis], device->control.axis[axis].u_q24))
+        if (!hard_limits_admit(&device->idle[axis], device->control.axis[axis].u_q24))
             return false;
     return true;
 }
@@ -101,7 +105,7 @@ void device_take_safe_values(struct device *device)
         device->control.config[axis].u_park_q24 = device->idle[axis].u_park_q24;
 }
 
-static void reset_axes(struct device *device, const struct axis_config idle[AXES])
+void device_reset_axes(struct device *device)
 {
     device->control.path_mask = 0;
     device->resting = 0;
@@ -109,24 +113,14 @@ static void reset_axes(struct device *device, const struct axis_config idle[AXES
     for (unsigned i = 0; i < TRIGGERS; i++)
         device->control.trigger[i].config.mark = TRIGGER_NONE;
     for (unsigned axis = 0; axis < AXES; axis++)
-        reset_axis(device, axis, &idle[axis]);
+        reset_axis(device, axis, &device->idle[axis]);
 }
 
-void device_reset_axes(struct device *device)
+void device_begin_idle(struct device *device)
 {
-    reset_axes(device, device->idle);
-}
-
-void device_begin_idle(struct device *device, const struct axis_config idle[AXES])
-{
-    reset_axes(device, idle);
+    device_reset_axes(device);
     for (unsigned axis = 0; axis < AXES && device->control.state == WIRE_STATE_PARKED; axis++)
         device->control.axis[axis].drive = DRIVE_HOLD;
-}
-
-void device_keep_idle(struct device *device, const struct axis_config idle[AXES])
-{
-    memcpy(device->idle, idle, sizeof device->idle);
 }
 
 void device_rest(struct device *device)

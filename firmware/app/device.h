@@ -68,8 +68,9 @@ struct control {
 /* What a port is and can do. `lock` keeps the tick out until `unlock`; both may be NULL where ticks and service never
  * overlap. */
 struct device_port {
-    struct flash_port flash;   /* of the models */
-    struct flash_port records; /* of the journal */
+    struct flash_port flash;     /* of the models */
+    struct flash_port records;   /* of the journal */
+    struct fault_log *fault_log; /* in memory that a reset leaves as it is */
     struct update_port update;
     void (*lock)(void *context);
     void (*unlock)(void *context);
@@ -106,8 +107,7 @@ struct device {
     struct model_store models;
     struct update update;
     struct journal journal;
-    struct fault_log fault_log;
-    struct axis_config idle[AXES];    /* device_make_idle() of the active model */
+    struct axis_config idle[AXES];    /* what axes begin with: device_make_idle(). No tick reads them */
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
     int32_t waves_q30[AXES][WAVE_POINTS];
@@ -144,19 +144,18 @@ void device_reset_axes(struct device *device);
 /* From now on a ramp goes to the safe values of the model. For ARM alone: nothing moves before it. */
 void device_take_safe_values(struct device *device);
 
-/* What axes begin with: the limits, converters and safe values of a model, or without one (NULL) the defaults, held to
- * hard limits. Divides: not to be done while ticks are kept out. */
-void device_make_idle(const struct model_slot *slot, const struct wire_axis_limits limits[AXES],
-                      struct axis_config idle[AXES]);
+/* What axes are to begin with: the limits, converters and safe values of a model, or without one (NULL) the defaults,
+ * held to hard limits. Divides: not to be done while ticks are kept out. */
+void device_make_idle(struct device *device, const struct model_slot *slot, const struct wire_axis_limits limits[AXES]);
 
-/* Whether outputs and safe values are within the limits of these. */
-bool device_admits(const struct device *device, const struct axis_config idle[AXES]);
+/* The same of the active model and the limits that are kept: after others were tried and refused. */
+void device_make_idle_again(struct device *device);
 
-/* The axes begin anew with these; nothing moves by itself. In a fault they go on doing what its reaction was. */
-void device_begin_idle(struct device *device, const struct axis_config idle[AXES]);
+/* Whether outputs and safe values are within the limits that axes are to begin with. */
+bool device_admits(const struct device *device);
 
-/* And from now on begin with these again. No tick reads them: ticks need not be kept out. */
-void device_keep_idle(struct device *device, const struct axis_config idle[AXES]);
+/* The axes begin anew with them; nothing moves by itself. In a fault they go on doing what its reaction was. */
+void device_begin_idle(struct device *device);
 
 /* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
 void device_rest(struct device *device);

@@ -13,8 +13,9 @@ void device_init(struct device *device, const struct device_port *port)
     update_init(&device->update, &device->port.update);
     model_store_boot(&device->models, &device->port.flash);
     journal_boot(&device->journal, &device->port.records);
+    fault_log_boot(device->port.fault_log, &device->journal);
     device_link_models(device);
-    device_make_idle(model_store_active(&device->models), device->journal.newest.limits, device->idle);
+    device_make_idle_again(device);
     device_reset_axes(device);
     device_rest(device);
     line_init(&device->line);

@@ -42,11 +42,12 @@ static void watch_loops(struct device *device, uint32_t moving, const int32_t er
     for (unsigned axis = 0; axis < AXES; axis++) {
         struct axis_state *state = &control->axis[axis];
         const struct axis_config *config = &control->config[axis];
-        if (!is_in(moving, axis) || control->state != WIRE_STATE_RUNNING || state->drive != DRIVE_PATH ||
-            !axis_mode_has_feedback(config->mode))
+        if (!is_in(moving, axis) || control->state != WIRE_STATE_RUNNING || state->drive != DRIVE_PATH)
             continue;
         enum watch_finding found =
-            axis_watch(config, state, device->adc_codes[axis], error_q16[axis], &device->traces[axis]);
+            axis_mode_has_feedback(config->mode)
+                ? axis_watch(config, state, device->adc_codes[axis], error_q16[axis], &device->traces[axis])
+                : axis_watch_codes(config, state, device->adc_codes[axis]);
         if (found != WATCH_FINE)
             device_fault(device, (enum wire_fault)FAULTS[found], axis, device->adc_codes[axis]);
     }

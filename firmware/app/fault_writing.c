@@ -15,7 +15,7 @@ static bool may_write(const struct device *device)
 
 static bool write_next(struct device *device)
 {
-    struct fault_log *log = &device->fault_log;
+    struct fault_log *log = device->port.fault_log;
     uint32_t written = atomic_load_explicit(&log->written, memory_order_relaxed);
     if (atomic_load_explicit(&log->put, memory_order_acquire) == written)
         return journal_write(&device->journal, &device->port.records, NULL, NULL);
@@ -25,19 +25,24 @@ static bool write_next(struct device *device)
     return done;
 }
 
-void fault_log_write(struct device *device)
+static bool is_due(const struct device *device)
 {
-    struct fault_log *log = &device->fault_log;
+    const struct fault_log *log = device->port.fault_log;
     if (device->journal.started && atomic_load_explicit(&log->put, memory_order_relaxed) ==
                                        atomic_load_explicit(&log->written, memory_order_relaxed))
-        return;
+        return false;
     device_lock(device);
     bool may = may_write(device);
     device_unlock(device);
-    if (!may)
-        return;
-    bool done = write_next(device);
-    device->journal.started = true;
-    if (!done)
-        device_raise(device, WIRE_FAULT_FLASH_ERROR, NO_AXIS, device->journal.newest.sequence);
+    return may;
+}
+
+void fault_log_write(struct device *device)
+{
+    while (is_due(device)) {
+        bool done = write_next(device);
+        device->journal.started = true;
+        if (!done)
+            device_raise(device, WIRE_FAULT_FLASH_ERROR, NO_AXIS, device->journal.newest.sequence);
+    }
 }

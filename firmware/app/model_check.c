@@ -5,6 +5,7 @@
 #include "app/model_inverse.h"
 #include "core/feedforward_tables.h"
 #include "core/fixed.h"
+#include "core/inverse_make.h"
 
 #define FLAG_TABLE 1u
 #define FLAG_INVERSE 2u
@@ -119,8 +120,11 @@ static enum model_field expand_axis(struct model_slot *slot, unsigned axis, cons
     if (field == FIELD_NONE && model->flags & FLAG_TABLE)
         field = expand_table_view(slot, axis, model);
     if (field == FIELD_NONE && model->flags & FLAG_INVERSE) {
+        struct model_reach *reach = &slot->reach[axis];
         field = model_compensation(model, &slot->compensation[axis]);
         slot->inverse_mask |= field == FIELD_NONE ? 1u << axis : 0;
+        if (field == FIELD_NONE)
+            inverse_reach_q16(&slot->compensation[axis].inverse, &reach->low_q16, &reach->high_q16);
     }
     slot->idle[axis] = model_idle_config(model);
     return field;
@@ -129,7 +133,7 @@ static enum model_field expand_axis(struct model_slot *slot, unsigned axis, cons
 /* Of the first axis whose row is to blame; of x when it is the whole that has no inverse. */
 static uint16_t expand_coupling(struct model_slot *slot, struct wire_axis_model *room)
 {
-    int32_t coupling_q28[MODEL_AXES][MODEL_AXES];
+    int32_t (*coupling_q28)[MODEL_AXES] = slot->coupling_q28;
     for (unsigned axis = 0; axis < MODEL_AXES; axis++) {
         const struct wire_axis_model *model = model_axis(slot, axis, room);
         memcpy(coupling_q28[axis], model->coupling_q28, sizeof coupling_q28[axis]);

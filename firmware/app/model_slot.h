@@ -15,6 +15,11 @@
  * that a loop is closed on, far below what harms a stage. */
 #define MODEL_DEFAULT_OSCILLATION 256
 
+/* The positions that an axis' inverse can give. */
+struct model_reach {
+    int32_t low_q16, high_q16;
+};
+
 struct model_slot {
     uint8_t blob[WIRE_MODEL_SIZE]; /* as it came over the wire */
     uint32_t crc;
@@ -23,6 +28,8 @@ struct model_slot {
     struct axis_config idle[MODEL_AXES]; /* what an axis begins with: limits, converters and safe value */
     struct feedforward_tables tables[MODEL_AXES];
     struct compensation compensation[MODEL_AXES];
+    struct model_reach reach[MODEL_AXES];
+    int32_t coupling_q28[MODEL_AXES][MODEL_AXES];
     struct decoupling decoupling;
 };
 

@@ -2,7 +2,6 @@
 
 #include "app/points.h"
 #include "core/fixed.h"
-#include "core/inverse_make.h"
 
 #define HALF_TURN64 ((uint64_t)1 << 63)
 
@@ -71,13 +70,12 @@ static enum wire_status check_inverse(const struct device *device, unsigned axis
                                       const struct path_span *span_q16, struct feedforward_point *point)
 {
     const struct compensation *compensation = device_compensation(device, axis);
-    int32_t least_q16, most_q16;
     if (!compensation)
         return WIRE_STATUS_NO_MODEL;
-    inverse_reach_q16(&compensation->inverse, &least_q16, &most_q16);
+    const struct model_reach *reach = &model_store_active(&device->models)->reach[axis];
     if (path_is_periodic(path))
         point->lead_turn32 = preview_turn32(compensation, path->step_turn64);
-    return within(span_q16, least_q16, most_q16) ? WIRE_STATUS_OK : WIRE_STATUS_OUTSIDE_LIMITS;
+    return within(span_q16, reach->low_q16, reach->high_q16) ? WIRE_STATUS_OK : WIRE_STATUS_OUTSIDE_LIMITS;
 }
 
 /* The values that a path of this axis may have. */

@@ -44,12 +44,13 @@ void device_fault(struct device *device, enum wire_fault fault, unsigned axis, u
         device->last_fault = fault;
         device->last_fault_detail = detail;
         events_put(&device->events, control->tick, WIRE_EVENT_KIND_FAULT, fault);
-        fault_log_put(&device->fault_log, (struct wire_logged_fault){.power_cycle = device->journal.newest.power_cycle,
-                                                                     .tick = control->fault_tick,
-                                                                     .detail = control->fault_detail,
-                                                                     .fault = (uint8_t)control->fault,
-                                                                     .axis = (uint8_t)control->fault_axis,
-                                                                     .state = (uint8_t)control->state});
+        fault_log_put(device->port.fault_log,
+                      (struct wire_logged_fault){.power_cycle = device->journal.newest.power_cycle,
+                                                 .tick = control->fault_tick,
+                                                 .detail = control->fault_detail,
+                                                 .fault = (uint8_t)control->fault,
+                                                 .axis = (uint8_t)control->fault_axis,
+                                                 .state = (uint8_t)control->state});
         recorder_freeze(&device->recorder);
         transient_trigger(&device->transient, WIRE_TRIGGER_FAULT, control->tick, control->config);
     }

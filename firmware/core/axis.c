@@ -24,7 +24,7 @@ void axis_start(struct axis_state *state)
     state->join.step_turn64 = 0;
     state->near_ticks = 0;
     state->filter.primed = 0;
-    state->oscillation = (struct oscillation_state){0};
+    oscillation_start(&state->oscillation);
     state->drive = DRIVE_PATH;
 }
 
@@ -174,6 +174,14 @@ enum watch_finding axis_watch(const struct axis_config *config, struct axis_stat
     bool runs_away = oscillation_step(&state->oscillation, config->oscillation_limit_q16, error_q16, trace->reference);
     enum watch_finding found = watch_step(&watch, &state->watch, &tick);
     return runs_away ? WATCH_OSCILLATION : found;
+}
+
+enum watch_finding axis_watch_codes(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)
+{
+    const struct output_config *output = &config->output;
+    const struct watch_config watch = {.u_range_q24 = (uint32_t)output->u_max_q24 - (uint32_t)output->u_min_q24};
+    const struct watch_tick tick = {.adc_code = adc_code, .u_q24 = state->u_q24};
+    return watch_codes(&watch, &state->watch, &tick);
 }
 
 bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code)

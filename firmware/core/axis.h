@@ -55,6 +55,9 @@ bool axis_step(const struct axis_config *config, struct axis_state *state, int32
 enum watch_finding axis_watch(const struct axis_config *config, struct axis_state *state, uint16_t adc_code,
                               int32_t error_q16, const struct axis_trace *trace);
 
+/* The same of an axis without feedback, by its sensor's codes alone. */
+enum watch_finding axis_watch_codes(const struct axis_config *config, struct axis_state *state, uint16_t adc_code);
+
 /* After the output, for an axis that follows its path in any mode: whether it is within the range it is held to. */
 bool axis_watch_range(const struct axis_config *config, struct axis_state *state, uint16_t adc_code);
 

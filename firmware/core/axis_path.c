@@ -141,13 +141,14 @@ void axis_enter(struct axis_config *config, const struct axis_model *model, stru
 {
     bool saturated = false;
     const bool volts = config->mode == AXIS_OPEN;
+    state->join.ahead_q16 = compensation_here_q16(model->compensation, &state->compensation);
     if (!enters(config))
         return;
     const int32_t here = volts ? state->u_q24 : converter_position_q16(&config->converter, adc_code, &saturated);
-    state->join = (struct join_state){.path = {.kind = PATH_HOLD, .offset = here},
-                                      .ahead_q16 = compensation_here_q16(model->compensation, &state->compensation),
-                                      .u_q24 = state->u_q24,
-                                      .standing = 1};
+    state->join.path.kind = PATH_HOLD; /* nothing else of a hold is looked at */
+    state->join.path.offset = here;
+    state->join.u_q24 = state->u_q24;
+    state->join.standing = 1;
     state->target.reference = here;
     begin_at(config, here);
     begin_join(config, state, enter_ticks - config->enter_ticks);

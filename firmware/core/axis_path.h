@@ -19,7 +19,8 @@ bool axis_path_advance(const struct axis_config *config, struct axis_state *stat
 
 /* For an axis just started: it enters its path from where it stands, if the path has a join or begins here. The output
  * stays, the reference begins at the position; from there on they join the path, which begins `enter_ticks` later, at
- * least axis_enter_ticks(). */
+ * least axis_enter_ticks(). join.ahead_q16 is where it stands by its own memory, whether it has a join or not: of
+ * coupled axes the caller makes it what is seen. */
 void axis_enter(struct axis_config *config, const struct axis_model *model, struct axis_state *state, uint16_t adc_code,
                 uint32_t enter_ticks);
 uint32_t axis_enter_ticks(const struct axis_config *config, const struct axis_model *model);

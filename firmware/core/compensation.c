@@ -23,7 +23,8 @@ bool compensation_make(struct compensation *compensation)
 
 void compensation_rest(const struct compensation *compensation, struct compensation_state *state, int32_t u_q24)
 {
-    *state = (struct compensation_state){.primed = 0};
+    state->primed = 0; /* so that the first step primes the sections */
+    state->creep = (struct creep_state){{0}};
     inverse_rest(&compensation->inverse, &state->inverse, u_q24);
 }
 
@@ -58,22 +59,22 @@ int32_t compensation_here_q16(const struct compensation *compensation, const str
 }
 
 /* A constant passes each section unchanged, since its static gain is exactly 1: all start from the same value. */
-static void prime_shape(struct compensation_state *state, struct biquad_value value)
+static void prime_shape(struct compensation_state *state, int64_t value_q40)
 {
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
-        biquad_prime(&state->shape[i], value);
+        biquad_prime(&state->shape[i], value_q40);
 }
 
 static int64_t shaped_q40(const struct compensation *compensation, struct compensation_state *state, int32_t ahead_q16,
                           bool *saturated)
 {
-    struct biquad_value value = biquad_split(ahead_q16 * ((int64_t)1 << 24));
+    int64_t x_q40 = ahead_q16 * ((int64_t)1 << 24);
     if (state->primed == 0)
-        prime_shape(state, value);
+        prime_shape(state, x_q40);
     for (unsigned i = 0; i < SHAPE_SECTIONS; i++)
         if ((compensation->sections_in_use >> i & 1u) != 0)
-            value = biquad_step(&compensation->shape[i], &state->shape[i], value, saturated);
-    return biquad_joined_q40(value);
+            x_q40 = biquad_inline_step_q40(&compensation->shape[i], &state->shape[i], x_q40, saturated);
+    return x_q40;
 }
 
 static int64_t without_creep_q40(const struct compensation *compensation, const struct compensation_state *state,
@@ -91,11 +92,11 @@ static int32_t driven_q24(const struct compensation *compensation, struct compen
 {
     if ((compensation->sections_in_use & DRIVE_IN_USE) == 0)
         return v_q24;
-    const struct biquad_value v = biquad_split(v_q24 * ((int64_t)1 << 16));
+    const int64_t v_q40 = v_q24 * ((int64_t)1 << 16);
     if (state->primed == 0)
-        biquad_prime(&state->drive, v);
-    const struct biquad_value u = biquad_step(&compensation->drive, &state->drive, v, saturated);
-    return sat_i32(round_shift_i64(biquad_joined_q40(u), 16), saturated);
+        biquad_prime(&state->drive, v_q40);
+    const int64_t u_q40 = biquad_step_q40(&compensation->drive, &state->drive, v_q40, saturated);
+    return sat_i32(round_shift_i64(u_q40, 16), saturated);
 }
 
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,

@@ -29,3 +29,16 @@ void decouple(const struct decoupling *decoupling, uint32_t moving, int32_t valu
     for (unsigned axis = 0; axis < DECOUPLE_AXES; axis++)
         values_q16[axis] = decoupled_q16[axis];
 }
+
+void couple(const int32_t coupling_q28[DECOUPLE_AXES][DECOUPLE_AXES], uint32_t moving,
+            int32_t values_q16[DECOUPLE_AXES])
+{
+    bool beyond = false;
+    int32_t motions_q16[DECOUPLE_AXES];
+    for (unsigned axis = 0; axis < DECOUPLE_AXES; axis++)
+        motions_q16[axis] = (moving >> axis & 1u) != 0 ? values_q16[axis] : 0;
+#pragma GCC unroll 1
+    for (unsigned axis = 0; axis < DECOUPLE_AXES; axis++)
+        if ((moving >> axis & 1u) != 0)
+            values_q16[axis] = row_q16(coupling_q28[axis], motions_q16, &beyond);
+}

@@ -12,4 +12,8 @@
 /* For the axes of `moving` (a mask): y in, x out, in place. The others stay as they are. NULL: nothing is coupled. */
 void decouple(const struct decoupling *decoupling, uint32_t moving, int32_t values_q16[DECOUPLE_AXES], bool *saturated);
 
+/* The other way round: what the sensors see of the motions x of these axes together. The others' count for nothing. */
+void couple(const int32_t coupling_q28[DECOUPLE_AXES][DECOUPLE_AXES], uint32_t moving,
+            int32_t values_q16[DECOUPLE_AXES]);
+
 #endif

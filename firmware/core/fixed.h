@@ -65,16 +65,28 @@ static inline int64_t sat_between_i64(int64_t value, int64_t low, int64_t high, 
     return value;
 }
 
+/* -2^bits <= value < 2^bits: one comparison, which is all that a limit costs where it does not act. 0 <= bits <= 62. */
+static inline bool is_below_power_i64(int64_t value, unsigned bits)
+{
+    return ((uint64_t)value + ((uint64_t)1 << bits)) >> (bits + 1) == 0;
+}
+
 /* Limits to +-2^bits. 0 <= bits <= 62. */
 static inline int64_t sat_power_i64(int64_t value, unsigned bits, bool *saturated)
 {
-    return sat_between_i64(value, -((int64_t)1 << bits), (int64_t)1 << bits, saturated);
+    if (!is_below_power_i64(value, bits))
+        value = sat_between_i64(value, -((int64_t)1 << bits), (int64_t)1 << bits, saturated);
+    return value;
 }
 
 /* Limits to -2^bits .. 2^bits - 1. 0 <= bits <= 62. */
 static inline int64_t sat_below_power_i64(int64_t value, unsigned bits, bool *saturated)
 {
-    return sat_between_i64(value, -((int64_t)1 << bits), ((int64_t)1 << bits) - 1, saturated);
+    if (!is_below_power_i64(value, bits)) {
+        *saturated = true;
+        value = value < 0 ? -((int64_t)1 << bits) : ((int64_t)1 << bits) - 1;
+    }
+    return value;
 }
 
 /* One comparison where nothing saturates: that is what a tick does all the time. */

@@ -112,9 +112,16 @@ static bool judge_blocks(struct oscillation_state *state, int32_t limit_q16)
 
 static void prime(struct oscillation_state *state, int32_t error_q16, int32_t reference_q16)
 {
-    state->primed = 1;
+    const uint8_t passed = state->blocks[0].parts;
+    *state = (struct oscillation_state){.blocks[0].parts = passed, .primed = 1};
     state->error.low[0] = clamp_i32(error_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
     state->reference.low[0] = clamp_i32(reference_q16, -MOST_Q16, MOST_Q16) * (1 << CORNER_SHIFT);
+}
+
+void oscillation_start(struct oscillation_state *state)
+{
+    state->primed = 0;
+    state->blocks[0].parts = 0;
 }
 
 void oscillation_stagger(struct oscillation_state *state, unsigned ticks)

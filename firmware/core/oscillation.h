@@ -48,12 +48,15 @@ struct oscillation_state {
     int32_t last_q16; /* high-passed error */
     uint32_t loudest; /* energy, of the longest blocks in a row that were loud */
     uint8_t loud;     /* their number, at most OSCILLATION_LOUD */
-    uint8_t primed;   /* 0: the filters are to begin at rest with the first tick */
-    uint16_t over;    /* scales whose block is over, bit by bit: they are judged in the next tick */
+    uint8_t primed; /* 0: all but the parts of the first block is to be cleared, and the filters are to begin at rest */
+    uint16_t over;  /* scales whose block is over, bit by bit: they are judged in the next tick */
 };
 
-/* So many of the first block's ticks (below 5) count as over: for axes that begin together, so that the ends of their
- * blocks lie in different ticks. */
+/* Begins anew with the next step, which clears the rest. */
+void oscillation_start(struct oscillation_state *state);
+
+/* After a start. So many of the first block's ticks (below 5) count as over: for axes that begin together, so that the
+ * ends of their blocks lie in different ticks. */
 void oscillation_stagger(struct oscillation_state *state, unsigned ticks);
 
 /* Once a tick, all um q16. `limit`: rms of the high-passed error above which an oscillation matters. True in the tick

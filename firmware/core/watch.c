@@ -50,6 +50,19 @@ static void prime(struct watch_state *state, const struct watch_tick *tick)
     state->calm_ticks = WATCH_JUMP_APART + 1;
 }
 
+enum watch_finding watch_codes(const struct watch_config *config, struct watch_state *state,
+                               const struct watch_tick *tick)
+{
+    if (state->primed == 0)
+        prime(state, tick);
+    count_jumps(state, tick->adc_code);
+    bool frozen = is_frozen(config, state, tick);
+    state->code = tick->adc_code;
+    if (state->jumps >= WATCH_JUMPS)
+        return WATCH_JUMPED;
+    return frozen && !is_at_rail(tick->adc_code) ? WATCH_FROZEN : WATCH_FINE;
+}
+
 enum watch_finding watch_step(const struct watch_config *config, struct watch_state *state,
                               const struct watch_tick *tick)
 {

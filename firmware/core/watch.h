@@ -1,4 +1,4 @@
-/* Whether an axis under feedback can still be believed: by its sensor's codes, its error, and its output. Pure; run
+/* Whether an axis can still be believed: by its sensor's codes, its error, and its output. Pure; run
  * once a tick, after the output. Each finding needs its number of ticks, so that a spike is none.
  */
 #ifndef PHASELEAD_CORE_WATCH_H
@@ -63,6 +63,11 @@ struct watch_tick {
 
 enum watch_finding watch_step(const struct watch_config *config, struct watch_state *state,
                               const struct watch_tick *tick);
+
+/* For an axis without feedback: its sensor's codes alone. A rail counts for nothing: where it takes the stage, and
+ * whether its sensor reaches that far, is the matter of who drives it. */
+enum watch_finding watch_codes(const struct watch_config *config, struct watch_state *state,
+                               const struct watch_tick *tick);
 
 /* False when the code was outside [low, high] for WATCH_RANGE_TICKS. */
 bool watch_range(struct watch_state *state, uint16_t adc_code, uint32_t low, uint32_t high);

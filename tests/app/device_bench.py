@@ -48,10 +48,11 @@ class Bench:
         nonce = self.session if session is None else session
         return encode_frame(wire.HEADER.pack(command.NUMBER, number, nonce) + command.pack())
 
-    def run(self, ticks=1, adc=MID_CODE):
-        """Runs ticks against one ADC code, or one per axis, or one row per tick; gives their DAC codes."""
+    def run(self, ticks=1, adc=None):
+        """Runs ticks against one ADC code, or one per axis, or one row per tick; gives their DAC codes. By default
+        sensors at rest: a code of noise."""
         codes = np.empty((ticks, 3), np.uint16)
-        codes[:] = adc
+        codes[:] = MID_CODE + (np.arange(ticks)[:, None] + len(self.dac)) % 2 if adc is None else adc
         out = self.firmware.run_codes(codes)
         self.dac = np.concatenate([self.dac, out])
         self._sort()

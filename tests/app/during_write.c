@@ -13,6 +13,7 @@
 
 static struct device device;
 static struct host_flash flash;
+static struct fault_log fault_log;
 static struct flash_port records;
 static enum wire_fault fault;
 
@@ -44,7 +45,8 @@ int main(int count, char **arguments)
         return 2;
     fault = (enum wire_fault)strtol(arguments[1], NULL, 10);
     records = host_flash_journal(&flash);
-    struct device_port port = {.flash = host_flash_models(&flash), .records = records, .target = "host"};
+    struct device_port port = {
+        .flash = host_flash_models(&flash), .records = records, .fault_log = &fault_log, .target = "host"};
     port.records.program = program;
     device_init(&device, &port);
     device.control.axis[0].u_q24 = 2 << 24; /* held there: parked in mid ramp by STOP */

@@ -11,6 +11,7 @@
 
 static struct device device;
 static struct host_flash flash;
+static struct fault_log fault_log;
 static unsigned long until;
 
 static void tick(void)
@@ -65,6 +66,7 @@ int main(int count, char **arguments)
         return 2;
     struct device_port port = {.flash = host_flash_models(&flash),
                                .records = host_flash_journal(&flash),
+                               .fault_log = &fault_log,
                                .lock = fault_first,
                                .target = "host"};
     device_init(&device, &port);

@@ -13,6 +13,7 @@
 
 static struct device device;
 static struct host_flash flash;
+static struct fault_log fault_log;
 static unsigned left;
 
 static void tick_first(void *context)
@@ -32,6 +33,7 @@ int main(int count, char **arguments)
         return 2;
     struct device_port port = {.flash = host_flash_models(&flash),
                                .records = host_flash_journal(&flash),
+                               .fault_log = &fault_log,
                                .lock = tick_first,
                                .baud = 2000000,
                                .target = "host"};

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from device_bench import RAMP_CODES, SLEW_CODES, UM, ZERO_V_CODE, Bench, V, model
+from device_bench import MID_CODE, RAMP_CODES, SLEW_CODES, UM, ZERO_V_CODE, Bench, V, model
 
 from phaselead.device import wire
 
@@ -111,6 +111,64 @@ def test_a_jumping_sensor_ramps_home():
     status = bench.status()
     assert (status.fault, status.fault_axis) == (wire.Fault.SENSOR_JUMP, 0)
     assert status.fault_tick - 50 < 30
+
+
+WITHOUT_FEEDBACK = (wire.Mode.OPEN, wire.Mode.FF, wire.Mode.INVERSE)
+
+
+def without_feedback(mode, ticks_per_V=50):
+    """Axis 1 goes up by a volt in ``ticks_per_V``."""
+    bench = Bench()
+    assert bench.upload(model()).status == wire.Status.OK
+    swing = 8 * V if mode == wire.Mode.OPEN else 100 * UM
+    assert bench.set_axis(1, mode) == wire.Status.OK
+    kind = wire.PathKind.SINE if mode == wire.Mode.FF else wire.PathKind.MOVE
+    assert bench.set_path(1, path=kind, swing=swing, step=2**64 // (8 * ticks_per_V)) == wire.Status.OK
+    bench.ok(wire.SetTimeoutRequest(0))
+    bench.ok(wire.ArmRequest(0))
+    bench.ok(wire.StartRequest(2))
+    return bench
+
+
+@pytest.mark.parametrize("mode", WITHOUT_FEEDBACK)
+def test_a_frozen_sensor_is_noticed_without_feedback_too(mode):
+    bench = without_feedback(mode)
+    bench.run(60)
+    codes = bench.run(1500, adc=20_001)[:, 1]
+    status = bench.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.SENSOR_FROZEN, 1)
+    assert 100 <= status.fault_tick - (len(bench.dac) - 1501) <= 110
+    assert codes[-1] == ZERO_V_CODE
+
+
+@pytest.mark.parametrize("mode", WITHOUT_FEEDBACK)
+def test_a_jumping_sensor_is_noticed_without_feedback_too(mode):
+    bench = without_feedback(mode)
+    jumps = noisy(200)
+    jumps[50:100:20] += 20_000
+    bench.run(200, adc=jumps)
+    status = bench.status()
+    assert (status.fault, status.fault_axis) == (wire.Fault.SENSOR_JUMP, 1)
+
+
+@pytest.mark.parametrize("mode", WITHOUT_FEEDBACK)
+def test_without_feedback_neither_an_error_nor_a_limit_nor_a_spike_is_a_fault(mode):
+    """Nothing holds the position to the path, nor the output within the slew limit."""
+    bench = without_feedback(mode, ticks_per_V=4 if mode != wire.Mode.FF else 40)  # tables end at 20 Hz
+    codes = noisy(4000)
+    codes[50:3000:60] += 20_000  # a jump there and one back, and calm before the next
+    bench.run(4000, adc=codes)
+    assert bench.status().fault == wire.Fault.NONE
+
+
+@pytest.mark.parametrize("still", [MID_CODE, 65535])
+def test_a_code_that_stays_is_no_fault_where_the_output_does_or_where_the_sensor_ends(still):
+    slow = without_feedback(wire.Mode.OPEN, ticks_per_V=10_000)
+    slow.run(2000, adc=still)
+    assert slow.state == wire.State.RUNNING
+    fast = without_feedback(wire.Mode.OPEN)
+    fast.run(300, adc=still)
+    assert fast.state == (wire.State.RUNNING if still == 65535 else wire.State.FAULT)
 
 
 def test_an_error_that_stays_is_a_fault_and_holds():

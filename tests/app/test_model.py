@@ -33,7 +33,7 @@ BAD_FIELDS = [
     ("dac_codes_per_V_q16", 0),
     ("dac_codes_per_V_q16", -1),
     ("adc_zero_code", -65536),
-    ("adc_zero_code", 2**31 - 1),
+    ("adc_zero_code", 131_071),
     ("adc_um_per_code_q32", 0),
     ("adc_um_per_code_q32", -1),
     ("swing_min_q24", 0),
@@ -56,7 +56,7 @@ BAD_FIELDS = [
     ("creep_alpha_q48", (0, 0, 0, 0, 0, 0, 0, (1 << 48) + 1)),
     ("gain_q20", 1 << 30),
     ("offset_q16", (1 << 30) + 1),
-    ("offset_q16", -(2**31)),
+    ("offset_q16", -(1 << 30) - 1),
     ("rest_fraction_q30", (1 << 30) + 1),
     ("play_r_q24", (V, *[V - 1] * 31)),
     ("play_r_q24", (-1, *[V] * 31)),
@@ -98,6 +98,16 @@ def test_a_bad_field_is_named_and_the_old_model_stays(bench, axis, field, value)
 
 def test_every_field_that_can_be_wrong_is_in_the_list():
     assert {field for field, _ in BAD_FIELDS} == set(FIELDS)
+
+
+@pytest.mark.parametrize("offset", [-(1 << 30), 1 << 30])
+def test_an_offset_may_be_16384_um_either_way(bench, offset):
+    assert bench.upload(model(offset_q16=offset)).status == wire.Status.OK
+
+
+@pytest.mark.parametrize("code", [-65_535, 131_070])
+def test_the_code_of_0_um_may_be_as_far_outside_the_converter_as_that_is_wide(bench, code):
+    assert bench.upload(model(adc_zero_code=code)).status == wire.Status.OK
 
 
 def test_positions_must_fit_their_format(bench):

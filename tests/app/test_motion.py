@@ -148,6 +148,29 @@ def test_a_hold_that_waits_to_begin_wherever_the_axis_is_then_ends_at_the_refere
     assert 0 < where.end[0] == where.reference[0] < 5 * V
 
 
+@pytest.mark.parametrize(("volts_q24", "status"), [
+    (-2 * V, wire.Status.OK), (-2 * V - 1, wire.Status.OUTSIDE_LIMITS),
+    (10 * V, wire.Status.OK), (10 * V + 1, wire.Status.OUTSIDE_LIMITS),
+])  # fmt: skip
+def test_without_a_model_outputs_go_from_minus_2_to_10_V(bench, volts_q24, status):
+    assert bench.set_axis(0) == wire.Status.OK
+    assert bench.set_path(0, path=wire.PathKind.MOVE, swing=volts_q24, step=2**64 // 5000) == status
+
+
+@pytest.mark.parametrize("code", [5, 2341, 65_500])
+def test_without_a_model_the_sensor_has_280_um_from_minus_10_um_on_to_the_last_bit(code):
+    """10 um are 2341 codes; 280 um in 65536 codes of q16 are 280 a code. It holds where it was measured to be."""
+    bench = Bench()
+    assert bench.set_axis(0, wire.Mode.PID) == wire.Status.OK
+    assert bench.set_path(0, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
+    bench.ok(wire.SetJoinsRequest(0, HERE, 1, 0))
+    bench.ok(wire.ArmRequest(0))
+    bench.run(2, adc=code)
+    bench.ok(wire.StartRequest(1))
+    bench.run(5, adc=code)
+    assert bench.ok(wire.WhereRequest()).reference[0] == 280 * (code - 2341)
+
+
 def test_a_path_that_begins_elsewhere_is_refused():
     bench = holding()
     assert queue(bench, x=move_to(4 * V, 100)) == wire.Status.OK

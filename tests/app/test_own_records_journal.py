@@ -284,15 +284,15 @@ def test_a_fault_that_is_there_twice_keeps_its_place_when_one_of_the_two_is_dama
             assert logged(started(bytes(damaged))) == faults, (sector, place)
 
 
-def test_of_the_faults_that_cannot_be_written_yet_the_first_four_are_kept():
+def test_of_the_faults_that_cannot_be_written_yet_the_first_sixteen_are_kept():
     """As many as FAULT_LOG_WAITING of fault_log.h; nothing is written while it is recorded."""
     bench = started(None)
     bench.ok(wire.StreamStartRequest(wire.Channel.DAC, 1, 1))
-    first_four = [latch(bench, fault) for fault in FAULTS * 2][:4]
-    assert logged(bench) == first_four
+    first = [latch(bench, fault) for fault in FAULTS * 6][:16]
+    assert logged(bench) == first
     bench.run(300)
-    assert logged(bench) == first_four
-    assert logged(started(kept(bench))) == first_four
+    assert logged(bench) == first
+    assert logged(started(kept(bench))) == first
 
 
 def test_a_lost_core_is_in_the_log():

@@ -33,9 +33,9 @@ def pull(bench):
     return Frozen(head, np.frombuffer(data, ENTRY))
 
 
-def walk(bench, ticks, seed=1):
+def walk(bench, ticks, seed=1, up_to=40_000):
     """Runs against random codes; gives them."""
-    codes = np.random.default_rng(seed).integers(20_000, 40_000, (ticks, 3)).astype(np.uint16)
+    codes = np.random.default_rng(seed).integers(20_000, up_to, (ticks, 3)).astype(np.uint16)
     bench.run(ticks, adc=codes)
     return codes
 
@@ -44,7 +44,7 @@ def test_without_any_word_a_fault_freezes_what_led_to_it():
     bench = Bench()
     bench.drive(swing=8 * V)
     first = len(bench.dac)
-    codes = walk(bench, 700)
+    codes = walk(bench, 700, up_to=36_000)
     bench.firmware.inject(wire.Fault.INTERLOCK, 1)
     after = walk(bench, 150, seed=2)
     frozen = pull(bench)
@@ -118,6 +118,7 @@ def test_to_reach_a_threshold_is_to_cross_it_and_to_leave_it_is_not(falling):
     """Random codes hardly ever are the level itself."""
     beyond = -1 if falling else 1
     bench = Bench()
+    bench.run(len(bench.dac) % 2)
     bench.ok(arm(wire.Trigger.THRESHOLD, falling=falling, level=MID_CODE))  # which is what this tick sees
     bench.run(5, adc=MID_CODE + beyond)
     bench.run(5, adc=MID_CODE - beyond)

@@ -45,6 +45,7 @@ COMMANDS = {
     "limits": ["limits", "--axis", "x", "--u-max", "9V"],
     "log trigger": ["log", "trigger", "--on", "set_point"],
     "log faults": ["log", "faults"],
+    "log pull": ["log", "pull", "-o", "RUN"],
     "flash --wire": ["flash", "--wire", "--image", "IMAGE"],
     "learn": ["learn", "sine:20um@20Hz", "--model", "KNOWN", "--trials", "1", "-o", "RUN"],
     "tune": ["tune", "--model", "KNOWN", "-o", "OUT"],
@@ -139,6 +140,15 @@ def image(address):
     return header[:4] + crc32(header[8:] + body).to_bytes(4, "little") + header[8:] + body
 
 
+def freeze(device):
+    """What `log pull` fetches, as an interlock that opens freezes it; the fault is cleared."""
+    VirtualDevice.inject(device, wire.Fault.INTERLOCK)
+    VirtualDevice.run(device, 500)
+    session = Session(Quiet(device))
+    session.hello()
+    session.request(wire.ClearFaultRequest())
+
+
 def words(name, folder):
     stage = folder / "stage.toml"
     if not stage.exists():
@@ -157,6 +167,9 @@ CALLS: dict[str, int] = {"tune": 9000}
 def moments(run, device, name, folder):
     """Calls at which to interrupt it, spread over all that it makes."""
     if name not in CALLS:
+        if name == "log pull":
+            freeze(device)
+            device.calls = 0
         outcome = run(*words(name, folder))
         assert outcome.status in (0, 1), outcome.err
         CALLS[name] = max(1, device.calls - 2)
@@ -197,20 +210,22 @@ def forget(folder):
             left.unlink()
 
 
-def again(device, folder, moment, act):
+def again(device, folder, moment, act, name=""):
     forget(folder)
     interrupt.clear()
     VirtualDevice.inject(device, wire.Fault.CORE_LOST)
     session = Session(Quiet(device))
     session.hello()
     session.request(wire.ClearFaultRequest())
+    if name == "log pull":
+        freeze(device)
     device.calls, device.moment, device.act = 0, moment, act
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_ctrl_c_leaves_the_output_parked_at_any_moment(run, device, tmp_path, name):
     for moment in moments(run, device, name, tmp_path):
-        again(device, tmp_path, moment, lambda: signal.raise_signal(signal.SIGINT))
+        again(device, tmp_path, moment, lambda: signal.raise_signal(signal.SIGINT), name)
         outcome = run(*words(name, tmp_path))
         assert outcome.error is None, (moment, outcome)
         if device.calls < moment:
@@ -235,7 +250,7 @@ def test_a_cable_that_is_pulled_at_any_moment_is_told_and_the_device_parks(run, 
 
     for moment in moments(run, device, name, tmp_path):
         with monkeypatch.context() as patch:
-            again(device, tmp_path, moment, pull)
+            again(device, tmp_path, moment, pull, name)
             outcome = run(*words(name, tmp_path))
         assert outcome.error is None, (moment, outcome)
         assert (outcome.status, outcome.err.count("\n")) in ((3, 1), (0, 0)), (moment, outcome)

@@ -56,6 +56,28 @@ def test_a_path_that_ends_in_mid_slope_is_left_gently():
     assert np.abs(np.diff(u_V[end - 2 : end + 100])).max() < 1.2 * path
 
 
+@pytest.mark.parametrize("mode", ["inverse", "inverse+pid"])
+def test_coupled_axes_begin_away_from_0_V_without_a_step(mode, tmp_path):
+    """The join did not know of what the others cause: in mode inverse they stepped, at 1000 V/s."""
+    limits = {"u_park_V": 5.0}
+    axes = {
+        name: axis.model_copy(update={"limits": axis.limits.model_copy(update=limits)})
+        for name, axis in STAGE.axes.items()
+    }
+    coupling = ((1.0, 0.03, -0.02), (0.04, 1.0, 0.03), (-0.02, 0.05, 1.0))
+    stage = STAGE.model_copy(update={"axes": axes, "cross_coupling": coupling})
+    stage.save(tmp_path / "coupled.toml")
+    gains = {axis: gains_of(None, stage, axis) for axis in "xyz"}
+    with Device.open(f"sim://{tmp_path / 'coupled.toml'}") as device:
+        waves = {axis: parse_wave("sine:10um+100um@5Hz") for axis in "xyz"}
+        for _ in range(2):  # the first run leaves them parked at 5 V
+            run = track(device, waves, mode, stage=stage, gains=gains, duration_s=0.5)
+    for axis in "xyz":
+        u_V = outputs_V(run, axis)
+        assert u_V.min() > 1
+        assert np.abs(np.diff(u_V)).max() * 5000 < 400  # of 1000 V/s
+
+
 def test_two_axes_begin_together():
     """Their previews and their ways differ, and the record begins with both paths."""
     waves = {"x": parse_wave("sine:20um+50um@10Hz"), "y": parse_wave("sine:20um@10Hz")}

@@ -9,6 +9,7 @@ import phaselead as pl
 from phaselead.control import parse_outputs
 from phaselead.device import read_capture
 from phaselead.errors import BadInput
+from phaselead.record import export
 from phaselead.sim.replaying import replay
 from phaselead.waveforms import parse_waves
 
@@ -73,6 +74,43 @@ def test_a_raster_gives_frames_lines_and_pixels_and_records_them(tmp_path):
     assert replay(read_capture(tmp_path / "run.h5")) is None
     assert again.triggers == {}
     assert "triggers" not in again.figures
+
+
+@pytest.mark.parametrize("suffix", ["csv", "h5", "mat", "parquet"])
+def test_pulses_are_exported_row_by_row(tmp_path, suffix):
+    """A table without them was of no use beside the frames of a camera."""
+    with pl.connect() as dev:
+        run = dev.track(RASTER, mode="pid", duration=0.8, trigger_out="frame,line,pixel=64")
+    run.save(tmp_path / "raster.h5")
+    export(pl.read(tmp_path / "raster.h5@0:0.4")[0], tmp_path / f"out.{suffix}")
+    trigger = column_of(tmp_path / f"out.{suffix}")
+    assert trigger.shape == (2000,)
+    for output, times_s in enumerate(run.triggers.values()):
+        pulsed = np.flatnonzero(trigger >> output & 1) / 5000
+        assert pulsed == pytest.approx(times_s[times_s < 0.4])
+
+
+def column_of(path):
+    if path.suffix == ".csv":
+        return np.genfromtxt(path, delimiter=",", names=True)["trigger"].astype(int)
+    if path.suffix == ".h5":
+        import h5py
+
+        with h5py.File(path) as file:
+            return file["trigger"][:]
+    if path.suffix == ".mat":
+        import scipy.io
+
+        return scipy.io.loadmat(path)["trigger"][:, 0]
+    from pyarrow import parquet
+
+    return parquet.read_table(path)["trigger"].to_numpy()
+
+
+def test_without_outputs_there_is_no_such_column(tmp_path):
+    with pl.connect() as dev:
+        dev.track("sine:20um@5Hz", mode="pid", duration=0.2).save(tmp_path / "plain.csv")
+    assert (tmp_path / "plain.csv").read_text().splitlines()[0] == "t_s,u_V,x_um,r_um"
 
 
 def test_outputs_of_a_run_end_with_it():

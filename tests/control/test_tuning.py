@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 import phaselead as pl
 from phaselead.control.feedback_loop import HOLD_S, pid_response, plant_response
-from phaselead.control.tuning import course, shaping
+from phaselead.control.rehearsal import CUT
+from phaselead.control.tuning import course, rehearsed, shaping
 from phaselead.control.tuning.course import local_range
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
@@ -173,6 +174,47 @@ def test_the_plant_behind_lines_is_found(
     assert np.median(found.misfit) < 0.02
 
 
+X500 = SmallSignal((33.0, 33.0), ((0.93, 85.0, 0.012), (0.07, 310.0, 0.01)), (1e-4, 3e-4), HOLD_S + 2e-4)
+
+
+def measured_on(plant: SmallSignal) -> Measured:
+    """With 1 % of error on every line, and no coherence where the motion is small."""
+    fine, fast = (plan.grid.frequencies(plan.grid.excited) for plan in (course.FINE, course.FAST))
+    f_Hz = np.concatenate([fine, fast[(fast > fine[-1]) & (fast < 500)]])
+    rng = np.random.default_rng(1)
+    gain = plant.gain_um_per_V[0] * plant_response(plant, f_Hz)
+    gain = gain * (1 + 0.01 * (rng.normal(size=len(f_Hz)) + 1j * rng.normal(size=len(f_Hz))))
+    nothing = Distortion(f_Hz, np.zeros(len(f_Hz)))
+    coherence = np.where(np.abs(gain) > 0.9, 1.0, 0.5)
+    return Measured(f_Hz, gain, coherence, np.full(len(f_Hz), 0.01), 0.0, nothing, nothing, nothing, nothing)
+
+
+@pytest.mark.parametrize("share", [0.03, 0.05, 0.07])
+def test_a_second_mode_is_found_beyond_a_place_where_the_stage_stands_still(share: float) -> None:
+    """Where two modes cancel any plant is off by more than where one is missing. The loop shaped without the mode
+    passed the rehearsal, which lacked it too, and ended in an oscillation of the stage."""
+    measured = measured_on(replace(X500, modes=((1 - share, 85.0, 0.012), (share, 310.0, 0.01))))
+    sure = measured.reliable()
+    found = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
+    assert any(
+        f == pytest.approx(310, rel=0.01) and c == pytest.approx(share, rel=0.1) for c, f, _ in found.plant.modes
+    )
+    assert found.misfit.max() < 0.1
+
+
+def test_a_loop_that_is_not_stable_on_the_measured_lines_is_refused() -> None:
+    """These gains were shaped on a plant without the second mode: where L is 15 the sensitivity is small again, and no
+    line was near enough to -1."""
+    one, other = (
+        LoopFilter(zeros_Hz=74.48, zeros_zeta=0.6271, poles_Hz=42.38, poles_zeta=1.0),
+        LoopFilter(zeros_Hz=521.8, zeros_zeta=1.018, poles_Hz=309.2, poles_zeta=0.3),
+    )
+    gains = Gains(kp_V_per_um=0.000157, ki_V_per_um_s=16.36, kd_V_s_per_um=0.0001003, filters=(one, other))
+    fitted = FittedPlant(replace(X500, modes=((1.0, 85.0, 0.012),)), 33.0, np.zeros(1))
+    with pytest.raises(BadInput, match=r"not stable on the response that was measured, which at 3\d\d\.?\d* Hz"):
+        course._refuse_measured(measured_on(X500), fitted, gains, Range((21.0, 56.8), 0.1, 1.5))
+
+
 # ---------------------------------------------------------------- the loop
 @pytest.mark.parametrize("plant", [PLANT, replace(PLANT, modes=((1.0, 420.0, 0.015),)), replace(PLANT, delay_s=1e-3)])
 def test_a_shaped_loop_has_its_margin_and_fits_the_device(plant: SmallSignal) -> None:
@@ -184,6 +226,26 @@ def test_a_shaped_loop_has_its_margin_and_fits_the_device(plant: SmallSignal) ->
     encode_filters(gains.filters or ())
     for factor in np.linspace(0.9, 1.1, 7):  # in between the places that it was shaped for as well
         assert predicted(plant.with_modes_at(factor), gains, replace(over, mode_shift=0.0)).peak_sensitivity < 2.3
+
+
+def over_s(plant: SmallSignal, gain_um_per_V: float, gains: Gains) -> float:
+    """When a step of force on the stage stays within 5 % of what it would move, by the loop's response."""
+    f_Hz = np.arange(1, 2501.0)
+    moving = plant_response(plant, f_Hz)
+    loop = gain_um_per_V * moving * pid_response(gains, f_Hz)
+    way = np.cumsum(np.fft.irfft(np.concatenate([[0], moving / (1 + loop)])))
+    late = np.flatnonzero(np.abs(way - way[-100:].mean()) > 0.05)
+    return float((late[-1] + 1) * TICK_S)
+
+
+def test_a_push_on_what_was_measured_is_over_sooner_than_with_the_widest_loop(monkeypatch) -> None:
+    plain = replace(PLANT, gain_um_per_V=(16.0, 16.0), modes=((1.0, 200.0, 0.02),), lags_s=(), delay_s=3e-4)
+    over = Range((14.0, 28.0), 0.1, 2.0)
+    calm = shape(plain, over)
+    monkeypatch.setattr(shaping._Push, "unrest", lambda push, values: 0.0)
+    wide = shape(plain, over)
+    assert over_s(plain, 16.0, calm) < 0.8 * over_s(plain, 16.0, wide)
+    assert predicted(plain, calm, over).bandwidth_Hz[0] > 0.8 * predicted(plain, wide, over).bandwidth_Hz[0]
 
 
 def test_the_same_plant_gives_the_same_gains() -> None:
@@ -284,6 +346,18 @@ def test_the_rehearsal_passes_what_has_a_margin_and_no_other(ki: float, kd: floa
     parent = built_in("xyz250").axis("x")
     with contextlib.nullcontext() if stands else pytest.raises(BadInput, match="was not closed on the stage"):
         refuse_rehearsed("x", parent, fitted, 28.4, (4.0, 90.9), gains, {"x": path})
+
+
+@pytest.mark.parametrize(
+    ("said", "level"),
+    [("ends in fault adc_rail on axis x", "higher"), (f"{CUT} in 19% of the ticks of axis x", "lower")],
+)
+def test_the_level_asked_for_is_one_that_helps(monkeypatch: pytest.MonkeyPatch, said: str, level: str) -> None:
+    """On x500 a higher one was asked for, by which the path of the rehearsal is cut even more."""
+    monkeypatch.setattr(rehearsed, "trouble_on_model", lambda *run: said)
+    with pytest.raises(BadInput, match=f"tune again with a {level} --level"):
+        refuse_rehearsed("x", built_in("xyz250").axes["x"], FittedPlant(PLANT, 20.0, np.zeros(1)), 28.0, (4.0, 90.0),
+                         Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0), {})  # fmt: skip
 
 
 def test_a_loop_that_runs_away_on_what_was_measured_is_never_closed(monkeypatch: pytest.MonkeyPatch) -> None:

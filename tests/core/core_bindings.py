@@ -471,6 +471,7 @@ PROTOTYPES = {
     "inverse_step_q24": (I32, [ct.POINTER(Inverse), ct.POINTER(InverseState), I64, FLAG]),
     "inverse_reach_q16": (None, [ct.POINTER(Inverse), ct.POINTER(I32), ct.POINTER(I32)]),
     "decoupling_takes": (ct.c_bool, [I32 * 3, ct.c_uint]),
+    "couple": (None, [(I32 * 3) * 3, U32, I32 * 3]),
     "decoupling_make": (ct.c_bool, [ct.POINTER((I32 * 3) * 3), ct.POINTER(Decoupling)]),
     "decouple": (None, [ct.POINTER(Decoupling), U32, I32 * 3, FLAG]),
     "segment_put": (None, [ct.POINTER(SegmentQueue), ct.POINTER(Segment), U32]),

@@ -141,7 +141,7 @@ void h_biquad_many(const struct biquad_config *sections, size_t count, int64_t *
 {
     struct biquad_state states[16];
     for (size_t k = 0; k < count; k++)
-        biquad_prime(&states[k], biquad_split(values_q40[0]));
+        biquad_prime(&states[k], values_q40[0]);
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < count; k++) {
             bool saturated = false;

@@ -42,6 +42,18 @@ def test_coupled_again_it_is_what_was_asked(core, rows, moving, wanted):
     assert np.abs(seen - wanted)[moves].max(initial=0) < 2.5
 
 
+@given(couplings(), st.integers(0, 7), st.lists(whole(-(2**24), 2**24), min_size=3, max_size=3))
+def test_what_is_seen_of_motions_is_their_sum_and_decoupled_again_they_are_the_same(core, rows, moving, motions):
+    made, seen = Decoupling(), (I32 * 3)(*motions)
+    assert core.decoupling_make(matrix(rows), made)
+    core.couple(matrix(rows), moving, seen)
+    moves = np.array([moving >> i & 1 for i in range(3)], bool)
+    expected = np.where(moves, np.array(rows) / ONE @ np.where(moves, motions, 0), motions)
+    assert np.abs(np.array(seen) - expected).max() <= 0.5
+    own, _ = apply(core, made, moving, list(seen))
+    assert np.abs(np.array(own) - motions).max() < 3
+
+
 @given(couplings(st.one_of(small, whole(-2 * ONE, 2 * ONE))))
 def test_every_inverse_is_exact_or_refused(core, rows):
     made = Decoupling()

@@ -224,6 +224,21 @@ def test_a_memory_that_is_bent_in_one_place_begins_at_rest(core, bend):
     assert bytes(state) == bytes(rest)
 
 
+@pytest.mark.parametrize("end", [-1, 1])
+def test_a_memory_at_the_end_of_the_output_is_kept(core, end):
+    """Where it has turned there too."""
+    config = inverse_of(PLAYS, KNOTS)
+    state = a_memory(core, config)
+    for far in (end, -end, end):
+        v_q24 = config.u_max_q24 if far > 0 else config.u_min_q24
+        for _ in range(ENOUGH):
+            core.inverse_follow(config, state, v_q24)
+        assert state.v_q24 == v_q24
+        whole_one = bytes(state)
+        core.inverse_admit(config, state)
+        assert bytes(state) == whole_one
+
+
 @given(inverses, any_memory, st.lists(whole(-(2**59), 2**59), min_size=1, max_size=5))
 def test_any_memory_is_made_one_of_the_operator(core, config, state, targets):
     core.inverse_admit(config, state)

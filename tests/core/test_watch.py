@@ -55,6 +55,16 @@ def test_single_spikes_that_go_one_way_are_none(core, apart):
     assert set(watch.found) == {FINE}
 
 
+@pytest.mark.parametrize(("apart", "found"), [(50, JUMPED), (51, FINE)])
+def test_jumps_belong_together_up_to_fifty_ticks_apart(core, apart, found):
+    watch = Watch(core)
+    for jump in range(3):
+        watch.tick(20_000 + (JUMP + 1 if jump % 2 else 0))
+        for _ in range(apart - 1):
+            watch.tick(20_000 + (JUMP + 1 if jump % 2 else 0) + len(watch.found) % 2)
+    assert watch.tick(20_000 + JUMP + 1) == found
+
+
 @given(step=st.integers(-JUMP + 2, JUMP - 2))
 def test_fast_motion_is_no_jump(core, step):
     watch = Watch(core)
@@ -72,6 +82,14 @@ def test_a_frozen_code_while_the_output_moves_on(core):
     watch = Watch(core)
     found = [watch.tick(MID, u_q24=i * V // 100) for i in range(200)]
     assert found.index(FROZEN) in (99, 100, 101)
+
+
+@pytest.mark.parametrize(("more", "found"), [(0, FINE), (1, FROZEN), (-1, FINE)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_frozen_code_counts_where_the_output_moved_by_more_than_a_sixteenth_of_its_range(core, sign, more, found):
+    watch = Watch(core)
+    watch.tick(MID)
+    assert {watch.tick(MID, u_q24=sign * (12 * V // 16 + more)) for _ in range(120)} == {FINE, found}
 
 
 def test_a_code_that_stands_still_with_its_output_is_not_frozen(core):

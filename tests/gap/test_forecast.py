@@ -11,7 +11,6 @@ import pytest
 from phaselead.gap.bounds import upper_bounds
 from phaselead.gap.posterior import Contest, Forecast, Likelihood, likelihood_of
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import Fitted
 from phaselead.gap.residual import modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.model.axis import AxisModel, TimeView
@@ -104,7 +103,7 @@ def test_a_bound_holds_the_size_of_what_is_too_small_to_be_named(hidden, params)
         runs += [run_of(wave(SLOW), "holdout", 1000 * seed + 6, entry)]
         likelihood = likelihood_of([modelled_run(LINE, run) for run in runs], None)
         contest = Contest(likelihood, {}, len(RIVALS))
-        found, _ = upper_bounds(Selection(None, LINE, Fitted((), 0.0), contest=contest), [effect(hidden)], set(), "x")
+        found, _ = upper_bounds(Selection(None, LINE, (), contest=contest), [effect(hidden)], set(), "x")
         bounds += [bound.upper_95 for bound in found]
     assert sum(upper >= size for upper in bounds) >= FEWEST_HELD
     assert np.median(bounds) < 20 * size

@@ -25,6 +25,7 @@ from phaselead.gap.posterior.likelihood import (
     Likelihood,
     confused,
 )
+from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import prior_of
 from phaselead.gap.posterior.starts import _amount_of
 from phaselead.model import Place
@@ -163,7 +164,7 @@ def test_the_evidence_of_a_linear_effect_is_the_integral_over_its_size(amount, s
         for multiple in TIMES_BASE:
             logs = prior + density(toy, of_sizes, fit.terms.signal, one, multiple)
             exact[one, multiple] = integrated(logs, at)
-    at_fit = toy.likelihood._log_evidence(fit.terms, fit.scales, toy.likelihood.every)
+    (at_fit,) = toy.likelihood._log_evidence(fit.terms, [fit.scales], toy.likelihood.every)
     assert at_fit == pytest.approx(exact[fit.scales], abs=within)
     assert fit.log_evidence == pytest.approx(over_scales(lambda *scales: exact[scales]), abs=within)
 
@@ -200,13 +201,13 @@ def test_what_the_base_may_lack_in_all_records_is_integrated_out():
 
 def test_a_student_variable_tends_to_a_normal_one_as_more_is_told():
     rng = np.random.default_rng(4)
-    power, variance = rng.exponential(size=36), rng.uniform(0.2, 3, 36)
+    power, variance = rng.exponential(size=(1, 36)), rng.uniform(0.2, 3, (1, 36))
     which = rng.random(36) < 0.7
-    exact = norm.logpdf(np.sqrt(power), scale=np.sqrt(variance))[which].sum()
+    exact = norm.logpdf(np.sqrt(power), scale=np.sqrt(variance))[:, which].sum()
     off, apart = [], []
     for told in (2.0, 10.0, 100.0, 1e4, 1e6):
         among = Toy(4, told=told).likelihood
-        off.append(abs(among.log_density(power, variance, which) - exact))
+        off.append(abs(among.log_density(power, variance, which)[0] - exact))
         apart.append(np.abs(among.weights(power, variance) * variance - 1).max())
     for gap in (off, apart):
         assert sorted(gap, reverse=True) == gap
@@ -229,12 +230,14 @@ def test_reference_records_have_no_effect():
     toy = Toy(5, [sized(1.0)])
     reference, train, *_ = toy.likelihood.runs
     for amount in (0.5, 4.0):
-        fresh = toy.likelihood.fresh(0, [sized(amount)])
-        assert not fresh[:, :-1].any()
-        np.testing.assert_allclose(fresh[:, -1:], reference.coefficients(reference.modelled.error()[:, None]))
-        assert toy.likelihood.fresh(1, [sized(amount)])[:, :-1].any()
+        np.testing.assert_allclose(
+            reference.simulated([sized(amount)]).columns, reference.coefficients(reference.modelled.error()[:, None])
+        )
+        assert not reference.simulated([sized(amount)]).power.any()
+        found = train.simulated([sized(amount)])
         left = train.modelled.error([sized(amount)])[:, None]
-        np.testing.assert_allclose(toy.likelihood.fresh(1, [sized(amount)])[:, -1:], train.coefficients(left))
+        assert found.columns[:, :-1].any()
+        np.testing.assert_allclose(found.columns[:, -1:], train.coefficients(left))
         signal = np.split(toy.likelihood.terms([sized(amount)]).signal, len(ROLES))
         assert [bool(one.any()) for one in signal] == [False, True, True, True]
 
@@ -394,16 +397,30 @@ def test_what_is_integrated_out_settles_where_it_is_likeliest(amount):
     )
     typical = next(iter(sized(1.0)[1].values())) / GAIN.parameters[0].typical
     terms = faulty.terms(())
-    scales = (SHARES[0], TIMES_BASE[0])
+    scales = [(SHARES[0], TIMES_BASE[0])]
 
     def joint(size):
-        of_size = np.array([size])
-        left = faulty.log_density(terms.power(of_size), faulty.variance(terms, scales), faulty.every)
+        of_size = Amounts(np.array([[[size]]]), np.zeros((1, len(ROLES), 0, 1)))
+        (left,) = faulty.log_density(terms.moments.power(of_size), faulty.variance(terms, scales), faulty.every)
         return left - 0.5 * size**2
 
-    found = faulty.settled(terms, scales, faulty.every)
+    found = faulty.settled(terms, scales, faulty.every).amounts
     at = np.linspace(0, 2 * amount * typical / 400, 4001)
-    assert joint(found[0]) >= max(joint(size) for size in at) - 0.01
+    assert joint(found.common.item()) >= max(joint(size) for size in at) - 0.01
+
+
+@pytest.mark.parametrize("told", [3.0, 1e4])
+def test_scales_are_looked_at_together_as_one_by_one(told):
+    toy = Toy(9, [sized(2.0)], 0.1, 2.0, told, fault=[sized(1.0, SLOW)])
+    among = toy.likelihood.knowing([sized(1.0, SLOW), sized(2.0, LATE)])
+    grid = [(share, times) for share in SHARES for times in TIMES_BASE]
+    every = among.terms([sized(2.0)])
+    together = among.log_joint(every, grid, among.fitted), among._log_evidence(every, grid, among.every)
+    alone = among.terms([sized(2.0)])
+    for i, one in enumerate(grid):
+        assert together[0][i] == pytest.approx(among.log_joint(alone, [one], among.fitted)[0], abs=1e-9)
+        assert together[1][i] == pytest.approx(among._log_evidence(alone, [one], among.every)[0], abs=1e-9)
+    assert np.ptp(together[1]) > 1
 
 
 def test_no_equation_of_the_ceramic_is_trusted_beyond_what_is_published():
@@ -414,9 +431,9 @@ def test_no_equation_of_the_ceramic_is_trusted_beyond_what_is_published():
     terms = toy.likelihood.terms([gain])
     of_loop = replace(terms, of_material=terms.signal)
     least, most = (SHARES[0], 1.0), (0.3, 1.0)
-    as_loop = toy.likelihood.variance(of_loop, least) - toy.likelihood.variance(terms, least)
-    assert as_loop == pytest.approx((LEAST_OF_MATERIAL**2 - SHARES[0] ** 2) * terms.signal)
-    assert toy.likelihood.variance(of_loop, most) == pytest.approx(toy.likelihood.variance(terms, most))
+    (as_loop, same_as_loop), (as_gain, same) = (toy.likelihood.variance(t, [least, most]) for t in (of_loop, terms))
+    assert as_loop - as_gain == pytest.approx((LEAST_OF_MATERIAL**2 - SHARES[0] ** 2) * terms.signal)
+    assert same_as_loop == pytest.approx(same)
 
 
 @pytest.mark.filterwarnings("error")

@@ -41,7 +41,7 @@ def unnamed(system, axis=LINE, count=4):
         for role, r in zip(roles, records, strict=True)
     ]
     modelled = tuple(modelled_run(axis, run) for run in runs)
-    alone = FinalFit(axis, Fitted((), 0.0), modelled, modelled, GapSize(0.0, 0.0, 1e9)).with_entries(())
+    alone = FinalFit(axis, (), modelled, modelled, GapSize(0.0, 0.0, 1e9)).with_entries(())
     return records, runs, replace(alone, gap=replace(alone.gap, before=alone.gap.after))
 
 

@@ -191,7 +191,9 @@ void day_run(double hours)
 {
     static struct day day;
     const uint64_t ticks = (uint64_t)(hours * 3600 * TICK_RATE_HZ);
-    struct device_port port = {.baud = 4000000, .target = "day", .obeyed = note_obeyed, .context = &day};
+    static struct fault_log fault_log;
+    struct device_port port = {
+        .fault_log = &fault_log, .baud = 4000000, .target = "day", .obeyed = note_obeyed, .context = &day};
     host_flash_init(&day.flash, NULL, 0);
     port.flash = host_flash_models(&day.flash);
     port.records = host_flash_journal(&day.flash);

@@ -252,7 +252,8 @@ static void wind_up(struct random_host *host)
 /* Power comes, now and then with another flash content. */
 static void power_on(struct random_host *host)
 {
-    struct device_port port = {.baud = 2000000,
+    struct device_port port = {.fault_log = &host->fault_log,
+                               .baud = 2000000,
                                .target = "soak",
                                .reset_cause = (enum wire_reset_cause)below(host, 5),
                                .lock = lock,
@@ -263,6 +264,8 @@ static void power_on(struct random_host *host)
         host_flash_init(&host->flash, NULL, 0);
     else if (below(host, 2))
         fill(host, host->flash.cells.bytes + below(host, HOST_FLASH_CELLS - 8), 8);
+    if (below(host, 4) == 0) /* else a reset, which leaves it as it is */
+        fill(host, (uint8_t *)&host->fault_log + below(host, sizeof host->fault_log - 8), 8);
     host->flash.power_limited = false;
     port.flash = host_flash_models(&host->flash);
     port.records = host_flash_journal(&host->flash);

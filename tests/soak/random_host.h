@@ -16,6 +16,7 @@ struct random_host {
     size_t input_left;
     struct device device;
     struct host_flash flash;
+    struct fault_log fault_log;
     struct invariants seen;
     uint16_t next_id;
     uint16_t codes[AXES]; /* of the sensors */

@@ -21,7 +21,8 @@ struct host_device {
     struct device device;
     struct device_port port;
     struct host_flash flash;
-    uint64_t line_credit; /* bits x TICK_RATE_HZ that the line could still have carried in this tick */
+    struct fault_log fault_log; /* a restart leaves it as it is */
+    uint64_t line_credit;       /* bits x TICK_RATE_HZ that the line could still have carried in this tick */
     bool infinite_line;
     unsigned rail_axis, rail_ticks; /* forced to the rail for so many ticks more */
     uint64_t edges[HOST_EDGES];     /* ticks before which one comes at the trigger input */
@@ -82,6 +83,7 @@ struct host_device *host_open(uint32_t baud, const uint8_t *flash, size_t flash_
     }
     host->port = (struct device_port){.flash = host_flash_models(&host->flash),
                                       .records = host_flash_journal(&host->flash),
+                                      .fault_log = &host->fault_log,
                                       .obeyed = note_obeyed,
                                       .context = host,
                                       .baud = baud,
@@ -340,6 +342,17 @@ const uint8_t *host_cells(const struct host_device *host, size_t *size)
 {
     *size = sizeof host->flash.cells;
     return (const uint8_t *)&host->flash.cells;
+}
+
+void host_reset(struct host_device *host)
+{
+    boot(host, WIRE_RESET_CAUSE_PIN);
+}
+
+uint8_t *host_kept_memory(struct host_device *host, size_t *size)
+{
+    *size = sizeof host->fault_log;
+    return (uint8_t *)&host->fault_log;
 }
 
 void host_cut_power_after(struct host_device *host, uint64_t bytes)

@@ -65,6 +65,12 @@ HOST_API const uint8_t *host_cells(const struct host_device *device, size_t *siz
  * that detects them would raise them. */
 HOST_API void host_inject(struct host_device *device, uint32_t fault, uint32_t axis);
 
+/* The reset pin: memory that a reset leaves as it is keeps what it holds. */
+HOST_API void host_reset(struct host_device *device);
+
+/* That memory. */
+HOST_API uint8_t *host_kept_memory(struct host_device *device, size_t *size);
+
 struct host_obeyed {
     uint64_t session;
     uint32_t id, type;

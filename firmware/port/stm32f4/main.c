@@ -14,6 +14,7 @@
 #include "port/stm32f4/watchdog.h"
 
 static struct device device;
+static struct fault_log fault_log __attribute__((section(".kept.faults")));
 
 int main(void);
 
@@ -57,6 +58,7 @@ __attribute__((noinline)) static void set_up(void)
     converters_reset_adc(); /* it is ready again long before the first tick */
     struct device_port port = {.flash = flash_models(&device),
                                .records = flash_journal(&device),
+                               .fault_log = &fault_log,
                                .update = flash_images(&device, start_was_a_trial()),
                                .lock = tick_lock,
                                .unlock = tick_unlock,

@@ -245,6 +245,13 @@ def is_stable(row: Response) -> bool:
     return bool(abs(phase[-1]) < np.pi / 2)
 
 
+def goes_round_0(row: Response) -> bool:
+    """Whether a curve (m,) that begins and ends near 1 goes round 0. It is (1 + L) / (1 + L') that is followed where L'
+    is known to be stable and L is not fine enough for its own phase: wherever L' is nearly L it stays at 1."""
+    phase = np.unwrap(np.angle(row))
+    return bool(abs(phase[-1] - phase[0]) > np.pi)
+
+
 def peak_sensitivity(rows: Response) -> float:
     """Largest |1/(1 + L)| of L (k, m); infinite where one of them is not stable."""
     if not all(is_stable(row) for row in rows):

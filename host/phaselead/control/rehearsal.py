@@ -25,6 +25,7 @@ HALVINGS = 7
 LEAST_SHARE = 1 / 64
 CUT_V = 0.005
 """Beyond what codes and recorded voltages are rounded by, 0.3 mV and 0.5 mV each."""
+CUT = "is cut by the output's limits"
 LIMITED_SHARE = 0.1
 """Of the ticks at the slew limit or a clamp: so long the loop is open, and what the limit cuts off rings the stage. The
 corners of a triangle that a stage can follow take a few per cent."""
@@ -125,7 +126,7 @@ def _trouble(
         share = _cut_share(run.capture, axis, converters(device_model(stage))[axis])
         shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
         if share > LIMITED_SHARE and shows_a_mode:
-            return f"is cut by the output's limits in {share:.0%} of the ticks of axis {axis}"
+            return f"{CUT} in {share:.0%} of the ticks of axis {axis}"
     return None
 
 

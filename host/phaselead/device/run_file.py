@@ -54,7 +54,9 @@ def recording_of(
     }
     if capture.status.state == wire.State.FAULT:
         facts["ended"] = f"fault {name_of(wire.Fault, capture.status.fault)}"
-    return Recording(t_s=(capture.ticks[rows] - first) / TICK_HZ, axes=axes, meta=facts | (meta or {}))
+    trigger = next((stream.trigger[rows] for stream in capture.axes.values() if stream.trigger is not None), None)
+    t_s = (capture.ticks[rows] - first) / TICK_HZ
+    return Recording(t_s=t_s, axes=axes, trigger=trigger, meta=facts | (meta or {}))
 
 
 def write_run(

@@ -25,10 +25,9 @@ def upper_bounds(
     size as unknown as it was.
     """
     assert selection.contest is not None
-    likelihood = selection.contest.likelihood
-    others = likelihood.fit(selection.fitted.entries, steps=0)
+    others = selection.contest.likelihood.fit(selection.entries, steps=0)
     absent = [effect for effect in effects if effect.name not in without]
-    largest = largest_sizes(likelihood, others, absent)
+    largest = largest_sizes(selection.contest, others, absent)
     found, untestable = [], {}
     for effect in absent:
         size = effect.sizes[0]

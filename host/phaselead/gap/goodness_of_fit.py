@@ -13,8 +13,9 @@ from phaselead.gap.discrepancy import Discrepancy, residual_amounts
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.metric import Regressors
+from phaselead.gap.problem import Problem
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.refit import Fitted, SizedEffect
+from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
@@ -36,7 +37,7 @@ class FinalFit:
 
     axis: AxisModel
     """The base, whose plays may have been fitted anew."""
-    fitted: Fitted
+    entries: tuple[SizedEffect, ...]
     """The effects beyond it."""
     before: tuple[ModelledRun, ...]
     """Every run under the base as given."""
@@ -51,12 +52,12 @@ class FinalFit:
 
     def residuals(self, role: Role) -> list[RunResidual]:
         """Residuals of the final model, about their means. The reference records are without the effects."""
-        entries = () if role == "reference" else self.fitted.entries
+        entries = () if role == "reference" else self.entries
         return [RunResidual(t.run, _about_mean(t.error(entries))) for t in self.after if t.run.role == role]
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""
-        entries = () if role == "reference" else self.fitted.entries
+        entries = () if role == "reference" else self.entries
         return [
             RecordOffset(float(t.run.t_s[t.run.rows].mean()), float(t.error(entries).mean()), t.run.idle)
             for t in self.after
@@ -65,8 +66,7 @@ class FinalFit:
 
     def with_entries(self, entries: Sequence[SizedEffect]) -> FinalFit:
         """The same with further effects, and the gap that they leave."""
-        fitted = replace(self.fitted, entries=(*self.fitted.entries, *entries))
-        richer = replace(self, fitted=fitted)
+        richer = replace(self, entries=(*self.entries, *entries))
         after = float(np.sqrt(_power([left.error_um for left in richer.residuals("holdout")])))
         referenced = any(t.run.role == "reference" for t in self.after)
         floor = self.gap.floor if referenced else min(self.gap.floor, after)
@@ -81,8 +81,8 @@ class FinalFit:
         ``name``."""
         before = _power([left.error_um for left in self.residuals_before("holdout")])
         after = _power([left.error_um for left in self.residuals("holdout")])
-        entries = [entry for entry in self.fitted.entries if entry[0].name != name]
-        if len(entries) == len(self.fitted.entries):  # the base took it up as plays
+        entries = [entry for entry in self.entries if entry[0].name != name]
+        if len(entries) == len(self.entries):  # the base took it up as plays
             alone = [t for t in self.after if t.run.role == "holdout"]
             return max(before - _power([_about_mean(t.error()) for t in alone]), 0.0) / max(before, 1e-30)
         without = [_about_mean(t.error(entries)) for t in self.after if t.run.role == "holdout"]
@@ -97,7 +97,7 @@ class FinalFit:
             run, rows = was.run, was.run.rows
             x = run.x_um[rows]
             before = x - _about_mean(was.error())
-            after = x - _about_mean(now.error(self.fitted.entries))
+            after = x - _about_mean(now.error(self.entries))
             found.append(Trace(run.name, run.axis, run.t_s[rows], run.u_V[rows], x, before, after))
         return found
 
@@ -115,32 +115,32 @@ def _power(errors: Sequence[Samples]) -> float:
 def final_fit(selection: Selection, runs: Sequence[GapRun]) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
     now to what the effects leave."""
-    axis, fitted = selection.problem.axis, selection.fitted
-    if selection.memory is not None and fitted.entries:
-        axis = _refitted_operator(axis, fitted, [r for r in runs if r.role == "train"])
+    axis, entries = selection.problem.axis, selection.entries
+    if selection.memory is not None and entries:
+        axis = _refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
-    final = FinalFit(axis, fitted, before, after, GapSize(0.0, 0.0, 0.0))
-    return FinalFit(axis, fitted, before, after, _gap(final, selection))
+    final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0))
+    return FinalFit(axis, entries, before, after, _gap(final, selection))
 
 
-def _refitted_operator(axis: AxisModel, fitted: Fitted, train: Sequence[GapRun]) -> AxisModel:
+def _refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
     """The axis with plays fitted to what the effects leave of the training runs, where that leaves less than before."""
-    best, best_left = axis, _train_power(axis, fitted, train)
+    best, best_left = axis, _train_power(axis, entries, train)
     for _ in range(OPERATOR_ROUNDS):
         modelled_runs = [modelled_run(best, run) for run in train]
-        beyond = [t.answer(fitted.entries) - t.answer() for t in modelled_runs]
+        beyond = [t.answer(entries) - t.answer() for t in modelled_runs]
         tried = with_operator(best, train, beyond)
-        left = _train_power(tried, fitted, train)
+        left = _train_power(tried, entries, train)
         if left >= best_left:
             break
         best, best_left = tried, left
     return best
 
 
-def _train_power(axis: AxisModel, fitted: Fitted, train: Sequence[GapRun]) -> float:
+def _train_power(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> float:
     """Mean square in um^2 that the axis with the effects leaves of the training runs."""
-    return _power([_about_mean(t.error(fitted.entries)) for t in (modelled_run(axis, run) for run in train)])
+    return _power([_about_mean(t.error(entries)) for t in (modelled_run(axis, run) for run in train)])
 
 
 def _gap(final: FinalFit, selection: Selection) -> GapSize:
@@ -169,11 +169,12 @@ def structure_remains(selection: Selection, final: FinalFit) -> bool:
         return False
     if problem.reference is not None and gap.after > CLEARLY_ABOVE_FLOOR * gap.floor:
         return True
-    held = _mean_squares(problem.holdout, problem.discrepancy, selection.fitted.entries)
+    entries = selection.entries
+    held = _mean_squares(_beside(problem, problem.holdout, entries), problem.discrepancy, entries)
     if problem.reference is not None:
         known = _mean_squares(problem.reference, problem.discrepancy, ())
     else:
-        known = _mean_squares(problem.train_common, problem.discrepancy, selection.fitted.entries)
+        known = _mean_squares(_beside(problem, problem.train_common, entries), problem.discrepancy, entries)
     if np.median(held) <= STRUCTURE_CHI2 * np.median(known) and held.mean() <= STRUCTURE_CHI2 * known.mean():
         return False
     return float(mannwhitneyu(held, known, alternative="greater").pvalue) < STRUCTURE_P
@@ -187,6 +188,11 @@ def much_predictable(left: Unexplained, gap: GapSize, closed_by_names: bool) -> 
     """
     predicted_um2 = left.share * gap.after**2
     return left.something_missing and (not closed_by_names or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
+
+
+def _beside(problem: Problem, regressors: Regressors, entries: Sequence[SizedEffect]) -> Regressors:
+    """The common columns beside effects."""
+    return problem.common_beside(regressors, entries) if entries else regressors
 
 
 def _mean_squares(regressors: Regressors, discrepancy: Discrepancy, entries: tuple[SizedEffect, ...]) -> Samples:

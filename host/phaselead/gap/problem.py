@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,12 @@ from phaselead.gap.discrepancy import (
 )
 from phaselead.gap.metric import Regressors, fair_weights, metric_of, noise_of, repetition, whitened_regressors
 from phaselead.gap.noise import Noise, as_idle
-from phaselead.gap.records import GapRun
+from phaselead.gap.records import GapRun, Role
 from phaselead.gap.regressors import (
     Freedom,
     Layout,
     SimulatedRegressors,
+    base_columns,
     regressor_groups,
     rich_columns,
     simulated_regressors,
@@ -38,26 +40,22 @@ WEIGHT_ROUNDS = 2
 
 @dataclass(frozen=True)
 class Problem:
-    """One axis under one base model, ready to be searched."""
+    """One axis under one base model, ready to be searched. What a search does not ask for is not simulated."""
 
     axis: AxisModel
     layout: Layout
-    train: Regressors
-    """All regressors on the training runs."""
-    train_common: Regressors
-    """The common columns on the training runs: those that say what the base misses."""
-    holdout: Regressors
-    """The common columns on the held-out runs."""
+    modelled_runs: tuple[ModelledRun, ...]
+    """Of every role, under the base model."""
     reference: Regressors | None
     """The common columns on the reference runs, where there are any."""
     discrepancy: Discrepancy
-    """Of the common columns."""
+    """Of the common columns: those that say what the base misses."""
     noise: Noise
     freedom: Freedom
     frozen: bool
     """Whether nothing may be wrong with the base."""
-    reference_inflation: Mapping[str, float]
-    """By effect, at least 1: by how much its gains are overstated, as its gains on reference runs say."""
+    of_train: Sequence[SimulatedRegressors] = ()
+    """All regressors on the training runs, where the noise was learned from them."""
 
     @property
     def open_plays(self) -> bool:
@@ -69,9 +67,50 @@ class Problem:
         """The discrepancy placed in the full layout."""
         return self.discrepancy.at(self.layout.common())
 
-    def train_runs(self) -> tuple[ModelledRun, ...]:
-        """The training runs under the base model."""
-        return self.train.metric.modelled_runs
+    def runs(self, role: Role) -> tuple[ModelledRun, ...]:
+        """Those of one role."""
+        return tuple(m for m in self.modelled_runs if m.run.role == role)
+
+    @cached_property
+    def train(self) -> Regressors:
+        """All regressors on the training runs."""
+        simulated = self.of_train or _simulated(self.runs("train"), self.layout, self.freedom)
+        return self._weighed(simulated, self.layout, self.common)
+
+    @cached_property
+    def train_common(self) -> Regressors:
+        """The common columns on the training runs."""
+        return self.train.restricted(self.layout.common())
+
+    @cached_property
+    def holdout(self) -> Regressors:
+        """The common columns on the held-out runs."""
+        coarse = self.layout.coarser()
+        return self._weighed(_simulated(self.runs("holdout"), coarse, self.freedom), coarse, self.discrepancy)
+
+    @cached_property
+    def reference_inflation(self) -> Mapping[str, float]:
+        """By effect, at least 1: by how much its gains are overstated, as its gains on reference runs say."""
+        if self.reference is None:
+            return {}
+        whole = _simulated(self.runs("reference"), self.layout, self.freedom)
+        return inflation_by_reference(
+            whitened_regressors(self.reference.metric, self.layout, whole), self.layout, _errors(whole)
+        )
+
+    def _weighed(
+        self, simulated: Sequence[SimulatedRegressors], layout: Layout, discrepancy: Discrepancy
+    ) -> Regressors:
+        """Whitened, the blocks weighed."""
+        metric = metric_of([one.modelled for one in simulated], self.noise)
+        return _weighed(whitened_regressors(metric, layout, simulated), simulated, discrepancy)
+
+    def common_beside(self, regressors: Regressors, extra: Extra) -> Regressors:
+        """The common columns on the runs of ``regressors``, simulated anew in a model that has the effects ``extra``:
+        what the base misses passes through a named delay or mode like everything else."""
+        coarse = self.layout.coarser()
+        simulated = _simulated(regressors.metric.modelled_runs, coarse, self.freedom, extra)
+        return whitened_regressors(regressors.metric, coarse, simulated)
 
 
 def make_problem(
@@ -82,58 +121,41 @@ def make_problem(
     open_plays: bool = False,
     unwhitened: bool = False,
 ) -> Problem:
-    """Simulate, whiten and multiply the regressors of ``effects``, which must respond to voltage or time.
+    """The regression problem of ``effects``, which must respond to voltage or time.
 
     ``frozen``: without reference runs, whether nothing may be wrong with the base. ``open_plays``: its plays were
     fitted to the training runs and move with every effect that is added. ``unwhitened``: squares of micrometres count
     alike at every frequency, as for finding memory that a base lacks; the metric that expects the slow misfit of a
     memory model would forgive just that.
     """
-    train, held, reference = _by_role([modelled_run(axis, run) for run in runs])
+    modelled_runs = tuple(modelled_run(axis, run) for run in runs)
+    train, held, reference = (
+        [m for m in modelled_runs if m.run.role == role] for role in ("train", "holdout", "reference")
+    )
     freedom = Freedom(open_plays, learned=bool(reference))
     longest = max(m.run.t_s[-1] - m.run.t_s[0] for m in train)
     groups = regressor_groups(effects, train[0].run.step_s, float(longest))
-    of_train = [simulated_regressors(m, groups, freedom) for m in train]
-    n_base = of_train[0].columns.shape[1] - sum(len(group.steps) for group in groups)
+    n_base = base_columns(train[0], freedom).shape[1]
     layout = Layout(tuple(groups), n_base)
-    of_held = [simulated_regressors(m, layout.coarser().groups, freedom) for m in held]
     on_reference: Regressors | None = None
-    inflation: dict[str, float] = {}
+    of_train: Sequence[SimulatedRegressors] = ()
     if reference:
-        of_reference = [simulated_regressors(m, groups, freedom) for m in reference]
-        noise, on_reference, discrepancy, inflation = _from_reference(of_reference, layout)
+        noise, on_reference, discrepancy = _from_reference(_simulated(reference, layout.coarser(), freedom), layout)
         noise = as_idle(noise, [m.error() for m in [*train, *held] if m.run.idle])
     else:
         discrepancy = discrepancy_prior(layout.coarser(), frozen)
+        of_train = _simulated(train, layout, freedom)
         noise = _from_training(of_train, layout, discrepancy)
     if unwhitened:
         noise = Noise(np.ones(1), noise.level_um, 0.0, 1.0, 0.0, np.ones(1))
-    on_train = whitened_regressors(metric_of(train, noise), layout, of_train)
-    on_train = _weighed(on_train, of_train, discrepancy.at(layout.common()))
-    common = on_train.restricted(layout.common())
-    on_held = whitened_regressors(metric_of(held, noise), layout.coarser(), of_held)
-    on_held = _weighed(on_held, of_held, discrepancy)
-    return Problem(
-        axis, layout, on_train, common, on_held, on_reference, discrepancy, noise, freedom, frozen, inflation
-    )
+    return Problem(axis, layout, modelled_runs, on_reference, discrepancy, noise, freedom, frozen, of_train)
 
 
-def _by_role(every: Sequence[ModelledRun]) -> list[list[ModelledRun]]:
-    """The training, held-out and reference runs."""
-    return [[m for m in every if m.run.role == role] for role in ("train", "holdout", "reference")]
-
-
-def with_effects(problem: Problem, extra: Extra) -> Problem:
-    """The problem with every regressor simulated anew in a model that has the effects ``extra``: what the base misses
-    passes through a named delay or mode like everything else."""
-    of_train = [simulated_regressors(m, problem.layout.groups, problem.freedom, extra) for m in problem.train_runs()]
-    coarse = problem.layout.coarser()
-    held = problem.holdout.metric.modelled_runs
-    of_held = [simulated_regressors(m, coarse.groups, problem.freedom, extra) for m in held]
-    on_train = whitened_regressors(problem.train.metric, problem.layout, of_train)
-    on_held = whitened_regressors(problem.holdout.metric, coarse, of_held)
-    common = on_train.restricted(problem.layout.common())
-    return replace(problem, train=on_train, train_common=common, holdout=on_held)
+def _simulated(
+    runs: Sequence[ModelledRun], layout: Layout, freedom: Freedom, extra: Extra = ()
+) -> list[SimulatedRegressors]:
+    """The regressors of a layout on some runs."""
+    return [simulated_regressors(m, layout.groups, freedom, extra) for m in runs]
 
 
 def _errors(simulated: Sequence[SimulatedRegressors]) -> list[Samples]:
@@ -141,14 +163,11 @@ def _errors(simulated: Sequence[SimulatedRegressors]) -> list[Samples]:
     return [np.asarray(r.modelled.run.x_um[r.modelled.run.rows] - r.base_um) for r in simulated]
 
 
-def _from_reference(
-    whole: Sequence[SimulatedRegressors], layout: Layout
-) -> tuple[Noise, Regressors, Discrepancy, dict[str, float]]:
-    """What the reference runs tell: noise, their common columns in its metric, the base's discrepancy, inflation.
+def _from_reference(common: Sequence[SimulatedRegressors], layout: Layout) -> tuple[Noise, Regressors, Discrepancy]:
+    """What the reference runs tell: noise, their common columns in its metric, the base's discrepancy.
 
-    The noise is what the catalogue cannot describe of the base's misfit. ``whole`` has all regressors of each run.
+    The noise is what the catalogue cannot describe of the base's misfit.
     """
-    common = [replace(r, columns=r.columns[:, layout.common()]) for r in whole]
     runs, errors = [r.modelled for r in common], _errors(common)
     noise = noise_of(runs, [_detrended(e, r.modelled) for e, r in zip(errors, common, strict=True)])
     for _ in range(NOISE_ROUNDS):
@@ -158,9 +177,7 @@ def _from_reference(
         noise = noise_of(runs, rest)
     found = whitened_regressors(metric_of(runs, noise), layout.coarser(), common)
     discrepancy, weights = reference_discrepancy(found, errors)
-    found = found.reweighted(weights)
-    inflation = inflation_by_reference(whitened_regressors(found.metric, layout, whole), layout, errors)
-    return noise, found, discrepancy, inflation
+    return noise, found.reweighted(weights), discrepancy
 
 
 def _from_training(simulated: Sequence[SimulatedRegressors], layout: Layout, discrepancy: Discrepancy) -> Noise:

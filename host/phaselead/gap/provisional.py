@@ -58,7 +58,7 @@ def _best_that_pays(final: FinalFit, tried: Sequence[Fitted]) -> Fitted | None:
     best: Fitted | None = None
     most = 0.0
     for one in tried:
-        saved = saved_by_block(held, final.fitted.entries, held, (*final.fitted.entries, *one.entries))
+        saved = saved_by_block(held, final.entries, held, (*final.entries, *one.entries))
         if float(saved.sum()) > most and probability_by_chance(saved) * len(tried) < BY_CHANCE:
             best, most = one, float(saved.sum())
     return best

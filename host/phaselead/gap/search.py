@@ -8,9 +8,9 @@ from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.findings import NAMED, Candidate, Estimate
 from phaselead.gap.posterior import Claim, Contest, Fit, Judgement, intervals, judge, likelihood_of, search_sets
-from phaselead.gap.problem import Problem, make_problem, with_effects
+from phaselead.gap.problem import Problem, make_problem
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import Fitted, SizedEffect, squares_left
+from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection
@@ -40,11 +40,10 @@ def select_effects(
     contest = search_sets(likelihood, left, lambda share: on_progress(0.2 + 0.8 * share))
     found = judge(contest)
     claims, entries, values = _estimated(problem, contest, found.best.entries, found.claims)
-    after = with_effects(problem, entries) if entries else problem
     return Selection(
-        after,
+        problem,
         axis,
-        _fitted(after, entries),
+        entries,
         claims,
         {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
         contest,
@@ -75,7 +74,7 @@ def _estimated(
 
 def _best(fit: Fit, problem: Problem) -> tuple[SizedEffect, ...]:
     """The effects of a fit with the parameters that predict the training records best."""
-    return best_predicting(fit.entries, fit.covariance, problem.train_runs())
+    return best_predicting(fit.entries, fit.covariance, problem.runs("train"))
 
 
 def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:
@@ -83,7 +82,7 @@ def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence
     plays move with every effect that says nothing before they are fitted anew."""
     if problem.open_plays:
         return tuple(claims)
-    held, kept = problem.holdout.metric.modelled_runs, list(claims)
+    held, kept = problem.runs("holdout"), list(claims)
     for claim in claims:
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]
@@ -91,11 +90,6 @@ def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence
         if probability_by_chance(saved_by_block(held, tried, held, without)) < BY_CHANCE:
             kept.remove(claim)
     return tuple(kept)
-
-
-def _fitted(problem: Problem, entries: tuple[SizedEffect, ...]) -> Fitted:
-    """The effects as they are."""
-    return Fitted(entries, squares_left(problem.train_common, problem.discrepancy, entries))
 
 
 def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:

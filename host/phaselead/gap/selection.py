@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from phaselead.gap.findings import Candidate, Estimate
 from phaselead.gap.posterior import Claim, Contest
 from phaselead.gap.problem import Problem
-from phaselead.gap.refit import Fitted
+from phaselead.gap.refit import SizedEffect
 from phaselead.model import AxisModel, Effect
 
 
@@ -27,10 +27,11 @@ class Selection:
     """The effects that are there, by their posterior, beside a base."""
 
     problem: Problem
-    """As it is with these effects."""
+    """Of the base alone."""
     start: AxisModel
     """The base as given."""
-    fitted: Fitted
+    entries: tuple[SizedEffect, ...]
+    """The effects that are there, at the parameters that are adopted."""
     claims: tuple[Claim, ...] = ()
     estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     """Value, unit and interval of every parameter by effect."""

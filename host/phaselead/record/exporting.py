@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
 from phaselead.record.atomic import atomic_path
@@ -24,7 +25,7 @@ SUFFIXES = (".csv", ".h5", ".hdf5", ".mat", ".parquet")
 
 
 def write_csv(path: str | os.PathLike[str], recording: Recording, *, overwrite: bool = True) -> None:
-    """Write ``t_s,u_V,x_um[,r_um]`` (or the three-axis form), whole or not at all; floats keep every bit."""
+    """Write ``t_s,u_V,x_um[,r_um][,trigger]`` (or the three-axis form), whole or not at all; floats keep every bit."""
     from pyarrow import csv
 
     table = _table(recording)
@@ -38,7 +39,8 @@ def write_mat(path: str | os.PathLike[str], recording: Recording, *, overwrite: 
     """Write a MATLAB 5 file: one column vector per column of the recording."""
     import scipy.io
 
-    vectors = {name: values[:, np.newaxis] for name, values in columns_of(recording.t_s, recording.axes).items()}
+    columns = columns_of(recording.t_s, recording.axes) | _trigger_of(recording)
+    vectors = {name: values[:, np.newaxis] for name, values in columns.items()}
     with atomic_path(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
         scipy.io.savemat(file, vectors, do_compression=True)
 
@@ -56,7 +58,14 @@ def _table(recording: Recording) -> pyarrow.Table:
 
     columns = columns_of(recording.t_s, recording.axes)
     fields = [pyarrow.field(name, pyarrow.float64(), metadata={"units": UNITS[name]}) for name in columns]
-    return pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields))
+    trigger = _trigger_of(recording)
+    fields += [pyarrow.field(name, pyarrow.uint8(), metadata={"units": "bits"}) for name in trigger]
+    return pyarrow.table([*columns.values(), *trigger.values()], schema=pyarrow.schema(fields))
+
+
+def _trigger_of(recording: Recording) -> dict[str, NDArray[np.uint8]]:
+    """The column of the device's triggers, last; none where they were not recorded."""
+    return {} if recording.trigger is None else {"trigger": recording.trigger}
 
 
 def export(recording: Recording, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

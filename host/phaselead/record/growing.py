@@ -14,7 +14,7 @@ from phaselead import interrupt
 from phaselead.record.atomic import atomic_path
 from phaselead.record.columns import UNITS, columns_of
 from phaselead.record.deferred import DeferredErrors, new_hdf5
-from phaselead.record.hdf5 import write_head, write_tree
+from phaselead.record.hdf5 import TRIGGER, write_head, write_tree
 from phaselead.record.recording import Recording
 
 ROWS = 1 << 16
@@ -63,6 +63,8 @@ class Hdf5Parts:
         """Adds the columns of a recording, time and all."""
         for name, values in columns_of(part.t_s, part.axes).items():
             self.append(name, np.asarray(values, np.float64), UNITS[name])
+        if part.trigger is not None:
+            self.append(TRIGGER, part.trigger, "bits")
 
     def finish(self, rate_Hz: float, axes: str, meta: Mapping[str, Any], replay: Mapping[str, Any] | None) -> None:
         """Writes what is known at the end: the attributes, and what a replay needs besides the frames."""

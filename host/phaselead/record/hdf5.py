@@ -3,6 +3,7 @@
     /                   attributes: format, version, rate_Hz, axis ("x", "xyz"), and Recording.meta
                         (stage file text, device, gaps)
     /t_s /u_V /x_um ... float64, one dimension, named like the CSV columns, attribute ``units``
+    /trigger            uint8, what the device's triggers did, of a recording that has it
     /device             raw integers of the device, as given
     /replay             everything a replay needs, as given
 
@@ -22,6 +23,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.errors import BadInput, PhaseleadError
 from phaselead.record.atomic import atomic_path
@@ -34,6 +36,7 @@ from phaselead.record.recording import Recording
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT, VERSION = "phaselead-recording", 1
+TRIGGER = "trigger"
 RESERVED = ("format", "version", "rate_Hz", "axis")
 LARGEST_RATIO = 1100
 """gzip packs at most 1032 to 1: a file that claims more is broken."""
@@ -65,6 +68,8 @@ def write_hdf5(
         write_head(file, recording.rate_Hz, "".join(sorted(recording.axes)), recording.meta)
         for name, samples in columns_of(recording.t_s, recording.axes).items():
             _write_array(file, name, np.asarray(samples, dtype=np.float64)).attrs["units"] = UNITS[name]
+        if recording.trigger is not None:
+            _write_array(file, TRIGGER, recording.trigger).attrs["units"] = "bits"
         for name, tree in (("device", device), ("replay", replay)):
             if tree is not None:
                 write_tree(file.create_group(name), tree)
@@ -175,7 +180,8 @@ def _read_file(file: Any, path: str, size: int, whole: bool) -> Hdf5Recording:
     table = {name: _samples(file[name], name, path, size) for name in names}
     if "t_s" not in table:
         raise BadInput(f"{path}: has no dataset t_s; the file is broken")
-    lengths = {len(values) for values in table.values()}
+    trigger = _trigger(file, path, size)
+    lengths = {len(values) for values in table.values()} | (set() if trigger is None else {len(trigger)})
     if len(lengths) > 1:
         raise BadInput(f"{path}: its datasets differ in length ({min(lengths)}..{max(lengths)}); the file is broken")
     times = table.pop("t_s")
@@ -187,7 +193,7 @@ def _read_file(file: Any, path: str, size: int, whole: bool) -> Hdf5Recording:
     axes = axes_of(table, path)
     if gaps:
         meta["gaps"] = gaps
-    recording = Recording(t_s=times, axes=axes, source=path, meta=meta)
+    recording = Recording(t_s=times, axes=axes, source=path, trigger=trigger, meta=meta)
     return Hdf5Recording(recording, device, replay) if whole else Hdf5Recording(recording, None, None)
 
 
@@ -210,6 +216,17 @@ def _samples(dataset: Any, name: str, path: str, size: int) -> Samples:
     values = np.asarray(_array(dataset, size), dtype=np.float64)
     require_finite(name, values, _row, path)
     return values
+
+
+def _trigger(file: Any, path: str, size: int) -> NDArray[np.uint8] | None:
+    import h5py
+
+    if not isinstance(file.get(TRIGGER, getlink=True), h5py.HardLink):
+        return None
+    dataset = file[TRIGGER]
+    if not _is_dataset(dataset) or dataset.ndim != 1 or dataset.dtype != np.uint8:
+        raise BadInput(f"{path}: {TRIGGER} is no one-dimensional dataset of bytes; the file is broken")
+    return _array(dataset, size)
 
 
 def _is_dataset(item: object) -> bool:

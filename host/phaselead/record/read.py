@@ -115,7 +115,9 @@ def windowed(recording: Recording, window: Window) -> Recording:
             f"{recording.source}: {max(stop - first, 0)} rows lie in the window; "
             f"the recording runs from {t[0]:g} to {t[-1]:g} s, choose FROM:TO inside"
         )
-    return replace(recording, t_s=t[:stop], axes=_cut(recording.axes, stop), scored=slice(first, stop))
+    trigger = None if recording.trigger is None else recording.trigger[:stop]
+    axes = _cut(recording.axes, stop)
+    return replace(recording, t_s=t[:stop], axes=axes, trigger=trigger, scored=slice(first, stop))
 
 
 def _cut(axes: Mapping[str, AxisRecord], stop: int) -> dict[str, AxisRecord]:

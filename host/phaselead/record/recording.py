@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.columns import columns_of
@@ -52,6 +53,9 @@ class Recording(SampledResult):
     """Of the file's bytes; empty where it was not read from one."""
     meta: dict[str, Any] = field(default_factory=dict)
     """Attributes of the file: stage file text, device, gaps ..."""
+    trigger: NDArray[np.uint8] | None = None
+    """What the device's triggers did in each row, shape (n,): bits 0 to 2 for an output that pulsed, bit 7 for an edge
+    at the input. None where that was not recorded."""
 
     @property
     def rate_Hz(self) -> float:

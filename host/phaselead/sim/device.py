@@ -45,6 +45,8 @@ _SIGNATURES = {
     "host_flash": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE), ctypes.POINTER(_U64))),
     "host_cells": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE))),
     "host_inject": (None, (_POINTER, _U32, _U32)),
+    "host_reset": (None, (_POINTER,)),
+    "host_kept_memory": (_POINTER, (_POINTER, ctypes.POINTER(_SIZE))),
     "host_trigger_at": (ctypes.c_int, (_POINTER, _U64)),
     "host_take_obeyed": (_U64, (_POINTER, _POINTER, _SIZE)),
     "host_cut_power_after": (None, (_POINTER, _U64)),
@@ -166,6 +168,20 @@ class Firmware:
     def inject(self, fault: int, axis: int = 0) -> None:
         """Makes a fault happen (enum fault of the wire)."""
         self.library.host_inject(self._handle, fault, axis)
+
+    def reset(self, kept: bytes | None = None) -> None:
+        """Its reset pin is pulled. ``kept``: what has become of the memory that a reset leaves as it is."""
+        if kept is not None:
+            size = _SIZE()
+            address = self.library.host_kept_memory(self._handle, ctypes.byref(size))
+            ctypes.memmove(address, kept, min(len(kept), size.value))
+        self.library.host_reset(self._handle)
+
+    def kept_memory(self) -> bytes:
+        """What a reset leaves as it is, and a loss of power does not: the faults that wait to be written to flash."""
+        size = _SIZE()
+        address = self.library.host_kept_memory(self._handle, ctypes.byref(size))
+        return ctypes.string_at(address, size.value)
 
     def trigger_at(self, tick: int) -> None:
         """An edge comes at the trigger input before this tick. Raises BadInput when it has passed, or beyond the 64

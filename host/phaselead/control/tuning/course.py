@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.control.feedback_loop import local_gains, pid_response, plant_response
+from phaselead.control.feedback_loop import goes_round_0, local_gains, pid_response, plant_response
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
 from phaselead.control.kept_runs import KeptRuns
@@ -168,11 +168,18 @@ def local_range(model: AxisModel, gain_um_per_V: float, share: float) -> tuple[f
 
 
 def _refuse_measured(measured: Measured, fitted: FittedPlant, gains: Gains, over: Range) -> None:
-    """Where the loop on the measured lines themselves is nearer to -1 than the plant behind them says."""
+    """Where the loop on the measured lines themselves is nearer to -1 than the plant behind them says, or around it."""
     sure = measured.reliable()
     f_Hz, gain = measured.f_Hz[sure], measured.gain[sure] / fitted.gain_um_per_V
     rows = over.gains()[:, None] * gain * pid_response(gains, f_Hz)
     planned = over.gains()[:, None] * plant_response(fitted.plant, f_Hz) * pid_response(gains, f_Hz)
+    beside = (1 + rows) / (1 + planned)
+    if any(goes_round_0(row) for row in beside):
+        off_Hz = float(f_Hz[np.argmax(np.abs(beside - 1).max(axis=0))])
+        raise BadInput(
+            f"the loop is not stable on the response that was measured, which at {off_Hz:.4g} Hz is not that of its "
+            "modes; measure with a higher --level"
+        )
     peaks = [float((1 / np.abs(1 + each)).max()) for each in (rows, planned)]
     if peaks[0] > max(WARN_ABOVE, 1.25 * peaks[1]):
         worst = float(f_Hz[np.argmax((1 / np.abs(1 + rows)).max(axis=0))])

@@ -48,13 +48,14 @@ def fit_plant(f_Hz: Samples, measured: Response, deviation: Samples) -> FittedPl
     if np.median(measured[: max(3, len(f_Hz) // 20)].real) <= 0:
         raise BadInput("its sensor counts backwards, and the loop's sign is fixed in the firmware; swap its polarity")
     weight = 1 / np.hypot(deviation, LEAST_DEVIATION)
-    best, modes = None, [_first_mode(f_Hz, measured)]
-    while len(modes) <= MOST_MODES:
-        found = _descend(f_Hz, measured, weight, modes)
+    best, starts = None, [[_first_mode(f_Hz, measured)]]
+    while len(starts[0]) <= MOST_MODES:
+        tried = [_descend(f_Hz, measured, weight, modes) for modes in starts]
+        found = min(tried, key=lambda one: one.cost)
         if best is not None and not _better(found, best):
             break
         best = found
-        modes = [*found.modes, _next_mode(f_Hz, found.misfit)]
+        starts = [[*found.modes, mode] for mode in _next_modes(f_Hz, found.misfit)]
     assert best is not None
     fitted = best.fitted()
     if np.median(np.abs(fitted.misfit)) > LARGEST_MISFIT:
@@ -92,9 +93,12 @@ def _first_mode(f_Hz: Samples, measured: Response) -> ModeOf:
     return 1.0, float(f_Hz[np.argmax(np.abs(measured) * (f_Hz > SLOWEST_MODE_Hz))]), 0.02
 
 
-def _next_mode(f_Hz: Samples, misfit: Response) -> ModeOf:
-    smooth = np.convolve(np.abs(misfit), np.ones(3) / 3, mode="same")
-    return 0.01, float(f_Hz[np.argmax(smooth)]), 0.01
+def _next_modes(f_Hz: Samples, misfit: Response) -> list[ModeOf]:
+    """Where the plant is furthest off, and where it is most below what was measured: in its own share a mode that is
+    missing is off by no more than 1, less than any place where a small response is not met."""
+    lacking = -np.log(np.abs(1 + misfit))
+    smooth = [np.convolve(part, np.ones(3) / 3, mode="same") for part in (np.abs(misfit), lacking)]
+    return [(0.01, float(f_Hz[np.argmax(part)]), 0.01) for part in smooth]
 
 
 def _modes(values: Samples) -> list[ModeOf]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from phaselead.control.rehearsal import trouble_on_model
+from phaselead.control.rehearsal import CUT, trouble_on_model
 from phaselead.control.tuning.measured_model import measured_model
 from phaselead.control.tuning.plant import FittedPlant
 from phaselead.errors import BadInput
@@ -30,7 +30,8 @@ def refuse_rehearsed(
     stage = Stage(name="measured", axes={axis: measured_model(parent, fitted.plant, steepest_um_per_V, at)})
     said = trouble_on_model(waves, "pid", stage, {axis: gains}, None)
     if said is not None:
+        level = "lower --level, by which this path is smaller too" if said.startswith(CUT) else "higher --level"
         raise BadInput(
             f"{axis}: on the response that was measured the tuned loop {said}; it was not closed on the stage; tune "
-            "again with a higher --level, or a lower --peak"
+            f"again with a {level}, or a lower --peak"
         )

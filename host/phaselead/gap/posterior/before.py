@@ -37,10 +37,14 @@ def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     as large as they are and of shapes near theirs. Each effect by itself."""
     found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
     for entry in entries:
-        free = parameters_of([entry])
-        deviations = np.array([_fault_deviation(p, entry[1][p.name]) for _, p in free])
-        found.append(fresh_columns(modelled, [entry], free)[:, :-1] * deviations)
+        found.append(fresh_columns(modelled, [entry], parameters_of([entry]))[:, :-1] * fault_deviations(entry))
     return np.concatenate(found, axis=1)
+
+
+def fault_deviations(entry: SizedEffect) -> Samples:
+    """(parameters,) in internal units, of each parameter of an effect that the base may lack."""
+    effect, params = entry
+    return np.array([_fault_deviation(p, params[p.name]) for p in effect.parameters])
 
 
 def _fault_deviation(p: Parameter, value: float) -> float:

@@ -7,7 +7,7 @@ octave only the mean power counts, so that nothing is asked of the shape of what
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from phaselead.gap.posterior.before import before_record
+from phaselead.gap.refit import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
@@ -24,9 +26,34 @@ what a jump leaves, fall as the inverse of the frequency."""
 CARRIED_OVER_s = 0.005
 """At the beginning of a record in which a dead time or a lag still carries what went before: those of amplifiers,
 sensors and buses have ended by then."""
+REMEMBERED = 128
+"""Columns of a record that are kept, those of the sets of effects that were asked for last."""
 
 Counts = NDArray[np.intp]
 """Whole numbers, (k,)."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a set of effects does in one record, as coefficients; in a reference record they do nothing."""
+
+    entries: tuple[SizedEffect, ...]
+    columns: Samples
+    """(n - 1, p + b + 1) tangents of all p parameters, b things that slow effects had done before the record began, one
+    prior deviation each, and the residual. Of a reference record the residual alone."""
+    tangents: int
+    """p, of a reference record 0."""
+    power: Samples
+    """(entries, blocks) mean power of what each effect adds to the others."""
+
+    @property
+    def before(self) -> Samples:
+        """(n - 1, b) of the columns."""
+        return self.columns[:, self.tangents : -1]
+
+    def of_tangents(self, p: int) -> Samples:
+        """(n - 1, p) of all parameters; of a reference record zeros."""
+        return self.columns[:, :p] if self.tangents else np.zeros((len(self.columns), p))
 
 
 @dataclass(frozen=True)
@@ -36,6 +63,8 @@ class BlockedRun:
     modelled: ModelledRun
     usual_um: float
     """Deviation of what the base leaves: how surely a record tells where its plays stood."""
+    _known: dict[tuple[object, ...], Simulated] = field(default_factory=dict, compare=False)
+    """What was simulated last, by effects and parameters."""
 
     @property
     def skipped(self) -> int:
@@ -97,16 +126,39 @@ class BlockedRun:
         """Coefficients (n - 1, 1) of what the base leaves."""
         return self.coefficients(self.modelled.error()[:, None])
 
+    def simulated(self, entries: Sequence[SizedEffect]) -> Simulated:
+        """What a set of effects does in the record."""
+        key = tuple((id(effect), *(params[p.name] for p in effect.parameters)) for effect, params in entries)
+        found = self._known.pop(key) if key in self._known else self._simulated(tuple(entries))
+        self._known[key] = found  # the most recent is the last
+        while len(self._known) > 1 and sum(one.columns.shape[1] for one in self._known.values()) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+        return found
+
+    def _simulated(self, entries: tuple[SizedEffect, ...]) -> Simulated:
+        if not self.changed:
+            return Simulated(entries, self.base_error, 0, np.zeros((len(entries), len(self.sizes))))
+        answer, e, p = self.modelled.answer(entries), len(entries), len(parameters_of(entries))
+        added = [answer - self.modelled.answer([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
+        fresh, before = (
+            fresh_columns(self.modelled, entries, parameters_of(entries)),
+            before_record(self.modelled, entries),
+        )
+        of_before = [] if before is None else [before]
+        columns = self.coefficients(np.column_stack([*added, fresh[:, :-1], *of_before, fresh[:, -1]]))
+        squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
+        return Simulated(entries, columns[:, e:].copy(), p, squares / self.sizes)
+
     def power(self, column: Samples) -> Samples:
         """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""
         c = self.coefficients(column[:, None])
         return self.products(c, c)[:, 0, 0]
 
     def spread(self, power: Samples) -> Samples:
-        """The same power (blocks,), spread over the octaves beside its own."""
-        apart = np.abs(np.arange(len(power))[:, None] - np.arange(len(power)))
+        """The same power (..., blocks), spread over the octaves beside its own."""
+        apart = np.abs(np.arange(len(self.sizes))[:, None] - np.arange(len(self.sizes)))
         share = FALLS_BY ** -apart.astype(float)
-        return np.asarray((share / share.sum(axis=0)) @ (power * self.sizes) / self.sizes)
+        return np.asarray((power * self.sizes) @ (share / share.sum(axis=0)).T / self.sizes)
 
 
 def blocked(runs: Sequence[ModelledRun]) -> list[BlockedRun]:

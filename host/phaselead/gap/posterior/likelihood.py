@@ -15,21 +15,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from phaselead.gap.posterior.before import as_fault, before_record
-from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.before import as_fault, fault_deviations
+from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
+from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.refit import (
     SizedEffect,
     bounded,
-    fresh_columns,
     from_internal,
     internal,
     is_logarithmic,
@@ -70,33 +69,35 @@ Scales = tuple[float, float]
 
 
 @dataclass(frozen=True)
+class Settled:
+    """Where what is integrated out is most likely, under each of s scales."""
+
+    amounts: Amounts
+    """Of its columns."""
+    power: Samples
+    """(s, blocks) of the residual less these."""
+    variance: Samples
+    """(s, blocks) that is expected of it."""
+
+    def __getitem__(self, which: int) -> Settled:
+        """Under one of them."""
+        return Settled(self.amounts[which], self.power[[which]], self.variance[[which]])
+
+
+@dataclass(frozen=True)
 class Terms:
     """A set of effects at some parameters, block by block."""
 
     entries: tuple[SizedEffect, ...]
-    moments: Samples
-    """(blocks, p + e + 1, ...) mean products of the tangents of the p parameters, of e columns that are integrated out
-    with a deviation of 1, and of the residual."""
+    moments: Moments
+    """Of the tangents of the p parameters, of what is integrated out, and of the residual."""
     signal: Samples
     """(blocks,) power of what the effects add, spread."""
     of_material: Samples
     """(blocks,) the part of it that is of the ceramic's loops and creep."""
     prior: Prior
-    beside: tuple[Samples, ...]
-    """Per run the coefficients (n - 1, b) of what slow effects had done before it began."""
-    settled: dict[tuple[Scales, bool], Samples] = field(default_factory=dict)
-    """Amounts of the columns that are integrated out, by scales and whether held-out records counted, once found."""
-
-    @cached_property
-    def precision(self) -> Samples:
-        """(p + e,) of the priors."""
-        p = len(self.prior.centre)
-        return np.concatenate([self.prior.precision, np.ones(self.moments.shape[1] - 1 - p)])
-
-    def power(self, amounts: Samples) -> Samples:
-        """Mean power (blocks,) of the residual less amounts (p + e,) of the columns."""
-        with_residual = np.append(-amounts, 1.0)
-        return np.asarray(np.maximum((self.moments @ with_residual) @ with_residual, 0.0))
+    settled: dict[tuple[Scales, bool], Settled] = field(default_factory=dict)
+    """Where what is integrated out settles, by scales and whether held-out records counted, once found."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +144,11 @@ class Likelihood:
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
         self.every = np.ones(len(self.fitted), dtype=bool)
-        self._octaves = np.unique(np.concatenate([run.octaves for run in self.runs]), return_inverse=True)[1]
+        octaves = np.concatenate([run.octaves for run in self.runs])
+        self._in_octave = (octaves[:, None] == np.unique(octaves)).astype(float)
         pairs = zip(self.runs, self.shared, strict=True)
-        self._among_shared = np.concatenate([run.products(one, one) for run, one in pairs])
+        self._among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
+        self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
 
     @property
     def step_s(self) -> float:
@@ -173,191 +176,167 @@ class Likelihood:
         with."""
         shared = list(self.shared)
         for i, (effect, _) in enumerate(entries):
-            size = np.sqrt(_squares([self._signal(run, entries, i) for run in self.runs]))
+            size = self._size_um(entries, i)
             for rival in self.known:
                 if not confused(effect, rival[0]):
                     continue
-                squares = _squares([self._signal(run, [rival], 0) for run in self.runs])
-                share = LIKE_RIVALS * size / np.sqrt(squares) if squares > 0 else 0.0
+                of_rival = self._size_um([rival], 0)
+                share = LIKE_RIVALS * size / of_rival if of_rival > 0 else 0.0
                 for j, run in enumerate(self.runs):
-                    near = run.coefficients(as_fault(run.modelled, [rival]) * (share * run.changed))
-                    shared[j] = np.concatenate([shared[j], near], axis=1)
+                    like_rival = run.simulated([rival]).of_tangents(len(rival[0].parameters)) * fault_deviations(rival)
+                    shared[j] = np.concatenate([shared[j], share * like_rival], axis=1)
         return replace(self, shared=tuple(shared))
 
-    def _signal(self, run: BlockedRun, entries: Sequence[SizedEffect], index: int) -> Samples:
-        """Coefficients (n - 1, 1) of what one effect adds to the others."""
-        if not run.changed:
-            return np.zeros((run.edges[-1], 1))
-        rest = [*entries[:index], *entries[index + 1 :]]
-        return run.coefficients((run.modelled.answer(entries) - run.modelled.answer(rest))[:, None])
-
-    def fresh(self, run: int, entries: Sequence[SizedEffect]) -> Samples:
-        """Coefficients (n - 1, p + 1) of one run: the tangents of all parameters, and the residual. Effects do nothing
-        in a reference record."""
-        blocks, free = self.runs[run], parameters_of(entries)
-        if not blocks.changed:
-            residual = blocks.base_error
-            return np.concatenate([np.zeros((len(residual), len(free))), residual], axis=1)
-        return blocks.coefficients(fresh_columns(blocks.modelled, entries, free))
-
-    def _before(self, entries: Sequence[SizedEffect]) -> tuple[Samples, ...]:
-        """What slow effects had done before each record began: columns of its own for each record."""
-        of_runs = [before_record(r.modelled, entries) if r.changed else None for r in self.runs]
-        ends = np.cumsum([0, *(0 if one is None else one.shape[1] for one in of_runs)])
-        found = []
-        for run, mine, first in zip(self.runs, of_runs, ends[:-1], strict=True):
-            wide = np.zeros((run.edges[-1], ends[-1]))
-            if mine is not None:
-                wide[:, first : first + mine.shape[1]] = run.coefficients(mine)
-            found.append(wide)
-        return tuple(found)
+    def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
+        """Root of the squares, over all records, of what one effect adds to the others."""
+        return float(np.sqrt(sum(run.simulated(entries).power[index] @ run.sizes for run in self.runs)))
 
     def terms(self, entries: Sequence[SizedEffect]) -> Terms:
         """A set of effects at its parameters."""
-        entries = tuple(entries)
-        signals = [[self._signal(run, entries, i) for run in self.runs] for i in range(len(entries))]
-        added = np.stack([self._powers(of) for of in signals]) if signals else np.zeros((0, len(self.every)))
-        material = is_of_material(entries)
-        beside = self._before(entries)
-        moments = self._moments([self.fresh(i, entries) for i in range(len(self.runs))], beside)
-        return Terms(
-            entries, moments, added.sum(axis=0), added[material].sum(axis=0), prior_of(entries, self.step_s), beside
-        )
+        found = [run.simulated(entries) for run in self.runs]
+        pairs = zip(self.runs, found, strict=True)
+        of_effects = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
+        material = of_effects[is_of_material(entries)].sum(axis=0)
+        prior = prior_of(entries, self.step_s)
+        return Terms(tuple(entries), self._moments(found), of_effects.sum(axis=0), material, prior)
 
-    def _powers(self, signals: Sequence[Samples]) -> Samples:
-        """Power (blocks,), spread, of coefficients (n - 1, 1) per run."""
-        pairs = zip(self.runs, signals, strict=True)
-        return np.concatenate([run.spread(run.products(one, one)[:, 0, 0]) for run, one in pairs])
+    def _moments(self, found: Sequence[Simulated]) -> Moments:
+        """Of tangents, of what is integrated out, and of the residual."""
+        width = max(one.columns.shape[1] for one in found)
+        own, across = [], []
+        for run, shared, one in zip(self.runs, self.shared, found, strict=True):
+            none = width - one.columns.shape[1]
+            own.append(np.pad(run.products(one.columns, one.columns), ((0, 0), (none, 0), (none, 0))))
+            across.append(np.pad(run.products(one.columns, shared), ((0, 0), (none, 0), (0, 0))))
+        tangents = max(one.tangents for one in found)
+        return Moments(np.concatenate(own), np.concatenate(across), self._among_shared, self._blocks, tangents)
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
-        fresh = [r.coefficients(r.modelled.error(entries)[:, None]) if r.changed else r.base_error for r in self.runs]
+        width = terms.moments.integrated.own.shape[1]
+        own, across = [], []
+        for run, shared in zip(self.runs, self.shared, strict=True):
+            left = run.coefficients(run.modelled.error(entries)[:, None]) if run.changed else run.base_error
+            mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
+            own.append(np.pad(run.products(left, mine)[:, 0], ((0, 0), (width - mine.shape[1], 0))))
+            across.append(run.products(left, shared)[:, 0])
+        moments = terms.moments.with_residual(np.concatenate(own), np.concatenate(across))
         prior = prior_of(entries, self.step_s)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
-        return Terms(entries, self._moments(fresh, terms.beside), terms.signal, terms.of_material, none, terms.beside)
+        return Terms(entries, moments, terms.signal, terms.of_material, none)
 
-    def _moments(self, fresh: Sequence[Samples], beside: Sequence[Samples]) -> Samples:
-        """Products (blocks, ...) of tangents, of what is integrated out, and of the residual."""
-        p, k, b = fresh[0].shape[1] - 1, self.shared[0].shape[1], beside[0].shape[1]
-        places = np.array([*range(p), *range(p + k, p + k + b), p + k + b])
-        known = np.arange(p, p + k)
-        found = []
-        for run, shared, new, more in zip(self.runs, self.shared, fresh, beside, strict=True):
-            columns = np.concatenate([new[:, :-1], more, new[:, -1:]], axis=1)
-            moments = np.zeros((len(run.sizes), p + k + b + 1, p + k + b + 1))
-            moments[:, places[:, None], places] = run.products(columns, columns)
-            cross = run.products(columns, shared)
-            moments[:, places[:, None], known] = cross
-            moments[:, known[:, None], places] = cross.transpose(0, 2, 1)
-            found.append(moments)
-        every = np.concatenate(found)
-        every[:, known[:, None], known] = self._among_shared
-        return every
+    def variance(self, terms: Terms, scales: Sequence[Scales]) -> Samples:
+        """v (s, blocks) in um^2."""
+        shares, times = np.array(scales).T[:, :, None]
+        return np.asarray(self.noise + times**2 * self.base + missed_um2(shares, terms.signal, terms.of_material))
 
-    def variance(self, terms: Terms, scales: Scales) -> Samples:
-        """v (blocks,) in um^2."""
-        share, times = scales
-        return np.asarray(self.noise + times**2 * self.base + missed_um2(share, terms.signal, terms.of_material))
-
-    def log_density(self, power: Samples, variance: Samples, which: Samples) -> float:
-        """Of the residual's power (blocks,), one coefficient for each block."""
+    def log_density(self, power: Samples, variance: Samples, which: Samples) -> Samples:
+        """(s,) of the residual's power (s, blocks), one coefficient for each block."""
         t = self.expected.told
         one = gammaln((t + 1) / 2) - gammaln(t / 2) - 0.5 * np.log(t * np.pi * variance)
-        return float(np.sum((one - (t + 1) / 2 * np.log1p(power / (t * variance)))[which]))
+        return np.asarray(np.sum((one - (t + 1) / 2 * np.log1p(power / (t * variance)))[:, which], axis=1))
 
     def weights(self, power: Samples, variance: Samples) -> Samples:
-        """By which squares (blocks,) count near a residual of this power."""
+        """By which squares (s, blocks) count near a residual of this power."""
         t = self.expected.told
         return np.asarray((t + 1) / (t * variance + power))
 
-    def settled(self, terms: Terms, scales: Scales, which: Samples) -> Samples:
-        """Amounts (p + e,) of the columns, 0 of the tangents, at which what is integrated out is most likely."""
-        key = scales, which is self.every
-        if key not in terms.settled:
-            terms.settled[key] = self._settled(terms, scales, which)
-        return terms.settled[key]
+    def settled(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Settled:
+        """Where what is integrated out is most likely."""
+        keys = [(one, which is self.every) for one in scales]
+        missing = [key for key in keys if key not in terms.settled]
+        if missing:
+            found = self._settled(terms, [one for one, _ in missing], which)
+            terms.settled.update({key: found[i] for i, key in enumerate(missing)})
+        parts = [terms.settled[key] for key in keys]
+        power, variance = (np.concatenate(of) for of in zip(*((one.power, one.variance) for one in parts), strict=True))
+        return Settled(together([one.amounts for one in parts]), power, variance)
 
-    def _settled(self, terms: Terms, scales: Scales, which: Samples) -> Samples:
-        p, amounts = len(terms.prior.centre), np.zeros(len(terms.precision))
-        if len(amounts) == p:
-            return amounts
+    def _settled(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Settled:
+        moments = terms.moments.integrated
         # The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
         # what they explain.
-        variance, power = self.variance(terms, scales), np.zeros(len(which))
+        variance, amounts = self.variance(terms, scales), moments.none(len(scales))
+        power, moving = np.zeros_like(variance), np.arange(len(scales) if moments.columns else 0)
         for _ in range(SETTLING):
-            w = np.where(which, self.weights(power, variance), 0.0)
-            normal = np.tensordot(w, terms.moments, 1)
-            found = np.linalg.solve(normal[p:-1, p:-1] + np.diag(terms.precision[p:]), normal[p:-1, -1])
-            moved = float(np.abs(found - amounts[p:]).max())
-            amounts[p:] = found
-            if moved < SETTLED:
+            if not len(moving):
                 break
-            power = terms.power(amounts)
-        return amounts
+            w = np.where(which, self.weights(power[moving], variance[moving]), 0.0)
+            normal, right = moments.normal(w, np.zeros(0))
+            found = normal.solve(right)
+            moved = (found - amounts[moving]).largest()
+            amounts.put(moving, found)
+            power[moving] = moments.power(found)
+            moving = moving[moved >= SETTLED]
+        return Settled(amounts, moments.power(amounts), variance)
 
-    def log_joint(self, terms: Terms, scales: Scales, which: Samples) -> float:
-        """Log density of the records and of all parameters."""
-        amounts = self.settled(terms, scales, which)
-        density = self.log_density(terms.power(amounts), self.variance(terms, scales), which)
-        return density + terms.prior.log_density - 0.5 * float(amounts @ amounts)
+    def log_joint(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Samples:
+        """Log density (s,) of the records and of all parameters."""
+        at = self.settled(terms, scales, which)
+        squares = at.amounts.along(at.amounts)[:, 0, 0]
+        return np.asarray(self.log_density(at.power, at.variance, which) + terms.prior.log_density - 0.5 * squares)
 
     def information(
-        self, terms: Terms, scales: Scales, which: Samples, independent: Samples | float = 1.0
-    ) -> tuple[Samples, Samples]:
-        """(p + e, p + e) of the records and the priors together, and the slope (p + e,) of the log density. Of what a
-        block says only the share ``independent`` (blocks,) counts."""
-        amounts = self.settled(terms, scales, which)
-        w = independent * np.where(which, self.weights(terms.power(amounts), self.variance(terms, scales)), 0.0)
-        normal = np.tensordot(w, terms.moments, 1)
-        slope = normal[:-1, -1] - normal[:-1, :-1] @ amounts
-        off = internal(terms.entries) - terms.prior.centre
-        slope -= np.concatenate([terms.prior.precision * off, amounts[len(off) :]])
-        return normal[:-1, :-1] + np.diag(terms.precision), slope
+        self, terms: Terms, scales: Sequence[Scales], which: Samples, independent: Samples | float = 1.0
+    ) -> tuple[Normal, Amounts]:
+        """Of the parameters and of what is integrated out, by the records and the priors together, and the slope of the
+        log density. Of what a block says only the share ``independent`` (s, blocks) counts."""
+        at = self.settled(terms, scales, which)
+        w = independent * np.where(which, self.weights(at.power, at.variance), 0.0)
+        normal, right = terms.moments.normal(w, terms.prior.precision)
+        p = len(terms.prior.centre)
+        slope = right - normal.times(at.amounts.behind(p))
+        off = terms.prior.precision * (internal(terms.entries) - terms.prior.centre)
+        slope.common[:, :p, 0] -= off
+        return normal, slope
 
-    def _covariance(self, terms: Terms, scales: Scales) -> Samples:
-        """(p, p) of the parameters in internal units. What the base and the equations miss is the stage's, and the same
-        in every record: an octave tells a parameter past it once, however many records there are."""
+    def _covariances(self, terms: Terms, scales: Sequence[Scales]) -> Samples:
+        """(s, p, p) of the parameters in internal units. What the base and the equations miss is the stage's, and the
+        same in every record: an octave tells a parameter past it once, however many records there are."""
         variance = self.variance(terms, scales)
         told = terms.signal / variance
-        of_octave = np.bincount(self._octaves, told) ** 2 / np.maximum(np.bincount(self._octaves, told**2), 1e-300)
-        records = np.maximum(of_octave, 1.0)[self._octaves]
+        of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
+        records = np.maximum(of_octave, 1.0) @ self._in_octave.T
         independent = variance / (self.noise + records * (variance - self.noise))
+        normal, _ = self.information(terms, scales, self.every, independent)
         p = len(terms.prior.centre)
-        return np.asarray(np.linalg.inv(self.information(terms, scales, self.every, independent)[0])[:p, :p])
+        return np.asarray(np.linalg.inv(normal.reduced)[:, :p, :p])
 
     def likeliest_scales(self, terms: Terms, near: Scales | None = None) -> tuple[float, Scales]:
         """The most likely scales, after the log density there: of all, or by steps from those of a set like it."""
         grid = _grid(terms)
-        found = {one: self._log_joint_at(terms, one) for one in (grid if near is None else [near])}
+        found = self._log_joints(terms, grid if near is None else [near])
         while near is not None:
             best = max(found, key=lambda one: found[one])
-            beside = [one for one in grid if one not in found and _beside(one, best)]
-            found |= {one: self._log_joint_at(terms, one) for one in beside}
+            found |= self._log_joints(terms, [one for one in grid if one not in found and _beside(one, best)])
             if max(found, key=lambda one: found[one]) == best:
                 break
         return max((density, one) for one, density in found.items())
 
-    def _log_joint_at(self, terms: Terms, scales: Scales) -> float:
-        return self.log_joint(terms, scales, self.every) + _log_prior(terms, scales)
+    def _log_joints(self, terms: Terms, scales: Sequence[Scales]) -> dict[Scales, float]:
+        """Log density of the records, of all parameters and of scales, under each of these."""
+        if not scales:
+            return {}
+        found = self.log_joint(terms, scales, self.every).tolist()
+        return {one: log + _log_prior(terms, one) for one, log in zip(scales, found, strict=True)}
 
-    def fit(self, start: Sequence[SizedEffect], steps: int = STEPS) -> Fit:
-        """The most likely parameters near those of ``start``."""
+    def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
+        """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
         terms, scales, _ = self.fitted_terms(start, steps)
         return self.judged(terms, scales)
 
-    def fitted_terms(self, start: Sequence[SizedEffect], steps: int = STEPS) -> tuple[Terms, Scales, float]:
+    def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, Scales, float]:
         """A set at its most likely parameters near those of ``start``, the scales there and the log density."""
-        terms = self.terms(start)
+        terms = start if isinstance(start, Terms) else self.terms(start)
         best, scales = self.likeliest_scales(terms)
         damping = 1e-3
-        for _ in range(steps if len(start) else 0):
-            information, slope = self.information(terms, scales, self.every)
+        for _ in range(steps if terms.entries else 0):
+            information, slope = self.information(terms, [scales], self.every)
             gained = 0.0
             for _ in range(DAMPINGS):
-                step = np.asarray(np.linalg.solve(information + damping * np.diag(np.diag(information)), slope))
-                entries = _moved(terms.entries, step)
+                entries = _moved(terms.entries, information.damped(damping).solve(slope).common[0, :, 0])
                 near = self._near(terms, entries)
-                gained = self._log_joint_at(near, scales) - best
+                gained = self._log_joints(near, [scales])[scales] - best
                 if gained > 0:
                     terms, damping = self.terms(entries), max(damping / 5, 1e-6)
                     best, scales = self.likeliest_scales(terms, scales)
@@ -371,22 +350,22 @@ class Likelihood:
         """Evidence and covariance of a set at its most likely parameters."""
         grid = _grid(terms)
         prior = np.array([_log_prior(terms, one) for one in grid])
-        every = prior + np.array([self._log_evidence(terms, one, self.every) for one in grid])
-        fitted = prior + np.array([self._log_evidence(terms, one, self.fitted) for one in grid])
+        every = prior + self._log_evidence(terms, grid, self.every)
+        fitted = prior + self._log_evidence(terms, grid, self.fitted)
         likely = np.exp(every - every.max())
         named = float(likely[[share <= MOST_MISSED for share, _ in grid]].sum() / likely.sum())
         p = len(terms.prior.centre)
         covariance = np.zeros((p, p))
-        for probability, one in zip(likely / likely.sum(), grid, strict=True):
-            if p and probability > NEGLIGIBLE:
-                covariance += probability * self._covariance(terms, one)
+        if p:
+            probability = likely / likely.sum()
+            kept = np.flatnonzero(probability > NEGLIGIBLE)
+            covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
         return Fit(terms, _log_sum(every), _log_sum(fitted), named, scales, covariance)
 
-    def _log_evidence(self, terms: Terms, scales: Scales, which: Samples) -> float:
-        information, _ = self.information(terms, scales, which)
-        p = len(terms.prior.centre)
-        volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(information)[1]
-        return self.log_joint(terms, scales, which) + float(volume)
+    def _log_evidence(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Samples:
+        normal, _ = self.information(terms, scales, which)
+        volume = 0.5 * (len(terms.prior.centre) * np.log(2 * np.pi) - normal.log_determinant)
+        return np.asarray(self.log_joint(terms, scales, which) + volume)
 
 
 def names_of(entries: Sequence[SizedEffect]) -> Names:
@@ -405,9 +384,9 @@ def is_of_material(entries: Sequence[SizedEffect]) -> NDArray[np.bool_]:
     return np.array([effect.place in (Place.HYSTERESIS, Place.CREEP) for effect, _ in entries], dtype=bool)
 
 
-def missed_um2(share: float, signal: Samples, of_material: Samples) -> Samples:
+def missed_um2(share: Samples | float, signal: Samples, of_material: Samples) -> Samples:
     """Power (blocks,) that the equations miss of what effects add, of which a part is of the ceramic."""
-    return np.asarray(share**2 * signal + max(LEAST_OF_MATERIAL**2 - share**2, 0.0) * of_material)
+    return np.asarray(share**2 * signal + np.maximum(LEAST_OF_MATERIAL**2 - share**2, 0.0) * of_material)
 
 
 def _grid(terms: Terms) -> list[Scales]:
@@ -426,10 +405,6 @@ def _log_prior(terms: Terms, scales: Scales) -> float:
     within = sum(share <= MOST_MISSED for share in SHARES)
     of_share = (1 - OUTSIDE) / within if scales[0] <= MOST_MISSED else OUTSIDE / (len(SHARES) - within)
     return float(np.log(of_share if terms.entries else 1.0) - np.log(len(TIMES_BASE)))
-
-
-def _squares(parts: Sequence[Samples]) -> float:
-    return sum(float(np.sum(part**2)) for part in parts)
 
 
 def _log_sum(logs: Samples) -> float:

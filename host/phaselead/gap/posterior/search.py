@@ -41,6 +41,8 @@ class Contest:
     detectable: Mapping[str, float] = field(default_factory=dict)
     """First size, in its unit, that each effect must have for a name to be expected, stated without what the records
     show."""
+    starts: Starts | None = None
+    """Of all effects that were looked at."""
 
     def log_posterior(self, names: Names) -> float:
         """Log evidence and log prior of a set."""
@@ -70,7 +72,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     on_progress(0.3)
     likelihood = likelihood.knowing([fit.entries[0] for fit in alone])
     nothing, alone = likelihood.fit(()), [likelihood.fit(fit.entries) for fit in alone]
-    starts = Starts(likelihood, effects)
+    starts = starts.of(likelihood)
     pool = {fit.names: fit for fit in [nothing, *alone]}
     contest = Contest(likelihood, pool, len(effects))
     frontier = _better(contest, alone, contest.log_posterior(()))
@@ -81,7 +83,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
             if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
                 pool[fit.names] = fit
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
-    return replace(_last_contest(likelihood, pool, len(effects)), detectable=detectable)
+    return replace(_last_contest(likelihood, pool, len(effects)), detectable=detectable, starts=starts)
 
 
 def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
@@ -112,7 +114,7 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     if not rough:
         return None
     terms, _, _ = max(rough, key=lambda one: one[2])
-    return likelihood.fit(terms.entries)
+    return likelihood.fit(terms)
 
 
 def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:

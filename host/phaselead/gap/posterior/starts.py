@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from phaselead.gap.metric import LEAST_POWER
 from phaselead.gap.posterior.likelihood import SHARES, TIMES_BASE, Fit, Likelihood
+from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES, prior_of
 from phaselead.gap.refit import SizedEffect, bounded
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
@@ -44,12 +46,18 @@ class SizedGroup:
     deviation: float
 
 
-@dataclass
 class Starts:
     """Of all effects of a catalogue beside any set."""
 
-    likelihood: Likelihood
-    effects: Sequence[Effect]
+    def __init__(self, likelihood: Likelihood, effects: Sequence[Effect]) -> None:
+        self.likelihood = likelihood
+        self.effects = effects
+
+    def of(self, likelihood: Likelihood) -> Starts:
+        """The same under another likelihood of the same runs; what was simulated is kept."""
+        other = copy(self)
+        other.likelihood = likelihood
+        return other
 
     @cached_property
     def _groups(self) -> list[RegressorGroup]:
@@ -109,7 +117,7 @@ class Starts:
         """By effect, the first size, in its unit, at which it is expected to bring so many log odds beside nothing, at
         the most usual of its shapes: by noise, by what the base misses and by how much these records excite it,
         whatever they show."""
-        expected = 1 / self.likelihood.variance(nothing.terms, (SHARES[0], TIMES_BASE[0]))
+        expected = 1 / self.likelihood.variance(nothing.terms, [(SHARES[0], TIMES_BASE[0])])[0]
         chosen: dict[str, tuple[float, float]] = {}
         for group, _, curvature in self._moments(nothing, self._groups, self._columns, expected):
             information = float(1 / np.linalg.inv(curvature + np.eye(len(curvature)) * LEAST_POWER)[0, 0])
@@ -141,28 +149,32 @@ class Starts:
         likelihood, terms = self.likelihood, fit.terms
         w = weights
         if w is None:
-            amounts = likelihood.settled(terms, fit.scales, likelihood.every)
-            w = likelihood.weights(terms.power(amounts), likelihood.variance(terms, fit.scales))
-        p = len(terms.precision)
-        normal = np.tensordot(w, terms.moments, 1)
-        inner = normal[:p, :p] + np.diag(terms.precision)
-        cross = np.zeros((columns[0].shape[1], p + 1))
+            settled = likelihood.settled(terms, [fit.scales], likelihood.every)
+            w = likelihood.weights(settled.power, settled.variance)[0]
+        normal, right = terms.moments.normal(w[None], terms.prior.precision)
+        p, c, k = terms.moments.tangents, normal.common.shape[1], columns[0].shape[1]
+        common, before = np.zeros((c + 1, k)), np.zeros((*normal.before.shape[1:3], k))
         own = [np.zeros((len(group.steps),) * 2) for group in groups]
-        places = np.split(np.arange(len(cross)), np.cumsum([len(group.steps) for group in groups])[:-1])
-        of_runs = np.split(w, np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
+        places = np.split(np.arange(k), np.cumsum([len(group.steps) for group in groups])[:-1])
+        of_runs = np.split(w, terms.moments.runs[1:-1])
         for i, (run, mine) in enumerate(zip(likelihood.runs, of_runs, strict=True)):
             if not run.changed:
                 continue
             roots = np.repeat(np.sqrt(mine / run.sizes), run.sizes)[:, None].astype(np.float32)
-            fresh = likelihood.fresh(i, fit.entries)
-            of_set = np.concatenate([fresh[:, :-1], likelihood.shared[i], terms.beside[i], fresh[:, -1:]], axis=1)
+            of_run = run.simulated(fit.entries)
+            tangents, residual = of_run.columns[:, :p], of_run.columns[:, -1:]
+            of_set = np.concatenate([tangents, likelihood.shared[i], residual, of_run.before], axis=1)
             weighed = columns[i] * roots
-            cross += weighed.T @ (of_set.astype(np.float32) * roots)
+            cross = (of_set.astype(np.float32) * roots).T @ weighed
+            common += cross[: c + 1]
+            before[i] = cross[c + 1 :]
             for at, products in zip(places, own, strict=True):
                 products += weighed[:, at].T @ weighed[:, at]
-        moved = np.linalg.solve(inner, np.column_stack([cross[:, :p].T, normal[:p, -1]]))
+        with_set = Amounts(common[None, :-1], before[None])
+        slopes = common[-1] - with_set.along(normal.solve(right))[0, :, 0]
+        taken = with_set.along(normal.solve(with_set))[0]
         return [
-            (group, cross[at, -1] - cross[at, :p] @ moved[:, -1], products - cross[at, :p] @ moved[:, at])
+            (group, slopes[at], products - taken[np.ix_(at, at)])
             for group, at, products in zip(groups, places, own, strict=True)
         ]
 
