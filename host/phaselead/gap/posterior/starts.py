@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -180,6 +181,8 @@ class Starts:
 
 def _amount_of(log_odds: float, information: float) -> float:
     """Steps of a size at which its gain, half its square by the information (1/steps^2), less what its prior costs,
-    is so many log units."""
+    is so many log units; infinite where the records say nothing of it, which in rounded numbers may be less."""
+    if information <= 0:
+        return math.inf
     cost = max(0.5 * np.log(information), 0.0)
     return float(np.sqrt(2 * (log_odds + cost) / information))
