@@ -236,10 +236,10 @@ def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun]) 
     """Which modes were found or, without any, how fast the records drive the axis: above that it may have some."""
     if found is not None:
         return [_describe_modes(axis, found)]
-    response = measured_response(runs)
-    if not len(response.f_Hz):
-        return [f"axis {axis}: no mode, since its response is clear nowhere; record steps or a multisine for one"]
-    return [f"axis {axis}: shows no mode up to {response.f_Hz[-1]:.3g} Hz; the records do not drive it faster"]
+    response = measured_response(runs).unbroken
+    if not response.broadband:
+        return [f"axis {axis}: no mode looked for: driven at too few frequencies; record steps or a multisine for one"]
+    return [f"axis {axis}: shows no mode up to {response.f_Hz[-1]:.0f} Hz; the records do not drive it faster"]
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

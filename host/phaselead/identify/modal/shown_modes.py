@@ -37,6 +37,9 @@ FEWEST_LINES = 24
 """Of a response that shows a mode."""
 LOWEST_OF_BAND = 3.0
 """A mode lies at least this factor above the lowest line: below it is the band that tells the gain without it."""
+GAP, GAP_LINES = 0.5, 8
+"""Between clear lines, in shares of the lower one's frequency or in distances of the closest two: wherever between f and
+1.5 f a mode is, it raises the response at f to 1.8 and more."""
 MOST_MODES = 4
 TRIED_PER_DECADE = 80
 TRIED_ZETAS = (0.006, 0.02, 0.08, 0.25)
@@ -64,6 +67,17 @@ class MeasuredResponse:
     def broadband(self) -> bool:
         """Whether it spans enough to show more than a gain."""
         return len(self.f_Hz) >= FEWEST_LINES and float(self.f_Hz[-1]) >= LOWEST_OF_BAND * float(self.f_Hz[0])
+
+    @property
+    def unbroken(self) -> MeasuredResponse:
+        """From its lowest line on up to the first gap wide enough for a mode to hide in: a clear line far above the
+        others may be so by chance, or be a harmonic of the one that is driven."""
+        if len(self.f_Hz) < 2:
+            return self
+        wide = np.maximum(GAP * self.f_Hz[:-1], GAP_LINES * np.diff(self.f_Hz).min())
+        gaps = np.flatnonzero(np.diff(self.f_Hz) > wide)
+        end = gaps[0] + 1 if len(gaps) else len(self.f_Hz)
+        return MeasuredResponse(self.f_Hz[:end], self.value[:end], self.std[:end])
 
     @property
     def weight(self) -> Samples:
