@@ -81,7 +81,7 @@ def test_where_and_hold_have_json(run):
 
 
 def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):
-    """On a pseudo-terminal, in real time: five programs one after another."""
+    """On a pseudo-terminal, in real time: one program after another, and what is refused moves nothing."""
     link = tmp_path / "stage"
     env = os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")}
 
@@ -98,6 +98,10 @@ def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):
         status, out, _ = phaselead("where", "--json", "-")
         here = json.loads(out)
         assert (status, here["state"], here["axes"]["x"]["on_target"]) == (0, "running", True)
+        for refused in (("x=60um", "--duration", "0.001"), ("x=400um",), ("x=400um", "--model", str(model))):
+            assert phaselead("move", *refused)[0] == 2
+        still = json.loads(phaselead("where", "--json", "-")[1])
+        assert (still["state"], still["axes"]["x"]["target_um"]) == ("running", 40)
         figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
         assert figures["to_um"] == 45
         status, _, err = phaselead("info")

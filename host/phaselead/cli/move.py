@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import click
 
@@ -24,6 +25,7 @@ from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT
 from phaselead.cli.track import gains_option
 from phaselead.control import MODES, Controller, Planned, connect, parse_targets
+from phaselead.errors import BadInput
 from phaselead.model import load_stage
 
 HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
@@ -31,6 +33,18 @@ HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead p
 
 def _after(device: Controller) -> str:
     return next(iter(forgotten(device.device.session.name, "what it holds")), HELD)
+
+
+@contextmanager
+def _held_if_refused(device: Controller) -> Iterator[None]:
+    """What an earlier command holds stays held where this one is refused: nothing has moved."""
+    held = device.resumed
+    try:
+        yield
+    except BadInput:
+        if held:
+            device.leave_running()
+        raise
 
 
 @top_level(order=72)
@@ -77,7 +91,7 @@ def move(
         if json_to != "-":
             show({}, None, planned.sentences(predicted))
 
-    with connect(port, resume=True) as device, warnings_said():
+    with connect(port, resume=True) as device, warnings_said(), _held_if_refused(device):
         moved = device.move(
             x=targets.get("x"),
             y=targets.get("y"),

@@ -38,8 +38,8 @@ FEWEST_LINES = 24
 LOWEST_OF_BAND = 3.0
 """A mode lies at least this factor above the lowest line: below it is the band that tells the gain without it."""
 GAP, GAP_LINES = 0.5, 8
-"""Between clear lines, in shares of the lower one's frequency or in distances of the closest two: wherever between f and
-1.5 f a mode is, it raises the response at f to 1.8 and more."""
+"""Between clear lines, in shares of the lower one's frequency or in distances of the closest two: a mode anywhere
+between f and 1.5 f raises the response at f to 1.8 and more."""
 MOST_MODES = 4
 TRIED_PER_DECADE = 80
 TRIED_ZETAS = (0.006, 0.02, 0.08, 0.25)
