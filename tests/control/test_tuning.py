@@ -242,10 +242,40 @@ def test_a_push_on_what_was_measured_is_over_sooner_than_with_the_widest_loop(mo
     plain = replace(PLANT, gain_um_per_V=(16.0, 16.0), modes=((1.0, 200.0, 0.02),), lags_s=(), delay_s=3e-4)
     over = Range((14.0, 28.0), 0.1, 2.0)
     calm = shape(plain, over)
-    monkeypatch.setattr(shaping._Push, "unrest", lambda push, values: 0.0)
+    monkeypatch.setattr(shaping._Held, "unrest", lambda push, values: 0.0)
     wide = shape(plain, over)
     assert over_s(plain, 16.0, calm) < 0.8 * over_s(plain, 16.0, wide)
     assert predicted(plain, calm, over).bandwidth_Hz[0] > 0.8 * predicted(plain, wide, over).bandwidth_Hz[0]
+
+
+def test_noise_and_the_closed_measurement_leave_each_other_half_of_the_slew_limit() -> None:
+    """Where both took all of it together, loops of a peak sensitivity of 2 ran to the rails of the rehearsal."""
+    model = built_in("xyz250").axis("x")
+    plain = replace(PLANT, gain_um_per_V=(19.5, 19.5), modes=((1.0, 200.0, 0.02),), lags_s=(1.2e-4,), delay_s=2.2e-4)
+    over = Range((13.2, 28.4), 0.1, 2.0, course.most_unrest_V_per_um(model))
+    gains = shape(plain, over)
+    rng = np.random.default_rng(1)
+    swing_um = course.widest_swing_um(plain, gains, over, model.limits.slew_V_per_s)
+    path = course.multisine(course.CLOSED.grid, swing_um, 0.0, "um", 0)
+    ticks, half_V = course.CLOSED.grid.ticks, model.limits.slew_V_per_s * TICK_S / 2
+    turns = np.fft.rfftfreq(ticks) / TICK_S
+    asked = pid_response(gains, turns[1:]) / (
+        1 + 19.5 * plant_response(plain, turns[1:]) * pid_response(gains, turns[1:])
+    )
+    for signal_um, most_V in (
+        (
+            np.interp(
+                np.arange(ticks) / ticks,
+                np.arange(len(path.period) + 1) / len(path.period),
+                [*path.period, path.period[0]],
+            )
+            * swing_um,
+            half_V,
+        ),
+        (rng.normal(0, model.sensor.noise_um_rms, ticks), 1.3 * half_V),
+    ):
+        output_V = np.fft.irfft(np.fft.rfft(signal_um) * np.concatenate([[0], asked]), ticks)
+        assert np.abs(np.diff(output_V)).max() < 1.001 * most_V
 
 
 def test_the_same_plant_gives_the_same_gains() -> None:

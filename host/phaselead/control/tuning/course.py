@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from phaselead.control.tuning.result import ClosedLoop, Tuned
 from phaselead.control.tuning.shaping import Range, predicted, shape
 from phaselead.device import Device
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Gains, Stage, provenance_of, small_signal
+from phaselead.model import TICK_S, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
 from phaselead.sim import data_sheet
 
 FINE = Plan(Grid.odd_random(8192, 290.0), settle_periods=1, periods=4)
@@ -34,6 +35,8 @@ GAIN_SHARE = 0.1
 WITHOUT_TIME_VIEW = (0.7, 1.7)
 """Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
+ROOM, CREST = 0.5, 4.0
+"""Of the slew limit, for noise and for a path each; and noise by its rms: beyond it in one tick of 16,000."""
 SHARES = (0.3, 0.45, 0.8, 1.0)
 """Progress after each part."""
 
@@ -73,12 +76,14 @@ def tune(
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     sure = measured.reliable()
     fitted = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
-    over = Range(local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share), mode_shift, peak)
+    local = local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share)
+    over = Range(local, mode_shift, peak, most_unrest_V_per_um(parent.axis(axis)))
     first, last = SHARES[1], SHARES[2]
     gains = shape(fitted.plant, over, lambda done: told(first + (last - first) * done))
     _refuse_measured(measured, fitted, gains, over)
     middle = middle_V, measured.middle_um
-    swing_um = round(level_V * fitted.gain_um_per_V / 2 * 2**16) / 2**16
+    swing_um = min(level_V * fitted.gain_um_per_V / 2, widest_swing_um(fitted.plant, gains, over, limits.slew_V_per_s))
+    swing_um = round(swing_um * 2**16) / 2**16
     path = multisine(CLOSED.grid, swing_um, measured.middle_um, "um", 0)
     refuse_rehearsed(axis, parent.axis(axis), fitted, over.gain_um_per_V[1], middle, gains, {axis: path})
     closed = measure(
@@ -110,6 +115,27 @@ def tune(
         expected=predicted(fitted.plant, gains, measured_only),
         closed=loop,
     )
+
+
+def most_unrest_V_per_um(model: AxisModel) -> float:
+    """So that the sensor's noise, or its code, takes no more than half of the slew limit."""
+    sensor = model.sensor
+    code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits
+    noise_um = max(sensor.noise_um_rms, code_um / math.sqrt(12))
+    return float(ROOM * model.limits.slew_V_per_s * TICK_S / (CREST * noise_um))
+
+
+def widest_swing_um(plant: SmallSignal, gains: Gains, over: Range, slew_V_per_s: float) -> float:
+    """Of the multisine in the reference: the output is to change by no more than half of the slew limit for it."""
+    period = multisine(CLOSED.grid, 1.0, 0.0, "um", 0).period
+    turns = np.arange(CLOSED.grid.ticks) / CLOSED.grid.ticks
+    played = np.interp(turns, np.arange(len(period) + 1) / len(period), [*period, period[0]])
+    f_Hz = np.fft.rfftfreq(CLOSED.grid.ticks, TICK_S)[1:]
+    loop = over.gains()[:, None] * plant_response(plant, f_Hz) * pid_response(gains, f_Hz)
+    rate = pid_response(gains, f_Hz) * (1 - np.exp(-2j * np.pi * f_Hz * TICK_S)) / (1 + loop)
+    spectrum = np.concatenate([np.zeros((len(loop), 1)), np.fft.rfft(played)[1:] * rate], axis=1)
+    change_V = float(np.abs(np.fft.irfft(spectrum)).max())
+    return ROOM * slew_V_per_s * TICK_S / change_V
 
 
 def _refuse(peak: float, mode_shift: float, gain_share: float) -> None:

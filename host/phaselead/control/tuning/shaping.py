@@ -59,6 +59,9 @@ class Range:
     gain_um_per_V: tuple[float, float]
     mode_shift: float
     peak: float
+    most_unrest_V_per_um: float = math.inf
+    """What white noise of the position may change the output by from tick to tick, rms in V for 1 um rms: an output at
+    its slew limit no longer does what the loop asks for, and the margin is gone."""
 
     def gains(self) -> Samples:
         return np.geomspace(*self.gain_um_per_V, GAINS)
@@ -108,8 +111,8 @@ def shape(plant: SmallSignal, over: Range, on_progress: Callable[[float], None] 
             f"no PID with {FILTERS} filters keeps a peak sensitivity of {over.peak:g} with local gains of {low:.3g} to "
             f"{high:.3g} um/V and modes {100 * over.mode_shift:g} % up and down; allow a higher peak (--peak) or less"
         )
-    least_Hz, push = KEEPS * math.exp(-widest.cost), _Push(plant)
-    return search.gains_of(search.best(lambda values: search.unrest(values, push, least_Hz), widest.values).values)
+    least_Hz = KEEPS * math.exp(-widest.cost)
+    return search.gains_of(search.best(lambda values: search.unrest(values, least_Hz), widest.values).values)
 
 
 @dataclass(frozen=True)
@@ -148,16 +151,22 @@ def _grid_Hz(plant: SmallSignal) -> Samples:
     return np.unique(np.concatenate([coarse, *fine]))
 
 
-class _Push:
-    """A step of force on the stage as it was measured, which would move it by 1 without the loop."""
+class _Held:
+    """The stage as it was measured, in small motion: what a push on it comes to, and what noise does to the output."""
 
     def __init__(self, plant: SmallSignal) -> None:
         f_Hz = np.arange(1, CALM_TICKS // 2 + 1) / (CALM_TICKS * TICK_S)
         self._case = _Case(plant, np.array([math.sqrt(math.prod(plant.gain_um_per_V))]), f_Hz)
         self._weight = (np.arange(CALM_TICKS) * TICK_S) ** (2 * CALM_POWER)
 
+    def rate_V_per_um(self, values: Samples) -> float:
+        """By which white noise of the position changes the output from tick to tick, both rms."""
+        controller = self._case.controller(values)
+        rate = controller * (1 - self._case.back) / (1 + self._case.plants[0] * controller)
+        return float(np.sqrt((np.abs(rate) ** 2).mean()))
+
     def unrest(self, values: Samples) -> float:
-        """log of the weighted integral of the position's square after it."""
+        """log of the weighted integral of the position's square after a step of force, which would move it by 1."""
         loop = self._case.plants[0] * self._case.controller(values)
         way = np.cumsum(np.fft.irfft(np.concatenate([[0], self._case.shape / (1 + loop)]), CALM_TICKS))
         way -= way[-CALM_TICKS // 20 :].mean()  # the loop takes all of the push back
@@ -170,6 +179,7 @@ class _Search:
     def __init__(self, plant: SmallSignal, over: Range, on_progress: Callable[[float], None] | None) -> None:
         self._over, self._on_progress, self._evaluated = over, on_progress, 0
         self._cases = [_Case(one, over.gains(), _grid_Hz(one)) for one in over.plants(plant)]
+        self._held = _Held(plant)
         ringing = sorted(f for _, f, zeta in plant.modes if zeta < RINGS)
         self._modes_Hz = ringing or sorted(f for _, f, _ in plant.modes)
         middle, w = over.gains()[1], 2 * np.pi * self._modes_Hz[0]
@@ -255,13 +265,13 @@ class _Search:
         sensitivities, over = self._sensitivities(values)
         return over if over else -math.log(self._narrowest_Hz(sensitivities))
 
-    def unrest(self, values: Samples, push: _Push, least_Hz: float) -> float:
+    def unrest(self, values: Samples, least_Hz: float) -> float:
         """After a push; a bandwidth below ``least_Hz`` is worth it only for much more calm."""
         sensitivities, over = self._sensitivities(values)
         if over:
             return over
         lacking = max(math.log(least_Hz / self._narrowest_Hz(sensitivities)), 0.0)
-        return push.unrest(values) + LACKING * lacking
+        return self._held.unrest(values) + LACKING * lacking
 
     def _narrowest_Hz(self, sensitivities: Sequence[Response]) -> float:
         pairs = zip(self._cases, sensitivities, strict=True)
@@ -282,6 +292,8 @@ class _Search:
         if unstable:
             return [], UNSTABLE + 100 * unstable
         beyond = 1 / nearest - BELOW * self._over.peak
+        if beyond <= 0:
+            beyond = self._held.rate_V_per_um(values) / self._over.most_unrest_V_per_um - 1
         return found, OVER_PEAK + 10 * min(beyond, 50) if beyond > 0 else 0.0
 
     def gains_of(self, values: Samples) -> Gains:
