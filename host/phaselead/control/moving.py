@@ -103,8 +103,8 @@ class Moved(Result):
     def _unsettled(self) -> list[str]:
         """Of axes that have not settled although the model has."""
         return [
-            f"{axis}: settled after {one.predicted_s * 1e3:.1f} ms on the model, not within {SETTLE_S:g} s of the move on "
-            "the stage: it is not what its model says; where it swings, `phaselead tune` measures the response and "
+            f"{axis}: settled after {one.predicted_s * 1e3:.1f} ms on the model, not within {SETTLE_S:g} s of the move "
+            "on the stage: it is not what its model says; where it swings, `phaselead tune` measures the response and "
             "shapes gains on it"
             for axis, one in self.axes.items()
             if one.predicted_s is not None and one.settled_s is None and self.waited
