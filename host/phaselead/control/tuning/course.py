@@ -11,6 +11,7 @@ from phaselead.control.feedback_loop import goes_round_0, local_gains, pid_respo
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
 from phaselead.control.kept_runs import KeptRuns
+from phaselead.control.tuning.closed_check import refuse_closed
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
 from phaselead.control.tuning.plant import FittedPlant, fit_plant
@@ -61,14 +62,16 @@ def tune(
 
     Raises:
         BadInput: nothing has moved: a level outside limits. No loop was closed: no coherence, a response that is none
-            of modes, no loop with the margin. Or the loop that was closed has a peak sensitivity above 3.
+            of modes, no loop with the margin. Or the loop that was closed has a peak sensitivity above 3, or could not
+            be measured.
         DeviceFault: the device latched one on the way.
     """
     told = on_progress or (lambda share: None)
     _refuse(peak, mode_shift, gain_share)
     parent = stage if stage is not None else _known(device, axis)
     limits = parent.axis(axis).limits
-    level_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V) if level_V is None else level_V
+    usual_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V)
+    level_V = usual_V if level_V is None else level_V
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     sure = measured.reliable()
@@ -94,11 +97,7 @@ def tune(
         on_progress=lambda done: told(last + (1 - last) * done),
     )
     loop = ClosedLoop(closed)
-    if loop.peak_sensitivity > WARN_ABOVE:
-        raise BadInput(
-            f"{axis}: the closed loop has a peak sensitivity of {loop.peak_sensitivity:.2g}, {peak:g} was predicted: "
-            "the stage is not what was measured in open loop; tune again, with a lower --level"
-        )
+    refuse_closed(axis, loop, fitted, gains, level_V=level_V, usual_V=usual_V)
     measured_only = replace(over, gain_um_per_V=fitted.plant.gain_um_per_V, mode_shift=0.0)
     return Tuned(
         axis=axis,
