@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -14,14 +15,14 @@ from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.tuning.closed_check import refuse_closed
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
-from phaselead.control.tuning.plant import FittedPlant, fit_plant
+from phaselead.control.tuning.plant import FittedPlant, fit_plant, rings_elsewhere
 from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
 from phaselead.control.tuning.shaping import Range, predicted, shape
 from phaselead.device import Device
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Gains, Stage, provenance_of, small_signal
+from phaselead.model import AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
 from phaselead.sim import data_sheet
 
 FINE = Plan(Grid.odd_random(8192, 290.0), settle_periods=1, periods=4)
@@ -74,8 +75,7 @@ def tune(
     level_V = usual_V if level_V is None else level_V
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
-    sure = measured.reliable()
-    fitted = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
+    fitted = _fitted(axis, measured, parent)
     over = Range(local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share), mode_shift, peak)
     first, last = SHARES[1], SHARES[2]
     gains = shape(fitted.plant, over, lambda done: told(first + (last - first) * done))
@@ -155,6 +155,30 @@ def _open_response(
         on_progress=lambda done: told(first + (second - first) * done),
     )
     return fine.joined(fast)
+
+
+def _fitted(axis: str, measured: Measured, stage: Stage) -> FittedPlant:
+    """The plant behind the lines. Warns where they are not those of the stage file's axis; raises BadInput as
+    ``fit_plant``, and names that first."""
+    sure = measured.reliable()
+    f_Hz, gain = measured.f_Hz[sure], measured.gain[sure]
+    known = _known_plant(stage, axis)
+    elsewhere = None if known is None else rings_elsewhere(f_Hz, gain, known)
+    try:
+        fitted = fit_plant(f_Hz, gain, measured.deviation[sure])
+    except BadInput as error:
+        raise BadInput(f"{axis}: {elsewhere}" if elsewhere else str(error)) from None
+    if elsewhere:
+        warnings.warn(f"{axis}: {elsewhere}", stacklevel=4)
+    return fitted
+
+
+def _known_plant(stage: Stage, axis: str) -> SmallSignal | None:
+    """What the stage file says of the axis; None where it does not tell."""
+    try:
+        return small_signal(stage.axis(axis))
+    except BadInput:
+        return None
 
 
 def local_range(model: AxisModel, gain_um_per_V: float, share: float) -> tuple[float, float]:
