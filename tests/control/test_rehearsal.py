@@ -8,6 +8,7 @@ import phaselead as pl
 from phaselead.control.gains import design_gains
 from phaselead.control.journal import track_to_file
 from phaselead.control.rehearsal import rehearse, rests_unseen
+from phaselead.control.tracking import check_path
 from phaselead.device.device import Device
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, TableView, TimeView
@@ -116,6 +117,16 @@ def test_where_it_rests_is_by_the_safe_value():
     assert "rests at -100 um at 0 V" in rests_unseen(AXIS.model_copy(update={"time": time}))
     assert rests_unseen(with_limits(u_park_V=10.0).model_copy(update={"time": time})) is None
     assert rests_unseen(AXIS) is None
+
+
+@pytest.mark.parametrize(("mode", "other"), [("ff+pid", "inverse+pid"), ("ff", "inverse")])
+def test_a_mode_without_its_tables_names_one_that_needs_none(mode, other):
+    """It named pid, which leaves out all that a model with a time view alone has."""
+    with pytest.raises(BadInput, match=re.escape(f"or use --mode {other}, which needs no tables")):
+        check_path("x", parse_wave("sine:10um@1Hz"), mode, AXIS)
+    check_path("x", parse_wave("sine:10um@1Hz"), other, AXIS)
+    with pytest.raises(BadInput, match=re.escape("or use --mode pid, which needs no tables")):
+        check_path("x", parse_wave("sine:10um@1Hz"), mode, AxisModel())
 
 
 def test_a_move_on_a_model_that_rests_unseen_is_told_so_too():
