@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from phaselead.control import describe_unseen
 from phaselead.control.moving import AxisMoved, Moved
 from phaselead.control.run_away import run_away, swinging_Hz
 from phaselead.device import explain_fault
@@ -13,13 +14,33 @@ STEP_s = 2e-4
 T_s = np.arange(3000) * STEP_s
 
 
-@pytest.fixture(scope="module", name="slow_stage")
-def _slow_stage(run, tmp_path_factory):
-    """x500 as it is identified: its mode at 310 Hz does not show."""
+@pytest.fixture(scope="module", name="identified")
+def _identified(run, tmp_path_factory):
+    """x500 as it is identified, and what was said: its mode at 310 Hz does not show."""
     path = tmp_path_factory.mktemp("x500") / "x500.toml"
     outcome = run("identify", "-o", path, "--port", "sim://x500", "--no-creep")
     assert outcome.status == 0, outcome.err
-    return path
+    return path, outcome
+
+
+@pytest.fixture(scope="module", name="slow_stage")
+def _slow_stage(identified):
+    return identified[0]
+
+
+def test_identify_says_up_to_where_it_drives_and_who_measures_the_rest(identified):
+    said = " ".join(identified[1].out.split())
+    assert "axis x: driven up to 20 Hz, where faster modes hardly show" in said
+    assert "`phaselead tune` measures them" in said
+
+
+def test_gains_of_somebodys_choice_are_not_spoken_of(slow_stage):
+    stage = load_stage(str(slow_stage))
+    x = stage.axis("x")
+    assert len(describe_unseen(stage, 20.0)) == 1
+    own = x.model_copy(update={"gains": x.gains.model_copy(update={"origin": None})})
+    for axis in (own, x.model_copy(update={"gains": None})):
+        assert describe_unseen(stage.model_copy(update={"axes": {"x": axis}}), 20.0) == []
 
 
 def test_a_run_with_gains_that_do_not_fit_names_tune(run, slow_stage):
