@@ -4,9 +4,11 @@ import re
 
 import pytest
 
+import phaselead as pl
 from phaselead.control.gains import design_gains
 from phaselead.control.journal import track_to_file
-from phaselead.control.rehearsal import rehearse
+from phaselead.control.rehearsal import rehearse, rests_unseen
+from phaselead.control.tracking import check_path
 from phaselead.device.device import Device
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, TableView, TimeView
@@ -91,3 +93,45 @@ def test_refused_means_not_moved_and_force_goes_on():
         run = track_to_file(device, path, "inverse+pid", output=None, stage=STAGE, gains=GAINS, force=True)
         assert device.status().model_crc != status.model_crc
         assert run.figures["max_pct"] > 10
+
+
+@pytest.mark.parametrize("offset_um", [-124.6, 300.0])
+def test_a_model_that_rests_where_its_sensor_does_not_see_is_told_so(offset_um):
+    """A fit of positions that were not zeroed as the sensor is: it said that no path works, and to choose
+    other gains."""
+    time = AXIS.time.model_copy(update={"offset_um": offset_um})
+    stage = Stage(name="far", axes={"x": AXIS.model_copy(update={"time": time})})
+    line = refusal("sine:10um@1Hz", "pid", stage)
+    assert f"it rests at {offset_um:g} um at 0 V, outside what its sensor sees (-10..270 um)" in line
+    assert "gains" not in line
+
+
+def test_a_path_that_leaves_what_the_sensor_sees_is_not_laid_to_the_model():
+    line = refusal("sine:60um@300Hz")
+    assert "adc_rail" in line
+    assert "rests" not in line
+
+
+def test_where_it_rests_is_by_the_safe_value():
+    time = AXIS.time.model_copy(update={"offset_um": -100.0})
+    assert "rests at -100 um at 0 V" in rests_unseen(AXIS.model_copy(update={"time": time}))
+    assert rests_unseen(with_limits(u_park_V=10.0).model_copy(update={"time": time})) is None
+    assert rests_unseen(AXIS) is None
+
+
+@pytest.mark.parametrize(("mode", "other"), [("ff+pid", "inverse+pid"), ("ff", "inverse")])
+def test_a_mode_without_its_tables_names_one_that_needs_none(mode, other):
+    """It named pid, which leaves out all that a model with a time view alone has."""
+    with pytest.raises(BadInput, match=re.escape(f"or use --mode {other}, which needs no tables")):
+        check_path("x", parse_wave("sine:10um@1Hz"), mode, AXIS)
+    check_path("x", parse_wave("sine:10um@1Hz"), other, AXIS)
+    with pytest.raises(BadInput, match=re.escape("or use --mode pid, which needs no tables")):
+        check_path("x", parse_wave("sine:10um@1Hz"), mode, AxisModel())
+
+
+def test_a_move_on_a_model_that_rests_unseen_is_told_so_too():
+    time = AXIS.time.model_copy(update={"offset_um": -124.6})
+    stage = Stage(name="far", axes={"x": AXIS.model_copy(update={"time": time})})
+    with pl.connect() as dev, pytest.raises(BadInput, match=r"on the model .*; x: it rests at -124.6 um") as caught:
+        dev.move(x=50, model=stage)
+    assert "gains" not in str(caught.value)

@@ -28,7 +28,7 @@ from phaselead.cli.common import (
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, RECORD, OutputFile, overwriting
-from phaselead.control import describe_gains, with_gains
+from phaselead.control import describe_gains, describe_unseen, with_gains
 from phaselead.identify import Base, FitResult, Verifications, View
 from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
@@ -209,4 +209,5 @@ def identify(
         fitted.save(output, overwrite=overwriting())
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
-    emit(figures, json_to, [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report), *held_out])
+    said_of_it = [*said_of(fitted, verbose), *describe_unseen(fitted.model, max(one.f_Hz for one in plan))]
+    emit(figures, json_to, [*said_of_it, f"wrote {output}", *write_page(fitted, report), *held_out])

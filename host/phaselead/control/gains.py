@@ -161,6 +161,17 @@ def describe_gains(stage: Stage) -> list[str]:
     return found
 
 
+def describe_unseen(stage: Stage, highest_Hz: float) -> list[str]:
+    """What the designed gains do not know: modes above ``highest_Hz``, the fastest sine of the experiment."""
+    axes = [name for name, model in stage.axes.items() if model.gains is not None and model.gains.origin is not None]
+    if not axes:
+        return []
+    return [
+        f"axis {', '.join(axes)}: driven up to {highest_Hz:g} Hz, where faster modes hardly show, and the gains have "
+        "no margin for one that does not; `phaselead tune` measures them"
+    ]
+
+
 def check_loop(axis: str, model: AxisModel, gains: Gains, *, force: bool = False) -> str | None:
     """What the model says against the gains: a warning above a peak sensitivity of 3, or None.
 

@@ -178,13 +178,14 @@ def track_to_file(
     follows: Follows = "true",
     on_progress: Progress | None = None,
     trigger_out: str | None = None,
+    gains_given: bool = True,
     **asked: Unpack[Asked],
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
 
     A run that ends in a fault is written too. One that does so on the model is refused before anything moves
     (``rehearse``), unless ``force`` is asked for. ``follows``: which position is to follow a path in micrometres.
-    ``trigger_out``: as ``parse_outputs`` reads it.
+    ``trigger_out``: as ``parse_outputs`` reads it. ``gains_given``: they are of somebody's choice for this run.
     """
     stage = asked.get("stage")
     pulses = parse_outputs(trigger_out, waveforms)
@@ -197,7 +198,8 @@ def track_to_file(
         except DeviceFault as fault:
             recording = run_recording(fault.capture, mode, stage, pulses)
             file.write(fault.capture, recording)
-            _add(fault, run_away(recording, _rows_until(fault.capture)), output and _kept_in(output))
+            said = run_away(recording, _rows_until(fault.capture), gains_given=gains_given)
+            _add(fault, said, output and _kept_in(output))
             raise
         file.write(run.capture, run.recording, run.true_um)
     return run

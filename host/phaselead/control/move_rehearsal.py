@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from phaselead.control.moving import Mover, Planned
-from phaselead.control.rehearsal import as_played
+from phaselead.control.rehearsal import as_played, rests_unseen
 from phaselead.device import Device
 from phaselead.errors import BadInput, DeviceRefused
 
@@ -35,7 +35,10 @@ def rehearse_move(mover: Mover, planned: Planned) -> dict[str, float | None]:
                 twin.move(twin.plan(planned.start_um, duration_s=approach_s))
                 moved = twin.move(twin.plan(planned.target_um, duration_s=planned.duration_s))
         except DeviceRefused as fault:
-            raise BadInput(f"on the model {fault}; make the move longer, or choose other gains; or --force") from None
+            unseen = next((f"{a}: {said}" for a in axes if (said := rests_unseen(stage.axes[a]))), None)
+            what = unseen or "make the move longer, or choose other gains"
+            said = str(fault).partition(";")[0]  # what it adds is of a stage
+            raise BadInput(f"on the model {said}; {what}; or --force") from None
         except BadInput:  # the model cannot be played, or starts out of its range
             return {}
     return {axis: one.settled_s for axis, one in moved.axes.items()}

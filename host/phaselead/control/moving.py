@@ -17,6 +17,7 @@ from phaselead.control.motion_limits import (
     usual_duration_s,
     window_um,
 )
+from phaselead.control.run_away import advice
 from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
     TICK_HZ,
@@ -46,6 +47,9 @@ up to 1.18 v."""
 SETTLE_S = 1.0
 """How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
 
+UNSTABLE = {"oscillation": "the loop is unstable", "adc_rail": "where the stage swung, the loop is unstable"}
+"""By fault."""
+
 
 @dataclass(frozen=True)
 class AxisMoved:
@@ -67,6 +71,8 @@ class Moved(Result):
     """A move that was made. Prints as a table."""
 
     axes: Mapping[str, AxisMoved]
+    waited: bool = True
+    """For the axes to settle."""
 
     def as_dict(self) -> dict[str, Any]:
         """As ``phaselead move --json`` writes it: figures by axis."""
@@ -92,7 +98,17 @@ class Moved(Result):
             )
             for axis, one in self.axes.items()
         )
-        return [Table(headings, rows)]
+        return [Table(headings, rows), *self._unsettled()]
+
+    def _unsettled(self) -> list[str]:
+        """Of axes that have not settled although the model has."""
+        return [
+            f"{axis}: settled after {one.predicted_s * 1e3:.1f} ms on the model, not within {SETTLE_S:g} s of the move "
+            "on the stage: it is not what its model says; where it swings, `phaselead tune` measures the response and "
+            "shapes gains on it"
+            for axis, one in self.axes.items()
+            if one.predicted_s is not None and one.settled_s is None and self.waited
+        ]
 
 
 @dataclass(frozen=True)
@@ -128,6 +144,8 @@ class Mover:
     """That, else what the device tells of the model it holds."""
     mode: str = ""
     gains: dict[str, Gains] = field(default_factory=dict)
+    gains_given: bool = False
+    """They are of somebody's choice, not the stage file's or designed for its model."""
 
     @property
     def axes(self) -> str:
@@ -181,6 +199,7 @@ class Mover:
             check_path(axis, _hold(now, axis), chosen, _model(known, axis))
         warnings = [*held_warning(held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
         self.stage, self.known, self.mode, self.gains = stage, known, chosen, own
+        self.gains_given = gains is not None
         return warnings
 
     def engage(self) -> None:
@@ -212,7 +231,7 @@ class Mover:
         warnings = loop_warnings(self.known, self.mode, own, force=force)
         for axis, gain in own.items():
             self.device.set_gains(axis, gain)
-        self.gains = own
+        self.gains, self.gains_given = own, True
         return warnings
 
     def _refuse_other(self, axes: str, mode: str | None) -> None:
@@ -302,7 +321,7 @@ class Mover:
                 one.x_um,
                 window_um(self.model(axis)),
             )
-        return Moved(moved)
+        return Moved(moved, wait)
 
     def _wait_for_edge(self, tick: int, within_s: float) -> int:
         """The tick in which what waits for the trigger input begins."""
@@ -345,9 +364,15 @@ class Mover:
         if found.state != "running":
             raise DeviceRefused(
                 f"the move ended in fault {found.fault}; `phaselead explain {found.fault}` says why, `phaselead park` "
-                "clears it"
+                f"clears it{self._of_the_loop(found.fault)}"
             )
         return found
+
+    def _of_the_loop(self, fault: str) -> str:
+        """What to add where the fault is, or may be, that of a loop that ran away."""
+        if fault not in UNSTABLE or not self.mode.endswith("pid"):
+            return ""
+        return f"; {UNSTABLE[fault]}: {advice(self.gains_given)}"
 
     def _wait(self, seconds: float) -> None:
         end = self.where().tick + round(seconds * TICK_HZ)

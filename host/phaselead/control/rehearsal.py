@@ -15,7 +15,7 @@ from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
-from phaselead.model import AxisModel, Gains, Stage
+from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
 from phaselead.waveforms import Goto, Waveform
 
 LONGEST_S = 2.0
@@ -55,6 +55,8 @@ def rehearse(
         if said is None:
             return
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
+        if "adc_rail" in said and (unseen := rests_unseen(stage.axes[axis])) is not None:
+            raise BadInput(f"{axis}: on the model this {said}: {unseen}; or --force")
 
         def works(changed: Waveform) -> bool | None:
             try:
@@ -104,6 +106,20 @@ def _as_played(model: AxisModel) -> AxisModel:
 
 def _silent(stage: Stage, axis: str) -> bool:
     return axis not in stage.axes or stage.axes[axis].time is None
+
+
+def rests_unseen(model: AxisModel) -> str | None:
+    """In words where the model rests beyond the rails of its sensor, so that no path and no gains work."""
+    view, sensor, rest_V = model.time, model.sensor, model.limits.u_park_V
+    assert view is not None
+    at_um = float(respond(view, [rest_V], rest_plays(view))[0][0])
+    if sensor.x_min_um < at_um < sensor.x_max_um:
+        return None
+    return (
+        f"it rests at {at_um:.4g} um at {rest_V:g} V, outside what its sensor sees "
+        f"({sensor.x_min_um:g}..{sensor.x_max_um:g} um); if the recordings were not zeroed as the sensor is, take that "
+        "off their positions and fit again, else write what the sensor sees into the stage file (x_min_um, x_max_um)"
+    )
 
 
 def _trouble(

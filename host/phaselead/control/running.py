@@ -102,6 +102,7 @@ class Runs(Plays):
             follows=follows or "true",
             on_progress=on_progress,
             trigger_out=trigger_out,
+            gains_given=gains is not None,
             edge_within_s=trigger_in,
         )
         recording = _named(run.recording, path or wave_text(wave, x, y, z))

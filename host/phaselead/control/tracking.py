@@ -82,7 +82,8 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
     """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
     refuse_without_period(axis, waveform, mode)
     if mode in USES_TABLES and model.table is None:
-        raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, or use mode pid")
+        other = _beyond_tables(axis, waveform, mode, model)
+        raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, {other}")
     try:
         refuse_out_of_range(waveform, model)
     except BadInput as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -12,9 +13,10 @@ from phaselead.control.feedback_loop import goes_round_0, local_gains, pid_respo
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
 from phaselead.control.kept_runs import KeptRuns
+from phaselead.control.tuning.closed_check import refuse_closed
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
-from phaselead.control.tuning.plant import FittedPlant, fit_plant
+from phaselead.control.tuning.plant import FittedPlant, fit_plant, rings_elsewhere
 from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
@@ -64,18 +66,19 @@ def tune(
 
     Raises:
         BadInput: nothing has moved: a level outside limits. No loop was closed: no coherence, a response that is none
-            of modes, no loop with the margin. Or the loop that was closed has a peak sensitivity above 3.
+            of modes, no loop with the margin. Or the loop that was closed has a peak sensitivity above 3, or could not
+            be measured.
         DeviceFault: the device latched one on the way.
     """
     told = on_progress or (lambda share: None)
     _refuse(peak, mode_shift, gain_share)
     parent = stage if stage is not None else _known(device, axis)
     limits = parent.axis(axis).limits
-    level_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V) if level_V is None else level_V
+    usual_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V)
+    level_V = usual_V if level_V is None else level_V
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
-    sure = measured.reliable()
-    fitted = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
+    fitted = _fitted(axis, measured, parent)
     local = local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share)
     over = Range(local, mode_shift, peak, most_unrest_V_per_um(parent.axis(axis)))
     first, last = SHARES[1], SHARES[2]
@@ -99,11 +102,7 @@ def tune(
         on_progress=lambda done: told(last + (1 - last) * done),
     )
     loop = ClosedLoop(closed)
-    if loop.peak_sensitivity > WARN_ABOVE:
-        raise BadInput(
-            f"{axis}: the closed loop has a peak sensitivity of {loop.peak_sensitivity:.2g}, {peak:g} was predicted: "
-            "the stage is not what was measured in open loop; tune again, with a lower --level"
-        )
+    refuse_closed(axis, loop, fitted, gains, level_V=level_V, usual_V=usual_V)
     measured_only = replace(over, gain_um_per_V=fitted.plant.gain_um_per_V, mode_shift=0.0)
     return Tuned(
         axis=axis,
@@ -130,7 +129,7 @@ def widest_swing_um(plant: SmallSignal, gains: Gains, over: Range, slew_V_per_s:
     period = multisine(CLOSED.grid, 1.0, 0.0, "um", 0).period
     turns = np.arange(CLOSED.grid.ticks) / CLOSED.grid.ticks
     played = np.interp(turns, np.arange(len(period) + 1) / len(period), [*period, period[0]])
-    f_Hz = np.fft.rfftfreq(CLOSED.grid.ticks, TICK_S)[1:]
+    f_Hz = CLOSED.grid.frequencies(np.arange(1, CLOSED.grid.ticks // 2 + 1))
     loop = over.gains()[:, None] * plant_response(plant, f_Hz) * pid_response(gains, f_Hz)
     rate = pid_response(gains, f_Hz) * (1 - np.exp(-2j * np.pi * f_Hz * TICK_S)) / (1 + loop)
     spectrum = np.concatenate([np.zeros((len(loop), 1)), np.fft.rfft(played)[1:] * rate], axis=1)
@@ -182,6 +181,30 @@ def _open_response(
         on_progress=lambda done: told(first + (second - first) * done),
     )
     return fine.joined(fast)
+
+
+def _fitted(axis: str, measured: Measured, stage: Stage) -> FittedPlant:
+    """The plant behind the lines. Warns where they are not those of the stage file's axis; raises BadInput as
+    ``fit_plant``, and names that first."""
+    sure = measured.reliable()
+    f_Hz, gain = measured.f_Hz[sure], measured.gain[sure]
+    known = _known_plant(stage, axis)
+    elsewhere = None if known is None else rings_elsewhere(f_Hz, gain, known)
+    try:
+        fitted = fit_plant(f_Hz, gain, measured.deviation[sure])
+    except BadInput as error:
+        raise BadInput(f"{axis}: {elsewhere}" if elsewhere else str(error)) from None
+    if elsewhere:
+        warnings.warn(f"{axis}: {elsewhere}", stacklevel=4)
+    return fitted
+
+
+def _known_plant(stage: Stage, axis: str) -> SmallSignal | None:
+    """What the stage file says of the axis; None where it does not tell."""
+    try:
+        return small_signal(stage.axis(axis))
+    except BadInput:
+        return None
 
 
 def local_range(model: AxisModel, gain_um_per_V: float, share: float) -> tuple[float, float]:

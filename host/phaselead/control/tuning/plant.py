@@ -26,6 +26,10 @@ DAMPING = (0.001, 0.7)
 """Of modes of flexure stages: 0.005 to 0.05 is usual (Devasia, Eleftheriou and Moheimani 2007)."""
 SHARES = (-0.3, 1.3)
 """Of the motion: a mode beyond the first that carried more would be the first."""
+FAR = 2**0.5
+"""As a ratio of frequencies: a load that doubles the moving mass takes a mode so far down."""
+RESONANCE = 2.0
+"""Times the response at rest: a mode of zeta 0.25."""
 LARGEST_MISFIT = 0.25
 """Median over the lines: the loop of a peak sensitivity of 2 stands a plant off by half (Skogestad and Postlethwaite
 2005, Multivariable Feedback Control, section 7.4)."""
@@ -38,6 +42,19 @@ class FittedPlant:
     plant: SmallSignal
     gain_um_per_V: float
     misfit: Samples
+
+
+def rings_elsewhere(f_Hz: Samples, measured: Response, plant: SmallSignal) -> str | None:
+    """In words where the lines (m,) have a resonance that is at none of the modes of ``plant``, of a stage file."""
+    _, at_Hz, _ = _first_mode(f_Hz, measured)
+    size, modes_Hz = np.abs(measured), sorted(f for _, f, _ in plant.modes)
+    resonates = size[f_Hz == at_Hz].max() > RESONANCE * np.median(size[: max(3, len(f_Hz) // 20)])
+    if not resonates or not modes_Hz or any(1 / FAR < at_Hz / mode_Hz < FAR for mode_Hz in modes_Hz):
+        return None
+    known = " and ".join(f"{mode_Hz:.4g}" for mode_Hz in modes_Hz)
+    return (
+        f"the stage rings at {at_Hz:.3g} Hz, and its stage file has modes at {known} Hz: is it the file of this stage?"
+    )
 
 
 def fit_plant(f_Hz: Samples, measured: Response, deviation: Samples) -> FittedPlant:
