@@ -62,6 +62,11 @@ def test_a_peak_that_was_not_heard_is_refused_although_another_was() -> None:
     assert measured(~peak).peak_sensitivity > 1
 
 
+def test_a_peak_that_was_met_needs_no_more_lines() -> None:
+    one = at_peak() & (np.cumsum(at_peak()) == at_peak().sum() // 2)
+    refuse_closed("x", measured((f_Hz < 15) | one), FITTED, GAINS, level_V=0.2, usual_V=0.2)
+
+
 def test_a_peak_below_1_is_refused_although_every_line_was_heard() -> None:
     whole = measured(np.full(len(f_Hz), True)).response
     half = ClosedLoop(replace(whole, gain=np.full(len(f_Hz), 0.5 + 0j)))

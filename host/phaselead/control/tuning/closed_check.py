@@ -16,7 +16,7 @@ def refuse_closed(
     axis: str, loop: ClosedLoop, fitted: FittedPlant, gains: Gains, *, level_V: float, usual_V: float
 ) -> None:
     """Raises BadInput for a peak sensitivity above 3, for one that no loop can have, and where the peak that is
-    predicted was not measured.
+    predicted was not measured: neither half of its height above 1 nor half of its lines.
 
     |S| exceeds 1 somewhere, whatever the loop, by Bode's integral (Skogestad and Postlethwaite 2005, Multivariable
     Feedback Control, section 5.3). ``usual_V`` is the level by default.
@@ -30,9 +30,10 @@ def refuse_closed(
             f"{axis}: the closed loop has a peak sensitivity of {loop.peak_sensitivity:.2g}, {peak:.2g} was predicted: "
             "the stage is not what was measured in open loop; tune again, with a lower --level"
         )
-    about = predicted >= (1 + peak) / 2
-    heard = found.reliable()
-    if loop.peak_sensitivity >= 1 and heard[about].sum() >= about.sum() / 2:
+    halfway, heard = (1 + peak) / 2, found.reliable()
+    about = predicted >= halfway
+    clear = loop.peak_sensitivity >= halfway or heard[about].sum() >= about.sum() / 2
+    if clear and loop.peak_sensitivity >= 1:
         return
     raise BadInput(
         f"{axis}: the closed loop could not be measured: a peak sensitivity of {peak:.2g} is predicted at {at_Hz:.3g} "
@@ -44,7 +45,8 @@ def refuse_closed(
 
 def _higher(level_V: float, usual_V: float) -> str:
     if level_V < usual_V:
-        return f"a --level between {_short(level_V)} and {_short(usual_V)}, the default"
+        between = f"a --level between {_short(level_V)} and {_short(usual_V)}, the default"
+        return f"{between}, or where its output is cut with a lower --peak too"
     return f"a --level above {_short(level_V)}"
 
 
