@@ -182,7 +182,7 @@ def identify(
     Each recording is on disk as soon as it is there: in --save DIR, else in STAGE.toml.records until the stage file is
     written. After an interruption --resume goes on.
     """
-    from phaselead.control import assumed_limits
+    from phaselead.control import assumed_limits, lacking_gains
     from phaselead.device import Device
     from phaselead.identify import identify_device, keeping, plan_as_time_allows
 
@@ -211,4 +211,6 @@ def identify(
         fitted.save(output, overwrite=overwriting())
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
-    emit(figures, json_to, [*said_of(fitted, verbose), f"wrote {output}", *write_page(fitted, report), *held_out])
+    said_of_it = [*said_of(fitted, verbose), *lacking_gains(fitted.model)]
+    emit(figures, json_to, [*said_of_it, f"wrote {output}", *write_page(fitted, report), *held_out])
+    warn(fitted.doubts())
