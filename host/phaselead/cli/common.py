@@ -204,12 +204,15 @@ def warn_of_gaps(facts: Mapping[str, Any]) -> None:
 def read_recordings(
     arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
 ) -> list[Recording]:
-    """Reads every recording argument under one --map and --rate."""
-    from phaselead.record import parse_column_map, parse_rate, read_recording
+    """Reads every recording argument under one --map and --rate. Says so where a map looks wrong."""
+    from phaselead.record import doubts_about, parse_column_map, parse_rate, read_recording
 
     columns = parse_column_map(column_map) if column_map else None
     rate_Hz = parse_rate(rate) if rate else None
-    return [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
+    found = [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
+    if columns is not None:
+        warn(line for recording in found for line in doubts_about(recording))
+    return found
 
 
 def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | str]) -> None:
