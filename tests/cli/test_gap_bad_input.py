@@ -225,7 +225,7 @@ TIE = {"verdicts": ["tie"], "ties": [["delay", "sensor_lowpass"]], "next_experim
         (json.dumps({**TIE, "ties": [], "next_experiment": None}), ("no tie",)),
         (
             json.dumps({"verdicts": ["unknown"], "ties": [], "untestable": ["creep"], "next_experiment": None}),
-            ("no tie", "creep: steps of both signs with holds of 30 s and more"),
+            ("no tie", "creep (steps of both signs with holds of 30 s and more)"),
         ),
         (json.dumps({**TIE, "next_experiment": None}), ("no experiment", "other waveforms")),
         (json.dumps({**TIE, "next_experiment": "triangle"}), ("damaged",)),

@@ -59,8 +59,12 @@ def _what_would_tell(content: Mapping[str, Any]) -> str:
     untestable = content.get("untestable")
     if "unknown" not in content.get("verdicts", ()) or not isinstance(untestable, list):
         return ""
-    told = "; ".join(f"{name}: {record}" for name, record in records_that_show(map(str, untestable)).items())
-    return f". Something remains that has no name; records that would test what these cannot: {told}" if told else ""
+    told = ", ".join(f"{name} ({record})" for name, record in records_that_show(map(str, untestable)).items())
+    return (
+        f". Something remains that has no name; record what would test what these records cannot: {told}"
+        if told
+        else ""
+    )
 
 
 def excitation_of(proposed: Mapping[str, Any]) -> Excitation:
