@@ -14,6 +14,7 @@ from phaselead.device import Device
 
 PRINTS_STATE = """
 import os, signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored, and stays so
 import phaselead as pl
 from phaselead.device import Device
 

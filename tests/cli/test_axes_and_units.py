@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import click
 import pytest
 
 import phaselead as pl
+from phaselead.cli import main
 from phaselead.control.tuning import course
 
 
@@ -108,3 +110,26 @@ def test_a_warning_is_said_once(run, stage_file, tmp_path):
     assert json.loads(outcome.out)["learned"]
     lines = [one for one in outcome.err.splitlines() if one.startswith("warning: ")]
     assert len(lines) == len(set(lines)) == 1
+
+
+def timed():
+    """Every option of a command that takes a time."""
+    found = {}
+    for name in main.list_commands(click.Context(main)):
+        command = main.get_command(click.Context(main), name)
+        both = {name: command, **{f"{name} {sub}": one for sub, one in getattr(command, "commands", {}).items()}}
+        found |= {f"{of} {o.opts[0]}": o for of, one in both.items() for o in one.params if o.metavar == "S"}
+    return found
+
+
+def test_a_time_is_written_alike_in_every_command():
+    options = timed()
+    assert {"move --duration", "track --duration", "log record --duration", "identify --duration"} <= set(options)
+    for name, option in options.items():
+        for written, seconds in (("5", 5), ("5s", 5), ("0.5", 0.5), ("500ms", 0.5), ("2min", 120)):
+            assert option.type.convert(written, option, None) == pytest.approx(seconds), name
+
+
+@pytest.mark.parametrize("written", ["5h", "soon", "", "5s,3s", "nan", "inf"])
+def test_a_time_that_is_none_is_refused(run, written):
+    assert "--duration" in line(run("move", "x=20um", "--duration", written))

@@ -15,6 +15,9 @@ import pytest
 from phaselead.device.capture import DeviceFault, capture
 from phaselead.device.flash import check_before_upload
 from phaselead.errors import BadInput, DeviceRefused
+from phaselead.record.axis_record import AxisRecord
+from phaselead.record.exporting import write_csv
+from phaselead.record.recording import Recording
 
 RATE_HZ = 1000.0
 
@@ -383,3 +386,27 @@ def test_flash_says_what_it_uploads_with(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(BadInput, match="apt install openocd"):
         check_before_upload(tmp_path, "/dev/null")
+
+
+def test_a_model_of_more_volts_is_taken_and_drives_within_its_limits(run, tmp_path):
+    """docs/measured-data.md: one of +-150 V is uploaded with the limits of a new stage file, which refuse the path."""
+    t_s = np.arange(2000) / 1000
+    u_V = 150 * np.sin(2 * np.pi * t_s)
+    write_csv(tmp_path / "high.csv", Recording(t_s=t_s, axes={"x": AxisRecord(u_V=u_V, x_um=0.1 * u_V)}))
+    model = tmp_path / "high.toml"
+    assert run("fit", tmp_path / "high.csv", "--base", "linear", "-o", model).status == 0
+    assert run("upload", model).status == 0
+    assert_one_line(run("track", "sine:100V@1Hz", "--mode", "open", "--model", model), 2, "(-2..10 V)")
+
+
+def test_of_a_window_it_is_said_what_is_judged_and_what_warms_up(run, tmp_path):
+    t_s = np.arange(1000) / 1000
+    write_csv(tmp_path / "rec.csv", Recording(t_s=t_s, axes={"x": AxisRecord(u_V=t_s, x_um=t_s)}))
+    part = run("log", "info", f"{tmp_path / 'rec.csv'}@0.2:0.6")
+    assert "judged samples 400" in " ".join(part.out.split())
+    assert "warm up" in part.out
+    told = run("log", "info", f"{tmp_path / 'rec.csv'}@0.2:0.6", "--json", "-").json
+    assert (told["judged_samples"], told["judged_from_s"], told["judged_to_s"]) == (400, 0.2, pytest.approx(0.599))
+    whole = run("log", "info", tmp_path / "rec.csv").out
+    assert "judged" not in whole
+    assert "warm up" not in whole

@@ -223,6 +223,10 @@ TIE = {"verdicts": ["tie"], "ties": [["delay", "sensor_lowpass"]], "next_experim
         ("[1, 2]", ("is no gap.json",)),
         ("{}", ("is no gap.json",)),
         (json.dumps({**TIE, "ties": [], "next_experiment": None}), ("no tie",)),
+        (
+            json.dumps({"verdicts": ["unknown"], "ties": [], "untestable": ["creep"], "next_experiment": None}),
+            ("no tie", "creep (steps of both signs with holds of 30 s and more)"),
+        ),
         (json.dumps({**TIE, "next_experiment": None}), ("no experiment", "other waveforms")),
         (json.dumps({**TIE, "next_experiment": "triangle"}), ("damaged",)),
         (json.dumps({**TIE, "next_experiment": {**EXPERIMENT, "needs_sensor": "a thermometer"}}), ("a thermometer",)),

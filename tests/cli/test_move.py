@@ -113,3 +113,12 @@ def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):
         served.terminate()
         served.wait()
         served.stdout.close()
+
+
+def test_an_interrupt_on_the_way_says_that_it_is_parked(run, monkeypatch):
+    def interrupted(*_given, **_how):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Mover, "move", interrupted)
+    ended = run("move", "x=50um")
+    assert (ended.status, ended.err) == (130, "phaselead: interrupted; the output is parked\n")

@@ -60,6 +60,12 @@ def test_errors_are_named_with_their_size(runs):
     assert "reference" in panel.get_ylabel()
 
 
+def test_the_reference_has_one_name_in_the_legend(runs):
+    (panel,) = pl.plot([runs / "still.h5", runs / "fast.h5", runs / "slow.h5"]).axes
+    labels = [text.get_text() for text in panel.get_legend().get_texts()]
+    assert labels == ["still.h5", "reference", "fast.h5", "slow.h5"]
+
+
 def test_a_record_without_a_reference_has_a_spectrum_but_no_error(run, runs, tmp_path):
     assert run("plot", runs / "still.h5", "--of", "spectrum", "-o", tmp_path / "noise.png").status == 0
     outcome = run("plot", runs / "still.h5", "--of", "error", "-o", tmp_path / "none.png")

@@ -12,6 +12,7 @@ from phaselead.cli.gap_run import printed
 from phaselead.gap.findings import Adopted, Bound, Candidate, Cell, GapSize, NamedEffect, NextExperiment, Trace
 from phaselead.gap.result import GapResult
 from phaselead.gap.unexplained import Unexplained
+from phaselead.model import catalogue
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.report.gap import gap_page, remains, standing_out
@@ -120,3 +121,12 @@ def test_the_terminal_says_the_same():
         "wrote next.toml",
     ):
         assert words in said
+
+
+def test_where_something_unknown_remains_the_terminal_says_which_record_would_show_what_is_untestable():
+    def said(*verdicts):
+        return "\n".join(map(str, printed(replace(result(), verdicts=verdicts), [])))
+
+    assert "vibration" in said("named")
+    assert catalogue()["vibration"].reveals not in said("named")
+    assert catalogue()["vibration"].reveals in said("named", "unknown")

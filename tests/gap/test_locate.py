@@ -9,9 +9,10 @@ import pytest
 
 from phaselead.gap.locate.cells import AMPLITUDE, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.ranking import LEVEL, ResidualAndNoise, axis_cells, rank_cells, simulate_noise
-from phaselead.gap.locate.sentences import headline
+from phaselead.gap.locate.sentences import headline, sentence_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import GapRun
+from phaselead.model import catalogue
 
 RATE_HZ = 1000.0
 SENSOR = Noise(np.array([1.0, -0.5]), 0.01, 0.0, 1.0, 0.0, np.ones(1))
@@ -112,7 +113,7 @@ def test_ringing_comes_soon_after_steps():
     assert not [c for c in found if c.cell == "all"]
 
 
-@pytest.mark.parametrize(("order", "words"), [(1, "wrong gain or phase"), (2, "one half"), (3, "both halves")])
+@pytest.mark.parametrize(("order", "words"), [(1, "size or phase"), (2, "one half"), (3, "both halves")])
 def test_harmonics_of_the_drive(order, words):
     def error(run):
         return 0.05 * np.cos(2 * np.pi * 5 * order * run.t_s + 0.3) if run.name == "sine" else 0 * run.t_s
@@ -122,6 +123,13 @@ def test_harmonics_of_the_drive(order, words):
     assert best.p <= LEVEL
     assert best.share > 0.9
     assert words in best.sentence
+
+
+def test_no_sentence_about_where_names_an_effect():
+    parts_of_names = {word for name in catalogue() for word in name.split("_")}
+    cells = [(HARMONIC, order) for order in "123"] + [(DIRECTION, d) for d in ("rising", "falling", "still")]
+    for by, cell in cells:
+        assert not parts_of_names & set(sentence_of(by, cell, 0.5).replace(":", "").split())
 
 
 def test_amplitude_and_direction():

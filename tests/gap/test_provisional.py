@@ -12,8 +12,7 @@ from click.testing import CliRunner
 
 from phaselead.cli import main
 from phaselead.gap.adopt import adopted
-from phaselead.gap.bounds import raised_bounds
-from phaselead.gap.findings import Bound, GapSize, NamedEffect
+from phaselead.gap.findings import Adopted, Bound, GapSize, NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.provisional import _best_that_pays, nearest_that_pays
 from phaselead.gap.records import GapRun
@@ -143,8 +142,16 @@ def test_it_predicts_uploads_and_tracks_like_a_named_one(next_toml, tmp_path):
     assert said["next"] == said["plain"]
 
 
-def test_a_bound_is_no_smaller_than_what_was_adopted():
-    bounds = [Bound("creep", 0.002, "per decade"), Bound("delay", 0.01, "s")]
-    raised = raised_bounds(bounds, [found("creep", "gamma", 0.01), found("hysteresis", "width", 0.1)])
-    assert [b.upper_95 for b in raised] == [pytest.approx(0.011), 0.01]
-    assert raised_bounds(bounds, []) == bounds
+@pytest.mark.parametrize("status", ["named", "provisional"])
+@pytest.mark.parametrize("axis", [None, "x"])
+def test_what_is_adopted_is_in_no_other_list(status, axis):
+    from test_gap_cli_page import result
+
+    bounds = (Bound("creep", 0.002, "per decade"), Bound("delay", 0.01, "s"), Bound("hysteresis", 0.04, "of range"))
+    found = replace(
+        result(), verdicts=("unknown",), excluded=bounds, untestable=("creep", "gain_change"), ties=(),
+        adopted=tuple(Adopted(name, axis, status) for name in ("hysteresis", "creep")),
+    )  # fmt: skip
+    written = found.as_json()
+    assert [b["name"] for b in written["excluded"]] == ["delay"]
+    assert written["untestable"] == ["gain_change"]

@@ -84,6 +84,25 @@ def test_columns_without_names_are_told_by_their_numbers(tmp_path):
         assert words in said
 
 
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ("t_s=1,u_V=2,x_um=3", None),
+        ("t_s=1,u_V=3,x_um=2", "are the columns exchanged?"),
+        ("t_s=1,u_V=2,x_um=3*1e6", "which no piezo stage does"),
+    ],
+)
+def test_a_map_that_looks_wrong_is_told_by_what_reads_it(tmp_path, columns, words):
+    (tmp_path / "rig.csv").write_text(text(",", False, t_s, u_V, x_um))
+    model, kept = str(tmp_path / "o.toml"), str(tmp_path / "o.h5")
+    fitted = CliRunner().invoke(main, ["fit", str(tmp_path / "rig.csv"), "--map", columns, "-o", model])
+    imported = CliRunner().invoke(main, ["log", "import", str(tmp_path / "rig.csv"), "--map", columns, "-o", kept])
+    assert (fitted.exit_code, imported.exit_code) == (0, 0)
+    for said in (fitted.stderr, imported.stdout):
+        assert ("exchanged" in said, "piezo" in said) == ("exchanged" in (words or ""), "piezo" in (words or ""))
+        assert words is None or words in " ".join(said.split())
+
+
 def test_arrays_of_numpy_and_matlab(tmp_path):
     np.savez(tmp_path / "rig.npz", time=t_s, drive_V=u_V, sensor_nm=1e3 * x_um)
     savemat(tmp_path / "rig.mat", {"data": {"t": t_s, "u": u_V, "x": x_um}, "gain": 2.0})

@@ -60,6 +60,13 @@ def test_move_play_hold_park(rig):
     tab.until(lambda: tab.state["state"] == "armed")
 
 
+def test_the_best_mode_there_is_plays_what_it_moves_in(make_rig):
+    tab = make_rig(stage=built_in("xyz250")).open()
+    assert "mode inverse+pid" in tab.order("play", waves=WAVE)
+    assert tab.order("park") == "parked"
+    assert tab.order("play", waves=WAVE, mode="inverse").endswith("mode inverse")
+
+
 def test_refusals_are_the_lines_of_the_api(rig):
     tab = rig.open()
     assert "sensor" in tab.refused("move", targets={"x": "4000um"})

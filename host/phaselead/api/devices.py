@@ -119,14 +119,15 @@ def scope(
     """Serves a page on this computer that shows every tick of ``axes`` live and drives them, until Ctrl-C, which parks.
 
     ``say_link`` is given the link to open, which works once; nothing moves before somebody there says so. Set-points
-    and waveforms use ``model``; what the page saves goes to the folder ``output``. When no page is open for
-    ``park_after`` seconds the device is parked, and ``say`` is told; 0: never. ``page_port`` is of 127.0.0.1, 0 for any
-    that is free. Raises BadInput for a folder that does not exist or a page port that is taken; else as ``connect``.
+    and waveforms use ``model``; what the page saves goes to the folder ``output``, which is made. When no page is open
+    for ``park_after`` seconds the device is parked, and ``say`` is told; 0: never. ``page_port`` is of 127.0.0.1, 0 for
+    any that is free. Raises BadInput for a folder that cannot be made or a page port that is taken; else as
+    ``connect``.
 
     >>> import phaselead as pl
-    >>> pl.scope(output="nowhere")
+    >>> pl.scope("sim://nowhere")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    phaselead.errors.BadInput: nowhere: is no folder; make it first
+    phaselead.errors.BadInput: there is no built-in stage 'nowhere'; use sim://FILE.toml, or one of ...
     """
     from phaselead.scope import serve
 

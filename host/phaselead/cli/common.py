@@ -30,6 +30,23 @@ if TYPE_CHECKING:
     from phaselead.record import Recording
 
 SHORTEST_S = 0.0004
+IN_SECONDS: Mapping[str, float] = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
+
+
+class Seconds(click.ParamType[float]):
+    """A time: 5, 5s, 500ms or 2min."""
+
+    name = "seconds"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if isinstance(value, int | float):
+            return float(value)
+        found = number(param.opts[0] if param else "time", value, IN_SECONDS)
+        assert found is not None
+        return found
+
+
+SECONDS = Seconds()
 
 port_option = click.option(
     "--port",
@@ -50,8 +67,8 @@ def checked_duration(_context: click.Context, _option: click.Parameter, seconds:
 
 def duration_option(default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """--duration; ``default`` says what happens without it."""
-    text = f"Seconds; default: {default}."
-    return click.option("--duration", metavar="S", type=float, callback=checked_duration, help=text)
+    text = f"5, 5s or 500ms; default: {default}."
+    return click.option("--duration", metavar="S", type=SECONDS, callback=checked_duration, help=text)
 
 
 trigger_out_option = click.option(
@@ -70,7 +87,7 @@ def _checked_wait(_context: click.Context, _option: click.Parameter, seconds: fl
 trigger_in_option = click.option(
     "--trigger-in",
     metavar="S",
-    type=float,
+    type=SECONDS,
     callback=_checked_wait,
     help="Begin at a rising edge of the trigger input, which may take S seconds.",
 )
@@ -187,12 +204,15 @@ def warn_of_gaps(facts: Mapping[str, Any]) -> None:
 def read_recordings(
     arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
 ) -> list[Recording]:
-    """Reads every recording argument under one --map and --rate."""
-    from phaselead.record import parse_column_map, parse_rate, read_recording
+    """Reads every recording argument under one --map and --rate. Says so where a map looks wrong."""
+    from phaselead.record import doubts_about, parse_column_map, parse_rate, read_recording
 
     columns = parse_column_map(column_map) if column_map else None
     rate_Hz = parse_rate(rate) if rate else None
-    return [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
+    found = [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
+    if columns is not None:
+        warn(line for recording in found for line in doubts_about(recording))
+    return found
 
 
 def emit(figures: dict[str, Any], json_to: str | None, parts: Sequence[Table | str]) -> None:

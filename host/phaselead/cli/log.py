@@ -131,7 +131,9 @@ def info(recording_path: str, column_map: str | None, rate: str | None, json_to:
     """Say what a recording holds."""
     (recording,) = read_recordings([recording_path], column_map, rate)
     hashes = {"sha256": recording.sha256, "samples_sha256": recording.samples_sha256}
-    emit_pairs(recording.facts() | hashes, json_to)
+    figures = recording.facts() | hashes
+    before = "the samples before the window are read too: they warm up a model's memory, and are not judged"
+    emit(figures, json_to, [pairs_table(figures), *([] if recording.from_rest else [before])])
 
 
 @log.command()

@@ -10,6 +10,7 @@ import click
 from phaselead.api import fit as fit_stage
 from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
+    SECONDS,
     VOLTS,
     emit,
     json_option,
@@ -36,7 +37,6 @@ from phaselead.record import parse_axes, write_csv
 from phaselead.result import Table
 
 HERTZ = {"": 1.0, "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3}
-SECONDS = {"": 1.0, "s": 1.0, "min": 60.0}
 records_argument = click.argument("records", metavar="REC...", type=RECORD, nargs=-1, required=True)
 model_option = click.option("--model", "model_path", metavar="M", type=INPUT, required=True, help="Stage file.")
 stage_output_option = click.option("-o", "--output", metavar="STAGE.toml", type=OutputFile(".toml"), required=True)
@@ -148,7 +148,9 @@ def predict(
 @click.option("--levels", metavar="V,V...", help="Peak-to-peak voltages; default: 0.5,1,2,3.5,4.5,6,8,10V.")
 @click.option("--frequencies", metavar="Hz,Hz...", help="Default: 1,2,4,7,10,13,17,20Hz.")
 @click.option("--u-max", metavar="V", help="Scale the levels so that the largest is this.")
-@click.option("--duration", metavar="S", help="Thin the grid evenly until all of it takes no longer than this.")
+@click.option(
+    "--duration", metavar="S", type=SECONDS, help="Thin the grid evenly until all of it takes no longer than this."
+)
 @click.option("--save", "save_to", metavar="DIR", help="Keep every recording of the experiment there, as HDF5.")
 @click.option("--resume", is_flag=True, help="Go on with the recordings that are there.")
 @verbose_option
@@ -163,7 +165,7 @@ def identify(
     levels: str | None,
     frequencies: str | None,
     u_max: str | None,
-    duration: str | None,
+    duration: float | None,
     save_to: str | None,
     resume: bool,
     verbose: bool,
@@ -180,7 +182,7 @@ def identify(
     Each recording is on disk as soon as it is there: in --save DIR, else in STAGE.toml.records until the stage file is
     written. After an interruption --resume goes on.
     """
-    from phaselead.control import assumed_limits
+    from phaselead.control import assumed_limits, lacking_gains
     from phaselead.device import Device
     from phaselead.identify import identify_device, keeping, plan_as_time_allows
 
@@ -188,7 +190,7 @@ def identify(
     plan, creeping, said = plan_as_time_allows(
         axis_names,
         creep=creep,
-        duration_s=number("--duration", duration, SECONDS),
+        duration_s=duration,
         levels_V=numbers("--levels", levels, VOLTS),
         f_Hz=numbers("--frequencies", frequencies, HERTZ),
         u_max_V=number("--u-max", u_max, VOLTS),
@@ -209,5 +211,7 @@ def identify(
         fitted.save(output, overwrite=overwriting())
     held_out = [verification_table(found, f"held out, {view} view") for view, found in fitted.held_out.items()]
     figures = fitted.report.as_dict() | {"output": output} | fitted.as_dict()
-    said_of_it = [*said_of(fitted, verbose), *describe_unseen(fitted.model, max(one.f_Hz for one in plan))]
+    unseen = describe_unseen(fitted.model, max(one.f_Hz for one in plan))
+    said_of_it = [*said_of(fitted, verbose), *lacking_gains(fitted.model), *unseen]
     emit(figures, json_to, [*said_of_it, f"wrote {output}", *write_page(fitted, report), *held_out])
+    warn(fitted.doubts())

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import click
 
 from phaselead.cli.common import (
+    SECONDS,
     axes_option,
     checked_duration,
     emit,
@@ -56,7 +57,9 @@ def _held_if_refused(device: Controller) -> Iterator[None]:
 )
 @click.option("--mode", type=click.Choice([mode for mode in MODES if mode != "open"]), help="Default: the best it can.")
 @gains_option
-@click.option("--duration", metavar="S", type=float, callback=checked_duration, help="Seconds the move takes.")
+@click.option(
+    "--duration", metavar="S", type=SECONDS, callback=checked_duration, help="How long the move takes: 1, 1s, 50ms."
+)
 @click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
 @trigger_out_option

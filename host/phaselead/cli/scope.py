@@ -6,7 +6,7 @@ import math
 
 import click
 
-from phaselead.cli.common import emit, json_option, port_option
+from phaselead.cli.common import SECONDS, emit, json_option, port_option
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT
 from phaselead.errors import BadInput
@@ -22,7 +22,7 @@ from phaselead.errors import BadInput
 @click.option(
     "--park-after",
     metavar="S",
-    type=float,
+    type=SECONDS,
     default=10.0,
     show_default=True,
     help="Seconds without an open page until the device is parked; 0: never.",

@@ -12,6 +12,7 @@ from phaselead.control.gains import (
     describe_gains,
     describe_unseen,
     gains_of,
+    lacking_gains,
     own_loop_warnings,
     parse_gains,
     with_gains,
@@ -21,7 +22,7 @@ from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.modes import MODES
-from phaselead.control.moving import Moved, Planned
+from phaselead.control.moving import Moved, Planned, best_mode
 from phaselead.control.run import Run
 from phaselead.control.targets import parse_targets
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings, track
@@ -46,12 +47,14 @@ __all__ = [
     "TrackingError",
     "Tuned",
     "assumed_limits",
+    "best_mode",
     "connect",
     "describe_gains",
     "describe_unseen",
     "gains_of",
     "held_stage",
     "held_warning",
+    "lacking_gains",
     "learn",
     "load_learned",
     "loop_of",

@@ -172,6 +172,15 @@ def describe_unseen(stage: Stage, highest_Hz: float) -> list[str]:
     ]
 
 
+def lacking_gains(stage: Stage) -> list[str]:
+    """One line for each axis without gains of its own, and what makes some."""
+    return [
+        f"axis {name}: no gains, since the records show no mode to design them for: `phaselead tune` measures some"
+        for name, model in stage.axes.items()
+        if model.gains is None
+    ]
+
+
 def check_loop(axis: str, model: AxisModel, gains: Gains, *, force: bool = False) -> str | None:
     """What the model says against the gains: a warning above a peak sensitivity of 3, or None.
 

@@ -150,7 +150,7 @@ def run_file(output: str | None, device: Device, mode: str, stage: Stage | None,
         run.forget()
         raise
     except (PhaseleadError, KeyboardInterrupt) as error:
-        said = [str(error)] if isinstance(error, PhaseleadError) else [after_interrupt(device)]
+        said = [str(error)] if isinstance(error, PhaseleadError) else [after_interrupt(device.session)]
         error.args = ("; ".join(part for part in (*said, run.recovery_hint()) if part),)
         raise
     except BaseException:

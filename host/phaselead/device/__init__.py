@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from phaselead.device import motion, wire
-from phaselead.device.capture import DeviceFault, EdgeWait, NoEdge, RanDry, Spool, no_edge, park_quietly
+from phaselead.device.capture import (
+    DeviceFault,
+    EdgeWait,
+    NoEdge,
+    RanDry,
+    Spool,
+    after_interrupt,
+    no_edge,
+    park_quietly,
+)
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
@@ -23,7 +32,6 @@ from phaselead.device.standing import (
     LARGEST_STEP_V,
     Standing,
     StatusInUnits,
-    after_interrupt,
     says_when_interrupted,
     standings,
     status_in_units,

@@ -25,7 +25,7 @@ from phaselead.device.stream import (
     mask_of,
     tick_dtype,
 )
-from phaselead.errors import DeviceRefused, LinkError
+from phaselead.errors import DeviceRefused, LinkError, PhaseleadError
 
 FEED_S = 0.2
 """STATUS this often, or one read later: a quarter of the host timeout the command line drives with."""
@@ -466,3 +466,12 @@ def park_quietly(session: Session) -> None:
         session.request(wire.StreamStopRequest(), (0.2,))
     except (LinkError, DeviceRefused):
         pass
+
+
+def after_interrupt(session: Session) -> str:
+    """What has become of the output: it is parked on Ctrl-C, which a broken line can prevent."""
+    interrupt.clear()
+    with contextlib.suppress(PhaseleadError, OSError):
+        if session.request(wire.StatusRequest()).state == wire.State.PARKED:
+            return "the output is parked"
+    return "whether the output is parked is not known: look with phaselead status"

@@ -20,6 +20,7 @@ from phaselead.device.capture import (
     Progress,
     Sink,
     Spool,
+    after_interrupt,
     capture,
     fault_text,
     park_quietly,
@@ -145,6 +146,8 @@ class Device:
         try:
             if self.park_on_exit and kind is not None:
                 park_quietly(self.session)
+                if isinstance(error, KeyboardInterrupt) and not error.args:
+                    error.args = (after_interrupt(self.session),)
             elif self.park_on_exit:
                 self._park_unless_at_rest()
         finally:

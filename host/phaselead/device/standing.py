@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from phaselead import interrupt
+from phaselead.device.capture import after_interrupt
 from phaselead.device.device import Device
 from phaselead.device.status import DeviceStatus
-from phaselead.errors import PhaseleadError
 from phaselead.result import Table
 
 LARGEST_STEP_V = 0.1
@@ -73,22 +72,13 @@ def status_in_units(device: Device) -> StatusInUnits:
     return StatusInUnits(**{one.name: getattr(status, one.name) for one in fields(DeviceStatus)}, axes=axes)
 
 
-def after_interrupt(device: Device) -> str:
-    """What has become of the output: a capture parks it on Ctrl-C, which a broken line can prevent."""
-    interrupt.clear()
-    with suppress(PhaseleadError, OSError):
-        if device.status().state == "parked":
-            return "the output is parked"
-    return "whether the output is parked is not known: look with phaselead status"
-
-
 @contextmanager
 def says_when_interrupted(device: Device, kept: str) -> Iterator[None]:
     """What Ctrl-C in here says: what has become of the output, and of what was measured."""
     try:
         yield
     except KeyboardInterrupt as ended:
-        ended.args = (*(str(part) for part in ended.args or (after_interrupt(device),)), kept)
+        ended.args = (*(str(part) for part in ended.args or (after_interrupt(device.session),)), kept)
         raise
 
 

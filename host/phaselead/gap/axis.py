@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.adopt import adopted, kept_names
-from phaselead.gap.bounds import MANY_TIMES, raised_bounds, upper_bounds
+from phaselead.gap.bounds import MANY_TIMES, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
     HELD_OUT_P,
@@ -131,7 +131,7 @@ def search_axis(
         [*named, *other.named],
         ties,
         unknown,
-        raised_bounds([*excluded, *other.excluded], provisional),
+        [*excluded, *other.excluded],
         {**_untested(refused, other, taken), **hidden},
         _where(selection, final, seed, label),
         final.gap,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from phaselead.gap.findings import Bound, NamedEffect
+from phaselead.gap.findings import Bound
 from phaselead.gap.posterior import KNOWN_BEFORE, largest_sizes
 from phaselead.gap.selection import Selection
-from phaselead.model import Effect, catalogue
+from phaselead.model import Effect
 
 MANY_TIMES = 1000.0
 """Typical sizes from which the records do not excite an effect."""
@@ -39,18 +38,6 @@ def upper_bounds(
         else:
             found.append(Bound(effect.name, upper, size.unit, axis))
     return found, untestable
-
-
-def raised_bounds(bounds: Sequence[Bound], provisional: Sequence[NamedEffect]) -> list[Bound]:
-    """The bounds, none below the size, with its interval, at which an effect was adopted provisionally."""
-    found = list(bounds)
-    for i, bound in enumerate(bounds):
-        for one in provisional:
-            value = one.params.get(catalogue()[one.name].sizes[0].name) if one.name == bound.name else None
-            if value is not None:
-                at_most = float(np.max(np.abs([value[0], *value[2]])))
-                found[i] = replace(bound, upper_95=max(bound.upper_95, at_most))
-    return found
 
 
 def _hidden(times: float) -> str:

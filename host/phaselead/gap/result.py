@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from phaselead.gap.design import records_that_show
 from phaselead.gap.findings import (
     PROVISIONAL,
     Adopted,
@@ -94,6 +95,13 @@ class GapResult(Result):
     verification: TrackingComparison | None = None
     """What tracking on a device came to, where that was asked for."""
 
+    def __post_init__(self) -> None:
+        """What was adopted, for certain or not, is neither bounded nor untestable, on whatever axis: an answer does not
+        contradict itself."""
+        has = {one.name for one in self.adopted}
+        object.__setattr__(self, "excluded", tuple(b for b in self.excluded if b.name not in has))
+        object.__setattr__(self, "untestable", tuple(name for name in self.untestable if name not in has))
+
     def as_json(self) -> dict[str, Any]:
         """The content of gap.json, with what tracking on a device came to where that was asked for."""
         tracked = {} if self.verification is None else self.verification.as_dict()
@@ -175,7 +183,10 @@ class GapResult(Result):
         if self.unexplained is not None and self.unexplained.something_missing:
             parts.append(self.unexplained.sentence)
         parts += _bounds(self.excluded)
-        if self.untestable:
+        if self.untestable and "unknown" in self.verdicts:
+            records = tuple(records_that_show(self.untestable).items())
+            parts.append(Table(("not testable with these records", "record that would show it"), records))
+        elif self.untestable:
             parts.append(f"not testable with these records: {', '.join(self.untestable)}")
         if self.next_experiment is not None:
             parts.append(_experiment_text(self.next_experiment))

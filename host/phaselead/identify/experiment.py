@@ -120,7 +120,7 @@ def identify_device(
             for axis in held_axes
         }
     except KeyboardInterrupt as ended:
-        ended.args = (after_interrupt(device),)
+        ended.args = (after_interrupt(device.session),)
         raise
     records = [one.recording for one in taken]
     used = [r for r, e in zip(records, chosen, strict=True) if not e.held_out]

@@ -15,6 +15,7 @@ from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
+from phaselead.record.plausible import doubts_about
 from phaselead.record.read import read_recording, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
@@ -40,6 +41,7 @@ __all__ = [
     "atomic_path",
     "check_output",
     "counts_backwards",
+    "doubts_about",
     "export",
     "facts_of",
     "file_sha256",

@@ -18,6 +18,7 @@ from phaselead.record.direction import counts_backwards
 from phaselead.record.foreign import ForeignColumn, ForeignTable, read_foreign
 from phaselead.record.gathering import from_columns
 from phaselead.record.guess import Mapped, guess
+from phaselead.record.plausible import doubts_about
 from phaselead.record.recording import Recording, Recordings
 from phaselead.result import Result, Table
 
@@ -95,7 +96,8 @@ def import_files(
     unused = [f"{c.number} {c.label}".rstrip() for c in tables[0].columns if c.number not in used]
     notes = [f"assumed: {line}" for line in tables[0].assumed]
     notes += [f"left out: column {', '.join(unused)}"] if unused else []
-    return Imported(Recordings(found), mapped, notes + _about_directions(found))
+    doubts = [line for recording in found for line in doubts_about(recording)]
+    return Imported(Recordings(found), mapped, notes + _about_directions(found) + doubts)
 
 
 def _side_by_side(files: Sequence[tuple[str, list[ForeignTable]]]) -> list[ForeignTable]:

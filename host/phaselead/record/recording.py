@@ -83,11 +83,19 @@ class Recording(SampledResult):
         return Source(self.source or "recording", self.sha256 or self.samples_sha256)
 
     def facts(self) -> dict[str, Any]:
-        """Length, rate, axes and ranges, and what its file says of where it came from: what ``log info`` prints."""
+        """Length, rate, axes and ranges, and what its file says of where it came from: what ``log info`` prints. With a
+        window also what is judged; the rows before it are there to warm up a model's memory."""
         rate_Hz = _rate_Hz(self) if len(self.t_s) > 1 else None
         ends = float(self.t_s[0]), float(self.t_s[-1])
         facts = facts_of(len(self.t_s), rate_Hz, *ends, "".join(self.axes), self.ranges(), self.meta)
-        return ({"source": self.source} if self.source else {}) | facts
+        return ({"source": self.source} if self.source else {}) | facts | self._window()
+
+    def _window(self) -> dict[str, Any]:
+        """What is judged, where that is not all."""
+        judged = self.t_s[self.scored]
+        if len(judged) in (0, len(self.t_s)):
+            return {}
+        return {"judged_samples": len(judged), "judged_from_s": float(judged[0]), "judged_to_s": float(judged[-1])}
 
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value by axis, column and unit, as in "x_u_{}_V"."""

@@ -85,6 +85,8 @@ def _draw(panel: Axes, recording: Recording, axis: str, shown: Shown, colour: ob
         return
     reference = recording.axes[axis].r_um
     if shown == "position" and reference is not None:
-        panel.plot(*thin(recording.t_s, reference), color=GREY, linewidth=2.4, alpha=0.5)
+        first = "reference" not in panel.get_legend_handles_labels()[1]
+        label = "reference" if first else None
+        panel.plot(*thin(recording.t_s, reference), color=GREY, linewidth=2.4, alpha=0.5, label=label)
     rms = f", {np.sqrt(np.mean(values**2)):.3g} \u00b5m rms" if shown == "error" else ""
     panel.plot(*thin(recording.t_s, values), color=colour, label=f"{name}{rms}", linewidth=1.0)

@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import PurePath
 from typing import Any
 
-from phaselead.control import MODES, gains_of, loop_of
+from phaselead.control import MODES, best_mode, gains_of, loop_of
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.model import Stage, load_stage
@@ -104,7 +104,7 @@ def play(hub: Hub, given: Arguments) -> str:
     if mode is None and all(wave.partition("@")[0].endswith("V") for wave in waves.values()):
         mode = "open"
     if mode is None:
-        mode = "pid" if hub.stage is None else "ff+pid"
+        mode = best_mode(hub.stage, "".join(waves))
     hub.about_to_move()
     hub.dev.play(waves or None, mode=mode, model=hub.stage, gains=_gains(given))
     hub.restream()

@@ -229,15 +229,14 @@ def serve(
     """Serves the scope of the device on ``port`` (default as for ``connect``) until Ctrl-C, which parks it.
 
     ``axes`` are streamed; ``model`` is what set-points and waveforms use, uploaded when something moves. What the page
-    saves goes to ``folder``. ``page_port``: of 127.0.0.1, 0 for any that is free. ``say_link`` is given the link to
-    open, which works once. When no page is open for ``park_after_s`` seconds the device is parked; 0: never.
+    saves goes to ``folder``, which is made. ``page_port``: of 127.0.0.1, 0 for any that is free. ``say_link`` is given
+    the link to open, which works once. When no page is open for ``park_after_s`` seconds the device is parked; 0: never.
 
-    Raises BadInput for a folder that does not exist or a page port that is taken; otherwise as ``connect``.
+    Raises BadInput for a folder that cannot be made or a page port that is taken; otherwise as ``connect``.
     """
-    if not folder.is_dir():
-        raise BadInput(f"{folder}: is no folder; make it first")
     listener = _listener(page_port)
     with contextlib.closing(listener):
+        _make(folder)
         stage = None if model is None else as_stage(model)
         hub = Hub(port or default_port(), axes=axes, stage=stage, folder=folder, park_after_s=park_after_s, say=say)
         try:
@@ -260,6 +259,13 @@ def serve(
         finally:
             with interrupt.held(once=True):  # it parks
                 say(hub.close())
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{folder}: no folder can be made there ({error.strerror}); choose another place") from None
 
 
 def _listener(page_port: int) -> socket.socket:

@@ -3,6 +3,21 @@
 from __future__ import annotations
 
 from phaselead.gap.design.next_experiment import propose
-from phaselead.gap.design.proposal import excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
+from phaselead.gap.design.proposal import (
+    excitation_of,
+    modes_crossed_Hz,
+    proposal_of,
+    read_proposal,
+    records_that_show,
+    run_proposal,
+)
 
-__all__ = ["excitation_of", "modes_crossed_Hz", "proposal_of", "propose", "read_proposal", "run_proposal"]
+__all__ = [
+    "excitation_of",
+    "modes_crossed_Hz",
+    "proposal_of",
+    "propose",
+    "read_proposal",
+    "records_that_show",
+    "run_proposal",
+]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from phaselead.control import record_open_loop
 from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.gap.design.excitation import RECORD, SHAPES, Excitation
-from phaselead.model import Stage, small_signal
+from phaselead.model import Stage, catalogue, small_signal
 from phaselead.waveforms import POINTS
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
@@ -38,7 +38,7 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
     except (KeyError, TypeError):
         raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
     if not ties:
-        raise BadInput(f"{path}: holds no tie, so there is no experiment to run")
+        raise BadInput(f"{path}: holds no tie, so there is no experiment to run{_what_would_tell(content)}")
     if proposed is None:
         raise BadInput(f"{path}: proposes no experiment for its tie; record other waveforms, levels and biases")
     if not isinstance(proposed, Mapping):
@@ -46,6 +46,25 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
     if proposed.get("needs_sensor"):
         raise BadInput(f"{path}: no voltage tells the members of the tie apart; it takes {proposed['needs_sensor']}")
     return proposed
+
+
+def records_that_show(names: Iterable[str]) -> dict[str, str]:
+    """For each of the effects, by name, the kind of record that shows it. Names that the catalogue has not are left
+    out."""
+    return {name: catalogue()[name].reveals for name in names if name in catalogue()}
+
+
+def _what_would_tell(content: Mapping[str, Any]) -> str:
+    """Under the verdict unknown, the records that would test what could not be tested; otherwise empty."""
+    untestable = content.get("untestable")
+    if "unknown" not in content.get("verdicts", ()) or not isinstance(untestable, list):
+        return ""
+    told = ", ".join(f"{name} ({record})" for name, record in records_that_show(map(str, untestable)).items())
+    return (
+        f". Something remains that has no name; record what would test what these records cannot: {told}"
+        if told
+        else ""
+    )
 
 
 def excitation_of(proposed: Mapping[str, Any]) -> Excitation:

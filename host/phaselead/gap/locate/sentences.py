@@ -21,8 +21,9 @@ DIRECTION_WORDS = {
     "falling": "occurs while the voltage falls",
     "still": "occurs while the voltage is constant",
 }
+# Where the residual lies, never why: the effect that the words would name may be one that the records cannot test.
 ORDER_WORDS = {
-    "1": "is at the frequency of the drive: a wrong gain or phase",
+    "1": "is at the frequency of the drive: motion of another size or phase than predicted",
     "2": "is at the second harmonic of the drive: one half of the loop differs from the other",
     "3": "is at the third harmonic of the drive: both halves of the loop are wrong in the same way",
 }

@@ -14,10 +14,18 @@ export function colours() {
   return { ...named, of: (axis) => named[axis] };
 }
 
+// With as many digits as tell two neighbours apart; uPlot rounds to three.
+export function numbers(values, step) {
+  let digits = 0;
+  while (digits < 12 && Math.abs(Math.round(step * 10 ** digits) - step * 10 ** digits) > 1e-6 * step * 10 ** digits) digits++;
+  return values.map((value) => (value === null ? "" : value.toLocaleString(undefined, { maximumFractionDigits: digits })));
+}
+
 function look(colour) {
   const axis = { stroke: colour.soft, grid: { stroke: colour.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
+  const labels = (plot, values, at, space, step) => numbers(values, step);
   const seconds = (plot, values) => values.map((value) => `${value} s`);
-  return { axes: [{ ...axis, size: 26, values: seconds }, { ...axis, size: AXIS_WIDTH }], legend: { show: false }, cursor: { show: false }, padding: [8, 10, 0, 0] };
+  return { axes: [{ ...axis, size: 26, values: seconds }, { ...axis, size: AXIS_WIDTH, values: labels }], legend: { show: false }, cursor: { show: false }, padding: [8, 10, 0, 0] };
 }
 
 // A range that follows its data at once when they grow, and only when they shrink to less than three quarters.
@@ -281,7 +289,7 @@ export class Figures {
     };
     const facets = [{ scale: "x", auto: true }, { scale: "y", auto: true }];
     this.loop = new uPlot({
-      ...base, ...this.sizeOf(this.loopHost), mode: 2, axes: [{ ...base.axes[0], values: (u, v) => v }, base.axes[1]],
+      ...base, ...this.sizeOf(this.loopHost), mode: 2, axes: [{ ...base.axes[0], values: base.axes[1].values }, base.axes[1]],
       scales: { x: { time: false, range: () => this.loopRange?.[0] ?? [-1, 1] }, y: { range: () => this.loopRange?.[1] ?? [-1, 1] } },
       series: [null, ...this.axes.map(() => ({ facets, paths: draw }))],
     }, [null, ...this.axes.map(() => [[0], [0]])], this.loopHost);

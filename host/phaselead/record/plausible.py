@@ -1,0 +1,37 @@
+"""Whether the columns of a foreign file are what they were mapped to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phaselead.record.guess import roughness
+from phaselead.record.recording import Recording
+
+MOST_TRAVEL_um = 1e4
+"""Five times what the longest flexure stages of piezo makers move (PI P-629: 1.8 mm)."""
+
+SLOWLY = 0.01
+"""Roughness of a sine of forty rows a period. Of what is driven faster the mechanics may keep the smoother part."""
+
+
+def doubts_about(recording: Recording) -> list[str]:
+    """One line for each axis whose columns are probably exchanged, or in another unit.
+
+    A slowly commanded voltage is smoother than what a sensor saw of it, against its own span.
+    """
+    found = []
+    for axis, record in recording.axes.items():
+        u_V, x_um = record.u_V, record.x_um
+        if x_um is not None and (travel_um := float(np.ptp(x_um))) > MOST_TRAVEL_um:
+            found.append(
+                f"{recording.source}: axis {axis} moves by {travel_um:.3g} um, which no piezo stage does: is the "
+                "factor of its column right?"
+            )
+        if u_V is None or x_um is None or not np.ptp(u_V) > 0:
+            continue
+        if SLOWLY > roughness(u_V) > roughness(x_um):
+            found.append(
+                f"{recording.source}: the voltage of axis {axis} is rougher than its position: are the columns "
+                "exchanged? In a closed loop it may be so"
+            )
+    return found
