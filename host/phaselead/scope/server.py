@@ -230,7 +230,8 @@ def serve(
 
     ``axes`` are streamed; ``model`` is what set-points and waveforms use, uploaded when something moves. What the page
     saves goes to ``folder``, which is made. ``page_port``: of 127.0.0.1, 0 for any that is free. ``say_link`` is given
-    the link to open, which works once. When no page is open for ``park_after_s`` seconds the device is parked; 0: never.
+    the link to open, which works once. When no page is open for ``park_after_s`` seconds the device is parked; 0:
+    never.
 
     Raises BadInput for a folder that cannot be made or a page port that is taken; otherwise as ``connect``.
     """
