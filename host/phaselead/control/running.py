@@ -17,8 +17,9 @@ from phaselead.control.run import Run
 from phaselead.control.tracking import loop_warnings, path_warnings
 from phaselead.control.true_position import Follows
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
-from phaselead.model import StageLike, as_stage
+from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
+from phaselead.waveforms import Waveform
 
 Progress = Callable[[float], None]
 
@@ -84,12 +85,7 @@ class Runs(Plays):
             chosen = chosen if gains is not None else known.gains()
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
             waveforms = known.waveforms(waveforms, sha256, mode, chosen, follows)
-        for line in [
-            *held_warning(held, mode, chosen),
-            *loop_warnings(stage, mode, chosen, force=force),
-            *path_warnings(waveforms),
-        ]:
-            warnings.warn(line, stacklevel=2)
+        _warn(waveforms, mode, chosen, stage, held, force=force)
         run = track_to_file(
             self.device,
             waveforms,
@@ -139,12 +135,7 @@ class Runs(Plays):
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         held = held_stage(self.device) if stage is None else None
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
-        for line in [
-            *held_warning(held, mode, chosen),
-            *loop_warnings(stage, mode, chosen, force=force),
-            *path_warnings(waveforms),
-        ]:
-            warnings.warn(line, stacklevel=2)
+        _warn(waveforms, mode, chosen, stage, held, force=force)
         found = learn(
             self.device,
             waveforms,
@@ -187,6 +178,21 @@ class Runs(Plays):
             on_progress=on_progress,
         )
         return _named(recording, path or wave_text(drive) or f"{letters} at rest")
+
+
+def _warn(
+    waveforms: Mapping[str, Waveform],
+    mode: str,
+    gains: dict[str, Gains],
+    stage: Stage | None,
+    held: Stage | None,
+    *,
+    force: bool,
+) -> None:
+    """Of loop and path, before anything moves, to who called the method."""
+    said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
+    for line in [*said, *path_warnings(waveforms)]:
+        warnings.warn(line, stacklevel=3)
 
 
 def _named(recording: Recording, name: str) -> Recording:

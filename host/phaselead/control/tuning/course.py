@@ -80,7 +80,7 @@ def tune(
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     fitted = _fitted(axis, measured, parent)
     local = local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share)
-    over = Range(local, mode_shift, peak, most_unrest_V_per_um(parent.axis(axis)))
+    over = Range(local, mode_shift, peak, most_rate_V_per_um(parent.axis(axis)))
     first, last = SHARES[1], SHARES[2]
     gains = shape(fitted.plant, over, lambda done: told(first + (last - first) * done))
     _refuse_measured(measured, fitted, gains, over)
@@ -116,7 +116,7 @@ def tune(
     )
 
 
-def most_unrest_V_per_um(model: AxisModel) -> float:
+def most_rate_V_per_um(model: AxisModel) -> float:
     """So that the sensor's noise, or its code, takes no more than half of the slew limit."""
     sensor = model.sensor
     code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits

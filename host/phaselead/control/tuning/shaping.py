@@ -59,7 +59,7 @@ class Range:
     gain_um_per_V: tuple[float, float]
     mode_shift: float
     peak: float
-    most_unrest_V_per_um: float = math.inf
+    most_rate_V_per_um: float = math.inf
     """What white noise of the position may change the output by from tick to tick, rms in V for 1 um rms: an output at
     its slew limit no longer does what the loop asks for, and the margin is gone."""
 
@@ -293,7 +293,7 @@ class _Search:
             return [], UNSTABLE + 100 * unstable
         beyond = 1 / nearest - BELOW * self._over.peak
         if beyond <= 0:
-            beyond = self._held.rate_V_per_um(values) / self._over.most_unrest_V_per_um - 1
+            beyond = self._held.rate_V_per_um(values) / self._over.most_rate_V_per_um - 1
         return found, OVER_PEAK + 10 * min(beyond, 50) if beyond > 0 else 0.0
 
     def gains_of(self, values: Samples) -> Gains:
