@@ -115,7 +115,7 @@ def test_load_moves_the_modes_and_not_the_static_gain():
 def test_hysteresis_opens_the_loop_by_its_width_at_every_frequency():
     for f in (0.5, 20.0):
         u = sine(SPAN_V, f, 2)
-        for reach, slope in ((0.5, 0.0), (0.2, 3.0)):
+        for reach, slope in ((0.5, 0.0), (0.2, 3.0), (0.95, -4.0), (1.0, 2.0)):
             x = last_period(run(PLAIN, u, "hysteresis", width=0.12, reach=reach, slope=slope), f)
             assert loop_width(x, last_period(u, f), 5.0) == pytest.approx(0.12 * RANGE_UM, rel=0.02)
 

@@ -25,12 +25,14 @@ PLAYS = 10
 
 
 def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Samples]:
-    """r (m,) in V and w (m,) in um/V."""
+    """r (m,) in V and w (m,) in um/V. At the middle of a full loop a play opens by 2 r, and by less where it has not
+    yet turned."""
     low, high = signal.span_V
     steps = np.arange(1, PLAYS + 1) / PLAYS
     r = number(params, "reach") * (high - low) / 2 * steps
     density = np.exp(number(params, "slope") * steps)
-    return r, number(params, "width") * signal.range_um * density / float(2 * r @ density)
+    opening_V = np.minimum(2 * r, high - low - 2 * r)
+    return r, number(params, "width") * signal.range_um * density / float(opening_V @ density)
 
 
 def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
@@ -63,8 +65,8 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     part = [(i + 1) / PLAYS for i in range(PLAYS)]
     reach_V = given.one("reach", above=0.0) * axis.range_V / 2
     density = [math.exp(given.one("slope") * p) for p in part]
-    opening = 2 * sum(reach_V * p * d for p, d in zip(part, density, strict=True))
     r_V = [reach_V * p for p in part]
+    opening = sum(min(2 * r, axis.range_V - 2 * r) * d for r, d in zip(r_V, density, strict=True))
     w_um_per_V = [given.one("width") * axis.range_um * d / opening for d in density]
     axis.plays(r_V, w_um_per_V, [given.one("rest_fraction") * reach_V * p for p in part])
 
@@ -88,7 +90,7 @@ EFFECT = Effect(
     order=0,
     becomes_plays=True,
     equation="y = x + sum_i w_i (play_ri[v] - v),  r_i = reach U/2 i/10,  w_i ~ exp(slope i/10),  "
-    "sum 2 r_i w_i = width X",
+    "sum min(2 r_i, U - 2 r_i) w_i = width X",
     source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition)",
     parameters=(
         Parameter("width", "of range", 0.12, -0.2, 0.6, doc="opening of the full loop at its middle"),
