@@ -11,10 +11,10 @@ import numpy as np
 from phaselead.errors import PhaseleadError
 from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, run_gap
 from phaselead.identify import STILL_V, fit
-from phaselead.model import Actuator, AxisModel, Stage, catalogue, predict
+from phaselead.model import Actuator, AxisModel, Place, Stage, catalogue, predict
 from phaselead.record import Recording
 from phaselead.validation.journal import Outcome
-from phaselead.validation.truth import Case, load_truth
+from phaselead.validation.truth import Case, Hidden, load_truth
 
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
@@ -51,7 +51,7 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
     began, spent = time.monotonic(), time.process_time()
     result = run_gap(stage, train, holdout, reference, without=case.without)
     found = {
-        **answer(result),
+        **answer(result, case.hidden),
         "seconds": time.monotonic() - began,
         "cpu_seconds": time.process_time() - spent,
         "floor": _floor_um(stage, case.bare_holdout()),
@@ -97,9 +97,11 @@ def _driven(record: Recording) -> bool:
     return any(a.u_V is not None and float(np.ptp(a.u_V)) > STILL_V for a in record.axes.values())
 
 
-def answer(result: GapResult) -> Outcome:
+def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
     """The parts of a result that are scored."""
     scores: dict[str, float] = {}
+    on_axis = {h.name: h.axis for h in hidden if h.axis is not None}
+    sized = [e for e in result.effects if catalogue()[e.name].sizes and on_axis.get(e.name, e.axis) == e.axis]
     for candidate in result.candidates:
         scores[candidate.name] = max(candidate.score, scores.get(candidate.name, 0.0))
     return {
@@ -108,7 +110,7 @@ def answer(result: GapResult) -> Outcome:
         "axes": [e.axis for e in result.effects],
         "scores": {e.name: scores.get(e.name) for e in result.effects},
         "probability": {e.name: e.probability for e in result.effects},
-        "sizes": {e.name: _size(result, e) for e in result.effects if catalogue()[e.name].sizes},
+        "sizes": {e.name: _size(result, e) for e in sized},
         "adopted": [[a.name, a.status] for a in result.adopted],
         "detectable": {d.name: d.size for d in result.detectable},
         "ties": [list(tie) for tie in result.ties],
@@ -120,8 +122,13 @@ def answer(result: GapResult) -> Outcome:
 
 
 def _size(result: GapResult, effect: NamedEffect) -> list[float]:
-    """Value and both ends of the 95 % interval of its first size; of several modes those of the first."""
-    value, _, interval = result.sizes_of(effect)[catalogue()[effect.name].sizes[0].name]
+    """Value and both ends of the 95 % interval of its first size; of several modes those of the first, and of what
+    comes from several axes the largest."""
+    sizes, entry = result.sizes_of(effect), catalogue()[effect.name]
+    found = [sizes[p.name] for p in entry.sizes if p.name in sizes]
+    if entry.place is not Place.COUPLING:
+        found = found[:1]
+    value, _, interval = max(found, key=lambda one: float(np.max(np.abs(one[0]))))
     ends = np.atleast_2d(np.asarray(interval, dtype=float))[0]
     return [float(np.atleast_1d(value)[0]), *map(float, ends)]
 
@@ -141,4 +148,4 @@ def _after_next(
     excitation = excitation_of(vars(proposed))
     more = case.follow_up(excitation.voltage, excitation.seconds, proposed.axis)
     again = run_gap(stage, [*train, more], holdout, reference, without=case.without)
-    return {"tie": list(result.ties[0]), "waveform": proposed.waveform, **answer(again)}
+    return {"tie": list(result.ties[0]), "waveform": proposed.waveform, **answer(again, case.hidden)}
