@@ -114,13 +114,13 @@ def test_the_columns_that_are_kept_are_limited_and_the_last_set_is_always_among_
 
 @pytest.mark.parametrize("entries", SETS.values(), ids=SETS)
 def test_where_nothing_moved_a_set_without_tangents_is_as_likely_as_with_them(entries):
-    entries, scales = sized(entries), [(0.05, 1.0), (0.3, 2.0)]
+    entries, shares = sized(entries), [0.05, 0.3]
     among = learned().knowing([sized(SETS["one effect"])[0]])
     terms = among.terms(entries)
     near = among._near(terms, entries)
     assert near.moments.tangents == 0
     np.testing.assert_allclose(
-        among.log_joint(near, scales, among.every), among.log_joint(terms, scales, among.every), rtol=1e-12
+        among.log_joint(near, shares, among.every), among.log_joint(terms, shares, among.every), rtol=1e-12
     )
 
 

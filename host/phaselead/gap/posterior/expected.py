@@ -35,13 +35,18 @@ class Expected:
     """(octaves,) per coefficient."""
     share: Samples
     """(octaves,) of the power of the base's motion."""
-    told: float
-    """As many coefficients as tell it: degrees of freedom of Student's t."""
+    noise_told: Samples
+    """(octaves,) As many coefficients as tell the noise."""
+    share_told: Samples
+    """(octaves,) As many as tell the share."""
 
-    def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples]:
-        """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,)."""
+    def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples, Samples]:
+        """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
+        coefficients tell their sum: degrees of freedom of Student's t (Welch 1947)."""
         at = np.clip(run.octaves - self.first, 0, len(self.share) - 1)
-        return self.noise_um2[at], self.share[at] * motion
+        noise, base = self.noise_um2[at], self.share[at] * motion
+        told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
+        return noise, base, told
 
 
 def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expected:
@@ -53,36 +58,45 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     told_by = references or list(range(len(runs)))
     left = {i: runs[i].power(runs[i].modelled.error()) for i in told_by}
     idle = [i for i in told_by if runs[i].modelled.run.idle]
-    rows = [(runs[i].octaves - first, left[i], motions[i], np.full(len(left[i]), i in idle)) for i in told_by]
-    octave, power, motion, at_rest = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-    noise = _noise(octave, power, at_rest, count)
+    rows = [
+        (runs[i].octaves - first, left[i], motions[i], np.full(len(left[i]), i in idle), runs[i].sizes) for i in told_by
+    ]
+    octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    noise, noise_told = _noise(octave, power, at_rest, sizes, count)
+    untold = np.full(count, UNTOLD)
     if not references:
         floor = np.full(count, float(np.min(noise)))
-        return Expected(first, noise if idle else floor, np.full(count, BASE_SHARE**2), UNTOLD)
+        noise, noise_told = (noise, noise_told) if idle else (floor, untold)
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold)
     driven = ~at_rest
     if not driven.any():
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), UNTOLD)
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold)
     beyond = np.maximum(power[driven] - noise[octave[driven]], 0.0)
     missed = _smooth(np.bincount(octave[driven], beyond, count).astype(float))
     moved = _smooth(np.bincount(octave[driven], motion[driven], count).astype(float))
     share = missed / np.maximum(moved, 1e-30)
-    effective = 1 / float(np.sum(np.square(NEIGHBOURS)))
-    return Expected(first, noise, share, effective * max(len(references) - len(idle), 1))
+    blocks = np.bincount(octave[driven], minlength=count).astype(float)
+    return Expected(first, noise, share, noise_told, _smooth(blocks) ** 2 / np.maximum(_smooth_squared(blocks), 1e-30))
 
 
-def _noise(octave: Samples, power: Samples, at_rest: Samples, count: int) -> Samples:
-    """Noise (octaves,): of the records at rest, or of the quietest where none is."""
-    found = np.full(count, np.nan)
+def _noise(octave: Samples, power: Samples, at_rest: Samples, sizes: Samples, count: int) -> tuple[Samples, Samples]:
+    """Noise (octaves,): of the records at rest, or of the quietest where none is; and how many coefficients tell it."""
+    found, told = np.full(count, np.nan), np.full(count, UNTOLD)
     for o in range(count):
         here = octave == o
         if (here & at_rest).any():
-            found[o] = power[here & at_rest].mean()
+            found[o], told[o] = power[here & at_rest].mean(), sizes[here & at_rest].sum()
         elif here.any() and not at_rest.any():
             found[o] = power[here].min()
     known = np.flatnonzero(np.isfinite(found))
-    filled = np.interp(np.arange(count), known, found[known])
-    return np.maximum(_smooth(filled) / _smooth(np.ones(count)), LEAST_UM2)
+    filled, told = (np.interp(np.arange(count), known, values[known]) for values in (found, told))
+    weights = _smooth(np.ones(count))
+    return np.maximum(_smooth(filled) / weights, LEAST_UM2), weights**2 / _smooth_squared(1 / told)
 
 
 def _smooth(values: NDArray[np.floating]) -> Samples:
     return np.asarray(np.convolve(values, NEIGHBOURS, mode="same"))
+
+
+def _smooth_squared(values: NDArray[np.floating]) -> Samples:
+    return np.asarray(np.convolve(values, np.square(NEIGHBOURS), mode="same"))

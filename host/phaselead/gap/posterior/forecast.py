@@ -42,15 +42,14 @@ class Forecast:
 
     def _variance(self, run: BlockedRun, true: Fit) -> Samples:
         """(blocks,) in um^2 of what the record would hold beside the answer of the set that is true."""
-        share, times = true.scales
         motion = run.spread(run.power(run.modelled.answer()))
-        noise, base = self._likelihood.expected.of(run, motion)
+        noise, base, _ = self._likelihood.expected.of(run, motion)
         added = np.zeros((len(true.entries), len(run.sizes)))
         for i in range(len(true.entries)):
             rest = [*true.entries[:i], *true.entries[i + 1 :]]
             added[i] = run.spread(run.power(run.modelled.answer(true.entries) - run.modelled.answer(rest)))
-        missed = missed_um2(share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
-        return np.asarray(noise + times**2 * base + missed)
+        missed = missed_um2(true.share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
+        return np.asarray(noise + base + missed)
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
         """Coefficients (n - 1, parameters): what one internal unit of each parameter does."""

@@ -6,20 +6,21 @@ In each block the residual's coefficients are normal of a variance
 
 with ``base`` what the base is expected to leave (``expected``) and ``signal_j`` the power of what effect j adds: no
 stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
-but never less than what is left by the best equations of a material. Both shares are unknown and summed over. What a
-model misses is smooth, so that all coefficients of a block say it once: they count as one. Where ``base`` was told by
-few records, Student's t takes the place of the normal distribution.
+but never less than what is left by the best equations of a material. What the base misses differs from record to
+record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
+say it once: they count as one. Where few coefficients told the variance, Student's t takes the place of the normal
+distribution.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
+from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.posterior.before import as_fault, fault_deviations
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
@@ -53,24 +54,22 @@ LIKE_RIVALS = 0.1
 """Share of an effect that its equation may miss and that looks like another which the catalogue says it is confused
 with: published models of hysteresis, creep and modes leave 2 to 20 % of what they describe."""
 TIMES_BASE = (1.0, 2.0, 4.0)
-"""How much more than in the reference records the base may miss: all as likely."""
+"""How much more than in the reference records, in um, the base may miss in one record: all as likely."""
 STEPS, LEAST_GAIN, DAMPINGS = 8, 0.05, 5
 """Of a fit at most, the gain in log units that ends it, and how many dampings a step tries."""
 
 SETTLING, SETTLED = 30, 0.01
 """Steps at most in which what is integrated out settles, and the change in prior deviations that ends them."""
 NEGLIGIBLE = 1e-3
-"""Probability of scales below which they do not widen an interval."""
+"""Probability of a share below which it does not widen an interval."""
 
 Names = tuple[str, ...]
 """Of a set of effects, sorted."""
-Scales = tuple[float, float]
-"""A share of equation misfit and a multiple of what the base misses."""
 
 
 @dataclass(frozen=True)
 class Settled:
-    """Where what is integrated out is most likely, under each of s scales."""
+    """Where what is integrated out is most likely, under each of s shares."""
 
     amounts: Amounts
     """Of its columns."""
@@ -96,8 +95,8 @@ class Terms:
     of_material: Samples
     """(blocks,) the part of it that is of the ceramic's loops and creep."""
     prior: Prior
-    settled: dict[tuple[Scales, bool], Settled] = field(default_factory=dict)
-    """Where what is integrated out settles, by scales and whether held-out records counted, once found."""
+    settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
+    """Where what is integrated out settles, by share and whether held-out records counted, once found."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +110,8 @@ class Fit:
     """Without the held-out records."""
     named: float
     """Probability that no more is missed than an equation of that name may miss."""
-    scales: Scales
-    """The most likely ones."""
+    share: float
+    """The most likely share of equation misfit."""
     covariance: Samples
     """(parameters, parameters) in internal units."""
 
@@ -140,7 +139,7 @@ class Likelihood:
 
     def __post_init__(self) -> None:
         parts = [self.expected.of(run, run.spread(run.power(run.modelled.answer()))) for run in self.runs]
-        self.noise, self.base = (np.concatenate(of) for of in zip(*parts, strict=True))
+        self.noise, self.base, self.told = (np.concatenate(of) for of in zip(*parts, strict=True))
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
         self.every = np.ones(len(self.fitted), dtype=bool)
@@ -226,25 +225,39 @@ class Likelihood:
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
         return Terms(entries, moments, terms.signal, terms.of_material, none)
 
-    def variance(self, terms: Terms, scales: Sequence[Scales]) -> Samples:
-        """v (s, blocks) in um^2."""
-        shares, times = np.array(scales).T[:, :, None]
-        return np.asarray(self.noise + times**2 * self.base + missed_um2(shares, terms.signal, terms.of_material))
+    def variance(self, terms: Terms, shares: Sequence[float]) -> Samples:
+        """v (s, k, blocks) in um^2, for each multiple of what the base misses in a record."""
+        missed = missed_um2(np.array(shares)[:, None], terms.signal, terms.of_material)
+        of_base = np.array(TIMES_BASE)[:, None] ** 2 * self.base
+        return np.asarray(self.noise + of_base + missed[:, None])
+
+    def _log_densities(self, power: Samples, variance: Samples) -> Samples:
+        """(s, k, blocks) of the residual's power (s, blocks), one coefficient for each block."""
+        t = self.told
+        one = gammaln((t + 1) / 2) - gammaln(t / 2) - 0.5 * np.log(t * np.pi * variance)
+        return np.asarray(one - (t + 1) / 2 * np.log1p(power[:, None] / (t * variance)))
+
+    def _of_records(self, power: Samples, variance: Samples, which: Samples) -> Samples:
+        """Log density (s, k, records) of the residual's power (s, blocks)."""
+        each = np.where(which, self._log_densities(power, variance), 0.0)
+        return np.asarray(np.add.reduceat(each, self._blocks[:-1], axis=-1))
 
     def log_density(self, power: Samples, variance: Samples, which: Samples) -> Samples:
-        """(s,) of the residual's power (s, blocks), one coefficient for each block."""
-        t = self.expected.told
-        one = gammaln((t + 1) / 2) - gammaln(t / 2) - 0.5 * np.log(t * np.pi * variance)
-        return np.asarray(np.sum((one - (t + 1) / 2 * np.log1p(power / (t * variance)))[:, which], axis=1))
+        """(s,) of the residual's power (s, blocks)."""
+        of_records = self._of_records(power, variance, which)
+        return np.asarray(np.sum(logsumexp(of_records, axis=1) - np.log(len(TIMES_BASE)), axis=-1))
 
-    def weights(self, power: Samples, variance: Samples) -> Samples:
+    def weights(self, power: Samples, variance: Samples, which: Samples) -> Samples:
         """By which squares (s, blocks) count near a residual of this power."""
-        t = self.expected.told
-        return np.asarray((t + 1) / (t * variance + power))
+        t = self.told
+        of_records = softmax(self._of_records(power, variance, which), axis=1)
+        likely = np.repeat(of_records, np.diff(self._blocks), axis=-1)
+        each = (t + 1) / (t * variance + power[:, None])
+        return np.where(which, np.sum(likely * each, axis=1), 0.0)
 
-    def settled(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Settled:
+    def settled(self, terms: Terms, shares: Sequence[float], which: Samples) -> Settled:
         """Where what is integrated out is most likely."""
-        keys = [(one, which is self.every) for one in scales]
+        keys = [(one, which is self.every) for one in shares]
         missing = [key for key in keys if key not in terms.settled]
         if missing:
             found = self._settled(terms, [one for one, _ in missing], which)
@@ -253,16 +266,16 @@ class Likelihood:
         power, variance = (np.concatenate(of) for of in zip(*((one.power, one.variance) for one in parts), strict=True))
         return Settled(together([one.amounts for one in parts]), power, variance)
 
-    def _settled(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Settled:
+    def _settled(self, terms: Terms, shares: Sequence[float], which: Samples) -> Settled:
         moments = terms.moments.integrated
         # The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
         # what they explain.
-        variance, amounts = self.variance(terms, scales), moments.none(len(scales))
-        power, moving = np.zeros_like(variance), np.arange(len(scales) if moments.columns else 0)
+        variance, amounts = self.variance(terms, shares), moments.none(len(shares))
+        power, moving = np.zeros_like(variance[:, 0]), np.arange(len(shares) if moments.columns else 0)
         for _ in range(SETTLING):
             if not len(moving):
                 break
-            w = np.where(which, self.weights(power[moving], variance[moving]), 0.0)
+            w = self.weights(power[moving], variance[moving], which)
             normal, right = moments.normal(w, np.zeros(0))
             found = normal.solve(right)
             moved = (found - amounts[moving]).largest()
@@ -271,19 +284,19 @@ class Likelihood:
             moving = moving[moved >= SETTLED]
         return Settled(amounts, moments.power(amounts), variance)
 
-    def log_joint(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Samples:
+    def log_joint(self, terms: Terms, shares: Sequence[float], which: Samples) -> Samples:
         """Log density (s,) of the records and of all parameters."""
-        at = self.settled(terms, scales, which)
+        at = self.settled(terms, shares, which)
         squares = at.amounts.along(at.amounts)[:, 0, 0]
         return np.asarray(self.log_density(at.power, at.variance, which) + terms.prior.log_density - 0.5 * squares)
 
     def information(
-        self, terms: Terms, scales: Sequence[Scales], which: Samples, independent: Samples | float = 1.0
+        self, terms: Terms, shares: Sequence[float], which: Samples, independent: Samples | float = 1.0
     ) -> tuple[Normal, Amounts]:
         """Of the parameters and of what is integrated out, by the records and the priors together, and the slope of the
         log density. Of what a block says only the share ``independent`` (s, blocks) counts."""
-        at = self.settled(terms, scales, which)
-        w = independent * np.where(which, self.weights(at.power, at.variance), 0.0)
+        at = self.settled(terms, shares, which)
+        w = independent * self.weights(at.power, at.variance, which)
         normal, right = terms.moments.normal(w, terms.prior.precision)
         p = len(terms.prior.centre)
         slope = right - normal.times(at.amounts.behind(p))
@@ -291,20 +304,21 @@ class Likelihood:
         slope.common[:, :p, 0] -= off
         return normal, slope
 
-    def _covariances(self, terms: Terms, scales: Sequence[Scales]) -> Samples:
+    def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """(s, p, p) of the parameters in internal units. What the base and the equations miss is the stage's, and the
         same in every record: an octave tells a parameter past it once, however many records there are."""
-        variance = self.variance(terms, scales)
+        at = self.settled(terms, shares, self.every)
+        variance = 1 / self.weights(at.power, at.variance, self.every)
         told = terms.signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        independent = variance / (self.noise + records * (variance - self.noise))
-        normal, _ = self.information(terms, scales, self.every, independent)
+        independent = variance / (self.noise + records * np.maximum(variance - self.noise, 0.0))
+        normal, _ = self.information(terms, shares, self.every, independent)
         p = len(terms.prior.centre)
         return np.asarray(np.linalg.inv(normal.reduced)[:, :p, :p])
 
-    def likeliest_scales(self, terms: Terms, near: Scales | None = None) -> tuple[float, Scales]:
-        """The most likely scales, after the log density there: of all, or by steps from those of a set like it."""
+    def likeliest_share(self, terms: Terms, near: float | None = None) -> tuple[float, float]:
+        """The most likely share, after the log density there: of all, or by steps from that of a set like it."""
         grid = _grid(terms)
         found = self._log_joints(terms, grid if near is None else [near])
         while near is not None:
@@ -314,59 +328,59 @@ class Likelihood:
                 break
         return max((density, one) for one, density in found.items())
 
-    def _log_joints(self, terms: Terms, scales: Sequence[Scales]) -> dict[Scales, float]:
-        """Log density of the records, of all parameters and of scales, under each of these."""
-        if not scales:
+    def _log_joints(self, terms: Terms, shares: Sequence[float]) -> dict[float, float]:
+        """Log density of the records, of all parameters and of the share, under each of these."""
+        if not shares:
             return {}
-        found = self.log_joint(terms, scales, self.every).tolist()
-        return {one: log + _log_prior(terms, one) for one, log in zip(scales, found, strict=True)}
+        found = self.log_joint(terms, shares, self.every).tolist()
+        return {one: log + _log_prior(terms, one) for one, log in zip(shares, found, strict=True)}
 
     def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
         """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
-        terms, scales, _ = self.fitted_terms(start, steps)
-        return self.judged(terms, scales)
+        terms, share, _ = self.fitted_terms(start, steps)
+        return self.judged(terms, share)
 
-    def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, Scales, float]:
-        """A set at its most likely parameters near those of ``start``, the scales there and the log density."""
+    def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, float, float]:
+        """A set at its most likely parameters near those of ``start``, the share there and the log density."""
         terms = start if isinstance(start, Terms) else self.terms(start)
-        best, scales = self.likeliest_scales(terms)
+        best, share = self.likeliest_share(terms)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
-            information, slope = self.information(terms, [scales], self.every)
+            information, slope = self.information(terms, [share], self.every)
             gained = 0.0
             for _ in range(DAMPINGS):
                 entries = _moved(terms.entries, information.damped(damping).solve(slope).common[0, :, 0])
                 near = self._near(terms, entries)
-                gained = self._log_joints(near, [scales])[scales] - best
+                gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
                     terms, damping = self.terms(entries), max(damping / 5, 1e-6)
-                    best, scales = self.likeliest_scales(terms, scales)
+                    best, share = self.likeliest_share(terms, share)
                     break
                 damping = max(damping, 1e-3) * 10
             if gained < LEAST_GAIN:
                 break
-        return terms, scales, best
+        return terms, share, best
 
-    def judged(self, terms: Terms, scales: Scales) -> Fit:
+    def judged(self, terms: Terms, share: float) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""
         grid = _grid(terms)
         prior = np.array([_log_prior(terms, one) for one in grid])
         every = prior + self._log_evidence(terms, grid, self.every)
         fitted = prior + self._log_evidence(terms, grid, self.fitted)
         likely = np.exp(every - every.max())
-        named = float(likely[[share <= MOST_MISSED for share, _ in grid]].sum() / likely.sum())
+        named = float(likely[[share <= MOST_MISSED for share in grid]].sum() / likely.sum())
         p = len(terms.prior.centre)
         covariance = np.zeros((p, p))
         if p:
             probability = likely / likely.sum()
             kept = np.flatnonzero(probability > NEGLIGIBLE)
             covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
-        return Fit(terms, _log_sum(every), _log_sum(fitted), named, scales, covariance)
+        return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance)
 
-    def _log_evidence(self, terms: Terms, scales: Sequence[Scales], which: Samples) -> Samples:
-        normal, _ = self.information(terms, scales, which)
+    def _log_evidence(self, terms: Terms, shares: Sequence[float], which: Samples) -> Samples:
+        normal, _ = self.information(terms, shares, which)
         volume = 0.5 * (len(terms.prior.centre) * np.log(2 * np.pi) - normal.log_determinant)
-        return np.asarray(self.log_joint(terms, scales, which) + volume)
+        return np.asarray(self.log_joint(terms, shares, which) + volume)
 
 
 def names_of(entries: Sequence[SizedEffect]) -> Names:
@@ -390,22 +404,21 @@ def missed_um2(share: Samples | float, signal: Samples, of_material: Samples) ->
     return np.asarray(share**2 * signal + np.maximum(LEAST_OF_MATERIAL**2 - share**2, 0.0) * of_material)
 
 
-def _grid(terms: Terms) -> list[Scales]:
-    """The scales that a set may have."""
-    return list(product(SHARES if terms.entries else SHARES[:1], TIMES_BASE))
+def _grid(terms: Terms) -> list[float]:
+    """The shares that a set may miss."""
+    return list(SHARES if terms.entries else SHARES[:1])
 
 
-def _beside(one: Scales, other: Scales) -> bool:
-    """Whether scales are next to others on the grid."""
-    apart = [abs(of.index(a) - of.index(b)) for of, a, b in zip((SHARES, TIMES_BASE), one, other, strict=True)]
-    return sum(apart) == 1
+def _beside(one: float, other: float) -> bool:
+    """Whether shares are next to one another on the grid."""
+    return abs(SHARES.index(one) - SHARES.index(other)) == 1
 
 
-def _log_prior(terms: Terms, scales: Scales) -> float:
-    """Of the scales of a set."""
-    within = sum(share <= MOST_MISSED for share in SHARES)
-    of_share = (1 - OUTSIDE) / within if scales[0] <= MOST_MISSED else OUTSIDE / (len(SHARES) - within)
-    return float(np.log(of_share if terms.entries else 1.0) - np.log(len(TIMES_BASE)))
+def _log_prior(terms: Terms, share: float) -> float:
+    """Of the share that a set misses."""
+    within = sum(one <= MOST_MISSED for one in SHARES)
+    of_share = (1 - OUTSIDE) / within if share <= MOST_MISSED else OUTSIDE / (len(SHARES) - within)
+    return float(np.log(of_share)) if terms.entries else 0.0
 
 
 def _log_sum(logs: Samples) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.metric import LEAST_POWER
-from phaselead.gap.posterior.likelihood import SHARES, TIMES_BASE, Fit, Likelihood
+from phaselead.gap.posterior.likelihood import SHARES, Fit, Likelihood
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES, prior_of
 from phaselead.gap.refit import SizedEffect, bounded
@@ -117,7 +117,7 @@ class Starts:
         """By effect, the first size, in its unit, at which it is expected to bring so many log odds beside nothing, at
         the most usual of its shapes: by noise, by what the base misses and by how much these records excite it,
         whatever they show."""
-        expected = 1 / self.likelihood.variance(nothing.terms, [(SHARES[0], TIMES_BASE[0])])[0]
+        expected = 1 / self.likelihood.variance(nothing.terms, SHARES[:1])[0, 0]
         chosen: dict[str, tuple[float, float]] = {}
         for group, _, curvature in self._moments(nothing, self._groups, self._columns, expected):
             information = float(1 / np.linalg.inv(curvature + np.eye(len(curvature)) * LEAST_POWER)[0, 0])
@@ -149,8 +149,8 @@ class Starts:
         likelihood, terms = self.likelihood, fit.terms
         w = weights
         if w is None:
-            settled = likelihood.settled(terms, [fit.scales], likelihood.every)
-            w = likelihood.weights(settled.power, settled.variance)[0]
+            settled = likelihood.settled(terms, [fit.share], likelihood.every)
+            w = likelihood.weights(settled.power, settled.variance, likelihood.every)[0]
         normal, right = terms.moments.normal(w[None], terms.prior.precision)
         p, c, k = terms.moments.tangents, normal.common.shape[1], columns[0].shape[1]
         common, before = np.zeros((c + 1, k)), np.zeros((*normal.before.shape[1:3], k))
