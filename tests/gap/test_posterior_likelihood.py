@@ -55,7 +55,7 @@ class LinearRun:
 
     def __init__(self, motion, columns, role):
         n = len(motion)
-        self.motion, self.columns, self.axis = motion, columns, None
+        self.motion, self.columns, self.axis = motion, columns, Made(effects=())
         t_s = STEP_S * np.arange(n)
         self.run = Made(role=role, rows=slice(0, n), start=0, stop=n, step_s=STEP_S, t_s=t_s, x_um=motion, idle=False)
         self.nuisances = np.ones((n, 1))

@@ -39,7 +39,6 @@ from phaselead.gap.goodness_of_fit import (
     FinalFit,
     final_fit,
     much_predictable,
-    structure_remains,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.posterior import Claim
@@ -114,7 +113,7 @@ def search_axis(
     on_progress(0.9)
     left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
     closed = bool(taken) and selection.problem.reference is not None
-    unknown = selection.no_set_fits or structure_remains(selection, final) or other.unknown
+    unknown = selection.no_set_fits or other.unknown
     unknown = unknown or much_predictable(left, final.gap, closed)
     on_progress(0.92)
     provisional: list[NamedEffect] = []

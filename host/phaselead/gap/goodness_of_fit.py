@@ -1,4 +1,4 @@
-"""The model at the end of the search, what it leaves of every record, and whether that is more than noise."""
+"""The model at the end of the search, and what it leaves of every record."""
 
 from __future__ import annotations
 
@@ -6,14 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import mannwhitneyu
 
 from phaselead.gap.base_operator import with_operator
-from phaselead.gap.discrepancy import Discrepancy, residual_amounts
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
-from phaselead.gap.metric import Regressors
-from phaselead.gap.problem import Problem
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
@@ -25,10 +21,11 @@ from phaselead.record import Samples
 OPERATOR_ROUNDS = 2
 """In which the operator and the effects that lie behind it are fitted in turn."""
 CLEARLY_ABOVE_FLOOR = 2.0
-"""Times the floor, which is what the model leaves of the reference records, from which the rest of the held-out records
-is structure whatever a rank test says: a stop met now and then fills too few blocks for ranks."""
-STRUCTURE_P, STRUCTURE_SHARE, STRUCTURE_CHI2 = 1e-3, 0.02, 1.3
-"""Significance, share of the power and excess of chi^2 that structure must have, all three."""
+"""Times the floor, which is what the model leaves of the reference records, from which what is left of the held-out
+records may shift their means as well."""
+STRUCTURE_SHARE = 0.02
+"""Of the power of a gap: what may be predicted beside names that close it, since no equation is exactly that of the
+stage."""
 
 
 @dataclass(frozen=True)
@@ -157,49 +154,10 @@ def _gap(final: FinalFit, selection: Selection) -> GapSize:
     )
 
 
-def structure_remains(selection: Selection, final: FinalFit) -> bool:
-    """Whether structure remains in the held-out records that no entry of the catalogue explains.
-
-    It must be significant (p), of a size (share of the power), and beyond what noise model and misfit of the base allow
-    (chi^2): at a high signal-to-noise ratio every model fails significance alone. Without reference records the noise
-    was learned from the training residual itself, and only a difference to it can show.
-    """
-    problem, gap = selection.problem, final.gap
-    if (gap.after**2 - gap.floor**2) <= STRUCTURE_SHARE * max(gap.before**2, 1e-30):
-        return False
-    if problem.reference is not None and gap.after > CLEARLY_ABOVE_FLOOR * gap.floor:
-        return True
-    entries = selection.entries
-    held = _mean_squares(_beside(problem, problem.holdout, entries), problem.discrepancy, entries)
-    if problem.reference is not None:
-        known = _mean_squares(problem.reference, problem.discrepancy, ())
-    else:
-        known = _mean_squares(_beside(problem, problem.train_common, entries), problem.discrepancy, entries)
-    if np.median(held) <= STRUCTURE_CHI2 * np.median(known) and held.mean() <= STRUCTURE_CHI2 * known.mean():
-        return False
-    return float(mannwhitneyu(held, known, alternative="greater").pvalue) < STRUCTURE_P
-
-
 def much_predictable(left: Unexplained, gap: GapSize, closed_by_names: bool) -> bool:
     """Whether so much of what the names leave can be predicted from the voltage that something else is missing.
 
-    Beside names that close a gap to reference records it must also be as much as other structure must be: of a gap that
-    names have all but closed, a part is always predictable, since no equation is exactly that of the stage.
+    Beside names that close a gap to reference records it must also be worth something of that gap.
     """
     predicted_um2 = left.share * gap.after**2
     return left.something_missing and (not closed_by_names or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
-
-
-def _beside(problem: Problem, regressors: Regressors, entries: Sequence[SizedEffect]) -> Regressors:
-    """The common columns beside effects."""
-    return problem.common_beside(regressors, entries) if entries else regressors
-
-
-def _mean_squares(regressors: Regressors, discrepancy: Discrepancy, entries: tuple[SizedEffect, ...]) -> Samples:
-    """Whitened mean square of each block (blocks,), unweighted, that the effects ``entries`` leave."""
-    plain = regressors.reweighted([np.ones(len(w)) for w in regressors.metric.weights])
-    moments = plain.with_columns([t.error(entries)[:, None] for t in plain.metric.modelled_runs])
-    left = residual_amounts(moments, discrepancy)
-    squares = np.einsum("i,bij,j->b", left, moments, left)
-    rows = np.concatenate([np.diff(e) for e in plain.metric.edges])
-    return np.asarray(squares / rows)

@@ -7,7 +7,17 @@ from collections.abc import Callable, Sequence
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.findings import NAMED, Candidate, Estimate
-from phaselead.gap.posterior import Claim, Contest, Fit, Judgement, intervals, judge, likelihood_of, search_sets
+from phaselead.gap.posterior import (
+    Claim,
+    Contest,
+    Fit,
+    Judgement,
+    intervals,
+    judge,
+    likelihood_of,
+    search_sets,
+    shows_itself,
+)
 from phaselead.gap.problem import Problem, make_problem
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import SizedEffect
@@ -56,19 +66,24 @@ def select_effects(
 def _estimated(
     problem: Problem, contest: Contest, best: Sequence[SizedEffect], claims: Sequence[Claim]
 ) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], list[dict[str, Estimate]]]:
-    """The claims that do not harm, their effects with the parameters that predict best, and the interval of each.
+    """The claims that do not harm and are of some size, their effects with the parameters that predict best, and the
+    interval of each.
 
     What is adopted is learned without the held-out records, so that these may judge it.
     """
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
     while claims:
         entries = tuple(entry for entry in best if entry[0].name in {claim.effect.name for claim in claims})
-        harmless = _that_pay(problem, _best(everything.fit(entries), problem), claims)
-        if len(harmless) == len(claims):
+        kept = _that_pay(problem, _best(everything.fit(entries), problem), claims)
+        if len(kept) == len(claims):
             fit = learned.fit(entries)
             adopted = _best(fit, problem)
-            return tuple(claims), adopted, intervals(fit.entries, fit.covariance, adopted)
-        claims = harmless
+            values = intervals(fit.entries, fit.covariance, adopted)
+            nothing = {e.name for (e, _), one in zip(adopted, values, strict=True) if not shows_itself(e, one)}
+            kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in nothing)
+            if len(kept) == len(claims):
+                return tuple(claims), adopted, values
+        claims = kept
     return (), (), []
 
 

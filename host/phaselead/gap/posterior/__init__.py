@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.forecast import Forecast
-from phaselead.gap.posterior.interval import intervals, intervals_alone
+from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
 from phaselead.gap.posterior.likelihood import Fit, Likelihood, names_of
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
@@ -26,4 +26,5 @@ __all__ = [
     "likelihood_of",
     "names_of",
     "search_sets",
+    "shows_itself",
 ]

@@ -8,14 +8,14 @@ import numpy as np
 
 from phaselead.gap.refit import SizedEffect, fresh_columns, is_logarithmic, parameters_of, to_internal
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Parameter, Place
+from phaselead.model import Effect, Parameter, Params, Place
 from phaselead.record import Samples
 
 NEAR_RATIO, NEAR_PART = 0.3, 0.2
 """Deviation of a shape that is near another: of its logarithm, or as a part of its range."""
 
 
-def before_record(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples | None:
+def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]]) -> Samples | None:
     """Columns (n, k) in um of what slow effects had done before the record began, one deviation of the state of each
     of their lags; None without a slow effect. What stood off as a voltage passes the hysteresis."""
     run = modelled.run

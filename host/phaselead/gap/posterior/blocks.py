@@ -18,6 +18,7 @@ from scipy.fft import dct
 from phaselead.gap.posterior.before import before_record
 from phaselead.gap.refit import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.residual import ModelledRun
+from phaselead.model import effect
 from phaselead.record import Samples
 
 FALLS_BY = 4.0
@@ -96,17 +97,20 @@ class BlockedRun:
 
     def coefficients(self, columns: Samples) -> Samples:
         """Cosine coefficients (n - 1, k) of columns (n + skipped, k) in um over the scored rows, without the record's
-        own offset and the start of its plays."""
+        own offset, the start of its plays and what the base's own lags and modes still carry from before it."""
         kept = columns[self.skipped :]
         centred = kept - kept.mean(axis=0)
-        plays, root = self._plays
-        if plays.shape[1]:
-            centred = centred - plays @ (root @ (plays.T @ centred))
+        started, root = self._started
+        if started.shape[1]:
+            centred = centred - started @ (root @ (started.T @ centred))
         return np.asarray(dct(centred, axis=0, norm="ortho")[1:])
 
     @cached_property
-    def _plays(self) -> tuple[Samples, Samples]:
-        columns = self.modelled.nuisances[self.skipped :, 1:]
+    def _started(self) -> tuple[Samples, Samples]:
+        """Columns (n, k) of where the base may have stood when the record began, and (k, k) to project them out."""
+        found = [self.modelled.nuisances[:, 1:]]
+        before = before_record(self.modelled, [(effect(e.name), e.params) for e in self.modelled.axis.effects])
+        columns = np.concatenate(found if before is None else [*found, before], axis=1)[self.skipped :]
         columns = columns - columns.mean(axis=0)
         normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])
         return columns, np.linalg.inv(normal)

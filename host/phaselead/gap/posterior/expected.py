@@ -76,7 +76,9 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     moved = _smooth(np.bincount(octave[driven], motion[driven], count).astype(float))
     share = missed / np.maximum(moved, 1e-30)
     blocks = np.bincount(octave[driven], minlength=count).astype(float)
-    return Expected(first, noise, share, noise_told, _smooth(blocks) ** 2 / np.maximum(_smooth_squared(blocks), 1e-30))
+    share_told = _smooth(blocks) ** 2 / np.maximum(_smooth_squared(blocks), 1e-30)
+    # Records differ in their noise too: it is never known better than what the base misses.
+    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told)
 
 
 def _noise(octave: Samples, power: Samples, at_rest: Samples, sizes: Samples, count: int) -> tuple[Samples, Samples]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.refit import SizedEffect, from_internal, parameters_of, to_internal
+from phaselead.model import Effect
 from phaselead.record import Samples
 
 
@@ -31,3 +32,10 @@ def intervals(
 def intervals_alone(likelihood: Likelihood, entries: Sequence[SizedEffect]) -> list[dict[str, Estimate]]:
     """``intervals`` of effects that were fitted outside a contest."""
     return intervals(entries, likelihood.fit(entries, steps=0).covariance)
+
+
+def shows_itself(effect: Effect, found: Mapping[str, Estimate]) -> bool:
+    """Whether the interval of a size by which an effect bears its name is clear of nothing; an effect without sizes
+    does."""
+    sizes = [p for p in effect.sizes if not p.nameless]
+    return not sizes or any(low > 0 or high < 0 for _, _, (low, high) in (found[p.name] for p in sizes))

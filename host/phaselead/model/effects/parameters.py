@@ -35,6 +35,9 @@ class Parameter:
     """Whether a base that is refitted together with the effect takes it over. It is then fitted only where the base is
     frozen or held by reference records."""
 
+    nameless: bool = False
+    """Of a size: whether the effect bears its name by others alone. This one by itself would be another effect."""
+
     @property
     def left_out(self) -> float:
         """Its value where nobody gives one."""

@@ -99,7 +99,14 @@ EFFECT = Effect(
             "stribeck", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening lost between rest and sliding"
         ),
         Parameter(
-            "coulomb", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening that is the same at every rate"
+            "coulomb",
+            "of range",
+            0.01,
+            0.0,
+            0.3,
+            absorbed_by_refit=True,
+            nameless=True,
+            doc="opening that is the same at every rate: by itself it is hysteresis",
         ),
         Parameter(
             "onset_per_s", "1/s", 1.0, 0.02, 100.0, role="shape", log=True, doc="ranges per second where it sets in"
