@@ -237,6 +237,19 @@ def test_noise_is_told_by_every_coefficient_of_records_at_rest():
     np.testing.assert_allclose(in_motion, one.share_told[first.octaves - one.first])
 
 
+def test_octaves_in_which_no_reference_moves_have_the_prior_of_the_share():
+    """As where all driven references are shorter than what is judged: neither more nor less is known there."""
+    rng, long = np.random.default_rng(5), 4096
+    motion = np.cumsum(rng.normal(size=64))
+    driven = record(motion + rng.normal(size=64), motion, "reference")
+    still = record(rng.normal(size=long), role="reference", idle=True)
+    found, (_, _, first) = expected(driven, still, record(rng.normal(size=long)))
+    noise, missed, told = found.of(first, np.ones(len(first.sizes)))
+    assert np.isfinite([noise, missed, told]).all()
+    assert missed[0] == BASE_SHARE**2
+    assert min(told) > 0
+
+
 def test_without_references_the_noise_is_the_quietest_and_the_share_a_prior():
     rng, run = np.random.default_rng(4), blocks(512)
     power = np.full(len(run.sizes), 0.09)

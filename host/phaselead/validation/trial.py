@@ -16,6 +16,8 @@ from phaselead.record import Recording
 from phaselead.validation.journal import Outcome
 from phaselead.validation.truth import Case, Hidden, load_truth
 
+IN_UNIT = {("um", "um"): 1.0, ("LSB", "LSB"): 1.0, ("nm/min", "um/s"): 1e-3 / 60}
+"""Derived sizes by their unit and that of a truth, and what one is in the other."""
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
 
@@ -100,6 +102,7 @@ def _driven(record: Recording) -> bool:
 def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
     """The parts of a result that are scored."""
     scores: dict[str, float] = {}
+    units = {h.name: h.unit for h in hidden}
     on_axis = {h.name: h.axis for h in hidden if h.axis is not None}
     sized = [e for e in result.effects if catalogue()[e.name].sizes and on_axis.get(e.name, e.axis) == e.axis]
     for candidate in result.candidates:
@@ -110,7 +113,7 @@ def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
         "axes": [e.axis for e in result.effects],
         "scores": {e.name: scores.get(e.name) for e in result.effects},
         "probability": {e.name: e.probability for e in result.effects},
-        "sizes": {e.name: _size(result, e) for e in sized},
+        "sizes": {e.name: _size(result, e, units.get(e.name, "")) for e in sized},
         "adopted": [[a.name, a.status] for a in result.adopted],
         "detectable": {d.name: d.size for d in result.detectable},
         "ties": [list(tie) for tie in result.ties],
@@ -121,16 +124,20 @@ def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
     }
 
 
-def _size(result: GapResult, effect: NamedEffect) -> list[float]:
-    """Value and both ends of the 95 % interval of its first size; of several modes those of the first, and of what
-    comes from several axes the largest."""
+def _size(result: GapResult, effect: NamedEffect, unit: str) -> list[float]:
+    """Value and both ends of the 95 % interval of the size that a truth in ``unit`` is compared with.
+
+    One that is derived as a person means it, where it has that unit, or else its first; of several modes those of the
+    first, and of what comes from several axes the largest.
+    """
     sizes, entry = result.sizes_of(effect), catalogue()[effect.name]
-    found = [sizes[p.name] for p in entry.sizes if p.name in sizes]
-    if entry.place is not Place.COUPLING:
-        found = found[:1]
-    value, _, interval = max(found, key=lambda one: float(np.max(np.abs(one[0]))))
+    found = [(sizes[d.name], IN_UNIT[d.unit, unit]) for d in entry.derived if (d.unit, unit) in IN_UNIT]
+    if not found:
+        first = [(sizes[p.name], 1.0) for p in entry.sizes if p.name in sizes]
+        found = first if entry.place is Place.COUPLING else first[:1]
+    (value, _, interval), in_unit = max(found, key=lambda one: float(np.max(np.abs(one[0][0]))))
     ends = np.atleast_2d(np.asarray(interval, dtype=float))[0]
-    return [float(np.atleast_1d(value)[0]), *map(float, ends)]
+    return [in_unit * float(number) for number in (np.atleast_1d(value)[0], *ends)]
 
 
 def _after_next(

@@ -32,6 +32,13 @@ def test_the_bow_is_the_sag_from_the_line_between_the_ends(bend):
 
 
 @laws
+@given(amplitude_um=st.floats(1e-4, 1.0), phase=st.floats(0, 6.3))
+def test_the_hums_amplitude_is_that_of_its_first_line_whatever_its_phase(amplitude_um, phase):
+    params = {"sin1_um": amplitude_um * np.cos(phase), "cos1_um": amplitude_um * np.sin(phase), "sin2_um": 0.7}
+    assert value_of("mains_hum", params)["amplitude_um"] == pytest.approx(amplitude_um)
+
+
+@laws
 @given(quadratic=st.floats(-0.02, 0.02), cubic=st.floats(-0.02, 0.02), quartic=st.floats(-0.02, 0.02))
 def test_the_sensors_peak_is_its_largest_departure(quadratic, cubic, quartic):
     params = {"quadratic": quadratic, "cubic": cubic, "quartic": quartic}

@@ -9,12 +9,14 @@ import numpy as np
 from phaselead.model.axis import AxisModel
 from phaselead.model.effects.interface import (
     CheckedParameters,
+    Derived,
     Effect,
     Parameter,
     Params,
     Picture,
     Place,
     Samples,
+    Scene,
     Signal,
     VirtualAxis,
     columns,
@@ -46,6 +48,10 @@ def reads(params: Params, axis: AxisModel) -> str:
     return ", ".join(f"{a:.3g} nm at {h * f_Hz:.5g} Hz" for h, a in zip(HARMONICS, nm, strict=True))
 
 
+def _amplitude_um(params: Params, scene: Scene) -> float:
+    return math.hypot(number(params, "sin1_um"), number(params, "cos1_um"))
+
+
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     f_Hz = given.one("f_Hz", above=0.0)
     sines, cosines = ([given.one(f"{part}{h}_um") for h in HARMONICS] for part in ("sin", "cos"))
@@ -68,6 +74,7 @@ EFFECT = Effect(
         ),
         Parameter("f_Hz", "Hz", 50.0, 45.0, 65.0, role="shape", doc="mains frequency: 50 or 60, within 0.2"),
     ),
+    derived=(Derived("amplitude_um", "um", _amplitude_um, doc="amplitude at the mains frequency itself"),),
     shows="narrow lines at 50 or 60 Hz and multiples, in idle as in motion, locked to the clock and not to the path",
     reveals="idle, for longer than the inverse of the wanted resolution",
     confused_with=("vibration",),
