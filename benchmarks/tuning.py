@@ -24,7 +24,6 @@ PUSH_s, LENGTH_s = 4.0, 4.6
 SEEN_um, BACK_um = 0.1, 0.05
 """A push has begun once the stage has gone so far, two ticks after the force; it is over within this."""
 TICK_HZ = 5000
-IDENTIFY_s = 60.0
 MIDDLE_um = {"xy30": 15.0, "x100": 50.0}
 
 
@@ -86,10 +85,10 @@ def resting_nm() -> dict[str, list[tuple[int, int, int]]]:
     """Of y, held at three places and tuned, while x moves 100 um at 5 Hz: largest way of its true position over four
     periods, largest of their mean, and rms of what differs from it; by mode."""
     with pl.connect("sim://xyz250") as dev:
-        model = dev.identify("xy", duration=2 * IDENTIFY_s).model
+        model = dev.identify("xy").model
         tuned = dev.tune("y", model=dev.tune("x", model=model).model).model
     found: dict[str, list[tuple[int, int, int]]] = {}
-    for mode in ("pid", "ff+pid", "inverse+pid"):
+    for mode in ("pid", "ff+pid", "inverse", "inverse+pid"):
         for place_um in (20, 50, 90):
             with pl.connect("sim://xyz250?seed=1") as dev:
                 run = dev.track(x="sine:100um@5Hz", y=f"goto:{place_um}um", mode=mode, model=tuned, duration=2.0)
@@ -108,7 +107,7 @@ def main(names: tuple[str, ...]) -> None:
         for name in names:
             stage, place_um = built_in(name), MIDDLE_um.get(name, 60.0)
             with pl.connect(f"sim://{name}") as dev:
-                tuned = tune_x(dev, dev.identify("x", duration=IDENTIFY_s))
+                tuned = tune_x(dev, dev.identify("x"))
             low, high = tuned.predicted.bandwidth_Hz
             each = [moved(stage, factor) for factor in (0.9, 1.0, 1.1)]
             back = ", ".join(f"{back_ms(tuned, one, folder, place_um):.1f}" for one in each)

@@ -7,10 +7,10 @@ import pytest
 from phaselead.control import load_learned
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module")  # of a path at the mode, where one shot leaves most
 def table(run, stage_file, tmp_path_factory):
     folder = tmp_path_factory.mktemp("learned")
-    words = ("learn", "sine:30um@50Hz", "--model", stage_file, "--trials", "3", "-o", folder / "learned.h5")
+    words = ("learn", "sine:10um@200Hz", "--model", stage_file, "--trials", "3", "-o", folder / "learned.h5")
     outcome = run(*words, "--report", folder / "learned.html", "--json", "-")
     assert outcome.status == 0, outcome.err
     return folder / "learned.h5", outcome.json
@@ -27,10 +27,10 @@ def test_what_was_learned_is_played(run, stage_file, table):
     path, found = table
     assert found["best"]["rms_um"]["x"] < found["trials"][0]["rms_um"]["x"] / 2
     page = path.with_suffix(".html").read_text("utf-8")
-    assert "Learned: sine:30um@50Hz" in page
+    assert "Learned: sine:10um@200Hz" in page
     assert "<svg" in page
-    assert load_learned(path).wave == "sine:30um@50Hz"
-    track = ("track", "sine:30um@50Hz", "--model", stage_file, "--duration", "1", "--json", "-")
+    assert load_learned(path).wave == "sine:10um@200Hz"
+    track = ("track", "sine:10um@200Hz", "--model", stage_file, "--duration", "1", "--json", "-")
     plain, learned = run(*track, "--mode", "inverse+pid").json, run(*track, "--learned", path).json
     assert learned["mode"] == "inverse+pid"
     assert learned["true"]["max_pct"] < plain["true"]["max_pct"] / 1.5
@@ -78,10 +78,10 @@ def test_without_a_model_the_way_to_one_is_said(run):
     ("words", "said"),
     [
         (("sine:31um@50Hz",), "another path"),
-        (("sine:30um@50Hz", "--mode", "inverse"), "for mode inverse+pid"),
-        (("sine:30um@50Hz", "--gains", "paper"), "for the gains"),
-        (("y=sine:30um@50Hz",), "is for x, the path for y"),
-        (("sine:30um@50Hz", "--track", "measured"), "for the true position"),
+        (("sine:10um@200Hz", "--mode", "inverse"), "for mode inverse+pid"),
+        (("sine:10um@200Hz", "--gains", "paper"), "for the gains"),
+        (("y=sine:10um@200Hz",), "is for x, the path for y"),
+        (("sine:10um@200Hz", "--track", "measured"), "for the true position"),
     ],
 )
 def test_a_table_is_refused_for_what_it_is_not(run, stage_file, table, words, said):
@@ -89,9 +89,9 @@ def test_a_table_is_refused_for_what_it_is_not(run, stage_file, table, words, sa
 
 
 def test_a_table_needs_its_model(run, table):
-    refused(run("track", "sine:30um@50Hz", "--learned", table[0]), "--model")
+    refused(run("track", "sine:10um@200Hz", "--learned", table[0]), "--model")
 
 
 def test_learning_twice_over_is_refused(run, stage_file, table):
-    words = ("track", "sine:30um@50Hz", "--model", stage_file, "--learned", table[0], "--learn", "2")
+    words = ("track", "sine:10um@200Hz", "--model", stage_file, "--learned", table[0], "--learn", "2")
     refused(run(*words), "--learn", "--learned")

@@ -150,13 +150,13 @@ def test_a_path_the_inverse_cannot_reach_is_refused_before_anything_moves():
 def test_an_effect_that_is_there_twice_is_undone_twice():
     """A search finds more of what a stage file has already: both act, so both are undone."""
     once, twice = compensation(axis(SENSOR)), compensation(axis(SENSOR, SENSOR))
-    assert len(twice.shape) == 2 * len(once.shape)
-    assert twice.preview_s == pytest.approx(2 * once.preview_s)
+    assert twice.shape[:-1] == 2 * once.shape[:-1]  # the last one levels what they leave
+    assert twice.preview_s > once.preview_s
     lags = compensation(axis(("amplifier_lowpass", {"tau_s": 5e-4}), ("amplifier_lowpass", {"tau_s": 3e-4})))
     assert lags.drive != compensation(axis()).drive
-    assert len(lags.shape) == 1
+    assert len(lags.shape) == 2
     creeps = compensation(axis(("creep", {"gamma": 0.02}), ("creep", {"gamma": 0.01})))
     assert len(creeps.creep_k) == 8
     assert sum(creeps.creep_k) == pytest.approx(sum(compensation(axis(("creep", {"gamma": 0.03}))).creep_k), rel=1e-3)
     modes = [("resonance", {"f_Hz": f_Hz, "zeta": 0.03}) for f_Hz in (150.0, 400.0)]
-    assert len(compensation(axis(*modes)).shape) == 2
+    assert len(compensation(axis(*modes)).shape) == 3

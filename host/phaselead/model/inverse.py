@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, TimeView
-from phaselead.model.effects import Entry, effect, rewritten
+from phaselead.model.effects import Entry, Place, effect, rewritten
+from phaselead.model.level_sections import hold, level, looked_at_Hz
 from phaselead.model.sections import PASS, Section
+from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
 from phaselead.record import AXES, Samples
 
@@ -68,12 +70,13 @@ def compensation(axis: AxisModel) -> Compensation:
     moved = [e.undo_on_position(params) for e, params in _last_first(entries) if e.undo_on_position is not None]
     drive = [section for undone in driven for section in undone.sections]
     shape = (*drive[1:], *(section for undone in moved for section in undone.sections))
-    preview_s = view.delay_s + sum(undone.delay_s for undone in [*driven, *moved])
+    filtered_s = sum(undone.delay_s for undone in [*driven, *moved])
     found = Compensation(
-        view, k, tau_s, shape, drive[0] if drive else PASS, max(preview_s, 0.0), _reach_um(view, axis.limits)
+        view, k, tau_s, shape, drive[0] if drive else PASS, view.delay_s + filtered_s, _reach_um(view, axis.limits)
     )
     _refuse_more_than_it_holds(found)
-    return found
+    found = _levelled(found, filtered_s, axis, entries)
+    return replace(found, preview_s=max(found.preview_s, 0.0))
 
 
 def coupling(stage: Stage) -> list[list[float]]:
@@ -161,6 +164,28 @@ def _entry(adopted: AdoptedEffect) -> Entry:
 def _last_first(entries: Sequence[Entry]) -> list[Entry]:
     """From the end of the physical chain to its beginning."""
     return sorted(entries, key=lambda entry: (-entry[0].place, -entry[0].order))
+
+
+def _levelled(found: Compensation, filtered_s: float, axis: AxisModel, entries: Sequence[Entry]) -> Compensation:
+    """With one more section, where there is room, for what the others leave of modes and low-passes up to near the
+    first mode. ``filtered_s``: what filters and sections delay."""
+    modes = [mode for e, params in entries if e.modes is not None for mode in e.modes(params)]
+    lags_s = [e.lag_in_loop_s(params) for e, params in entries if e.lag_in_loop_s is not None]
+    if not (found.shape or found.drive is not PASS) or len(found.shape) == SECTIONS:
+        return found
+    f_Hz = np.array([looked_at_Hz([*(f for _, f, _ in modes), *(1 / (2 * np.pi * tau) for tau in lags_s if tau > 0)])])
+    s = 2j * np.pi * f_Hz
+    way = hold(f_Hz) * found.shape_response(f_Hz) * found.drive.response(f_Hz) * np.exp(s * filtered_s)
+    way *= 1 + sum(c * (1 / (1 + 2 * z * s / (2 * np.pi * f) + (s / (2 * np.pi * f)) ** 2) - 1) for c, f, z in modes)
+    for tau_s in lags_s:
+        way /= 1 + s * tau_s
+    if not any(e.place == Place.SENSOR and e.lag_in_loop_s is not None for e, _ in entries):
+        tau_s = sensor_lag_s(axis)  # its delay is in the time view, as a fit has it
+        way *= np.exp(s * tau_s) / (1 + s * tau_s)
+    section = level(way, float(f_Hz[0]))
+    if section is None:
+        return found
+    return replace(found, shape=(*found.shape, section), preview_s=found.preview_s + section.delay_s)
 
 
 def _creep(each: Sequence[tuple[Samples, Samples]]) -> tuple[tuple[float, ...], tuple[float, ...]]:

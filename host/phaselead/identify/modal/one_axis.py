@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from phaselead.identify.modal.shown_modes import measured_response, modes_shown
-from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, refit_operator
+from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, place_operator, refit_operator
 from phaselead.identify.runs import AxisRun
 from phaselead.model import (
     AdoptedEffect,
@@ -62,7 +62,7 @@ PRECISE = 1e-4
 FIRST_REACH, SECOND_REACH, ZETA_REACH = 0.03, 0.01, 0.4
 """First relative steps of a frequency, with one mode and with two, and of a damping."""
 MANY_RUNS = 8
-"""A grid of sines away from the mode parts operator and mode by itself."""
+"""A grid of levels and frequencies, which tells thresholds and mode apart by itself."""
 
 ROUNDING = 1e-9
 """Of the range: what is left of a record that the operator follows to the last digit."""
@@ -100,13 +100,31 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
         if found is not None:
             return found
     ringing = find_modes(alone.view, runs)
-    if ringing is None or len(runs) >= MANY_RUNS:
+    if len(runs) >= MANY_RUNS:
+        return _placed(alone, ringing, runs)
+    if ringing is None:
         return alone, ringing
     behind = replace(alone, view=ringing.adopted(alone.view)[0])
     again = refit_operator(runs, behind, ringing.modes)
     if _squares(again, again.modes, runs) > _squares(behind, ringing.modes, runs):
         return alone, ringing
     return _believed(alone, again, runs) or (alone, ringing)
+
+
+def _placed(
+    alone: OperatorFit, ringing: FittedModes | None, runs: Sequence[AxisRun]
+) -> tuple[OperatorFit, FittedModes | None]:
+    """Operator and modes of a grid fitted together, where that leaves less: at a tenth of its frequency a mode adds 1 %
+    to the motion, which an operator fitted without it bends its loop for."""
+    modes = () if ringing is None else ringing.modes
+    behind = alone if ringing is None else replace(alone, view=ringing.adopted(alone.view)[0])
+    placed = place_operator(runs, behind, modes)
+    left = _squares(placed, placed.modes, runs)
+    if left > _squares(behind, modes, runs):
+        return alone, ringing
+    if not placed.modes:
+        return placed, None
+    return placed, FittedModes(placed.modes, placed.view.delay_s, left / _squares(alone, (), runs))
 
 
 def fit_straight(runs: Sequence[AxisRun]) -> OperatorFit:

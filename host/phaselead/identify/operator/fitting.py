@@ -12,6 +12,8 @@ from itertools import product
 
 import numpy as np
 
+from phaselead.identify.operator.leaving_out import FOLD_BLOCKS, SIMPLER, folds_of, left_out
+from phaselead.identify.operator.placing import fewest_knots, paired_plays
 from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, ringing_s, rows_to_fit
 from phaselead.identify.operator.result import (
     Choice,
@@ -25,12 +27,10 @@ from phaselead.identify.operator.solution import (
     best_operator,
     best_slopes,
     centred,
-    group_numbers,
     moments,
-    solve_slopes,
 )
 from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, with_memories
-from phaselead.identify.runs import AxisRun, distinct, longest_delay_s, period_s
+from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
 from phaselead.model import LONGEST_DELAY_S, Mode
 from phaselead.record import Samples
 
@@ -41,10 +41,6 @@ FINEST = (48, 20)
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
 SEARCH = (12, 10)
 """Plays and segments before a size is chosen."""
-FOLD_BLOCKS = 6
-"""Stretches of time into which few records are split, to leave out one after the other."""
-SIMPLER = 1.02
-"""The simplest size wins whose error on data left out is at most this times the least."""
 LONGEST_DELAY = 0.1
 """Of a period."""
 FIRST_DELAY = 0.02
@@ -56,6 +52,9 @@ OFFSETS_DIFFER = 0.01
 if that explains what no starting memory does."""
 REST_MATTERS = 1.001
 """The memory at rest is known when other rest fractions cost more than this factor in error."""
+PLACED_TURNS, PLACED = 3, 0.98
+"""How often thresholds are placed anew, at the delay and the modes that go with those of before; done when the error
+stays above this share of what it was."""
 MODE_PAYS = 0.9
 """A mode stays in when the squared residual with it is less than this share of that without."""
 
@@ -195,6 +194,40 @@ def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     return _result(full, solution, choices, known.messages)
 
 
+def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
+    """Operator and modes fitted together from there on, thresholds where they are instead of on a grid; memories and
+    offsets of the records stay as in ``known``.
+
+    For records of many levels. Sines of one frequency cannot tell delay from play: theirs stays as it is.
+    """
+    if _one_frequency(runs):
+        return known
+    memories = [record.came_from_V for record in known.records]
+    records = _Records(
+        runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
+    )
+    fine, folds = records.basis(*FINEST), folds_of(records.fits)
+    found = records.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
+    error, choice = np.inf, Choice(0, 0, np.inf)
+    for _ in range(PLACED_TURNS):
+        on_grid = records.at(fine, found.delay_s, found.rest_fraction, found.modes)
+        plays = paired_plays(fine, on_grid.slopes)
+        of_groups = centred(moments(records.fits, plays, found.delay_s, found.rest_fraction, found.modes))
+        basis, choice = fewest_knots(plays, of_groups, folds)
+        found = records.searched(
+            basis, found.delay_s, found.rest_fraction or 0.01, found.modes, whole=len(found.modes) == 1
+        )
+        if found.error > PLACED * error:
+            break
+        error = found.error
+    found = _paying(records, found)
+    rest = found.rest_fraction if _rest_matters(records, found.basis, found) else 0.0
+    full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories))
+    solution = full.at(found.basis, found.delay_s, rest, found.modes)
+    before = [replace(c, chosen=False) for c in known.choices]
+    return _result(full, solution, (*before, choice), known.messages)
+
+
 def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:
     """Gain and offset only, no memory and no delay. Raises BadInput for data that determine nothing.
 
@@ -258,11 +291,11 @@ def _choose_basis(records: _Records, found: Solution) -> tuple[Basis, tuple[Choi
     """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
     fine = records.basis(*FINEST)
     of_groups = centred(moments(records.fits, fine, found.delay_s, found.rest_fraction, found.modes))
-    folds = _folds(records.fits)
+    folds = folds_of(records.fits)
     choices, bases = [], []
     for stride, merge in product(PLAY_STRIDES, SEGMENT_MERGES):
         shrink, basis = _coarser(fine, stride, merge)
-        error = _left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
+        error = left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
         choices.append(Choice(len(basis.play_r_V), basis.n_segments, error))
         bases.append(basis)
     least = min(c.left_out for c in choices)
@@ -281,39 +314,6 @@ def _coarser(fine: Basis, stride: int, merge: int) -> tuple[Samples, Basis]:
     shrink[segments : segments + m, joined.shape[1] : -2] = kept
     shrink[-2:, -2:] = np.eye(2)
     return shrink, Basis(fine.play_r_V @ kept, fine.knots_V[::merge])
-
-
-def _folds(fits: list[FitRun]) -> list[Samples]:
-    """Groups to leave out together, (groups,) each: a level of drive, or a stretch of time when there are few levels.
-
-    The highest level always stays: what lies beyond all data is extrapolation, and no basis is to be judged by it.
-    """
-    groups = len(group_numbers(fits))
-    swings = [float(np.ptp(f.run.u_V[f.run.scored])) for f in fits]
-    levels = distinct(swings)
-    if len(fits) >= FOLD_BLOCKS and len(levels) >= 4:
-        nearest = [int(np.argmin(np.abs(np.subtract(levels, s)))) for s in swings]
-        return [np.equal(nearest, level) for level in range(len(levels) - 1)]
-    return [np.arange(groups) % FOLD_BLOCKS == fold for fold in range(FOLD_BLOCKS)]
-
-
-def _left_out(of_groups: Samples, n_segments: int, folds: list[Samples]) -> float:
-    """Relative rms error on the folds, each left out of the fit; moments (group, k, k) are centred."""
-    total, squares, count = of_groups.sum(axis=0), 0.0, 0
-    for fold in folds:
-        out = of_groups[fold.astype(bool)].sum(axis=0)
-        slopes, _, _ = solve_slopes((total - out)[None] + _unit_offset(total), n_segments, False)
-        inner, right = out[:-2, :-2], out[:-2, -1]
-        squares += max(float(out[-1, -1] - 2 * right @ slopes + slopes @ inner @ slopes), 0.0)
-        count += 1
-    return float(np.sqrt(squares / count))
-
-
-def _unit_offset(moments: Samples) -> Samples:
-    """Centred moments carry no offset; a unit in its place keeps ``solve_slopes`` from dividing by zero."""
-    unit = np.zeros_like(moments)
-    unit[-2, -2] = 1.0
-    return unit
 
 
 def _result(records: _Records, solution: Solution, choices: Sequence[Choice], messages: Sequence[str]) -> OperatorFit:
