@@ -351,6 +351,9 @@ def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(learned, tmp
     assert own.ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
     assert own.kd_V_s_per_um == 0.25 * GAINS["x"].kd_V_s_per_um
     assert found.reason.endswith("x with 0.25 of its feedback")
+    assert (
+        found.trials[1].rms_um["x"] < found.trials[0].rms_um["x"] / 2
+    )  # what less feedback leaves is known beforehand
     with pytest.raises(BadInput, match="learned table is for the gains"):
         found.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS)
     path = tmp_path / "stage.toml"
@@ -370,3 +373,27 @@ def test_all_feedback_is_kept_where_less_leaves_more(monkeypatch, learned, tmp_p
     assert found.gains() == GAINS
     assert "feedback" not in found.reason
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
+
+
+def test_feedback_comes_back_where_less_of_it_cannot_reach_a_line(monkeypatch, learned, tmp_path):
+    """A path at a mode that the model has 10 % off was left at 29 % of its swing."""
+    refuses = course._Course._refuse_too_large
+
+    def refused(self, correction):
+        if self._gains != GAINS and len(self._trials) > 1:
+            raise BadInput("x: it would add 100 um")
+        refuses(self, correction)
+
+    monkeypatch.setattr(course._Course, "_refuse_too_large", refused)
+    monkeypatch.setattr(course._Look, "mostly_repeats", True)
+    found = learned_with(learned, tmp_path)
+    assert found.gains() == GAINS
+    assert len(found.trials) > 3
+    assert found.best.rms_um["x"] < found.trials[1].rms_um["x"]
+
+
+def test_what_repeats_is_weighed_against_what_does_not():
+    lines = Lines(np.arange(3), np.array([0.0, 1.0, 0.0]) + 0j, np.zeros(3))
+    for rest_um, mostly in ((0.6, True), (0.8, False)):  # 1/sqrt(2) um rms repeats
+        look = course._Look({}, {"x": lines}, {"x": np.full(10, rest_um)}, {}, 0.0)
+        assert look.mostly_repeats is mostly

@@ -36,6 +36,11 @@ class Lines:
         return replace(self, amplitude=self.amplitude * factor, variance=self.variance * np.abs(factor) ** 2)
 
     @property
+    def power(self) -> float:
+        """Mean square of what repeats."""
+        return float(np.sum(np.abs(self.amplitude) ** 2 * np.where(self.number == 0, 1, 0.5)))
+
+    @property
     def coherence(self) -> Samples:
         """Share of each line's power that repeats from period to period, 0 to 1, shape (m,)."""
         power = np.abs(self.amplitude) ** 2

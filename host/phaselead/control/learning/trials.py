@@ -55,6 +55,11 @@ class _Look:
     worth: float
     """Mean square of the error as a share of the swing, over all axes."""
 
+    @property
+    def mostly_repeats(self) -> bool:
+        """Whether on any axis more of the error repeats than does not."""
+        return any(one.power > float(np.mean(self.rest_um[axis] ** 2)) for axis, one in self.error.items())
+
 
 def learn(
     device: Device,
@@ -152,22 +157,27 @@ class _Course:
     def run(self, trials: int, *, turn_down: bool, on_progress: Progress) -> Learned:
         first = self._look({axis: np.zeros(count + 1, complex) for axis, count in self._count.items()}, {})
         base = self._turned_down(first) if turn_down else first
-        share, failures, reason = 1.0, 0, f"ended after {trials} trials, as asked"
-        for number in range(1, trials + 1):
+        reason, last = self._learn(base, first, trials, on_progress)
+        if last is not None and last.gains != first.gains and last.mostly_repeats:  # out of reach of less feedback
+            reason, _ = self._learn(self._with_all_feedback(first), first, trials, on_progress)
+        return self._learned(reason + self._about_feedback() + self._about_limits())
+
+    def _learn(self, base: _Look, first: _Look, trials: int, on_progress: Progress) -> tuple[str, _Look | None]:
+        """Why it ended, and with which trial, but for one that a fault of the device ended."""
+        share, failures = 1.0, 0
+        while (number := len(self._trials)) <= trials:
             on_progress(number / (trials + 1))
             steps = {axis: next_step(base.error[axis], self._response[axis], share) for axis in self._wanted}
             if not any(step.change.any() for step in steps.values()):
-                reason = f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected"
-                break
+                return f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected", base
             correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
                 self._refuse_too_large(correction)
                 found = self._look(correction, steps)
-            except (BadInput, DeviceFault) as error:
-                reason = (
-                    f"stopped before trial {number}: {error}" if isinstance(error, BadInput) else f"stopped: {error}"
-                )
-                break
+            except BadInput as error:
+                return f"stopped before trial {number}: {error}", base
+            except DeviceFault as error:
+                return f"stopped: {error}", None
             if found.gains != base.gains:  # the first of another loop: no trial to compare it with
                 base = self._unless_it_shakes_more(found, first)
                 continue
@@ -178,9 +188,8 @@ class _Course:
             else:
                 share, failures = share / 2, failures + 1
             if failures == MOST_FAILURES:
-                reason = f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %"
-                break
-        return self._learned(reason + self._about_feedback() + self._about_limits())
+                return f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %", base
+        return f"ended after {trials} trials, as asked", base
 
     def _turned_down(self, first: _Look) -> _Look:
         """Goes on with less feedback; gives the error as the model has it with that."""
@@ -195,10 +204,13 @@ class _Course:
     def _unless_it_shakes_more(self, found: _Look, first: _Look) -> _Look:
         """What to go on from: the first trial, with all of its feedback, where less leaves more that never repeats."""
         if any(larger(found.rest_um[axis], first.rest_um[axis]) for axis in found.gains):
-            self._gains = dict(first.gains)
-            self._response = self._of_model()
-            return first
+            return self._with_all_feedback(first)
         return found
+
+    def _with_all_feedback(self, first: _Look) -> _Look:
+        self._gains = dict(first.gains)
+        self._response = self._of_model()
+        return first
 
     def _about_feedback(self) -> str:
         """With how much of it the best trial was driven, where that is not all."""
