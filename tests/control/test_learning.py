@@ -8,17 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phaselead.control.feedback_loop import open_loop
 from phaselead.control.gains import design_gains
 from phaselead.control.learning import trials as course
 from phaselead.control.learning.law import MARGIN, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, load_learned, one_period
-from phaselead.control.learning.lines import Lines, error_lines, values_of
-from phaselead.control.learning.response import Response
+from phaselead.control.learning.lines import Lines, error_lines, rest_of, values_of
+from phaselead.control.learning.quieter import LEFT_OF_DRIFT, larger, quieter, scaled
+from phaselead.control.learning.response import Response, model_response, other_loop
 from phaselead.control.learning.trials import learn
 from phaselead.control.tracking import track
 from phaselead.device.capture import DeviceFault
 from phaselead.device.device import Device
 from phaselead.errors import BadInput
+from phaselead.model import small_signal
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Sensor, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.waveforms.catalogue import parse_wave
@@ -291,5 +294,106 @@ def test_a_correction_larger_than_allowed_is_not_driven(monkeypatch, learned, tm
 
 def test_trials_are_long_enough_to_settle_and_to_hear():
     waves = {"x": parse_wave("sine:1um@100Hz"), "y": parse_wave("sine:1um@0.5Hz")}
-    assert course.trial_seconds({"x": waves["x"]}) == pytest.approx(0.9)
+    assert course.trial_seconds({"x": waves["x"]}) == pytest.approx(1.5)
     assert course.trial_seconds(waves) == pytest.approx(20.0)
+
+
+# ---------------------------------------------------------------- with less feedback
+def test_feedback_is_turned_down_as_far_as_drift_allows():
+    """Longer trials tell slower drift, so that less feedback will do."""
+    own, plant = GAINS["x"], small_signal(AXIS)
+    shares = []
+    for seen_s in (0.1, 1.0, 10.0):
+        found = quieter(AXIS, own, seen_s)
+        shares.append(found.ki_V_per_um_s / own.ki_V_per_um_s)
+        slow = np.abs(1 / (1 + open_loop(plant, found, np.array([1 / seen_s])))).max()
+        assert slow <= LEFT_OF_DRIFT or found == own
+    assert shares == sorted(shares, reverse=True)
+    assert shares[0] == 1
+    assert shares[-1] == 0.25
+
+
+def test_an_error_of_another_loop_is_that_of_its_sensitivity():
+    """A path through both loops on the model: what one leaves tells what the other would."""
+    f_Hz, less = np.array([0.0, 20.0, 150.0, 400.0]), scaled(GAINS["x"], 0.25)
+    before, after = (1 - model_response(AXIS, own, f_Hz).gain for own in (GAINS["x"], less))
+    assert (before * other_loop(AXIS, GAINS["x"], less, f_Hz))[1:] == pytest.approx(after[1:])
+
+
+def test_more_is_told_from_chance():
+    rng = np.random.default_rng(1)
+    quiet = rng.normal(0, 10e-3, 2000)
+    assert not any(larger(rng.normal(0, 10e-3, 2000), quiet) for _ in range(50))
+    assert larger(rng.normal(0, 12e-3, 2000), quiet)
+    assert not larger(rng.normal(0, 5e-3, 2000), quiet)
+
+
+def test_what_is_left_without_its_lines_has_none():
+    t_s, number = np.arange(1000) / 5000, np.arange(5)
+    signal = 3.0 + np.cos(2 * np.pi * 50 * t_s + 1) + np.cos(2 * np.pi * 33 * t_s)
+    lines = error_lines(t_s, signal, 50.0, 4, 5000)
+    again = error_lines(t_s, rest_of(lines, t_s, signal, 50.0), 50.0, 4, 5000)
+    assert lines.number == pytest.approx(number)
+    assert np.abs(again.amplitude).max() < 1e-9
+
+
+def learned_with(learned, folder, **options):
+    path = folder / "stage.toml"
+    learned.save(path)
+    with Device.open(f"sim://{path}") as device:
+        return learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=4, turn_down=True, **options)
+
+
+def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(learned, tmp_path):
+    """The noise of the sensor, which the loop makes a motion of, was most of what was left."""
+    found = learned_with(learned, tmp_path)
+    own = found.gains()["x"]
+    assert own.ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
+    assert own.kd_V_s_per_um == 0.25 * GAINS["x"].kd_V_s_per_um
+    assert found.reason.endswith("x with 0.25 of its feedback")
+    assert (
+        found.trials[1].rms_um["x"] < found.trials[0].rms_um["x"] / 2
+    )  # what less feedback leaves is known beforehand
+    with pytest.raises(BadInput, match="learned table is for the gains"):
+        found.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS)
+    path = tmp_path / "stage.toml"
+    shaken = {}
+    for name, gains in (("all", GAINS), ("quarter", found.gains())):
+        with Device.open(f"sim://{path}") as device:
+            run = track(device, {"x": SINE}, found.mode, stage=STAGE, gains=gains, duration_s=2.0, force=True)
+        off_um = (SINE.value(run.t_s) - run.true_um["x"])[-5000:].reshape(-1, 250)
+        shaken[name] = (off_um - off_um.mean(axis=0)).std()
+    assert shaken["quarter"] < shaken["all"]
+    assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
+
+
+def test_all_feedback_is_kept_where_less_leaves_more(monkeypatch, learned, tmp_path):
+    monkeypatch.setattr(course, "larger", lambda after, before: True)
+    found = learned_with(learned, tmp_path)
+    assert found.gains() == GAINS
+    assert "feedback" not in found.reason
+    assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
+
+
+def test_feedback_comes_back_where_less_of_it_cannot_reach_a_line(monkeypatch, learned, tmp_path):
+    """A path at a mode that the model has 10 % off was left at 29 % of its swing."""
+    refuses = course._Course._refuse_too_large
+
+    def refused(self, correction):
+        if self._gains != GAINS and len(self._trials) > 1:
+            raise BadInput("x: it would add 100 um")
+        refuses(self, correction)
+
+    monkeypatch.setattr(course._Course, "_refuse_too_large", refused)
+    monkeypatch.setattr(course._Look, "mostly_repeats", True)
+    found = learned_with(learned, tmp_path)
+    assert found.gains() == GAINS
+    assert len(found.trials) > 3
+    assert found.best.rms_um["x"] < found.trials[1].rms_um["x"]
+
+
+def test_what_repeats_is_weighed_against_what_does_not():
+    lines = Lines(np.arange(3), np.array([0.0, 1.0, 0.0]) + 0j, np.zeros(3))
+    for rest_um, mostly in ((0.6, True), (0.8, False)):  # 1/sqrt(2) um rms repeats
+        look = course._Look({}, {"x": lines}, {"x": np.full(10, rest_um)}, {}, 0.0)
+        assert look.mostly_repeats is mostly

@@ -269,6 +269,22 @@ def test_noise_takes_no_more_of_the_slew_limit_than_is_left_for_it() -> None:
     assert predicted(RIGID, held, over).peak_sensitivity <= 2.0
 
 
+def test_noise_in_the_output_stays_within_what_hysteresis_may_make_of_it() -> None:
+    """Loops that put 8 mV there moved the built-in stage by 26 nm rms along a path, of which 7 nm were linear."""
+    over, turns = Range((13.2, 28.4), 0.1, 2.0), np.fft.rfftfreq(4096, TICK_S)[1:]
+
+    def output_V_per_um(gains: Gains) -> float:
+        controller = pid_response(gains, turns)
+        return float(np.sqrt((np.abs(controller / (1 + 19.5 * plant_response(RIGID, turns) * controller)) ** 2).mean()))
+
+    most = 0.6 * output_V_per_um(shape(RIGID, over))
+    held = shape(RIGID, replace(over, most_V_per_um=most))
+    assert output_V_per_um(held) < 1.02 * most
+    assert predicted(RIGID, held, over).peak_sensitivity <= 2.0
+    # Half of a slope of 10 um/V is hysteresis: 1 nm of noise may move that by 1 nm.
+    assert course.most_V_per_um((5.0, 10.0)) == pytest.approx(1 / (5.0 * course.RATCHET))
+
+
 def test_the_closed_measurement_changes_the_output_by_half_of_the_slew_limit_at_most() -> None:
     gains, over, slew_V_per_s = shape(RIGID, Range((19.5, 19.5), 0.1, 2.0)), Range((19.5, 19.5), 0.1, 2.0), 1000.0
     swing_um = course.widest_swing_um(RIGID, gains, over, slew_V_per_s)
@@ -314,8 +330,32 @@ def test_a_model_that_shows_no_mode_gets_the_measured_ones() -> None:
     found = with_modes(axis, SmallSignal((18, 18), ((0.05, 54.0, 0.7), (0.95, 200.0, 0.02)), (), 3e-4))
     assert [effect.name for effect in found.effects] == ["resonance"]
     assert found.effects[0].params["c"] == (1.0,)
+
+
+def test_a_mode_that_a_model_shows_is_moved_to_where_it_was_measured() -> None:
+    """At a path of 200 Hz, which a fit of 200.4 Hz left by 1.7 % of its swing."""
     shown = built_in("xyz250").axis("x")
-    assert with_modes(shown, PLANT) is shown
+    found = with_modes(shown, SmallSignal((18, 18), ((0.05, 54.0, 0.7), (0.95, 199.0, 0.025)), (), 3e-4))
+    [mode] = [effect for effect in found.effects if effect.name == "resonance"]
+    assert (mode.params["f_Hz"], mode.params["zeta"]) == (199.0, 0.025)
+    assert found.time == shown.time
+    elsewhere = SmallSignal((18, 18), ((1.0, 600.0, 0.02),), (), 3e-4)
+    assert with_modes(shown, elsewhere) is shown
+    damped = SmallSignal((18, 18), ((1.0, 190.0, 0.7),), (), 3e-4)
+    assert with_modes(shown, damped) is shown
+
+
+def test_of_two_modes_each_takes_the_measured_one_next_to_it() -> None:
+    axis = built_in("xyz250-hard").axis("x")
+    [before] = [effect for effect in axis.effects if effect.name == "resonance"]
+    places = np.array(before.params["f_Hz"])
+    measured = tuple((1 / len(places), 1.01 * f_Hz, 0.03) for f_Hz in places)
+    [after] = [e for e in with_modes(axis, SmallSignal((18, 18), measured, (), 3e-4)).effects if e.name == "resonance"]
+    assert np.array(after.params["f_Hz"]) == pytest.approx(1.01 * places)
+    assert after.params["c"] == before.params["c"]
+    one = SmallSignal((18, 18), measured[:1], (), 3e-4)
+    [after] = [e for e in with_modes(axis, one).effects if e.name == "resonance"]
+    assert np.array(after.params["f_Hz"]) == pytest.approx([1.01 * places[0], *places[1:]])
 
 
 def test_a_notch_without_coherence_ends_the_band() -> None:

@@ -126,8 +126,9 @@ class Runs(Plays):
         best. Give the result to ``track(learned=...)``, or ``save`` it.
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
-        as for ``track``. The error is against the path that was asked for; every trial runs on the model first, but for
-        one that only the device holds, whose modes cannot be read back.
+        as for ``track``; the model's own gains are turned down to a quarter at most, where that does not leave more of
+        what changes from period to period, and the result keeps them. The error is against the path that was asked for;
+        every trial runs on the model first, but for one that only the device holds, whose modes cannot be read back.
         ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
         ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
@@ -145,6 +146,7 @@ class Runs(Plays):
             trials=trials,
             follows=follows,
             force=force,
+            turn_down=gains is None,
             kept=KeptRuns(save, overwrite=overwrite),
             on_progress=on_progress,
         )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,15 @@ class Lines:
     number: Numbers
     amplitude: Amplitudes
     variance: Samples
+
+    def times(self, factor: Amplitudes) -> Self:
+        """What a linear system of this response (m,) makes of them."""
+        return replace(self, amplitude=self.amplitude * factor, variance=self.variance * np.abs(factor) ** 2)
+
+    @property
+    def power(self) -> float:
+        """Mean square of what repeats."""
+        return float(np.sum(np.abs(self.amplitude) ** 2 * np.where(self.number == 0, 1, 0.5)))
 
     @property
     def coherence(self) -> Samples:
@@ -57,6 +67,12 @@ def _lines(t_s: Samples, error_um: Samples, f_Hz: float, number: Numbers) -> Amp
     turns = np.exp(-2j * np.pi * f_Hz * np.outer(number, t_s))
     scale = np.where(number == 0, 1, 2) / len(t_s)
     return np.asarray(scale * (turns @ error_um), dtype=np.complex128)
+
+
+def rest_of(lines: Lines, t_s: Samples, error_um: Samples, f_Hz: float) -> Samples:
+    """The error (n,) without its lines."""
+    turns = np.exp(2j * np.pi * f_Hz * np.outer(t_s, lines.number))
+    return np.asarray(error_um - (turns @ lines.amplitude).real)
 
 
 def _smoothed(variance: Samples) -> Samples:

@@ -85,3 +85,12 @@ def _response(
         return np.asarray(forward)
     loop = local * dynamics * pid_response(gains, np.maximum(f_Hz, 1e-3))
     return np.asarray((forward + loop) / (1 + loop))
+
+
+def other_loop(axis: AxisModel, before: Gains, after: Gains, f_Hz: Samples) -> Amplitudes:
+    """By what a path's error changes at each of its lines (m,) with other gains: (1 + L)/(1 + L'), on the model at its
+    middle local gain. The level, which both hold, stays."""
+    plant = small_signal(axis)
+    middle = local_gains(plant)[1] * plant_response(plant, f_Hz)
+    loops = [1 + middle * pid_response(gains, np.maximum(f_Hz, 1e-3)) for gains in (before, after)]
+    return np.where(f_Hz > 0, loops[0] / loops[1], 1.0)

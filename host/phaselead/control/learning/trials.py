@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,8 +12,9 @@ from phaselead.control.held import held_sha256, held_stage
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
-from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, values_of
-from phaselead.control.learning.response import Response, model_response
+from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, rest_of, values_of
+from phaselead.control.learning.quieter import larger, quieter
+from phaselead.control.learning.response import Response, model_response, other_loop
 from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
@@ -22,12 +23,13 @@ from phaselead.control.true_position import Follows, followed
 from phaselead.device import TICK_HZ, Device, DeviceFault
 from phaselead.errors import BadInput
 from phaselead.model import Gains, Stage
+from phaselead.record import Samples
 from phaselead.waveforms import Replaced, Waveform
 
 SETTLE_S = 0.5
 """Before a trial is looked at: a mode of 100 Hz and a damping of 0.02 has decayed to a five-hundredth."""
-LEAST_S, LEAST_PERIODS = 0.4, 4
-"""Looked at, at least: the noise of one line, 2 / sqrt(n) of that of n samples, is then 22 times below it."""
+LEAST_S, LEAST_PERIODS = 1.0, 4
+"""Looked at, at least: the noise of one line, 2 / sqrt(n) of that of n samples, is then 35 times below it."""
 LARGEST_CORRECTION = 2.0
 """Of the swing. A path at the mode of a model that has it 10 % off takes 1.7; what is further off is another stage."""
 SHRINKS = 0.98
@@ -47,8 +49,16 @@ class _Look:
 
     correction: dict[str, Amplitudes]
     error: dict[str, Lines]
+    rest_um: dict[str, Samples]
+    """What of the error does not repeat."""
+    gains: dict[str, Gains]
     worth: float
     """Mean square of the error as a share of the swing, over all axes."""
+
+    @property
+    def mostly_repeats(self) -> bool:
+        """Whether on any axis more of the error repeats than does not."""
+        return any(one.power > float(np.mean(self.rest_um[axis] ** 2)) for axis, one in self.error.items())
 
 
 def learn(
@@ -61,6 +71,7 @@ def learn(
     trials: int = 10,
     follows: Follows = "true",
     force: bool = False,
+    turn_down: bool = False,
     kept: KeptRuns | None = None,
     on_progress: Progress | None = None,
 ) -> Learned:
@@ -69,7 +80,8 @@ def learn(
     Each line of the period is corrected by what the error has of it that repeats, through the response of the model,
     itself corrected by what the trials show (``law``, ``response``). In mode ``inverse`` the reference becomes the
     voltage, so that it is the voltage that is learned. The error is against the path that was asked for. Every trial
-    runs on the model first; ends early when what is left does not repeat, or no longer shrinks. ``kept`` takes every
+    runs on the model first; ends early when what is left does not repeat, or no longer shrinks. ``turn_down``: from the
+    first correction on with less of the gains, unless that leaves more of what does not repeat. ``kept`` takes every
     trial's run. Without ``stage`` it learns with the model that the device holds, as far as that can be read back: its
     modes cannot, so that nothing runs on it first.
 
@@ -90,7 +102,9 @@ def learn(
     used = dict(gains) if mode.endswith("pid") else {}
     force = force or stage is None
     course = _Course(device, dict(waveforms), mode, stage, known, sha256, used, follows, force, kept or KeptRuns(None))
-    return course.run(trials, on_progress or (lambda share: None))
+    return course.run(
+        trials, turn_down=turn_down and stage is not None, on_progress=on_progress or (lambda share: None)
+    )
 
 
 def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
@@ -121,47 +135,88 @@ class _Course:
     ) -> None:
         self._device, self._wanted, self._mode = device, wanted, mode
         self._stage, self._known, self._sha256 = stage, known, sha256
-        self._gains, self._follows, self._force, self._kept = gains, follows, force, kept
+        self._gains, self._follows, self._force, self._kept = dict(gains), follows, force, kept
+        self._asked = gains
         self._seconds = trial_seconds(wanted)
         asked = followed(wanted, stage, follows)
         self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
         self._lag_s = {axis: one.lag_s if isinstance(one, Replaced) else 0.0 for axis, one in asked.items()}
         self._count = {axis: line_count(one) for axis, one in wanted.items()}
-        self._response: dict[str, Response] = {
-            axis: model_response(known.axis(axis), gains.get(axis), one.f_Hz * np.arange(self._count[axis] + 1.0))
-            for axis, one in wanted.items()
-        }
+        self._f_Hz = {axis: one.f_Hz * np.arange(self._count[axis] + 1.0) for axis, one in wanted.items()}
+        self._response = self._of_model()
         self._trials: list[Trial] = []
+        self._best: _Look | None = None
         self._limited: set[str] = set()
 
-    def run(self, trials: int, on_progress: Progress) -> Learned:
-        best = self._look({axis: np.zeros(count + 1, complex) for axis, count in self._count.items()}, {}, None)
-        share, failures, reason = 1.0, 0, f"ended after {trials} trials, as asked"
-        for number in range(1, trials + 1):
+    def _of_model(self) -> dict[str, Response]:
+        return {
+            axis: model_response(self._known.axis(axis), self._gains.get(axis), f_Hz)
+            for axis, f_Hz in self._f_Hz.items()
+        }
+
+    def run(self, trials: int, *, turn_down: bool, on_progress: Progress) -> Learned:
+        first = self._look({axis: np.zeros(count + 1, complex) for axis, count in self._count.items()}, {})
+        base = self._turned_down(first) if turn_down else first
+        reason, last = self._learn(base, first, trials, on_progress)
+        if last is not None and last.gains != first.gains and last.mostly_repeats:  # out of reach of less feedback
+            reason, _ = self._learn(self._with_all_feedback(first), first, trials, on_progress)
+        return self._learned(reason + self._about_feedback() + self._about_limits())
+
+    def _learn(self, base: _Look, first: _Look, trials: int, on_progress: Progress) -> tuple[str, _Look | None]:
+        """Why it ended, and with which trial, but for one that a fault of the device ended."""
+        share, failures = 1.0, 0
+        while (number := len(self._trials)) <= trials:
             on_progress(number / (trials + 1))
-            steps = {axis: next_step(best.error[axis], self._response[axis], share) for axis in self._wanted}
+            steps = {axis: next_step(base.error[axis], self._response[axis], share) for axis in self._wanted}
             if not any(step.change.any() for step in steps.values()):
-                reason = f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected"
-                break
-            correction = {axis: best.correction[axis] + step.change for axis, step in steps.items()}
+                return f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected", base
+            correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
                 self._refuse_too_large(correction)
-                found = self._look(correction, steps, best)
-            except (BadInput, DeviceFault) as error:
-                reason = (
-                    f"stopped before trial {number}: {error}" if isinstance(error, BadInput) else f"stopped: {error}"
-                )
-                break
-            self._compare(best, found)
-            if found.worth < best.worth:
-                settled = found.worth > SHRINKS**2 * best.worth
-                best, share, failures = found, min(2 * share, 1.0), failures + 1 if settled else 0
+                found = self._look(correction, steps)
+            except BadInput as error:
+                return f"stopped before trial {number}: {error}", base
+            except DeviceFault as error:
+                return f"stopped: {error}", None
+            if found.gains != base.gains:  # the first of another loop: no trial to compare it with
+                base = self._unless_it_shakes_more(found, first)
+                continue
+            self._compare(base, found)
+            if found.worth < base.worth:
+                settled = found.worth > SHRINKS**2 * base.worth
+                base, share, failures = found, min(2 * share, 1.0), failures + 1 if settled else 0
             else:
                 share, failures = share / 2, failures + 1
             if failures == MOST_FAILURES:
-                reason = f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %"
-                break
-        return self._learned(best, reason + self._about_limits())
+                return f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %", base
+        return f"ended after {trials} trials, as asked", base
+
+    def _turned_down(self, first: _Look) -> _Look:
+        """Goes on with less feedback; gives the error as the model has it with that."""
+        error = dict(first.error)
+        for axis, own in first.gains.items():
+            model = self._known.axis(axis)
+            self._gains[axis] = quieter(model, own, self._seconds - SETTLE_S)
+            error[axis] = first.error[axis].times(other_loop(model, own, self._gains[axis], self._f_Hz[axis]))
+        self._response = self._of_model()
+        return replace(first, error=error)
+
+    def _unless_it_shakes_more(self, found: _Look, first: _Look) -> _Look:
+        """What to go on from: the first trial, with all of its feedback, where less leaves more that never repeats."""
+        if any(larger(found.rest_um[axis], first.rest_um[axis]) for axis in found.gains):
+            return self._with_all_feedback(first)
+        return found
+
+    def _with_all_feedback(self, first: _Look) -> _Look:
+        self._gains = dict(first.gains)
+        self._response = self._of_model()
+        return first
+
+    def _about_feedback(self) -> str:
+        """With how much of it the best trial was driven, where that is not all."""
+        assert self._best is not None
+        shares = {axis: own.ki_V_per_um_s / self._asked[axis].ki_V_per_um_s for axis, own in self._best.gains.items()}
+        return "".join(f"; {axis} with {share:g} of its feedback" for axis, share in shares.items() if share != 1)
 
     def _about_limits(self) -> str:
         """What no learning mends: an axis whose output was at its slew limit in any trial."""
@@ -191,8 +246,8 @@ class _Course:
                     "is not of this stage: identify it again"
                 )
 
-    def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step], best: _Look | None) -> _Look:
-        """Drives one trial and adds it to the list."""
+    def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step]) -> _Look:
+        """Drives one trial and adds it to the list; the best so far is kept."""
         waves = self._waves(correction)
         if not self._force:
             rehearse(waves, self._mode, self._stage, self._gains, self._seconds)
@@ -208,10 +263,12 @@ class _Course:
         look = self._judged(run, waves, correction)
         figures = dict(run.of_axes())
         true = {axis: one["true"]["max_um"] for axis, one in figures.items() if "true" in one}
+        kept = self._best is None or look.worth < self._best.worth
+        self._best = look if kept else self._best
         self._trials.append(
             Trial(
                 number=len(self._trials),
-                kept=best is None or look.worth < best.worth,
+                kept=kept,
                 learned_lines={axis: int(steps[axis].learned.sum()) if steps else 0 for axis in waves},
                 probed_lines={axis: int(steps[axis].probed.sum()) if steps else 0 for axis in waves},
                 max_um={axis: one["max_um"] for axis, one in figures.items()},
@@ -225,7 +282,7 @@ class _Course:
     def _judged(self, run: Run, waves: Mapping[str, Replaced], correction: dict[str, Amplitudes]) -> _Look:
         """From where it has settled on."""
         rows = slice(round(SETTLE_S * TICK_HZ), None)
-        error, worth = {}, 0.0
+        error, rest_um, worth = {}, {}, 0.0
         for axis, wave in waves.items():
             measured_um, u_V = run.recording.axes[axis].x_um, run.recording.axes[axis].u_V
             assert measured_um is not None
@@ -235,8 +292,9 @@ class _Course:
                 self._limited.add(axis)
             off_um = (wave.value(run.t_s) - measured_um)[rows]
             error[axis] = error_lines(run.t_s[rows], off_um, wave.f_Hz, self._count[axis], TICK_HZ)
+            rest_um[axis] = rest_of(error[axis], run.t_s[rows], off_um, wave.f_Hz)
             worth += float(np.mean(off_um**2)) / self._wanted[axis].swing ** 2
-        return _Look(correction, error, worth)
+        return _Look(correction, error, rest_um, dict(self._gains), worth)
 
     def _compare(self, before: _Look, after: _Look) -> None:
         """What the responses are in the light of two trials."""
@@ -246,7 +304,9 @@ class _Course:
             variance = before.error[axis].variance + after.error[axis].variance
             self._response[axis] = self._response[axis].measured(change, answer, variance)
 
-    def _learned(self, best: _Look, reason: str) -> Learned:
+    def _learned(self, reason: str) -> Learned:
+        best = self._best
+        assert best is not None
         waves = self._waves(best.correction)
         paths = {
             axis: LearnedPath(
@@ -255,7 +315,7 @@ class _Course:
                 waves[axis].played,
                 self._lag_s[axis],
                 self._seconds,
-                self._gains.get(axis),
+                best.gains.get(axis),
             )
             for axis, wanted in self._wanted.items()
         }

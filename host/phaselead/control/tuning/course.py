@@ -37,12 +37,11 @@ GAIN_SHARE = 0.1
 WITHOUT_TIME_VIEW = (0.7, 1.7)
 """Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
-ROOM = 0.5
-"""Of the slew limit, for the path of the closed measurement."""
-NOISE_ROOM, CREST = 1 / 8, 4.0
-"""Of the slew limit, for noise, and noise by its rms: beyond it in one tick of 16,000. The fastest moves take up to
-seven eighths. With half of it for noise one in twenty of 100 um ended in a fault, and the others rang: noise moves the
-plays, and the inverse does not know how far."""
+ROOM, CREST = 0.5, 4.0
+"""Of the slew limit, for noise and for a path each; and noise by its rms: beyond it in one tick of 16,000."""
+RATCHET = 0.16
+"""Of the way that noise in the output would make if all of the hysteresis followed it: what the built-in stage went
+along 60 um at 5 Hz, rms. There the plays follow the peaks of the noise, which no mode keeps from the position then."""
 SHARES = (0.3, 0.45, 0.8, 1.0)
 """Progress after each part."""
 
@@ -84,7 +83,7 @@ def tune(
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     fitted = _fitted(axis, measured, parent)
     local = local_range(parent.axis(axis), fitted.gain_um_per_V, gain_share)
-    over = Range(local, mode_shift, peak, most_rate_V_per_um(parent.axis(axis)))
+    over = Range(local, mode_shift, peak, most_rate_V_per_um(parent.axis(axis)), most_V_per_um(local))
     first, last = SHARES[1], SHARES[2]
     gains = shape(fitted.plant, over, lambda done: told(first + (last - first) * done))
     _refuse_measured(measured, fitted, gains, over)
@@ -121,11 +120,17 @@ def tune(
 
 
 def most_rate_V_per_um(model: AxisModel) -> float:
-    """So that the sensor's noise, or its code, takes no more than an eighth of the slew limit."""
+    """So that the sensor's noise, or its code, takes no more than half of the slew limit."""
     sensor = model.sensor
     code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits
     noise_um = max(sensor.noise_um_rms, code_um / math.sqrt(12))
-    return float(NOISE_ROOM * model.limits.slew_V_per_s * TICK_S / (CREST * noise_um))
+    return float(ROOM * model.limits.slew_V_per_s * TICK_S / (CREST * noise_um))
+
+
+def most_V_per_um(local_um_per_V: tuple[float, float]) -> float:
+    """So that the sensor's noise moves the stage through its hysteresis by no more than itself."""
+    low, high = local_um_per_V
+    return 1 / (RATCHET * (high - low))
 
 
 def widest_swing_um(plant: SmallSignal, gains: Gains, over: Range, slew_V_per_s: float) -> float:
