@@ -82,8 +82,8 @@ WHY = """**Why**, as far as it was looked into:
 
 - Of ours on `xyz250-off`: both loops are designed for modes 10 % up and down, and there they are 20 % down. They begin
   to swing, and the device stops; `learn` can't begin either. The stage has to be tuned again.
-- The one shot on `xyz250-hard` swings up slowly, along the 60 um sine at 20 Hz to 6 %. Trials take it out: they turn the
-  loop down.
+- The one shot on `xyz250-hard` swings up slowly, along the 60 um sine at 20 Hz to 6 %. Trials take it out: they turn
+  the loop down.
 - The 10 um sine on both "-off" stages is faster than their first mode, where a stage moves against what drives it. 50 %
   is what a stage has that stays at the middle of the path, and what the Smith predictor does. Nothing follows it from
   what it was made on.
