@@ -73,24 +73,20 @@ was learned for it was learned on it.
 
 On `xyz250-hard` `tune` refused the response that it measures by default, for want of margin at 1.2 kHz, and asked for a
 higher level: there the response was measured with twice the default, for every controller that uses one. On `x500` it
-ended in `adc_rail`, so that there is no response to make controllers from, and nothing is compared there.
+found no response of modes behind a dead time, and the slew limit forbids twice the level, so that there is none to make
+controllers from, and nothing is compared there.
 """
 
 
 WHY = """**Why**, as far as it was looked into:
 
-- Of the one shot on `xyz250-off`: its loop is designed for modes 10 % up and down, and there they are 20 % down. It
-  begins to swing, and the device stops. `learn` can't begin either, unless it begins with the loop of `tune`.
-- The one shot on `xyz250-hard` swings up slowly: along the 60 um sine at 20 Hz from 0.37 % in the first period to 6 %.
-  Trials on top of it make it worse (12 %); they need the loop of `tune` (0.06 %).
+- Of ours on `xyz250-off`: both loops are designed for modes 10 % up and down, and there they are 20 % down. They begin
+  to swing, and the device stops; `learn` can't begin either. The stage has to be tuned again.
+- The one shot on `xyz250-hard` swings up slowly, along the 60 um sine at 20 Hz to 6 %. Trials take it out: they turn
+  the loop down.
 - The 10 um sine on both "-off" stages is faster than their first mode, where a stage moves against what drives it. 50 %
   is what a stage has that stays at the middle of the path, and what the Smith predictor does. Nothing follows it from
-  what it was made on; on `xyz250-off` ten trials that begin with the tuned loop do.
-- The rounded triangle on `xyz250-off` has its third harmonic at 150 Hz beside the mode at 160 Hz; our feed-forward
-  undoes a mode at 200 Hz, and FF+PID none.
-- Of the tuned loop on `xyz250`: along the 60 um sine at 5 Hz its error has 21 nm rms that do not repeat from period to
-  period, at 140 to 270 Hz, where the loop ends; the slower loop of the one shot has 4 nm. At rest they have 5 and 3 nm.
-  On slow paths, for which the slower loop suffices, this is what tuning costs, and trials can't learn it away.
+  what it was made on.
 """
 
 
