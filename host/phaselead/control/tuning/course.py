@@ -37,8 +37,11 @@ GAIN_SHARE = 0.1
 WITHOUT_TIME_VIEW = (0.7, 1.7)
 """Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
-ROOM, CREST = 0.5, 4.0
-"""Of the slew limit, for noise and for a path each; and noise by its rms: beyond it in one tick of 16,000."""
+ROOM = 0.5
+"""Of the slew limit, for the path of the closed measurement."""
+NOISE_ROOM, CREST = 1 / 8, 4.0
+"""Of the slew limit, for noise, and noise by its rms: beyond it in one tick of 16,000. The fastest moves take up to
+seven eighths, and what is cut off rings."""
 RATCHET = 0.16
 """Of the way that noise in the output would make if all of the hysteresis followed it: what the built-in stage went
 along 60 um at 5 Hz, rms. There the plays follow the peaks of the noise, which no mode keeps from the position then."""
@@ -120,11 +123,11 @@ def tune(
 
 
 def most_rate_V_per_um(model: AxisModel) -> float:
-    """So that the sensor's noise, or its code, takes no more than half of the slew limit."""
+    """So that the sensor's noise, or its code, takes no more than an eighth of the slew limit."""
     sensor = model.sensor
     code_um = (sensor.x_max_um - sensor.x_min_um) / 2**sensor.bits
     noise_um = max(sensor.noise_um_rms, code_um / math.sqrt(12))
-    return float(ROOM * model.limits.slew_V_per_s * TICK_S / (CREST * noise_um))
+    return float(NOISE_ROOM * model.limits.slew_V_per_s * TICK_S / (CREST * noise_um))
 
 
 def most_V_per_um(local_um_per_V: tuple[float, float]) -> float:
