@@ -104,7 +104,7 @@ def test_tune_says_what_an_interrupt_left(run, tmp_path, monkeypatch):
 
 def test_a_warning_is_said_once(run, stage_file, tmp_path):
     """`track --learn` learns and tracks: both would warn of the same loop."""
-    path = ("sine:20um@20Hz", "--model", stage_file, "--gains", "0,1.25,0", "--duration", "0.3")
+    path = ("sine:20um@20Hz", "--model", stage_file, "--gains", "0,1.5,0", "--duration", "0.3")
     outcome = run("track", *path, "--learn", "1", "--json", "-")
     assert outcome.status == 0, outcome.err
     assert json.loads(outcome.out)["learned"]

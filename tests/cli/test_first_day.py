@@ -54,16 +54,16 @@ def test_a_persisted_model_is_enough_to_learn_with(run, stage_file, tmp_path):
     """learn, and track --learned, asked for --model."""
     port, table = f"sim://xyz250?state={tmp_path / 'flash.bin'}", tmp_path / "learned.h5"
     assert run("upload", stage_file, "--persist", "--port", port).status == 0
-    outcome = run("learn", "sine:30um@50Hz", "--trials", 3, "-o", table, "--port", port, "--json", "-")
+    outcome = run("learn", "sine:10um@200Hz", "--trials", 3, "-o", table, "--port", port, "--json", "-")
     assert outcome.status == 0, outcome.err
     assert "does not tell the modes" in outcome.err
     first, *_, last = [trial["rms_um"]["x"] for trial in outcome.json["trials"] if trial["kept"]]
     assert last < first / 2
     assert load_learned(table).stage_sha256 == pl.load(stage_file).sha256
-    played = run("track", "sine:30um@50Hz", "--learned", table, "--port", port, "--json", "-")
+    played = run("track", "sine:10um@200Hz", "--learned", table, "--port", port, "--json", "-")
     assert played.status == 0, played.err
     assert played.json["rms_um"] < first / 2
-    other = run("track", "sine:30um@50Hz", "--learned", table)
+    other = run("track", "sine:10um@200Hz", "--learned", table)
     assert other.status == 2
     assert "needs the model it was learned with" in other.err
 
