@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import phaselead as pl
+from phaselead.device import TICK_HZ
 from phaselead.model import AxisModel, Stage
 from phaselead.sim import built_in
 from tuning import tune_x
@@ -83,7 +84,7 @@ def rests_pct(model: Stage, mode: str) -> float:
     of the 100 um."""
     with pl.connect("sim://xyz250?seed=1") as device:
         run = device.track(x="sine:100um@5Hz", y="goto:50um", mode=mode, model=model, duration=2.0)
-    last = run.true_um["y"][-4000:]
+    last = run.true_um["y"][-round(4 / 5 * TICK_HZ) :]
     return float(np.abs(last - 50.0).max())
 
 
@@ -93,10 +94,11 @@ def back_ms(model: Stage, mode: str) -> float:
     with pl.connect("sim://xyz250?seed=1&force=x:1um@4s") as device:
         run = device.track("goto:50um", mode=mode, model=model, duration=5.0)
     true = run.true_um["x"]
-    off = np.abs(true - true[15000:17500].mean())[17500:]
+    before, watched = 3 * TICK_HZ, round(3.5 * TICK_HZ)
+    off = np.abs(true - true[before:watched].mean())[watched:]
     pushed = int(np.argmax(off > 0.1))
     late = np.flatnonzero(off[pushed:] > 0.05)
-    return float((late[-1] + 1) / 5) if late[-1] + 1 < len(off) - pushed else float("inf")
+    return float((late[-1] + 1) / TICK_HZ * 1e3) if late[-1] + 1 < len(off) - pushed else float("inf")
 
 
 def there_ms(model: Stage, mode: str) -> float:
@@ -104,7 +106,7 @@ def there_ms(model: Stage, mode: str) -> float:
     with pl.connect("sim://xyz250?seed=1") as device:
         run = device.track("goto:100um@0.01s", mode=mode, model=model, duration=1.0)
     late = np.flatnonzero(np.abs(run.x_um - 100.0) > 0.1)
-    return float((late[-1] + 1) / 5)
+    return float((late[-1] + 1) / TICK_HZ * 1e3)
 
 
 def besides(model: Stage) -> None:

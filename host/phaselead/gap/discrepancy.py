@@ -119,17 +119,6 @@ def _left_out(
     return left
 
 
-def residual_amounts(moments: Samples, discrepancy: Discrepancy) -> Samples:
-    """Amounts (k,) of all columns whose sum is what the discrepancy's columns leave of the last one, the residual."""
-    target, index = moments.shape[-1] - 1, discrepancy.index
-    shifted = discrepancy.mean_removed(moments, target).sum(axis=0)
-    amounts = np.zeros(len(shifted))
-    amounts[target] = 1.0
-    inner = shifted[np.ix_(index, index)] + discrepancy.precision
-    amounts[index] = -np.linalg.solve(inner, shifted[index, target]) - discrepancy.mean
-    return amounts
-
-
 def flexible_residual(moments: Samples, discrepancy: Discrepancy, fitted: Index, target: int) -> Samples:
     """Amounts (k,) of all columns, 1 of ``target``, whose sum is the residual that remains when the columns ``fitted``
     may explain it beside the discrepancy, each within a weak prior. ``moments`` are (blocks, k, k)."""

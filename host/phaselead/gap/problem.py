@@ -29,7 +29,7 @@ from phaselead.gap.regressors import (
     simulated_regressors,
 )
 from phaselead.gap.residual import ModelledRun, modelled_run
-from phaselead.model import AxisModel, Effect, Extra
+from phaselead.model import AxisModel, Effect
 from phaselead.record import Samples
 
 NOISE_ROUNDS = 2
@@ -75,18 +75,13 @@ class Problem:
     def train(self) -> Regressors:
         """All regressors on the training runs."""
         simulated = self.of_train or _simulated(self.runs("train"), self.layout, self.freedom)
-        return self._weighed(simulated, self.layout, self.common)
+        metric = metric_of([one.modelled for one in simulated], self.noise)
+        return _weighed(whitened_regressors(metric, self.layout, simulated), simulated, self.common)
 
     @cached_property
     def train_common(self) -> Regressors:
         """The common columns on the training runs."""
         return self.train.restricted(self.layout.common())
-
-    @cached_property
-    def holdout(self) -> Regressors:
-        """The common columns on the held-out runs."""
-        coarse = self.layout.coarser()
-        return self._weighed(_simulated(self.runs("holdout"), coarse, self.freedom), coarse, self.discrepancy)
 
     @cached_property
     def reference_inflation(self) -> Mapping[str, float]:
@@ -97,20 +92,6 @@ class Problem:
         return inflation_by_reference(
             whitened_regressors(self.reference.metric, self.layout, whole), self.layout, _errors(whole)
         )
-
-    def _weighed(
-        self, simulated: Sequence[SimulatedRegressors], layout: Layout, discrepancy: Discrepancy
-    ) -> Regressors:
-        """Whitened, the blocks weighed."""
-        metric = metric_of([one.modelled for one in simulated], self.noise)
-        return _weighed(whitened_regressors(metric, layout, simulated), simulated, discrepancy)
-
-    def common_beside(self, regressors: Regressors, extra: Extra) -> Regressors:
-        """The common columns on the runs of ``regressors``, simulated anew in a model that has the effects ``extra``:
-        what the base misses passes through a named delay or mode like everything else."""
-        coarse = self.layout.coarser()
-        simulated = _simulated(regressors.metric.modelled_runs, coarse, self.freedom, extra)
-        return whitened_regressors(regressors.metric, coarse, simulated)
 
 
 def make_problem(
@@ -151,11 +132,9 @@ def make_problem(
     return Problem(axis, layout, modelled_runs, on_reference, discrepancy, noise, freedom, frozen, of_train)
 
 
-def _simulated(
-    runs: Sequence[ModelledRun], layout: Layout, freedom: Freedom, extra: Extra = ()
-) -> list[SimulatedRegressors]:
+def _simulated(runs: Sequence[ModelledRun], layout: Layout, freedom: Freedom) -> list[SimulatedRegressors]:
     """The regressors of a layout on some runs."""
-    return [simulated_regressors(m, layout.groups, freedom, extra) for m in runs]
+    return [simulated_regressors(m, layout.groups, freedom) for m in runs]
 
 
 def _errors(simulated: Sequence[SimulatedRegressors]) -> list[Samples]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from phaselead.control.feedback_loop import open_loop, peak_sensitivity
 from phaselead.control.gains import WARN_ABOVE
-from phaselead.model import AxisModel, Gains, small_signal
+from phaselead.model import TICK_S, AxisModel, Gains, small_signal
 from phaselead.record import Samples
 
 HALVINGS = 2
@@ -36,7 +36,7 @@ def quieter(model: AxisModel, gains: Gains, seen_s: float) -> Gains:
     """The gains, halved for as long as the loop still takes out what changes more slowly than within ``seen_s``, which
     trials do not tell, and has a margin."""
     plant = small_signal(model)
-    f_Hz = np.geomspace(1 / seen_s, 2500.0, 400)
+    f_Hz = np.geomspace(1 / seen_s, 0.5 / TICK_S, 400)
     found = gains
     for halvings in range(1, HALVINGS + 1):
         tried = scaled(gains, 0.5**halvings)

@@ -108,9 +108,11 @@ class BlockedRun:
     @cached_property
     def _started(self) -> tuple[Samples, Samples]:
         """Columns (n, k) of where the base may have stood when the record began, and (k, k) to project them out."""
-        found = [self.modelled.nuisances[:, 1:]]
-        before = before_record(self.modelled, [(effect(e.name), e.params) for e in self.modelled.axis.effects])
-        columns = np.concatenate(found if before is None else [*found, before], axis=1)[self.skipped :]
+        columns = self.modelled.nuisances[:, 1:]
+        before = before_record(self.modelled, [(effect(one.name), one.params) for one in self.modelled.axis.effects])
+        if before is not None:
+            columns = np.concatenate([columns, before], axis=1)
+        columns = columns[self.skipped :]
         columns = columns - columns.mean(axis=0)
         normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])
         return columns, np.linalg.inv(normal)

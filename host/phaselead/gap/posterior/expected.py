@@ -75,9 +75,9 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     missed = _smooth(np.bincount(octave[driven], beyond, count).astype(float))
     moved = _smooth(np.bincount(octave[driven], motion[driven], count).astype(float))
     blocks = np.bincount(octave[driven], minlength=count).astype(float)
-    telling = _smooth(blocks) > 0
-    share = np.where(telling, missed / np.maximum(moved, 1e-30), BASE_SHARE**2)
-    share_told = np.where(telling, _smooth(blocks) ** 2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
+    near = _smooth(blocks)
+    share = np.where(near > 0, missed / np.maximum(moved, 1e-30), BASE_SHARE**2)
+    share_told = np.where(near > 0, near**2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
     # Records differ in their noise too: it is never known better than what the base misses.
     return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told)
 

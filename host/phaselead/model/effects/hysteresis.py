@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from phaselead.model.axis import AxisModel, TimeView
@@ -24,15 +22,21 @@ from phaselead.model.operator import merged, rest_position_um, resting_at, weigh
 PLAYS = 10
 
 
-def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Samples]:
-    """r (m,) in V and w (m,) in um/V. At the middle of a full loop a play opens by 2 r, and by less where it has not
-    yet turned."""
-    low, high = signal.span_V
+def distributed(range_V: float, width_um: float, reach: float, slope: float) -> tuple[Samples, Samples]:
+    """r (m,) in V and w (m,) in um/V of plays that open a full loop by ``width_um`` at its middle. There a play opens
+    by 2 r, and by less where it has not yet turned."""
     steps = np.arange(1, PLAYS + 1) / PLAYS
-    r = number(params, "reach") * (high - low) / 2 * steps
-    density = np.exp(number(params, "slope") * steps)
-    opening_V = np.minimum(2 * r, high - low - 2 * r)
-    return r, number(params, "width") * signal.range_um * density / float(opening_V @ density)
+    r = reach * range_V / 2 * steps
+    density = np.exp(slope * steps)
+    opening_V = np.minimum(2 * r, range_V - 2 * r)
+    return r, width_um * density / float(opening_V @ density)
+
+
+def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Samples]:
+    """r (m,) in V and w (m,) in um/V."""
+    low, high = signal.span_V
+    width_um = number(params, "width") * signal.range_um
+    return distributed(high - low, width_um, number(params, "reach"), number(params, "slope"))
 
 
 def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
@@ -62,13 +66,9 @@ def _column(signal: Signal, params: Params) -> Samples:
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
-    part = [(i + 1) / PLAYS for i in range(PLAYS)]
-    reach_V = given.one("reach", above=0.0) * axis.range_V / 2
-    density = [math.exp(given.one("slope") * p) for p in part]
-    r_V = [reach_V * p for p in part]
-    opening = sum(min(2 * r, axis.range_V - 2 * r) * d for r, d in zip(r_V, density, strict=True))
-    w_um_per_V = [given.one("width") * axis.range_um * d / opening for d in density]
-    axis.plays(r_V, w_um_per_V, [given.one("rest_fraction") * reach_V * p for p in part])
+    width_um = given.one("width") * axis.range_um
+    r, w = distributed(axis.range_V, width_um, given.one("reach", above=0.0), given.one("slope"))
+    axis.plays(r.tolist(), w.tolist(), (given.one("rest_fraction") * r).tolist())
 
 
 def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
