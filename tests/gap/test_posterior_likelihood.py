@@ -27,7 +27,6 @@ from phaselead.gap.posterior.likelihood import (
 )
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import prior_of
-from phaselead.gap.posterior.starts import _amount_of
 from phaselead.model import Place
 from phaselead.model.effects import effect
 
@@ -442,10 +441,3 @@ def test_no_equation_of_the_ceramic_is_trusted_beyond_what_is_published():
     )
     assert as_loop - as_gain == pytest.approx((LEAST_OF_MATERIAL**2 - SHARES[0] ** 2) * terms.signal)
     assert same_as_loop == pytest.approx(same)
-
-
-@pytest.mark.filterwarnings("error")
-def test_what_records_say_nothing_of_is_expected_at_no_size():
-    """Rounded, they said less than nothing of creep beside a base that has it, with a warning of numpy's."""
-    assert _amount_of(5.0, 1e-6) > _amount_of(5.0, 1.0) > 0
-    assert _amount_of(5.0, 0.0) == _amount_of(5.0, -1e-9) == np.inf

@@ -110,12 +110,12 @@ def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence
 def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:
     """The sets of the contest, the most probable first, and how they did."""
     ranked = sorted(contest.fits.items(), key=lambda pair: -found.sets[pair[0]])[:SHOWN_SETS]
-    best, nothing = ranked[0][1].log_evidence, contest.fits[()].log_evidence
-    rows = []
+    best, nothing = contest.log_posterior(ranked[0][0]), contest.fits[()].log_evidence
+    leader, rows = "the best set" if ranked[0][0] else "nothing", []
     for names, fit in ranked:
         if names:
-            behind = best - fit.log_evidence
-            remark = NAMED if fit is found.best and found.claims else f"{behind:.1f} behind the best set"
+            behind = best - contest.log_posterior(names)
+            remark = NAMED if fit is found.best and found.claims else f"log odds {behind:.1f} behind {leader}"
             gained = fit.log_evidence - nothing
             rows.append(Candidate(len(names), " + ".join(names), gained, float("nan"), float("nan"), remark))
     return tuple(rows)

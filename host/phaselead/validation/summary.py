@@ -55,7 +55,9 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     triple, removed, poor = (_of(outcomes, kind) for kind in ("triple", "removed", "poor"))
     hiding = [o for o in outcomes if o["hidden"] and o["kind"] != "removed"]
     left = [
-        p for o in hiding if o.get("adopted", o["named"]) and _predictable(o) and (p := score.power_left(o)) is not None
+        p
+        for o in hiding
+        if o.get("adopted", o.get("named")) and _predictable(o) and (p := score.power_left(o)) is not None
     ]
     given = [ok for o in outcomes for ok in score.names_right(o)]
     again = [r for o in outcomes if (r := score.resolved(o)) is not None]

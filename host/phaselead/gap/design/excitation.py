@@ -169,13 +169,15 @@ def excitations(axis: AxisModel, step_s: float) -> list[Excitation]:
 
 
 def repeats(runs: Sequence[ModelledRun], axis: AxisModel) -> list[Excitation]:
-    """The waveforms that these runs were driven with, each once: a period of it, or all of it where it has none."""
+    """The waveforms that these runs were driven with and the device may put out, each once: a period of it, or all of
+    it where it has none."""
+    lowest, highest = axis.limits.u_min_V, axis.limits.u_max_V
     found: dict[tuple[float, ...], Excitation] = {}
     for modelled in runs:
         run = modelled.run
         u = run.u_V[run.rows][-modelled.period_rows :] if modelled.period_rows else run.u_V[: run.stop]
         level = float(np.ptp(u))
-        if not run.driven or not level > 0:
+        if not run.driven or not level > 0 or u.min() < lowest or u.max() > highest:
             continue
         shares = (np.interp(np.arange(POINTS) * len(u) / POINTS, np.arange(len(u)), u) - u.min()) / level
         points = tuple(np.round(shares, DECIMALS).tolist())

@@ -18,14 +18,16 @@ def intervals(
 ) -> list[dict[str, Estimate]]:
     """Value, unit and interval of every parameter of every effect, from the covariance (parameters, parameters) in
     internal units about ``entries``. An interval ends where the catalogue does. The values are those of ``chosen``, by
-    default the same."""
+    default the same; by how much two ways to weigh the same records differ, either may be off to either side."""
     values = entries if chosen is None else chosen
     found: list[dict[str, Estimate]] = [{} for _ in entries]
     for (i, p), variance in zip(parameters_of(entries), np.diag(covariance), strict=True):
         value, half = float(values[i][1][p.name]), TWO_SIDED_95 * float(np.sqrt(max(variance, 0.0)))
         middle = to_internal(p, float(entries[i][1][p.name]))
-        ends = sorted(from_internal(p, middle + side * half) for side in (-1, 1))
-        found[i][p.name] = (value, p.unit, (min(ends[0], value), max(ends[1], value)))
+        at = to_internal(p, value)
+        reach = half + abs(at - middle)
+        low, high = sorted(from_internal(p, at + side * reach) for side in (-1, 1))
+        found[i][p.name] = (value, p.unit, (min(low, value), max(high, value)))
     return found
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from phaselead.gap.posterior.blocks import blocked
+from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.likelihood import Fit, Likelihood, Names, names_of
 from phaselead.gap.posterior.priors import SURE, log_prior_of_set
@@ -68,7 +69,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
     starts = Starts(likelihood, effects)
     alone = _beside(likelihood, starts, nothing, TRIED_ALONE)
     needed = log_prior_of_set(0, len(effects)) - log_prior_of_set(1, len(effects)) + np.log(SURE / (1 - SURE))
-    detectable = starts.detectable(nothing, needed)
+    least = detectable(likelihood, starts.shapes, needed)
     on_progress(0.3)
     likelihood = likelihood.knowing([fit.entries[0] for fit in alone])
     nothing, alone = likelihood.fit(()), [likelihood.fit(fit.entries) for fit in alone]
@@ -83,7 +84,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
             if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
                 pool[fit.names] = fit
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
-    return replace(_last_contest(likelihood, pool, len(effects)), detectable=detectable, starts=starts)
+    return replace(_last_contest(likelihood, pool, len(effects)), detectable=least, starts=starts)
 
 
 def _better(contest: Contest, fits: Sequence[Fit], than: float) -> list[Fit]:
@@ -143,5 +144,5 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
 def at_an_end(entries: Sequence[SizedEffect]) -> bool:
     """Whether a parameter of one of the effects stands at an end of its range beyond which no stage lies, where it is
     no longer that effect: an end of 0 is where it vanishes or takes another form."""
-    found = [(p, params[p.name]) for effect, params in entries for p in effect.parameters]
+    found = [(p, params[p.name]) for effect, params in entries for p in effect.parameters if not p.between_forms]
     return any(value >= (1 - AT_END) * p.high or value <= p.low + AT_END * abs(p.low) != 0 for p, value in found)

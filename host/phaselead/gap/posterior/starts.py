@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.metric import LEAST_POWER
-from phaselead.gap.posterior.likelihood import SHARES, Fit, Likelihood
+from phaselead.gap.posterior.detectable import Shapes
+from phaselead.gap.posterior.likelihood import Fit, Likelihood
 from phaselead.gap.posterior.moments import Amounts
-from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES, prior_of
+from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
 from phaselead.gap.refit import SizedEffect, bounded
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
 from phaselead.record import Samples
 
+APART = 2.0
+"""Ratio of a size to that at which it was simulated, up to which another of ``SIZES`` is no nearer."""
 DIFFERENT = 2
 """Shapes of one effect from which it is begun."""
 FINE_MODES = 9
@@ -35,6 +37,8 @@ class Start:
     entry: SizedEffect
     gain: float
     """Log units that it is expected to bring."""
+    of_size: bool
+    """Whether it was simulated at about these sizes, as far as that matters."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +64,12 @@ class Starts:
         return other
 
     @cached_property
-    def _groups(self) -> list[RegressorGroup]:
+    def shapes(self) -> Shapes:
+        """That are looked at."""
         runs = [run.modelled.run for run in self.likelihood.runs]
         longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
-        return regressor_groups(self.effects, self.likelihood.step_s, longest_s)
-
-    @cached_property
-    def _columns(self) -> list[NDArray[np.float32]]:
-        """Per run the coefficients (n - 1, k) of every group."""
-        return [self._of(run, self._groups) for run in range(len(self.likelihood.runs))]
+        groups = _at_all_sizes(regressor_groups(self.effects, self.likelihood.step_s, longest_s))
+        return Shapes(groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
 
     def _of(self, run: int, groups: Sequence[RegressorGroup]) -> NDArray[np.float32]:
         blocks = self.likelihood.runs[run]
@@ -81,7 +82,7 @@ class Starts:
     def beside(self, fit: Fit) -> dict[str, list[Start]]:
         """The best different shapes of every effect that is not in a set, the effect that explains most first."""
         found: dict[str, list[Start]] = {}
-        for start in self._sized(fit, self._groups, self._columns):
+        for start in self._sized(fit, self.shapes.groups, self.shapes.columns):
             name = start.entry[0].name
             if name not in fit.names:
                 found.setdefault(name, []).append(start)
@@ -89,7 +90,7 @@ class Starts:
         return dict(sorted(chosen.items(), key=lambda item: -item[1][0].gain))
 
     def _chosen(self, fit: Fit, starts: Sequence[Start]) -> list[Start]:
-        ranked = sorted(starts, key=lambda start: -start.gain)
+        ranked = sorted(starts, key=lambda start: (not start.of_size, -start.gain))
         effect, params = ranked[0].entry
         if effect.peak is None:
             return ranked[:DIFFERENT]
@@ -104,37 +105,27 @@ class Starts:
         return sorted([*fine, *ranked[:1]], key=lambda start: -start.gain)[:DIFFERENT]
 
     def sizes(self, fit: Fit) -> list[SizedGroup]:
-        """What the records say of the first size of every shape beside a set."""
+        """What the records say of the first size of every shape beside a set, simulated at its typical size."""
         found = []
-        for group, slope, curvature in self._moments(fit, self._groups, self._columns):
-            if group.effect.name in fit.names:
+        for group, slope, curvature in self._moments(fit, self.shapes.groups, self.shapes.columns):
+            if group.effect.name in fit.names or group.steps != typical_sizes(group.effect):
                 continue
             inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGE**2)]))
-            found.append(SizedGroup(group, float(inverse[0] @ slope), float(np.sqrt(inverse[0, 0]))))
+            # What a set takes up to the last digit leaves a power that rounding may turn negative.
+            told = inverse[0, 0] > 0
+            amount, deviation = (float(inverse[0] @ slope), float(np.sqrt(inverse[0, 0]))) if told else (0.0, np.inf)
+            found.append(SizedGroup(group, amount, deviation))
         return found
-
-    def detectable(self, nothing: Fit, log_odds: float) -> dict[str, float]:
-        """By effect, the first size, in its unit, at which it is expected to bring so many log odds beside nothing, at
-        the most usual of its shapes: by noise, by what the base misses and by how much these records excite it,
-        whatever they show."""
-        expected = 1 / self.likelihood.variance(nothing.terms, SHARES[:1])[0, 0]
-        chosen: dict[str, tuple[float, float]] = {}
-        for group, _, curvature in self._moments(nothing, self._groups, self._columns, expected):
-            information = float(1 / np.linalg.inv(curvature + np.eye(len(curvature)) * LEAST_POWER)[0, 0])
-            entry = group.effect, bounded(group.effect, group.params(np.zeros(len(group.steps)).tolist()))
-            usual = prior_of([entry], self.likelihood.step_s).log_density
-            size = abs(group.steps[0]) * _amount_of(log_odds, information)
-            if group.effect.name not in chosen or usual > chosen[group.effect.name][0]:
-                chosen[group.effect.name] = usual, size
-        return {name: size for name, (_, size) in chosen.items()}
 
     def _sized(self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]) -> list[Start]:
         """Every group with the sizes that explain most of what a set leaves."""
         found = []
         for group, slope, curvature in self._moments(fit, groups, columns):
-            amounts = np.linalg.solve(curvature + np.eye(len(slope)) / LARGE**2, slope)
+            step = group.steps[0] / typical_sizes(group.effect)[0]
+            amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (step / LARGE) ** 2, slope)
             params = bounded(group.effect, group.params(amounts.tolist()))
-            found.append(Start((group.effect, params), 0.5 * float(slope @ amounts)))
+            of_size = group.effect.basis is not None or bool(1 / APART <= np.abs(amounts).max() <= APART)
+            found.append(Start((group.effect, params), 0.5 * float(slope @ amounts), of_size))
         return found
 
     def _moments(
@@ -142,15 +133,12 @@ class Starts:
         fit: Fit,
         groups: Sequence[RegressorGroup],
         columns: Sequence[NDArray[np.float32]],
-        weights: Samples | None = None,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
         """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
-        moving along; squares count by ``weights`` (blocks,), by default those of what the set leaves."""
+        moving along."""
         likelihood, terms = self.likelihood, fit.terms
-        w = weights
-        if w is None:
-            settled = likelihood.settled(terms, [fit.share], likelihood.every)
-            w = likelihood.weights(settled.power, settled.variance, likelihood.every)[0]
+        settled = likelihood.settled(terms, [fit.share], likelihood.every)
+        w = likelihood.weights(settled.power, settled.variance, likelihood.every)[0]
         normal, right = terms.moments.normal(w[None], terms.prior.precision)
         p, c, k = terms.moments.tangents, normal.common.shape[1], columns[0].shape[1]
         common, before = np.zeros((c + 1, k)), np.zeros((*normal.before.shape[1:3], k))
@@ -179,10 +167,11 @@ class Starts:
         ]
 
 
-def _amount_of(log_odds: float, information: float) -> float:
-    """Steps of a size at which its gain, half its square by the information (1/steps^2), less what its prior costs,
-    is so many log units; infinite where the records say nothing of it, which in rounded numbers may be less."""
-    if information <= 0:
-        return math.inf
-    cost = max(0.5 * np.log(information), 0.0)
-    return float(np.sqrt(2 * (log_odds + cost) / information))
+def _at_all_sizes(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
+    """The groups, and those of effects that are not linear in their sizes at each of the usual sizes: a rate limit
+    shows nothing below the rates of a record, and more than in proportion above."""
+    found = list(groups)
+    for group in groups:
+        if group.effect.basis is None:
+            found += [replace(group, steps=tuple(s * one for one in group.steps)) for s in SIZES if s != 1.0]
+    return found

@@ -100,7 +100,16 @@ EFFECT = Effect(
         Parameter(
             "slope", "1", 0.0, -6.0, 6.0, role="shape", extreme=True, doc="above 0: more of the large thresholds"
         ),
-        Parameter("rest_fraction", "1", 0.0, -1.0, 1.0, role="shape", doc="where the plays stand at rest, of r_i"),
+        Parameter(
+            "rest_fraction",
+            "1",
+            0.0,
+            -1.0,
+            1.0,
+            role="shape",
+            between_forms=True,
+            doc="where the plays stand at rest, of r_i",
+        ),
     ),
     shows="a loop of position over voltage that does not close as the frequency falls; odd harmonics; the way back "
     "depends on the last turning points",

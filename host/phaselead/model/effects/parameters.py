@@ -31,6 +31,8 @@ class Parameter:
     doc: str = ""
     extreme: bool = False
     """Of a shape: whether no stage comes near its bounds."""
+    between_forms: bool = False
+    """Of a shape: whether both ends of its range are forms of the effect, no limits of what a stage can be."""
     absorbed_by_refit: bool = False
     """Whether a base that is refitted together with the effect takes it over. It is then fitted only where the base is
     frozen or held by reference records."""

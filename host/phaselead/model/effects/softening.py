@@ -109,7 +109,14 @@ EFFECT = Effect(
         Parameter("kappa", "1", 0.15, -2.0, 2.0, doc="relative growth of the gain at a level (rms) of the whole range"),
         Parameter("tau_s", "s", 0.5, 0.02, 100.0, role="shape", log=True, doc="memory of the level"),
         Parameter(
-            "about_mean", "1", 0.0, 0.0, 1.0, role="shape", doc="0: level counts from rest; 1: from the recent mean"
+            "about_mean",
+            "1",
+            0.0,
+            0.0,
+            1.0,
+            role="shape",
+            between_forms=True,
+            doc="0: level counts from rest; 1: from the recent mean",
         ),
         Parameter("exponent", "1", 1.0, 0.5, 2.0, role="shape", log=True, doc="power of the level; 1: Rayleigh's law"),
     ),

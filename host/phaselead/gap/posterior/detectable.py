@@ -1,0 +1,195 @@
+"""From which size an effect is expected to be named, stated before anything that the records show is used.
+
+An effect of some size is taken to be all that the base lacks. What is left of it where it must be a fault of the base
+in all records instead, or an effect that it is confused with, brings the log odds of one coefficient for each octave,
+beside the noise and what the base and the equation are expected to miss. Asked is the size at which these pay for a
+name, at a shape such that half of the prior's shapes need less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.likelihood import SHARES, Likelihood, confused, is_of_material, missed_um2
+from phaselead.gap.posterior.priors import SIZES, SURE, prior_of
+from phaselead.gap.refit import SizedEffect, bounded
+from phaselead.gap.regressors import RegressorGroup, typical_sizes
+from phaselead.record import Samples
+
+ROUNDS = 8
+"""At most, in which an effect and its rival are simulated at the size that was found."""
+NEAR_ENOUGH = 1.25
+"""Ratio of the sizes of two rounds that ends them."""
+FURTHER = 100.0
+"""Ratio of the next size to one at which nothing shows, squared."""
+TRIED = np.geomspace(1e-5, 1e3, 500)
+"""Typical sizes."""
+MOST = 10.0
+"""Typical sizes beyond which nobody asks."""
+LARGE = float(SIZES[-1])
+"""Deviation, in typical sizes, of what a rival may take."""
+
+Coefficients = Sequence[Samples]
+"""Per run those (n - 1, k) of k columns."""
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Shapes of the effects of a catalogue."""
+
+    groups: Sequence[RegressorGroup]
+    columns: Sequence[NDArray[np.float32]]
+    """Per run the coefficients (n - 1, k) of every group, zeros of a reference."""
+
+    def of(self, name: str) -> list[int]:
+        """The groups of one effect at typical sizes."""
+        named = [(i, group) for i, group in enumerate(self.groups) if group.effect.name == name]
+        return [i for i, group in named if group.steps == typical_sizes(group.effect)]
+
+    def first(self, index: int) -> Coefficients:
+        """(n - 1, 1) of the first size of a group."""
+        at = sum(len(group.steps) for group in self.groups[:index])
+        return [columns[:, [at]].astype(np.float64) for columns in self.columns]
+
+
+def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[str, float]:
+    """By effect the first size, in its unit, at which it is expected to be named; infinite where the records do not
+    excite it. ``log_odds`` are asked against nothing, those of a name against each effect it is confused with."""
+    effects = {group.effect.name: group.effect for group in shapes.groups}
+    found = {}
+    for name, effect in effects.items():
+        rivals = [other for other, one in effects.items() if confused(effect, one)]
+        found[name] = _Expected(likelihood, shapes, name).size(rivals, log_odds)
+    return found
+
+
+class _Expected:
+    """What is expected of the records with one effect in them."""
+
+    def __init__(self, likelihood: Likelihood, shapes: Shapes, name: str) -> None:
+        self._likelihood, self._shapes = likelihood, shapes
+        self._without_um2 = likelihood.noise + likelihood.base
+        mine = shapes.of(name)
+        self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
+        likely = np.exp([prior_of([self._entry(i, 1.0)], likelihood.step_s).log_density for i in mine])
+        needed = np.array([self._times(shapes.first(i), [], [], 1.0) for i in mine])
+        order = np.argsort(needed)
+        half = int(np.searchsorted(np.cumsum(likely[order]), 0.5 * likely.sum()))
+        self._index = mine[order[min(half, len(mine) - 1)]]
+
+    def size(self, rivals: Sequence[str], log_odds: float) -> float:
+        """In the effect's unit."""
+        found = self._told(partial(self._alone, log_odds), 1.0, 0.0)
+        for rival in rivals:
+            found = self._told(partial(self._past, rival), found, found)
+        return float(found * abs(self._shapes.groups[self._index].steps[0]))
+
+    @staticmethod
+    def _told(needed: Callable[[float], float], times: float, least: float) -> float:
+        """The multiple, ``least`` or more, at which an effect is told that is simulated at that multiple, from what is
+        ``needed`` with one simulated at any: not in proportion where it sets in at a threshold, or differs from a
+        rival by its square."""
+        low, high = least, np.inf
+        for _ in range(ROUNDS):
+            found = max(least, needed(times)) if np.isfinite(times) else times
+            if (times >= MOST and not np.isfinite(found)) or 1 / NEAR_ENOUGH < found / times < NEAR_ENOUGH:
+                return found
+            low, high = (times, high) if found > times else (low, min(high, times))
+            ahead = float(np.sqrt(times * min(found, FURTHER * times)))
+            times = ahead if low < ahead < high else float(np.sqrt(low * high))
+        return high
+
+    def _entry(self, index: int, times: float) -> SizedEffect:
+        """So many times the first typical size of a group alone."""
+        group = self._shapes.groups[index]
+        params = group.params([times, *np.zeros(len(group.steps) - 1).tolist()])
+        return group.effect, bounded(group.effect, params)
+
+    def _simulated(self, index: int, times: float) -> Coefficients:
+        """What so many times the first typical size adds, for one typical size."""
+        entry, found = self._entry(index, times), []
+        for run, column in zip(self._likelihood.runs, self._shapes.first(index), strict=True):
+            if run.changed:
+                column = _added(run, entry) / times if times else np.zeros_like(column)
+            found.append(column)
+        return found
+
+    @cached_property
+    def _everywhere(self) -> Coefficients:
+        """The first size of the effect where the base lacks it in all records."""
+        entry, found = self._entry(self._index, 1.0), []
+        for run, column in zip(self._likelihood.runs, self._shapes.first(self._index), strict=True):
+            found.append(column if run.changed else _added(run, entry))
+        return found
+
+    def _alone(self, log_odds: float, times: float) -> float:
+        """The multiple from which it is told from nothing and from a fault of the base in all records, as far as it
+        shows simulated at about this one."""
+        column = self._simulated(self._index, times)
+        return self._times(column, [self._everywhere], [times], log_odds, priced=True)
+
+    def _past(self, rival: str, times: float) -> float:
+        """The same from a rival."""
+        column, theirs = self._simulated(self._index, times), self._shapes.of(rival)
+        columns = [self._shapes.first(i) for i in theirs]
+        best = int(np.argmax([self._along(one, column) for one in columns]))
+        amount = times * self._matched(columns[best], column)
+        others = [self._everywhere, self._simulated(theirs[best], amount), *(columns if len(columns) > 1 else [])]
+        deviations = [times, *[LARGE] * (len(others) - 1)]
+        return self._times(column, others, deviations, float(np.log(SURE / (1 - SURE))))
+
+    def _moments(self, columns: Sequence[Coefficients]) -> Samples:
+        """Mean products (blocks, k, k)."""
+        runs = enumerate(self._likelihood.runs)
+        parts = [(run, np.concatenate([one[i] for one in columns], axis=1)) for i, run in runs]
+        return np.concatenate([run.products(one, one) for run, one in parts])
+
+    def _matched(self, rival: Coefficients, column: Coefficients) -> float:
+        """The amount of a rival's column that is nearest to another."""
+        total = np.tensordot(1 / self._without_um2, self._moments([rival, column]), 1)
+        return float(total[0, 1] / max(total[0, 0], 1e-300))
+
+    def _along(self, rival: Coefficients, column: Coefficients) -> float:
+        """Correlation of a rival's column with another."""
+        total = np.tensordot(1 / self._without_um2, self._moments([rival, column]), 1)
+        return float(abs(total[0, 1]) / np.sqrt(max(total[0, 0] * total[1, 1], 1e-300)))
+
+    def _times(
+        self,
+        column: Coefficients,
+        others: Sequence[Coefficients],
+        deviations: Sequence[float],
+        log_odds: float,
+        priced: bool = False,
+    ) -> float:
+        """The multiple at which a column is expected to bring so many log odds past others, each of which may take
+        one of these deviations, and, if ``priced``, what the prior of its size costs."""
+        likelihood = self._likelihood
+        others, deviations = [likelihood.shared, *others], [1.0, *deviations]
+        moments = self._moments([*others, column])
+        total = np.tensordot(1 / self._without_um2, moments, 1)
+        widths = [one[0].shape[1] for one in others]
+        precision = np.diag(np.repeat(np.array(deviations, dtype=np.float64) ** -2, widths))
+        taken = np.linalg.solve(total[:-1, :-1] + precision, total[:-1, -1])
+        past = np.append(-taken, 1.0)
+        left = np.maximum((moments @ past) @ past, 0.0)
+        parts = np.split(moments[:, -1, -1], np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
+        power = np.concatenate([run.spread(part) for run, part in zip(likelihood.runs, parts, strict=True)])
+        squares = TRIED[:, None] ** 2
+        variance = self._without_um2 + missed_um2(SHARES[0], squares * power, squares * power * self._of_material)
+        odds = 0.5 * np.log1p(squares * left / variance).sum(axis=1)
+        information = float((left / self._without_um2).sum())
+        asked = log_odds + (max(0.5 * np.log(max(information, 1e-300)), 0.0) if priced else 0.0)
+        enough = np.flatnonzero(odds >= asked)
+        return float(TRIED[enough[0]]) if len(enough) else np.inf
+
+
+def _added(run: BlockedRun, entry: SizedEffect) -> Samples:
+    """Coefficients (n - 1, 1) of what an effect adds to the base."""
+    return run.coefficients((run.modelled.answer([entry]) - run.modelled.answer())[:, None])

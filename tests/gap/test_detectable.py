@@ -1,0 +1,52 @@
+"""The size from which an effect is expected to be named: laws over noise, excitation, rivals, and what is hidden."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from test_gap_laws import HIDDEN, parts
+
+from phaselead.gap.run import run_gap
+from phaselead.identify import fit
+from phaselead.model import catalogue
+
+LAGS = ("amplifier_lowpass", "delay", "sensor_lowpass")
+KEPT = (*LAGS, "gain_change", "slew_limit")
+
+
+@cache
+def sizes(hidden: str = "", noise_um: float = 0.01, kept: tuple[str, ...] = KEPT) -> dict[str, float]:
+    """What is stated for records that hide an effect, or none."""
+    records = parts({hidden: HIDDEN[hidden]} if hidden else {}, noise_um=noise_um)
+    reference, train, holdout = records
+    left_out = [name for name in catalogue() if name not in kept]
+    found = run_gap(fit(reference)[0], train, holdout, reference, without=left_out)
+    return {one.name: one.size for one in found.detectable}
+
+
+def test_what_the_records_hide_does_not_change_what_is_stated():
+    """Only how the base's plays are taken to stand when a record begins is found from the record."""
+    stated = sizes("")
+    for hidden in ("delay", "gain_change"):
+        assert sizes(hidden) == pytest.approx(stated, rel=0.3)
+
+
+def test_more_noise_asks_for_more():
+    quiet, loud = sizes(), sizes(noise_um=0.3)
+    assert all(loud[name] > quiet[name] for name in LAGS)
+
+
+@pytest.mark.parametrize("name", LAGS)
+def test_a_lag_must_be_larger_to_be_told_from_other_lags_than_from_nothing(name):
+    assert sizes()[name] > 1.5 * sizes(kept=(name,))[name]
+
+
+def test_an_effect_with_no_rival_in_the_catalogue_is_told_from_nothing():
+    """A larger catalogue asks for little more."""
+    assert sizes()["gain_change"] == pytest.approx(sizes(kept=("gain_change",))["gain_change"], rel=0.25)
+
+
+def test_a_rate_limit_is_stated_though_its_typical_size_may_show_nothing():
+    assert 0 < sizes()["slew_limit"] < np.inf
