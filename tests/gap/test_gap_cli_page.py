@@ -44,8 +44,8 @@ def result() -> GapResult:
         next_experiment=NextExperiment("multisine", 2.0, (5.0, 500.0), 3.0, None, 2.0, 120.0),
         holdout_sha256=("ab" * 32,),
         candidates=(
-            Candidate(1, "resonance", 50.0, 8.0, 0.1, "named"),
-            Candidate(2, "delay", 9.0, np.nan, 0.2, "named"),
+            Candidate(1, "resonance", 50.0, "named"),
+            Candidate(2, "delay", 9.0, "named"),
         ),
         traces=(Trace("rec.csv", "x", t, x / 10, x, before, after),),
         untestable_why={"vibration": "needs idle records"},

@@ -122,9 +122,6 @@ class Candidate:
     """Its effects, joined by " + "."""
     score: float
     """Log evidence over nothing; of axes that share modes the per cent of the rest that the effect would explain."""
-    held_out_z: float
-    rms_um: float
-    """RMS residual of the training records after its refit; nan where it was not refitted."""
     remark: str
     axis: str | None = None
 

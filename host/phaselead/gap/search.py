@@ -117,5 +117,5 @@ def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:
             behind = best - contest.log_posterior(names)
             remark = NAMED if fit is found.best and found.claims else f"log odds {behind:.1f} behind {leader}"
             gained = fit.log_evidence - nothing
-            rows.append(Candidate(len(names), " + ".join(names), gained, float("nan"), float("nan"), remark))
+            rows.append(Candidate(len(names), " + ".join(names), gained, remark))
     return tuple(rows)

@@ -221,7 +221,6 @@ def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ..
         {
             "step": c.step, "name": _plain(c.name), "score": c.score,
             "remark": "leads a tie" if c.remark == NAMED and c.name in leading else c.remark,
-            "z": f"{c.held_out_z:.1f}" if np.isfinite(c.held_out_z) else "",
         }
         for c in candidates
     ]  # fmt: skip

@@ -119,7 +119,7 @@ def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
         "ties": [list(tie) for tie in result.ties],
         "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit, "axis": b.axis} for b in result.excluded],
         "untestable": list(result.untestable),
-        "candidates": [[c.step, c.name, round(c.score, 1), c.held_out_z, c.remark] for c in result.candidates],
+        "candidates": [[c.step, c.name, round(c.score, 1), c.remark] for c in result.candidates],
         "gap": {"before": result.gap.before, "after": result.gap.after, "floor": result.gap.floor},
     }
 

@@ -260,7 +260,7 @@ def _candidates(found: StageFit, axis: str) -> list[Candidate]:
     """The other effects that were scored, most promising first."""
     return [
         Candidate(
-            1, one.effect.name, 100 * one.share, np.nan, np.nan,
+            1, one.effect.name, 100 * one.share,
             f"would explain {100 * one.share:.2g} % of what remains", axis,
         )
         for one in found.others if one.axis == axis
