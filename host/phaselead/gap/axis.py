@@ -39,6 +39,7 @@ from phaselead.gap.goodness_of_fit import (
     FinalFit,
     final_fit,
     much_predictable,
+    too_little_described,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.posterior import Claim
@@ -115,6 +116,8 @@ def search_axis(
     closed = bool(taken) and selection.problem.reference is not None
     unknown = selection.no_set_fits or other.unknown
     unknown = unknown or much_predictable(left, final.gap, closed)
+    if too_little_described(left, final.gap):
+        named, ties = [], list(other.ties)
     on_progress(0.92)
     provisional: list[NamedEffect] = []
     if unknown:
@@ -135,7 +138,7 @@ def search_axis(
         _where(selection, final, seed, label),
         final.gap,
         final.rows,
-        _proposal(selection, label),
+        _proposal(selection, label) if ties else None,
         list(selection.candidates),
         final.traces(),
         other.spectra,

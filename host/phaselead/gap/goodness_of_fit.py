@@ -10,6 +10,7 @@ import numpy as np
 from phaselead.gap.base_operator import with_operator
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
+from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
@@ -161,3 +162,8 @@ def much_predictable(left: Unexplained, gap: GapSize, closed_by_names: bool) -> 
     """
     predicted_um2 = left.share * gap.after**2
     return left.something_missing and (not closed_by_names or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
+
+
+def too_little_described(left: Unexplained, gap: GapSize) -> bool:
+    """Whether of what can be predicted from the voltage the names leave more than equations that bear them may miss."""
+    return left.something_missing and left.share * gap.after**2 > (MOST_MISSED * gap.before) ** 2

@@ -5,13 +5,14 @@ from __future__ import annotations
 from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
-from phaselead.gap.posterior.likelihood import Fit, Likelihood, names_of
+from phaselead.gap.posterior.likelihood import MOST_MISSED, Fit, Likelihood, names_of
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.verdict import Claim, Judgement, judge
 
 __all__ = [
     "KNOWN_BEFORE",
+    "MOST_MISSED",
     "SURE",
     "Claim",
     "Contest",

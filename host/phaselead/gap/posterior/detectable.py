@@ -112,13 +112,14 @@ class _Expected:
         return group.effect, bounded(group.effect, params)
 
     def _simulated(self, index: int, times: float) -> Coefficients:
-        """What so many times the first typical size adds, for one typical size."""
-        entry, found = self._entry(index, times), []
-        for run, column in zip(self._likelihood.runs, self._shapes.first(index), strict=True):
-            if run.changed:
-                column = _added(run, entry) / times if times else np.zeros_like(column)
-            found.append(column)
-        return found
+        """What so many times the first typical size adds, for one typical size; any times as much where an effect is
+        linear in its sizes."""
+        typical = self._shapes.first(index)
+        if self._shapes.groups[index].effect.basis is not None:
+            return typical
+        runs = zip(self._likelihood.runs, typical, strict=True)
+        entry = self._entry(index, times)
+        return [_added(run, entry) / times if run.changed and times else column for run, column in runs]
 
     @cached_property
     def _everywhere(self) -> Coefficients:
