@@ -134,7 +134,7 @@ def test_shapes_are_simulated_once_for_all_likelihoods_of_the_same_runs():
     assert [(a.group.shapes, a.amount, a.deviation) for a in again] == [
         (b.group.shapes, b.amount, b.deviation) for b in anew
     ]
-    assert starts.of(knowing)._columns is starts._columns
+    assert starts.of(knowing).shapes is starts.shapes
     assert starts.likelihood is plain
 
 
