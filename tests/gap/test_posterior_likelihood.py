@@ -15,18 +15,11 @@ from scipy.stats import t as student
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.interval import intervals
-from phaselead.gap.posterior.likelihood import (
-    LEAST_OF_MATERIAL,
-    LIKE_RIVALS,
-    MOST_MISSED,
-    OUTSIDE,
-    SHARES,
-    TIMES_BASE,
-    Likelihood,
-    confused,
-)
+from phaselead.gap.posterior.likelihood import LIKE_RIVALS, Likelihood
+from phaselead.gap.posterior.missed import LEAST_OF_MATERIAL, MOST_MISSED, OUTSIDE, SHARES, TIMES_BASE
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import prior_of
+from phaselead.gap.posterior.sets import confused
 from phaselead.model import Place
 from phaselead.model.effects import effect
 

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phaselead.gap.posterior.interval import shows_itself
-from phaselead.gap.posterior.likelihood import Fit
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
+from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SURE, judge
 from phaselead.gap.refit import to_internal
 from phaselead.model.effects import effect

@@ -5,9 +5,11 @@ from __future__ import annotations
 from phaselead.gap.posterior.absent import largest_sizes
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
-from phaselead.gap.posterior.likelihood import MOST_MISSED, Fit, Likelihood, names_of
+from phaselead.gap.posterior.likelihood import Likelihood
+from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
+from phaselead.gap.posterior.sets import Fit, names_of
 from phaselead.gap.posterior.verdict import Claim, Judgement, judge
 
 __all__ = [

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from phaselead.gap.findings import ONE_SIDED_95
-from phaselead.gap.posterior.likelihood import MOST_MISSED, Fit
+from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.search import Contest
+from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.posterior.starts import Starts
 from phaselead.model import Effect
 

@@ -15,18 +15,27 @@ distribution.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp, softmax
 
 from phaselead.gap.posterior.before import as_fault, fault_deviations
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
+from phaselead.gap.posterior.missed import (
+    MOST_MISSED,
+    TIMES_BASE,
+    beside_one_another,
+    is_of_material,
+    log_prior_of_share,
+    missed_um2,
+    shares_of,
+)
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
+from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused
 from phaselead.gap.refit import (
     SizedEffect,
     bounded,
@@ -36,25 +45,11 @@ from phaselead.gap.refit import (
     parameters_of,
     to_internal,
 )
-from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0)
-"""Of an effect that its equation may miss."""
-LEAST_OF_MATERIAL = 0.05
-"""Share that is missed at least by an equation of the ceramic itself, of its loops and its creep: published operators,
-fitted to one stage, leave 1 to 3 % of the travel where loops are 10 to 20 % of it (Ge and Jouaneh 1995, Kuhnen
-2003)."""
-MOST_MISSED = 0.3
-"""Share of an effect that may be missed by an equation which still bears its name: it then describes nine tenths of its
-power."""
-OUTSIDE = 0.1
-"""Prior probability that more is missed: that the effect is none of the catalogue, and this one only the nearest."""
 LIKE_RIVALS = 0.1
 """Share of an effect that its equation may miss and that looks like another which the catalogue says it is confused
 with: published models of hysteresis, creep and modes leave 2 to 20 % of what they describe."""
-TIMES_BASE = (1.0, 2.0, 4.0)
-"""How much more than in the reference records, in um, the base may miss in one record: all as likely."""
 STEPS, LEAST_GAIN, DAMPINGS = 8, 0.05, 5
 """Of a fit at most, the gain in log units that ends it, and how many dampings a step tries."""
 
@@ -62,68 +57,6 @@ SETTLING, SETTLED = 30, 0.01
 """Steps at most in which what is integrated out settles, and the change in prior deviations that ends them."""
 NEGLIGIBLE = 1e-3
 """Probability of a share below which it does not widen an interval."""
-
-Names = tuple[str, ...]
-"""Of a set of effects, sorted."""
-
-
-@dataclass(frozen=True)
-class Settled:
-    """Where what is integrated out is most likely, under each of s shares."""
-
-    amounts: Amounts
-    """Of its columns."""
-    power: Samples
-    """(s, blocks) of the residual less these."""
-    variance: Samples
-    """(s, blocks) that is expected of it."""
-
-    def __getitem__(self, which: int) -> Settled:
-        """Under one of them."""
-        return Settled(self.amounts[which], self.power[[which]], self.variance[[which]])
-
-
-@dataclass(frozen=True)
-class Terms:
-    """A set of effects at some parameters, block by block."""
-
-    entries: tuple[SizedEffect, ...]
-    moments: Moments
-    """Of the tangents of the p parameters, of what is integrated out, and of the residual."""
-    signal: Samples
-    """(blocks,) power of what the effects add, spread."""
-    of_material: Samples
-    """(blocks,) the part of it that is of the ceramic's loops and creep."""
-    prior: Prior
-    settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
-    """Where what is integrated out settles, by share and whether held-out records counted, once found."""
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A set of effects at its most likely parameters."""
-
-    terms: Terms
-    log_evidence: float
-    """Of all records, over all shares."""
-    log_evidence_fitted: float
-    """Without the held-out records."""
-    named: float
-    """Probability that no more is missed than an equation of that name may miss."""
-    share: float
-    """The most likely share of equation misfit."""
-    covariance: Samples
-    """(parameters, parameters) in internal units."""
-
-    @property
-    def entries(self) -> tuple[SizedEffect, ...]:
-        """The effects and their parameters."""
-        return self.terms.entries
-
-    @property
-    def names(self) -> Names:
-        """Of the effects, sorted."""
-        return names_of(self.entries)
 
 
 @dataclass
@@ -319,11 +252,13 @@ class Likelihood:
 
     def likeliest_share(self, terms: Terms, near: float | None = None) -> tuple[float, float]:
         """The most likely share, after the log density there: of all, or by steps from that of a set like it."""
-        grid = _grid(terms)
+        grid = shares_of(terms.entries)
         found = self._log_joints(terms, grid if near is None else [near])
         while near is not None:
             best = max(found, key=lambda one: found[one])
-            found |= self._log_joints(terms, [one for one in grid if one not in found and _beside(one, best)])
+            found |= self._log_joints(
+                terms, [one for one in grid if one not in found and beside_one_another(one, best)]
+            )
             if max(found, key=lambda one: found[one]) == best:
                 break
         return max((density, one) for one, density in found.items())
@@ -333,7 +268,7 @@ class Likelihood:
         if not shares:
             return {}
         found = self.log_joint(terms, shares, self.every).tolist()
-        return {one: log + _log_prior(terms, one) for one, log in zip(shares, found, strict=True)}
+        return {one: log + log_prior_of_share(terms.entries, one) for one, log in zip(shares, found, strict=True)}
 
     def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
         """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
@@ -363,8 +298,8 @@ class Likelihood:
 
     def judged(self, terms: Terms, share: float) -> Fit:
         """Evidence and covariance of a set at its most likely parameters."""
-        grid = _grid(terms)
-        prior = np.array([_log_prior(terms, one) for one in grid])
+        grid = shares_of(terms.entries)
+        prior = np.array([log_prior_of_share(terms.entries, one) for one in grid])
         every = prior + self._log_evidence(terms, grid, self.every)
         fitted = prior + self._log_evidence(terms, grid, self.fitted)
         likely = np.exp(every - every.max())
@@ -381,44 +316,6 @@ class Likelihood:
         normal, _ = self.information(terms, shares, which)
         volume = 0.5 * (len(terms.prior.centre) * np.log(2 * np.pi) - normal.log_determinant)
         return np.asarray(self.log_joint(terms, shares, which) + volume)
-
-
-def names_of(entries: Sequence[SizedEffect]) -> Names:
-    """Names of some effects, sorted."""
-    return tuple(sorted(effect.name for effect, _ in entries))
-
-
-def confused(one: Effect, other: Effect) -> bool:
-    """Whether two effects are hard to tell apart by what the catalogue says of either."""
-    mine, theirs = ({*e.confused_with, *e.hard_to_tell_from} for e in (one, other))
-    return one.name != other.name and (other.name in mine or one.name in theirs)
-
-
-def is_of_material(entries: Sequence[SizedEffect]) -> NDArray[np.bool_]:
-    """Of each of some effects whether it is of the ceramic's loops or creep."""
-    return np.array([effect.place in (Place.HYSTERESIS, Place.CREEP) for effect, _ in entries], dtype=bool)
-
-
-def missed_um2(share: Samples | float, signal: Samples, of_material: Samples) -> Samples:
-    """Power (blocks,) that the equations miss of what effects add, of which a part is of the ceramic."""
-    return np.asarray(share**2 * signal + np.maximum(LEAST_OF_MATERIAL**2 - share**2, 0.0) * of_material)
-
-
-def _grid(terms: Terms) -> list[float]:
-    """The shares that a set may miss."""
-    return list(SHARES if terms.entries else SHARES[:1])
-
-
-def _beside(one: float, other: float) -> bool:
-    """Whether shares are next to one another on the grid."""
-    return abs(SHARES.index(one) - SHARES.index(other)) == 1
-
-
-def _log_prior(terms: Terms, share: float) -> float:
-    """Of the share that a set misses."""
-    within = sum(one <= MOST_MISSED for one in SHARES)
-    of_share = (1 - OUTSIDE) / within if share <= MOST_MISSED else OUTSIDE / (len(SHARES) - within)
-    return float(np.log(of_share)) if terms.entries else 0.0
 
 
 def _log_sum(logs: Samples) -> float:

@@ -10,8 +10,9 @@ import numpy as np
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
-from phaselead.gap.posterior.likelihood import Fit, Likelihood, Names, names_of
+from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import SURE, log_prior_of_set
+from phaselead.gap.posterior.sets import Fit, Names, names_of
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.regressors import Freedom, base_columns

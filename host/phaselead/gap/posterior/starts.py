@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from phaselead.gap.metric import LEAST_POWER
 from phaselead.gap.posterior.detectable import Shapes
-from phaselead.gap.posterior.likelihood import Fit, Likelihood
+from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
+from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.refit import SizedEffect, bounded
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.posterior.likelihood import Fit, Names, confused
 from phaselead.gap.posterior.priors import SURE, log_prior_of_set
 from phaselead.gap.posterior.search import Contest
+from phaselead.gap.posterior.sets import Fit, Names, confused
 from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 

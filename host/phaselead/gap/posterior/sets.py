@@ -1,0 +1,85 @@
+"""A set of effects: block by block at some parameters, and fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from phaselead.gap.posterior.moments import Amounts, Moments
+from phaselead.gap.posterior.priors import Prior
+from phaselead.gap.refit import SizedEffect
+from phaselead.model import Effect
+from phaselead.record import Samples
+
+Names = tuple[str, ...]
+"""Of a set of effects, sorted."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Where what is integrated out is most likely, under each of s shares."""
+
+    amounts: Amounts
+    """Of its columns."""
+    power: Samples
+    """(s, blocks) of the residual less these."""
+    variance: Samples
+    """(s, blocks) that is expected of it."""
+
+    def __getitem__(self, which: int) -> Settled:
+        """Under one of them."""
+        return Settled(self.amounts[which], self.power[[which]], self.variance[[which]])
+
+
+@dataclass(frozen=True)
+class Terms:
+    """A set of effects at some parameters, block by block."""
+
+    entries: tuple[SizedEffect, ...]
+    moments: Moments
+    """Of the tangents of the p parameters, of what is integrated out, and of the residual."""
+    signal: Samples
+    """(blocks,) power of what the effects add, spread."""
+    of_material: Samples
+    """(blocks,) the part of it that is of the ceramic's loops and creep."""
+    prior: Prior
+    settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
+    """Where what is integrated out settles, by share and whether held-out records counted, once found."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A set of effects at its most likely parameters."""
+
+    terms: Terms
+    log_evidence: float
+    """Of all records, over all shares."""
+    log_evidence_fitted: float
+    """Without the held-out records."""
+    named: float
+    """Probability that no more is missed than an equation of that name may miss."""
+    share: float
+    """The most likely share of equation misfit."""
+    covariance: Samples
+    """(parameters, parameters) in internal units."""
+
+    @property
+    def entries(self) -> tuple[SizedEffect, ...]:
+        """The effects and their parameters."""
+        return self.terms.entries
+
+    @property
+    def names(self) -> Names:
+        """Of the effects, sorted."""
+        return names_of(self.entries)
+
+
+def names_of(entries: Sequence[SizedEffect]) -> Names:
+    """Names of some effects, sorted."""
+    return tuple(sorted(effect.name for effect, _ in entries))
+
+
+def confused(one: Effect, other: Effect) -> bool:
+    """Whether two effects are hard to tell apart by what the catalogue says of either."""
+    mine, theirs = ({*e.confused_with, *e.hard_to_tell_from} for e in (one, other))
+    return one.name != other.name and (other.name in mine or one.name in theirs)
