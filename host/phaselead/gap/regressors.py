@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from phaselead.gap.residual import ModelledRun
 from phaselead.identify import play_thresholds
-from phaselead.model import AxisModel, Effect, Extra, Parameter, Params, Place, Signal, plays
+from phaselead.model import AxisModel, Effect, Parameter, Params, Place, Signal, plays
 from phaselead.record import Samples
 
 Index = NDArray[np.intp]
@@ -60,13 +60,13 @@ class RegressorGroup:
         sizes = {p.name: a * s for p, a, s in zip(self.effect.sizes, amounts, self.steps, strict=True)}
         return {**self.shapes, **sizes}
 
-    def columns(self, modelled: ModelledRun, base_um: Samples, extra: Extra = ()) -> Samples:
+    def columns(self, modelled: ModelledRun, base_um: Samples) -> Samples:
         """Columns (n, sizes) in um over the scored rows: what one step of each size adds to ``base_um`` (n,), the
-        answer of the model with the effects ``extra``."""
+        answer of the model."""
         found = []
         for i in range(len(self.steps)):
             amounts = [float(i == j) for j in range(len(self.steps))]
-            found.append(modelled.answer([*extra, (self.effect, self.params(amounts))]) - base_um)
+            found.append(modelled.answer([(self.effect, self.params(amounts))]) - base_um)
         return np.stack(found, axis=1)
 
 
@@ -163,12 +163,12 @@ class SimulatedRegressors:
 
 
 def simulated_regressors(
-    modelled: ModelledRun, groups: Sequence[RegressorGroup], freedom: Freedom, extra: Extra = ()
+    modelled: ModelledRun, groups: Sequence[RegressorGroup], freedom: Freedom
 ) -> SimulatedRegressors:
-    """Simulate every group, and the columns of the base, on one run of a model that has the effects ``extra``."""
-    base_um = modelled.answer(extra)
-    parts = [group.columns(modelled, base_um, extra).astype(np.float32) for group in groups]
-    parts.append(base_columns(modelled, freedom, extra).astype(np.float32))
+    """Simulate every group, and the columns of the base, on one run."""
+    base_um = modelled.answer()
+    parts = [group.columns(modelled, base_um).astype(np.float32) for group in groups]
+    parts.append(base_columns(modelled, freedom).astype(np.float32))
     return SimulatedRegressors(modelled, base_um, np.concatenate(parts, axis=1))
 
 
@@ -182,13 +182,13 @@ class Freedom:
     """Reference records say what it misses, so that more things may be wrong with it."""
 
 
-def base_columns(modelled: ModelledRun, freedom: Freedom, extra: Extra = ()) -> Samples:
+def base_columns(modelled: ModelledRun, freedom: Freedom) -> Samples:
     """Columns (n, k) in um: one prior deviation of each thing that a refit of the base could change, as it looks behind
-    the effects ``extra`` and the base's own. A base without plays has no plays to refit, one without dead zones no dead
+    the base's own effects. A base without plays has no plays to refit, one without dead zones no dead
     zones."""
     view = modelled.axis.time
     assert view is not None
-    signal = modelled.chain.signal_at(Place.AMPLIFIER, extra)
+    signal = modelled.chain.signal_at(Place.AMPLIFIER)
     v = signal.value
     slope = mean_slope(modelled.axis)
     low, high = view.u_range_V
@@ -203,8 +203,8 @@ def base_columns(modelled: ModelledRun, freedom: Freedom, extra: Extra = ()) -> 
     if view.deadzone_d_V:
         knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
         columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
-    refitted = through_effects(modelled, np.stack(columns, axis=1), extra)[1:][modelled.run.rows]
-    return np.concatenate([refitted, _own_tangents(modelled, extra)], axis=1) if freedom.learned else refitted
+    refitted = through_effects(modelled, np.stack(columns, axis=1))[1:][modelled.run.rows]
+    return np.concatenate([refitted, _own_tangents(modelled)], axis=1) if freedom.learned else refitted
 
 
 def _bent(moved: Samples, low: float, high: float, std: float) -> list[Samples]:
@@ -215,10 +215,10 @@ def _bent(moved: Samples, low: float, high: float, std: float) -> list[Samples]:
     return [std * half * column for column in np.concatenate([z**2, z**2 * z], axis=1).T]
 
 
-def _own_tangents(modelled: ModelledRun, extra: Extra) -> Samples:
+def _own_tangents(modelled: ModelledRun) -> Samples:
     """Columns (n, k) in um: one prior deviation of the base's delay, and of each parameter of its own effects."""
-    answer = modelled.answer(extra)
-    return np.stack([modelled.with_axis(axis).answer(extra) - answer for axis in _nearby(modelled)], axis=1)
+    answer = modelled.answer()
+    return np.stack([modelled.with_axis(axis).answer() - answer for axis in _nearby(modelled)], axis=1)
 
 
 def _nearby(modelled: ModelledRun) -> list[AxisModel]:
@@ -247,9 +247,9 @@ def _moved_a_little(params: Mapping[str, object]) -> list[dict[str, object]]:
     return found
 
 
-def through_effects(modelled: ModelledRun, columns: Samples, extra: Extra) -> Samples:
+def through_effects(modelled: ModelledRun, columns: Samples) -> Samples:
     """What changes (n + 1, k) of the operator's output, in um, become behind creep, mechanics and sensor."""
-    signal = modelled.chain.signal_at(Place.HYSTERESIS, extra)
+    signal = modelled.chain.signal_at(Place.HYSTERESIS)
     behind = [(e, params) for e, params in signal.active if e.place > Place.HYSTERESIS]
     if not behind:
         return columns
