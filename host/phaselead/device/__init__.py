@@ -3,16 +3,7 @@
 from __future__ import annotations
 
 from phaselead.device import motion, wire
-from phaselead.device.capture import (
-    DeviceFault,
-    EdgeWait,
-    NoEdge,
-    RanDry,
-    Spool,
-    after_interrupt,
-    no_edge,
-    park_quietly,
-)
+from phaselead.device.capture import DeviceFault, EdgeWait, NoEdge, RanDry, Spool, no_edge
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
@@ -24,6 +15,7 @@ from phaselead.device.limits import AxisLimits, Limits, held_back, looser_than, 
 from phaselead.device.live import Live, LiveAxis, LiveSamples
 from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
+from phaselead.device.parking import after_interrupt, park_quietly
 from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ, Converters, converters, path_request
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run

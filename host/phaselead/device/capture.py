@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
-from phaselead import interrupt
 from phaselead.device import wire
+from phaselead.device.parking import fault_text, park_quietly, wait_parked
 from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ
+from phaselead.device.regions import read_model, read_region
 from phaselead.device.session import Pending, Refused, Session
 from phaselead.device.stream import (
     ALL_CHANNELS,
-    AXES,
     HEAD,
     Capture,
     Stream,
-    axes_of,
     decode_samples,
     mask_of,
     tick_dtype,
 )
-from phaselead.errors import DeviceRefused, LinkError, PhaseleadError
+from phaselead.errors import DeviceRefused, LinkError
 
 FEED_S = 0.2
 """STATUS this often, or one read later: a quarter of the host timeout the command line drives with."""
@@ -33,12 +32,9 @@ REPLY_S = 0.1
 ATTEMPTS = 30
 """At the status; together as long as a command's."""
 SILENCE_S = 3.0
-ALL_AXES = mask_of(AXES)
 READ_REAL_S, READ_VIRTUAL_S, READ_FEEDING_S = 0.05, 0.1, 0.02
 LONGEST_READ_S = 1.0
 """Counted of one read that brings nothing: a host that slept has not listened meanwhile."""
-PARK_S = 30.0
-"""The longest ramp the device's formats allow for is far shorter: 12 V at 0.5 V/s."""
 FIRST_TICK = slice(HEAD.fields["first_tick"][1], HEAD.fields["first_tick"][1] + 8)  # type: ignore[index]
 
 Progress = Callable[[int], None]
@@ -127,43 +123,6 @@ class Plan:
     @property
     def axis_mask(self) -> int:
         return mask_of(self.axes)
-
-
-def read_region(session: Session, region: wire.Region, size: int | None = None) -> bytes:
-    """Reads a snapshot region in pieces. Raises LinkError when it is not of this size."""
-    out = b""
-
-    def read(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
-        nonlocal out
-        reply = session.request(wire.SnapshotReadRequest(region, at, length), waits_s)
-        if not reply.data or reply.size != (size or reply.size):
-            raise LinkError(f"the device gave {len(out)} of {reply.size} bytes of its state; start the capture again")
-        out += reply.data
-        return len(out), reply.size
-
-    session.transfer(read)
-    return out
-
-
-def read_model(session: Session) -> bytes | None:
-    """The active model, or None when the device has none."""
-    out = b""
-
-    def read(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
-        nonlocal out
-        reply = session.request(wire.ModelReadRequest(at, length), waits_s)
-        if not reply.data:
-            raise LinkError(f"the device gave {len(out)} of {reply.size} bytes of its model; try again")
-        out += reply.data
-        return len(out), reply.size
-
-    try:
-        session.transfer(read)
-    except Refused as refusal:
-        if refusal.status == wire.Status.NO_MODEL:
-            return None
-        raise
-    return out
 
 
 @dataclass
@@ -305,24 +264,6 @@ class _Run:
             self.pump(max(64, self.session.in_waiting()))
 
 
-def wait_parked(session: Session, pump_size: int = 0) -> wire.StatusReply:
-    """After PARK: polls until the device is parked with every output at its safe value, or in a fault.
-
-    Parked alone does not tell: a device that was parked before ramps in that state.
-
-    Raises:
-        LinkError: it is still moving after half a minute of its own time.
-    """
-    status = session.request(wire.StatusRequest())
-    last_tick = status.tick + int(PARK_S * TICK_HZ)
-    while status.state != wire.State.FAULT and not (status.state == wire.State.PARKED and status.at_rest == ALL_AXES):
-        if status.tick > last_tick:
-            raise LinkError(f"the device on {session.name} did not park within {PARK_S:g} s; run `phaselead stop`")
-        session.pump(max(64, pump_size))
-        status = session.request(wire.StatusRequest())
-    return status
-
-
 @dataclass(frozen=True)
 class _Answered:
     """A session's log that keeps nothing."""
@@ -446,32 +387,3 @@ def _stream_start(session: Session, plan: Plan) -> wire.StreamStartReply:
             f"{reply.budget_bytes_per_s}; use fewer axes or channels, or a decimation"
         )
         raise Refused(refusal.command, refusal.status, reply, detail) from None
-
-
-def fault_text(status: wire.StatusReply) -> str:
-    """One line about a latched fault."""
-    known = status.fault in list(wire.Fault)
-    name = wire.Fault(status.fault).name.lower() if known else f"number {status.fault}"
-    axis = f" on axis {axes_of(1 << status.fault_axis)}" if status.fault_axis < 3 else ""
-    why = f"`phaselead explain {name}` says why, " if known else ""
-    return f"fault {name}{axis} at tick {status.fault_tick}; {why}`phaselead park` clears it"
-
-
-def park_quietly(session: Session) -> None:
-    """Parks and ends the stream as far as the device still answers; for use while an error is on its way."""
-    interrupt.clear()
-    try:
-        session.request(wire.ParkRequest(), (0.2, 0.4))
-        wait_parked(session)
-        session.request(wire.StreamStopRequest(), (0.2,))
-    except (LinkError, DeviceRefused):
-        pass
-
-
-def after_interrupt(session: Session) -> str:
-    """What has become of the output: it is parked on Ctrl-C, which a broken line can prevent."""
-    interrupt.clear()
-    with contextlib.suppress(PhaseleadError, OSError):
-        if session.request(wire.StatusRequest()).state == wire.State.PARKED:
-            return "the output is parked"
-    return "whether the output is parked is not known: look with phaselead status"

@@ -14,21 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.device import wire
-from phaselead.device.capture import (
-    EdgeWait,
-    Plan,
-    Progress,
-    Sink,
-    Spool,
-    after_interrupt,
-    capture,
-    fault_text,
-    park_quietly,
-    read_model,
-    read_region,
-    wait_parked,
-)
+from phaselead.device.capture import EdgeWait, Plan, Progress, Sink, Spool, capture
 from phaselead.device.left_running import LeftRunning
+from phaselead.device.parking import after_interrupt, fault_text, park_quietly, wait_parked
 from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import (
     TICK_HZ,
@@ -39,6 +27,7 @@ from phaselead.device.quantities import (
     path_request,
     wave_points,
 )
+from phaselead.device.regions import read_model, read_region
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of

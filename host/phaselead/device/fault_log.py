@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from phaselead.device import wire
-from phaselead.device.capture import read_region
 from phaselead.device.device import Device
 from phaselead.device.quantities import TICK_HZ
+from phaselead.device.regions import read_region
 from phaselead.device.status import NO_AXIS, fault_detail, name_of
 from phaselead.device.stream import axes_of
 from phaselead.result import Result, Table

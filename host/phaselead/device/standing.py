@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from phaselead.device.capture import after_interrupt
 from phaselead.device.device import Device
+from phaselead.device.parking import after_interrupt
 from phaselead.device.status import DeviceStatus
 from phaselead.result import Table
 
