@@ -14,7 +14,7 @@ from phaselead.control.learning import trials as course
 from phaselead.control.learning.law import MARGIN, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, load_learned, one_period
 from phaselead.control.learning.lines import Lines, error_lines, rest_of, values_of
-from phaselead.control.learning.quieter import LEFT_OF_DRIFT, larger, quieter, scaled
+from phaselead.control.learning.quieter import LEFT_OF_DRIFT, larger, quieter, scaled, share_of
 from phaselead.control.learning.response import Response, model_response, other_loop
 from phaselead.control.learning.trials import learn
 from phaselead.control.tracking import track
@@ -318,6 +318,19 @@ def test_an_error_of_another_loop_is_that_of_its_sensitivity():
     f_Hz, less = np.array([0.0, 20.0, 150.0, 400.0]), scaled(GAINS["x"], 0.25)
     before, after = (1 - model_response(AXIS, own, f_Hz).gain for own in (GAINS["x"], less))
     assert (before * other_loop(AXIS, GAINS["x"], less, f_Hz))[1:] == pytest.approx(after[1:])
+
+
+def test_gains_of_one_kind_alone_are_learned_with(learned, tmp_path):
+    """Without an integral part the share of the feedback was a division by zero, after all trials were driven."""
+    learned.save(tmp_path / "stage.toml")
+    proportional = Gains(kp_V_per_um=0.0005, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
+    with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+        gains = {"x": proportional}
+        found = learn(device, {"x": SINE}, stage=STAGE, gains=gains, trials=1, turn_down=True, force=True)
+    assert len(found.trials) == 2
+    assert found.gains() == gains
+    assert share_of(scaled(proportional, 0.5), proportional) == 0.5
+    assert share_of(scaled(proportional, 0.0), scaled(proportional, 0.0)) == 1
 
 
 def test_more_is_told_from_chance():

@@ -13,7 +13,7 @@ from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
 from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, rest_of, values_of
-from phaselead.control.learning.quieter import larger, quieter
+from phaselead.control.learning.quieter import larger, quieter, share_of
 from phaselead.control.learning.response import Response, model_response, other_loop
 from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
@@ -215,7 +215,7 @@ class _Course:
     def _about_feedback(self) -> str:
         """With how much of it the best trial was driven, where that is not all."""
         assert self._best is not None
-        shares = {axis: own.ki_V_per_um_s / self._asked[axis].ki_V_per_um_s for axis, own in self._best.gains.items()}
+        shares = {axis: share_of(own, self._asked[axis]) for axis, own in self._best.gains.items()}
         return "".join(f"; {axis} with {share:g} of its feedback" for axis, share in shares.items() if share != 1)
 
     def _about_limits(self) -> str:
