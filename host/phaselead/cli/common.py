@@ -202,15 +202,16 @@ def warn_of_gaps(facts: Mapping[str, Any]) -> None:
 
 
 def read_recordings(
-    arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
+    arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None, *, doubts: bool = True
 ) -> list[Recording]:
-    """Reads every recording argument under one --map and --rate. Says so where a map looks wrong."""
+    """Reads every recording argument under one --map and --rate. Says so where a map looks wrong; without ``doubts``
+    what takes them does."""
     from phaselead.record import doubts_about, parse_column_map, parse_rate, read_recording
 
     columns = parse_column_map(column_map) if column_map else None
     rate_Hz = parse_rate(rate) if rate else None
     found = [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
-    if columns is not None:
+    if doubts and columns is not None:
         warn(line for recording in found for line in doubts_about(recording))
     return found
 

@@ -79,7 +79,7 @@ def fit(
 
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
-    fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
+    fitted = fit_stage(read_recordings(records, column_map, rate, doubts=False), base=base)
     fitted.save(output, overwrite=overwriting())
     emit(
         fitted.as_dict() | {"output": output},

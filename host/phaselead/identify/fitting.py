@@ -33,7 +33,7 @@ from phaselead.model import (
     explained,
     provenance_of,
 )
-from phaselead.record import Recording
+from phaselead.record import Recording, doubts_about
 
 Base = Literal["operator", "linear"]
 
@@ -116,6 +116,7 @@ def fit(
     """
     _refuse_mixture(recordings)
     recordings, left_out = usable(recordings)
+    doubts = _doubts(recordings)
     coupling = cross_coupling(recordings)
     runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
     own = runs
@@ -148,7 +149,13 @@ def fit(
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )
-    return stage, FitReport(time, table, coupling, messages, left_out)
+    return stage, FitReport(time, table, coupling, doubts + messages, left_out)
+
+
+def _doubts(recordings: Sequence[Recording]) -> list[str]:
+    """Whether the columns are what they were taken for, in one line for all that raise the same doubt."""
+    each = [line for lines in map(doubts_about, recordings) for line in lines]
+    return [f"{each[0]} ({len(each) - 1} more like it)" if len(each) > 1 else each[0]] if each else []
 
 
 def _refuse_mixture(recordings: Sequence[Recording]) -> None:
