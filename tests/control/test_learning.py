@@ -202,13 +202,25 @@ def test_a_table_is_refused_for_other_axes():
         TABLE.waveforms({"x": SINE, "y": SINE}, STAGE.sha256, "inverse+pid", GAINS)
 
 
-@pytest.mark.parametrize("content", [b"", b"not HDF5", None])
-def test_another_file_is_refused(content, tmp_path):
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is no HDF5 file"),
+        (b"not HDF5", "is no HDF5 file"),
+        (None, "cannot be read (No such file or directory)"),
+        ("folder", "cannot be read (Is a directory)"),
+    ],
+)
+def test_another_file_is_refused(content, said, tmp_path):
+    """Without the words of h5py about its own calls."""
     path = tmp_path / "learned.h5"
-    if content is not None:
+    if content == "folder":
+        path.mkdir()
+    elif content is not None:
         path.write_bytes(content)
-    with pytest.raises(BadInput, match="give a table that phaselead learn wrote"):
+    with pytest.raises(BadInput) as refusal:
         load_learned(path)
+    assert str(refusal.value) == f"{path}: {said}; give a table that phaselead learn wrote"
 
 
 def test_a_damaged_table_is_refused(tmp_path):

@@ -229,7 +229,8 @@ def load_learned(path: str | os.PathLike[str]) -> Learned:
         with h5py.File(name) as file:
             return _read(file)
     except OSError as error:
-        reason = "is no HDF5 file" if os.path.isfile(name) else f"cannot be read ({error.strerror or 'no such file'})"
+        # What h5py says itself is about its calls.
+        reason = "is no HDF5 file" if error.errno is None else f"cannot be read ({os.strerror(error.errno)})"
         raise BadInput(f"{name}: {reason}; give a table that phaselead learn wrote") from None
     except (KeyError, ValueError, TypeError):
         raise BadInput(f"{name}: is no table of this version; give one that phaselead learn wrote") from None
