@@ -1,6 +1,7 @@
 """Learning: the error of what is learned shrinks, what does not repeat is left alone, a table is for one path only."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -256,7 +257,7 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
 
     def driven(*arguments, **options):
         if len(runs) == 2:
-            raise DeviceFault("fault adc_rail on axis x", None)
+            raise DeviceFault("fault adc_rail on axis x", runs[-1].capture)
         runs.append(track(*arguments, **options))
         return runs[-1]
 
@@ -267,6 +268,38 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
     assert "adc_rail" in found.reason
     assert len(found.trials) == 2
     assert found.best == found.trials[1]
+
+
+@pytest.mark.parametrize(("turn_down", "advice"), [(False, "lower the gains"), (True, "phaselead tune")])
+def test_a_first_trial_that_runs_away_says_what_to_do(turn_down, advice):
+    """As `track` and `move` do. The gains are stable with their derivative part alone."""
+    unstable = {"x": Gains(kp_V_per_um=0.017, ki_V_per_um_s=8.62, kd_V_s_per_um=0.0)}
+    with Device.open("sim://xyz250") as device, pytest.raises(DeviceFault) as fault:
+        learn(device, {"x": SINE}, stage=STAGE, gains=unstable, trials=1, force=True, turn_down=turn_down)
+    assert "the loop of x is unstable" in str(fault.value)
+    assert advice in str(fault.value)
+
+
+def test_what_trials_are_judged_by_is_shown(outcome):
+    """The best is the one with the smallest figure, whatever largest error and rms of the whole run say."""
+    found, _ = outcome
+    judged = [trial.judged_pct for trial in found.trials]
+    assert judged[found.best.number] == min(judged)
+    shown = str(found)
+    assert all(f"{one:.4f}" in shown for one in judged)
+    assert f"trial {found.best.number} is kept: {judged[0]:.4f} -> {min(judged):.4f} %" in shown
+    first = found.trials[0]
+    swing_um = np.ptp(found.paths["x"].wanted_um)
+    assert first.judged_pct == pytest.approx(100 * first.rms_um["x"] / swing_um, rel=0.2)
+
+
+def test_a_table_without_gain_or_from_before_says_so():
+    first, *_ = TABLE.trials
+    shown = {
+        judged: str(replace(TABLE, trials=(replace(first, judged_pct=judged, number=0),))) for judged in (0.1, None)
+    }
+    assert "no trial was better than the first" in shown[0.1]
+    assert "trial was better" not in shown[None]
 
 
 def test_a_response_that_the_model_has_wrong_is_found_out(learned, tmp_path):
@@ -375,7 +408,7 @@ def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(learned, tmp
     own = found.gains()["x"]
     assert own.ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
     assert own.kd_V_s_per_um == 0.25 * GAINS["x"].kd_V_s_per_um
-    assert found.reason.endswith("x with 0.25 of its feedback")
+    assert "; x keeps 25 % of its gains: what repeats is learned" in found.reason
     assert (
         found.trials[1].rms_um["x"] < found.trials[0].rms_um["x"] / 2
     )  # what less feedback leaves is known beforehand
@@ -396,7 +429,7 @@ def test_all_feedback_is_kept_where_less_leaves_more(monkeypatch, learned, tmp_p
     monkeypatch.setattr(course, "larger", lambda after, before: True)
     found = learned_with(learned, tmp_path)
     assert found.gains() == GAINS
-    assert "feedback" not in found.reason
+    assert "gains" not in found.reason
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
 
 
