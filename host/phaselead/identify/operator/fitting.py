@@ -23,6 +23,7 @@ from phaselead.identify.operator.result import (
     standard_errors,
 )
 from phaselead.identify.operator.solution import (
+    REST_STEP,
     Solution,
     best_operator,
     best_slopes,
@@ -154,6 +155,11 @@ def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution,
     return records, at_rest, []
 
 
+def _known_rest(rest_fraction: float) -> float:
+    """Where a search goes on from: a start at 0 would stand for a memory that nobody knows, and have a grid tried."""
+    return rest_fraction or REST_STEP / 2
+
+
 def _first_delay_s(records: _Records) -> float:
     return min(max(FIRST_DELAY * records.longest_delay_s, records.lag_s), records.longest_delay_s)
 
@@ -163,7 +169,7 @@ def _paying(records: _Records, found: Solution) -> Solution:
     costs nothing."""
 
     def searched(modes: tuple[Mode, ...], *, whole: bool = False) -> Solution:
-        return records.searched(found.basis, found.delay_s, found.rest_fraction or 0.01, modes, whole=whole)
+        return records.searched(found.basis, found.delay_s, _known_rest(found.rest_fraction), modes, whole=whole)
 
     found = searched(found.modes)
     while found.modes:
@@ -186,7 +192,7 @@ def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     records = _Records(
         runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
     )
-    found = records.searched(records.basis(*SEARCH), known.view.delay_s, known.view.rest_fraction or 0.01, modes)
+    found = records.searched(records.basis(*SEARCH), known.view.delay_s, _known_rest(known.view.rest_fraction), modes)
     basis, choices = _choose_basis(records, found)
     found = _paying(records, replace(found, basis=basis))
     full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories))
@@ -215,7 +221,7 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         of_groups = centred(moments(records.fits, plays, found.delay_s, found.rest_fraction, found.modes))
         basis, choice = fewest_knots(plays, of_groups, folds)
         found = records.searched(
-            basis, found.delay_s, found.rest_fraction or 0.01, found.modes, whole=len(found.modes) == 1
+            basis, found.delay_s, _known_rest(found.rest_fraction), found.modes, whole=len(found.modes) == 1
         )
         if found.error > PLACED * error:
             break
