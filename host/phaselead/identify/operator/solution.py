@@ -36,7 +36,7 @@ DELAY_STEP = 0.3
 """Of a row, for the slope of the error over the delay: voltages run straight between rows, and the error has a kink at
 every row that a smaller step takes for a minimum."""
 REST_STEP = 0.02
-"""Of the rest fraction, for the slope of the error over it: towards 0, where it is defined from both sides."""
+"""Of the rest fraction, for the slope of the error over it: towards 0, away from its bounds."""
 DAMPING = 0.01
 """Of the squared error: what a step across the whole range must gain. Settled rows do not know the memory at rest."""
 UNFELT = 1e-12
