@@ -13,7 +13,7 @@ import pytest
 HOST = Path(__file__).parents[1] / "host"
 ROOMS = (
     "cli", "api", "demo", "drivers", "gcs", "scope", "report", "validation", "gap", "control", "identify", "sim",
-    "device", "waveforms", "model", "record", "drawing", "serial_ports", "result", "compiled", "interrupt",
+    "device", "waveforms", "model", "record", "drawing", "serial_ports", "result", "quantity", "compiled", "interrupt",
     "source_tree", "version", "errors",
 )  # fmt: skip
 """From the top floor down: each may import only what stands after it. docs/design.md draws the same order."""

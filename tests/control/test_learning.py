@@ -1,6 +1,7 @@
 """Learning: the error of what is learned shrinks, what does not repeat is left alone, a table is for one path only."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from phaselead.control.learning import trials as course
 from phaselead.control.learning.law import MARGIN, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, load_learned, one_period
 from phaselead.control.learning.lines import Lines, error_lines, rest_of, values_of
-from phaselead.control.learning.quieter import LEFT_OF_DRIFT, larger, quieter, scaled
+from phaselead.control.learning.quieter import LEFT_OF_DRIFT, larger, quieter, scaled, share_of
 from phaselead.control.learning.response import Response, model_response, other_loop
 from phaselead.control.learning.trials import learn
 from phaselead.control.tracking import track
@@ -202,13 +203,25 @@ def test_a_table_is_refused_for_other_axes():
         TABLE.waveforms({"x": SINE, "y": SINE}, STAGE.sha256, "inverse+pid", GAINS)
 
 
-@pytest.mark.parametrize("content", [b"", b"not HDF5", None])
-def test_another_file_is_refused(content, tmp_path):
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is no HDF5 file"),
+        (b"not HDF5", "is no HDF5 file"),
+        (None, "cannot be read (No such file or directory)"),
+        ("folder", "cannot be read (Is a directory)"),
+    ],
+)
+def test_another_file_is_refused(content, said, tmp_path):
+    """Without the words of h5py about its own calls."""
     path = tmp_path / "learned.h5"
-    if content is not None:
+    if content == "folder":
+        path.mkdir()
+    elif content is not None:
         path.write_bytes(content)
-    with pytest.raises(BadInput, match="give a table that phaselead learn wrote"):
+    with pytest.raises(BadInput) as refusal:
         load_learned(path)
+    assert str(refusal.value) == f"{path}: {said}; give a table that phaselead learn wrote"
 
 
 def test_a_damaged_table_is_refused(tmp_path):
@@ -244,7 +257,7 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
 
     def driven(*arguments, **options):
         if len(runs) == 2:
-            raise DeviceFault("fault adc_rail on axis x", None)
+            raise DeviceFault("fault adc_rail on axis x", runs[-1].capture)
         runs.append(track(*arguments, **options))
         return runs[-1]
 
@@ -255,6 +268,38 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
     assert "adc_rail" in found.reason
     assert len(found.trials) == 2
     assert found.best == found.trials[1]
+
+
+@pytest.mark.parametrize(("turn_down", "advice"), [(False, "lower the gains"), (True, "phaselead tune")])
+def test_a_first_trial_that_runs_away_says_what_to_do(turn_down, advice):
+    """As `track` and `move` do. The gains are stable with their derivative part alone."""
+    unstable = {"x": Gains(kp_V_per_um=0.017, ki_V_per_um_s=8.62, kd_V_s_per_um=0.0)}
+    with Device.open("sim://xyz250") as device, pytest.raises(DeviceFault) as fault:
+        learn(device, {"x": SINE}, stage=STAGE, gains=unstable, trials=1, force=True, turn_down=turn_down)
+    assert "the loop of x is unstable" in str(fault.value)
+    assert advice in str(fault.value)
+
+
+def test_what_trials_are_judged_by_is_shown(outcome):
+    """The best is the one with the smallest figure, whatever largest error and rms of the whole run say."""
+    found, _ = outcome
+    judged = [trial.judged_pct for trial in found.trials]
+    assert judged[found.best.number] == min(judged)
+    shown = str(found)
+    assert all(f"{one:.4f}" in shown for one in judged)
+    assert f"trial {found.best.number} is kept: {judged[0]:.4f} -> {min(judged):.4f} %" in shown
+    first = found.trials[0]
+    swing_um = np.ptp(found.paths["x"].wanted_um)
+    assert first.judged_pct == pytest.approx(100 * first.rms_um["x"] / swing_um, rel=0.2)
+
+
+def test_a_table_without_gain_or_from_before_says_so():
+    first, *_ = TABLE.trials
+    shown = {
+        judged: str(replace(TABLE, trials=(replace(first, judged_pct=judged, number=0),))) for judged in (0.1, None)
+    }
+    assert "no trial was better than the first" in shown[0.1]
+    assert "trial was better" not in shown[None]
 
 
 def test_a_response_that_the_model_has_wrong_is_found_out(learned, tmp_path):
@@ -320,6 +365,19 @@ def test_an_error_of_another_loop_is_that_of_its_sensitivity():
     assert (before * other_loop(AXIS, GAINS["x"], less, f_Hz))[1:] == pytest.approx(after[1:])
 
 
+def test_gains_of_one_kind_alone_are_learned_with(learned, tmp_path):
+    """Without an integral part the share of the feedback was a division by zero, after all trials were driven."""
+    learned.save(tmp_path / "stage.toml")
+    proportional = Gains(kp_V_per_um=0.0005, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
+    with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+        gains = {"x": proportional}
+        found = learn(device, {"x": SINE}, stage=STAGE, gains=gains, trials=1, turn_down=True, force=True)
+    assert len(found.trials) == 2
+    assert found.gains() == gains
+    assert share_of(scaled(proportional, 0.5), proportional) == 0.5
+    assert share_of(scaled(proportional, 0.0), scaled(proportional, 0.0)) == 1
+
+
 def test_more_is_told_from_chance():
     rng = np.random.default_rng(1)
     quiet = rng.normal(0, 10e-3, 2000)
@@ -350,7 +408,7 @@ def test_a_path_is_learned_with_less_feedback_and_the_table_says_so(learned, tmp
     own = found.gains()["x"]
     assert own.ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
     assert own.kd_V_s_per_um == 0.25 * GAINS["x"].kd_V_s_per_um
-    assert found.reason.endswith("x with 0.25 of its feedback")
+    assert "; x keeps 25 % of its gains: what repeats is learned" in found.reason
     assert (
         found.trials[1].rms_um["x"] < found.trials[0].rms_um["x"] / 2
     )  # what less feedback leaves is known beforehand
@@ -371,7 +429,7 @@ def test_all_feedback_is_kept_where_less_leaves_more(monkeypatch, learned, tmp_p
     monkeypatch.setattr(course, "larger", lambda after, before: True)
     found = learned_with(learned, tmp_path)
     assert found.gains() == GAINS
-    assert "feedback" not in found.reason
+    assert "gains" not in found.reason
     assert found.best.rms_um["x"] < found.trials[0].rms_um["x"] / 3
 
 

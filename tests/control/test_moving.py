@@ -208,6 +208,28 @@ def test_a_mode_or_an_axis_is_chosen_with_the_first_move():
         assert device.move(y=30).axes["y"].to_um == 30
 
 
+def test_a_model_is_chosen_with_the_first_move(stage):
+    """Another one was taken for the limits, the window and the prediction, while the device went on with the first."""
+    other = stage.model_copy(update={"name": "other"})
+    with pl.connect() as device:
+        device.move(x=20, model=stage)
+        with pytest.raises(pl.BadInput, match=r"held by another model than other .*; park .*--park"):
+            device.move(x=30, model=other)
+        assert device.where().axes["x"].target_um == 20
+        assert device.move(x=30, model=stage).axes["x"].to_um == 30
+        assert device.model == stage
+        device.park()
+        device.move(x=25, model=other)
+        assert device.model == other
+
+
+def test_a_model_is_not_chosen_after_a_move_without_one(stage):
+    with pl.connect() as device:
+        device.move(x=20)
+        with pytest.raises(pl.BadInput, match="held by another model"):
+            device.move(x=30, model=stage.model_copy(update={"axes": {"x": stage.axes["x"]}}))
+
+
 def test_a_loop_that_the_model_cannot_stand_is_refused(dev):
     with pytest.raises(pl.BadInput):
         dev.move(x=20, mode="pid", gains=(0.3, 500, 0))

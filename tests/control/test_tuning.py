@@ -23,6 +23,7 @@ from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import Distortion, Measured, response_of
 from phaselead.control.tuning.result import ClosedLoop
 from phaselead.control.tuning.shaping import Range, bandwidth_Hz, predicted, shape
+from phaselead.device.device import Device
 from phaselead.device.encode_filters import encode_filters
 from phaselead.errors import BadInput
 from phaselead.model import (
@@ -200,6 +201,21 @@ def test_a_second_mode_is_found_beyond_a_place_where_the_stage_stands_still(shar
         f == pytest.approx(310, rel=0.01) and c == pytest.approx(share, rel=0.1) for c, f, _ in found.plant.modes
     )
     assert found.misfit.max() < 0.1
+
+
+@pytest.mark.parametrize(("name", "seed", "second_Hz"), [("x500", 3, 310), ("x500", 7, 310), ("xyz250-hard", 1, 650)])
+def test_the_plant_is_found_whatever_the_noise(name: str, seed: int, second_Hz: float) -> None:
+    """Of twelve measurements of these stages four ended in a first mode that was moved to make up for the second: two
+    were refused as no response of modes, and whether one was depended on what had been done before in the session."""
+    stage = built_in(name)
+    limits = stage.axes["x"].limits
+    swing_V, middle_V = course.LEVEL_SHARE * (limits.u_max_V - limits.u_min_V), (limits.u_min_V + limits.u_max_V) / 2
+    with Device.open(f"sim://{name}?seed={seed}") as device:
+        measured = course._open_response(device, "x", stage, swing_V, middle_V, None, lambda share: None)
+    sure = measured.reliable()
+    found = fit_plant(measured.f_Hz[sure], measured.gain[sure], measured.deviation[sure])
+    assert any(f == pytest.approx(second_Hz, rel=0.01) for _, f, _ in found.plant.modes)
+    assert found.misfit.max() < 0.3
 
 
 def test_a_loop_that_is_not_stable_on_the_measured_lines_is_refused() -> None:

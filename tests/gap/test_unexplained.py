@@ -115,3 +115,12 @@ def test_the_noise_that_a_controller_feeds_back_is_not_predicted_by_its_voltage(
     assert not unexplained(found[:3], found[3:]).something_missing
     blind = [run(one.run.u_V, one.error_um) for one in found]
     assert unexplained(blind[:3], blind[3:]).something_missing
+
+
+def test_no_more_than_all_is_told_of():
+    """What the reference shows is taken out of the records, not of their power: here that alone hid what is new."""
+    reference, train, held = (part(outsiders.gear, seeds) for seeds in (range(3), range(3, 6), range(6, 8)))
+    other_way = [[run(r.run.u_V, -r.error_um) for r in records] for records in (train, held)]
+    found = unexplained(*other_way, reference)
+    assert found.share > 1
+    assert found.sentence == "a generic model predicts 100 % of what the names leave from the voltage"

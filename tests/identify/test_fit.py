@@ -138,6 +138,20 @@ def test_stage_file_and_provenance(tmp_path, grid):
     json.dumps(report.as_dict(), allow_nan=False)
 
 
+def test_a_record_that_mostly_stands_still_is_named():
+    """The creep of a hold bent the operator at its voltage, which then rang where the stage does not: the mode was
+    lost, and nothing said why."""
+    stage = BenchStage().quiet()
+    sines = [sine_record(stage, 5.0, f_Hz, rate_Hz=500.0) for f_Hz in (2.0, 5.0)]
+    t, u = np.arange(5 * 500) / 500, np.full(5 * 500, 5.0)
+    u[:100] = np.linspace(0, 5, 100)
+    held = record(t, u, stage.measure(u, 500), source="held")
+    _, report = fit([*sines, held])
+    (line,) = [message for message in report.messages if "stands still" in message]
+    assert "mostly stands still in held:" in line
+    assert not [message for message in fit(sines)[1].messages if "stands still" in message]
+
+
 def test_the_same_data_give_the_same_stage():
     recordings = [sine_record(QUICK, 5, 2, rate_Hz=500.0)]
     assert fit(recordings)[0].axes == fit(recordings)[0].axes

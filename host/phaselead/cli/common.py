@@ -6,7 +6,6 @@ The room `record` is opened where it is needed: it loads numpy, which `phaselead
 from __future__ import annotations
 
 import math
-import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,6 +22,7 @@ from phaselead.cli.outputs import json_option as json_option
 from phaselead.cli.outputs import overwriting
 from phaselead.cli.outputs import report_option as report_option
 from phaselead.errors import BadInput
+from phaselead.quantity import IN_SECONDS, number
 from phaselead.result import Table, json_text, pairs_table
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE, is_virtual, keeps_flash
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from phaselead.record import Recording
 
 SHORTEST_S = 0.0004
-IN_SECONDS: Mapping[str, float] = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
 
 
 class Seconds(click.ParamType[float]):
@@ -117,39 +116,6 @@ def _letters(text: str) -> str:
     return "".join(parse_axes(text, "--axis"))
 
 
-VOLTS = {"V": 1.0, "mV": 1e-3}
-"""A voltage says its unit: 500 may be meant as either."""
-
-
-def numbers(option: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
-    """``1V,500mV`` or ``1,2,4V`` as numbers in the first of ``units``; None stays None. A number without a unit has
-    that of the next. Raises BadInput."""
-    if text is None:
-        return None
-    found: list[float] = []
-    unit = ""
-    for part in reversed(text.split(",")):
-        written = part.strip()
-        match = re.fullmatch(r"([^a-zA-Z]*(?:[eE][+-]?\d+)?)\s*([a-zA-Z]*)", written)
-        unit = match[2] or unit if match else unit
-        if not unit and "" not in units:
-            raise BadInput(f"{option} {text}: {written} has no unit; write {' or '.join(written + u for u in units)}")
-        try:
-            found.append(float(match[1]) * units[unit] if match else math.nan)
-        except (ValueError, KeyError):
-            known = " or ".join(filter(None, units))
-            raise BadInput(f"{option}: {written!r} is no number with a unit of {known}") from None
-    return found[::-1]
-
-
-def number(option: str, text: str | None, units: Mapping[str, float]) -> float | None:
-    """One of them. Raises BadInput."""
-    found = numbers(option, text, units)
-    if found is not None and len(found) != 1:
-        raise BadInput(f"{option} {text}: give one number")
-    return None if found is None else found[0]
-
-
 def warn(lines: Iterable[str]) -> None:
     """Each on the standard error."""
     for line in lines:
@@ -202,15 +168,16 @@ def warn_of_gaps(facts: Mapping[str, Any]) -> None:
 
 
 def read_recordings(
-    arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None
+    arguments: tuple[str, ...] | list[str], column_map: str | None, rate: str | None, *, doubts: bool = True
 ) -> list[Recording]:
-    """Reads every recording argument under one --map and --rate. Says so where a map looks wrong."""
+    """Reads every recording argument under one --map and --rate. Says so where a map looks wrong; without ``doubts``
+    what takes them does."""
     from phaselead.record import doubts_about, parse_column_map, parse_rate, read_recording
 
     columns = parse_column_map(column_map) if column_map else None
     rate_Hz = parse_rate(rate) if rate else None
     found = [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
-    if columns is not None:
+    if doubts and columns is not None:
         warn(line for recording in found for line in doubts_about(recording))
     return found
 

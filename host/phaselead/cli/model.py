@@ -11,12 +11,9 @@ from phaselead.api import fit as fit_stage
 from phaselead.api import verify as verify_stage
 from phaselead.cli.common import (
     SECONDS,
-    VOLTS,
     emit,
     json_option,
     map_option,
-    number,
-    numbers,
     port_option,
     progress,
     rate_option,
@@ -33,10 +30,10 @@ from phaselead.control import describe_gains, describe_unseen, with_gains
 from phaselead.identify import Base, FitResult, Verifications, View
 from phaselead.model import load_stage
 from phaselead.model import predict as predict_position
+from phaselead.quantity import HERTZ, VOLTS, number, numbers
 from phaselead.record import parse_axes, write_csv
 from phaselead.result import Table
 
-HERTZ = {"": 1.0, "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3}
 records_argument = click.argument("records", metavar="REC...", type=RECORD, nargs=-1, required=True)
 model_option = click.option("--model", "model_path", metavar="M", type=INPUT, required=True, help="Stage file.")
 stage_output_option = click.option("-o", "--output", metavar="STAGE.toml", type=OutputFile(".toml"), required=True)
@@ -79,7 +76,7 @@ def fit(
 
     A recording may carry a window in absolute seconds: rec.csv@5:7. Rows before it warm the model's memory.
     """
-    fitted = fit_stage(read_recordings(records, column_map, rate), base=base)
+    fitted = fit_stage(read_recordings(records, column_map, rate, doubts=False), base=base)
     fitted.save(output, overwrite=overwriting())
     emit(
         fitted.as_dict() | {"output": output},

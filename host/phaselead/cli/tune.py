@@ -5,11 +5,9 @@ from __future__ import annotations
 import click
 
 from phaselead.cli.common import (
-    VOLTS,
     axis_option,
     emit,
     json_option,
-    number,
     port_option,
     progress,
     report_option,
@@ -21,6 +19,7 @@ from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
 from phaselead.control import connect
 from phaselead.model import load_stage
+from phaselead.quantity import VOLTS, number
 
 
 @top_level(order=55, group="model")

@@ -6,7 +6,7 @@ import atexit
 import contextlib
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -36,6 +36,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, LinkError, PhaseleadError
 from phaselead.model import StageLike, as_stage
+from phaselead.quantity import HERTZ, IN_SECONDS, VOLTS, Quantities, Quantity, quantities, quantity, required
 from phaselead.record import parse_axes
 from phaselead.result import Facts
 from phaselead.serial_ports import default_port
@@ -146,15 +147,16 @@ class Controller(Runs, Tunes, Supervision):
         """What is wrong, in words: link, timing, faults, model, limits, sensors. Nothing moves; takes half a second."""
         return diagnose(self.device)
 
-    def arm(self, model_crc: int | str = 0, *, timeout: float = 0.0) -> StatusInUnits:
+    def arm(self, model_crc: int | str = 0, *, timeout: Quantity = 0.0) -> StatusInUnits:
         """Output live at the safe value, until another command. A fallback model must be named by its CRC, as ``info``
         gives it. ``timeout``: seconds without a command after which the device parks by itself; 0: never."""
         try:
             crc = int(model_crc, 16) if isinstance(model_crc, str) else model_crc
         except ValueError:
             raise BadInput(f"{model_crc!r} is no CRC; info()['model_crc'] gives the model's") from None
+        seconds = required("timeout", timeout, IN_SECONDS)
         try:
-            self.device.set_timeout(round(timeout * TICK_HZ))
+            self.device.set_timeout(round(seconds * TICK_HZ))
             self.device.arm(crc)
             return status_in_units(self.device)
         except (KeyboardInterrupt, LinkError):
@@ -220,10 +222,10 @@ class Controller(Runs, Tunes, Supervision):
         axes: str = "x",
         *,
         model: StageLike | None = None,
-        levels: Sequence[float] | None = None,
-        frequencies: Sequence[float] | None = None,
-        u_max: float | None = None,
-        duration: float | None = None,
+        levels: Quantities | None = None,
+        frequencies: Quantities | None = None,
+        u_max: Quantity | None = None,
+        duration: Quantity | None = None,
         creep: bool | None = None,
         save: str | os.PathLike[str] | None = None,
         resume: bool = False,
@@ -235,9 +237,9 @@ class Controller(Runs, Tunes, Supervision):
         ``axes`` are letters, with or without commas ("xyz", "x,y"). Limits and calibration are those of ``model``,
         which is uploaded first, else of the model the device holds.
 
-        The sines: ``levels`` in V, peak-to-peak, and ``frequencies`` in Hz, by default the paper's 8 of each;
-        ``u_max`` (V) scales these levels so that the largest is this. In the end each axis rests for 40 s and holds
-        5 V, or the largest level if that is less, for 12 s, which shows its creep; not with ``creep=False``.
+        The sines: ``levels`` in V, peak-to-peak (or "1V,500mV"), and ``frequencies`` in Hz, by default the paper's 8 of
+        each; ``u_max`` (V) scales these levels so that the largest is this. In the end each axis rests for 40 s and
+        holds 5 V, or the largest level if that is less, for 12 s, which shows its creep; not with ``creep=False``.
         ``duration`` (s, of the device's time) thins the sines evenly until they take no longer; where they leave no
         time for the holds these are left out with a warning, or with ``creep=True`` the sines are thinned for them.
         ``save`` is a folder that keeps every recording as soon as it is there; ``resume`` goes on with those that it
@@ -251,7 +253,12 @@ class Controller(Runs, Tunes, Supervision):
         if stage is None and (warning := assumed_limits(self.device)) is not None:
             warnings.warn(warning, stacklevel=2)
         plan, creeping, said = plan_as_time_allows(
-            letters, creep=creep, duration_s=duration, levels_V=levels, f_Hz=frequencies, u_max_V=u_max
+            letters,
+            creep=creep,
+            duration_s=quantity("duration", duration, IN_SECONDS),
+            levels_V=quantities("levels", levels, VOLTS),
+            f_Hz=quantities("frequencies", frequencies, HERTZ),
+            u_max_V=quantity("u_max", u_max, VOLTS),
         )
         if said is not None:
             warnings.warn(said, stacklevel=2)

@@ -28,6 +28,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Stage, StageLike, as_stage
+from phaselead.quantity import IN_SECONDS, UM_PER_S, Quantity, quantity
 
 TargetLike = float | str
 
@@ -74,13 +75,13 @@ class HoldsAndMoves:
         mode: str | None = None,
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
-        duration: float | None = None,
-        speed: float | None = None,
+        duration: Quantity | None = None,
+        speed: Quantity | None = None,
         wait: bool = True,
         rehearse: bool = True,
         force: bool = False,
         trigger_out: str | None = None,
-        trigger_in: float | None = None,
+        trigger_in: Quantity | None = None,
         on_planned: Callable[[Planned, Mapping[str, float | None]], None] | None = None,
     ) -> Moved:
         """Moves the axes together and holds them there; the next move begins where this one ended, without parking.
@@ -88,7 +89,7 @@ class HoldsAndMoves:
         A number is a place in um, so is "50um"; "+5um" and "-5um" are relative to the last target. The first move arms
         the device and decides ``mode`` (default: the best the model allows), ``model`` (default: the one last uploaded,
         else what the device holds) and ``gains``; it holds every axis of a model that is given. All axes take the same
-        time: ``duration`` in s, or ``speed`` at its highest in um/s, or as fast as the model's limits allow.
+        time: ``duration`` in s ("50ms"), or ``speed`` at its highest in um/s, or as fast as the model's limits allow.
         ``wait=False`` returns at once; a further move is queued behind. Between two calls the device is kept alive; it
         parks when the session ends, or a second after the program was killed. ``trigger_out`` ("start", "target",
         "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves too, until another is given, or "none".
@@ -106,7 +107,7 @@ class HoldsAndMoves:
         >>> second.axes["x"].to_um, abs(second.axes["x"].x_um - 45) < 0.5
         (45.0, True)
         """
-        targets = _targets(x, y, z)
+        targets, edge_within_s = _targets(x, y, z), quantity("trigger_in", trigger_in, IN_SECONDS)
         mover = self._choose(targets, mode, model, gains, force=force)
         planned = _plan(mover, targets, duration, speed)
         pulses = parse_outputs(trigger_out, planned.paths())
@@ -118,7 +119,7 @@ class HoldsAndMoves:
         if pulses is not None:
             set_outputs(self.device, pulses)
         planned = _plan(mover, targets, duration, speed)
-        return mover.move(planned, predicted, wait=wait, edge_within_s=trigger_in)
+        return mover.move(planned, predicted, wait=wait, edge_within_s=edge_within_s)
 
     def plan(
         self,
@@ -126,8 +127,8 @@ class HoldsAndMoves:
         x: TargetLike | None = None,
         y: TargetLike | None = None,
         z: TargetLike | None = None,
-        duration: float | None = None,
-        speed: float | None = None,
+        duration: Quantity | None = None,
+        speed: Quantity | None = None,
     ) -> Planned:
         """The move that ``move`` would make of axes that are held, without making it: where each begins and ends, and
         how long all of them take. Raises as ``move`` does.
@@ -270,12 +271,12 @@ def _targets(*values: TargetLike | None) -> dict[str, Target]:
     return targets
 
 
-def _plan(mover: Mover, targets: Mapping[str, Target], duration: float | None, speed: float | None) -> Planned:
+def _plan(mover: Mover, targets: Mapping[str, Target], duration: Quantity | None, speed: Quantity | None) -> Planned:
     return mover.plan(
         {axis: target.um for axis, target in targets.items()},
         relative=frozenset(axis for axis, target in targets.items() if target.relative),
-        duration_s=duration,
-        speed_um_per_s=speed,
+        duration_s=quantity("duration", duration, IN_SECONDS),
+        speed_um_per_s=quantity("speed", speed, UM_PER_S),
     )
 
 
@@ -290,8 +291,8 @@ class Axis:
         self,
         target: TargetLike,
         *,
-        duration: float | None = None,
-        speed: float | None = None,
+        duration: Quantity | None = None,
+        speed: Quantity | None = None,
         wait: bool = True,
     ) -> Moved:
         """Moves this axis to a place in um, or by "+5um", and holds it there; as ``Controller.move``."""

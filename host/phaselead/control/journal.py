@@ -7,12 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, Unpack
 
-import numpy as np
-
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
-from phaselead.control.run_away import run_away
+from phaselead.control.run_away import tell_of
 from phaselead.control.tracking import Asked, run_recording, set_up, ticks_of, track
 from phaselead.control.triggers import parse_outputs
 from phaselead.control.true_position import Follows, followed
@@ -198,17 +196,11 @@ def track_to_file(
         except DeviceFault as fault:
             recording = run_recording(fault.capture, mode, stage, pulses)
             file.write(fault.capture, recording)
-            said = run_away(recording, _rows_until(fault.capture), gains_given=gains_given)
-            _add(fault, said, output and _kept_in(output))
+            tell_of(fault, recording, gains_given=gains_given)
+            _add(fault, output and _kept_in(output))
             raise
         file.write(run.capture, run.recording, run.true_um)
     return run
-
-
-def _rows_until(capture: Capture) -> int:
-    """Rows of its recording until the fault."""
-    from_tick, to_tick = np.searchsorted(capture.ticks, [capture.recorded_from, capture.status.fault_tick])
-    return int(max(to_tick - from_tick, 0))
 
 
 def _add(fault: DeviceFault, *said: str | None) -> None:

@@ -181,7 +181,7 @@ class Mover:
         """
         now = self.where()
         if now.state == "running" and self.gains:
-            self._refuse_other(axes, mode)
+            self._refuse_other(axes, mode, stage)
             return [] if gains is None else self.change_gains(gains, force=force)
         if now.state not in ("parked", "armed"):
             raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
@@ -234,13 +234,18 @@ class Mover:
         self.gains, self.gains_given = own, True
         return warnings
 
-    def _refuse_other(self, axes: str, mode: str | None) -> None:
+    def _refuse_other(self, axes: str, mode: str | None, stage: Stage | None) -> None:
         if mode is not None and mode != self.mode:
             raise BadInput(f"the axes are held in mode {self.mode}; park before you choose {mode}")
         if strangers := sorted(set(axes) - set(self.gains)):
             raise BadInput(
                 f"axis {strangers[0]} is not held: {self.axes} began without it; park, then name every axis that is to "
                 f"move in the first move"
+            )
+        if stage is not None and not self.device.holds(device_model(stage)):
+            raise BadInput(
+                f"the axes are held by another model than {stage.name} of {stage.sha256[:12]}; park (`phaselead park`, "
+                "or --park with the move before) before you choose this one"
             )
 
     def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:

@@ -18,6 +18,7 @@ from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves
 from phaselead.device import Live, motion
 from phaselead.errors import DeviceRefused
 from phaselead.model import Stage, StageLike, as_stage
+from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.waveforms import Waveform
 
 
@@ -35,7 +36,7 @@ class Plays(HoldsAndMoves):
         z: WaveLike | None = None,
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
-        duration: float | None = None,
+        duration: Quantity | None = None,
         follows: Follows = "true",
         force: bool = False,
     ) -> None:
@@ -55,10 +56,10 @@ class Plays(HoldsAndMoves):
         (True, False)
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
-        mode = mode or "ff+pid"
+        mode, seconds = mode or "ff+pid", quantity("duration", duration, IN_SECONDS)
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         said = play_on(
-            self._mover, waveforms, mode, stage=stage, gains=gains, duration_s=duration, follows=follows, force=force
+            self._mover, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, follows=follows, force=force
         )
         self._alive.begin()
         self.model = stage or self.model

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phaselead.device import DeviceFault
 from phaselead.record import Recording, Samples
 
 GROWING = 4
@@ -39,6 +40,15 @@ def run_away(recording: Recording, rows: int, *, gains_given: bool = True) -> st
         if f_Hz is not None:
             return f"the loop of {axis} is unstable: {how} at about {_two_digits(f_Hz):g} Hz; {advice(gains_given)}"
     return None
+
+
+def tell_of(fault: DeviceFault, recording: Recording, *, gains_given: bool) -> None:
+    """Adds to what a fault says what its recording shows of the loop, and what to do about it."""
+    capture = fault.capture
+    from_tick, to_tick = np.searchsorted(capture.ticks, [capture.recorded_from, capture.status.fault_tick])
+    said = run_away(recording, int(max(to_tick - from_tick, 0)), gains_given=gains_given)
+    if said is not None:
+        fault.args = (f"{fault}; {said}",)
 
 
 def advice(gains_given: bool) -> str:

@@ -18,6 +18,7 @@ from phaselead.control.tracking import loop_warnings, path_warnings
 from phaselead.control.true_position import Follows
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.model import Gains, Stage, StageLike, as_stage
+from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
 from phaselead.waveforms import Waveform
 
@@ -38,14 +39,14 @@ class Runs(Plays):
         z: WaveLike | None = None,
         model: StageLike | None = None,
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
-        duration: float | None = None,
+        duration: Quantity | None = None,
         follows: Follows | None = None,
         learned: Learned | str | os.PathLike[str] | None = None,
         force: bool = False,
         output: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
         trigger_out: str | None = None,
-        trigger_in: float | None = None,
+        trigger_in: Quantity | None = None,
         on_progress: Progress | None = None,
     ) -> Run:
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
@@ -60,7 +61,7 @@ class Runs(Plays):
         in V/um, V/(um s), V s/um, or these by axis; default the model's own, else those designed for it or for what the
         device tells of the one it holds; the paper's where nobody has a model.
         Where the model's loop has a peak sensitivity above 3 it warns, above 6 it refuses unless ``force``.
-        ``duration`` in s; default ten periods, or a move and a second.
+        ``duration`` in s, or with a unit ("500ms"); default ten periods, or a move and a second.
         ``follows``: "true" (the default), where the model says by how much the sensor is late, makes the stage itself
         follow a periodic path, "measured" what the sensor shows. ``learned`` is what ``learn`` gave, or its file:
         played with its mode, gains and ``follows``, and refused for others, or another model or path.
@@ -93,13 +94,13 @@ class Runs(Plays):
             output=path,
             stage=stage,
             gains=chosen,
-            duration_s=duration,
+            duration_s=quantity("duration", duration, IN_SECONDS),
             force=force,
             follows=follows or "true",
             on_progress=on_progress,
             trigger_out=trigger_out,
             gains_given=gains is not None,
-            edge_within_s=trigger_in,
+            edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
         )
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
         return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
@@ -157,7 +158,7 @@ class Runs(Plays):
         drive: WavesLike | None = None,
         *,
         axis: str | None = None,
-        duration: float | None = None,
+        duration: Quantity | None = None,
         output: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
         on_progress: Progress | None = None,
@@ -176,7 +177,7 @@ class Runs(Plays):
             letters,
             output=path,
             stage=None if waveforms is None else self._own_model(waveforms, "open"),
-            duration_s=duration,
+            duration_s=quantity("duration", duration, IN_SECONDS),
             on_progress=on_progress,
         )
         return _named(recording, path or wave_text(drive) or f"{letters} at rest")

@@ -355,8 +355,12 @@ class Device:
 
     def upload_if_other(self, model: bytes) -> None:
         """Uploads a model to RAM unless the device holds this very one."""
-        if int(self.status().model_crc, 16) != crc32(model):
+        if not self.holds(model):
             self.upload(model)
+
+    def holds(self, model: bytes) -> bool:
+        """Whether this very model is the active one."""
+        return int(self.status().model_crc, 16) == crc32(model)
 
     def read_model(self) -> bytes | None:
         """The active model blob, None when there is none."""

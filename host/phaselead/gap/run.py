@@ -16,6 +16,7 @@ from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
+from phaselead.gap.scale import scale_doubts
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -49,6 +50,7 @@ def run_gap(
     began = time.monotonic()
     report = on_progress or _silent
     runs = axis_runs(stage, train, holdout, reference)
+    doubts = scale_doubts(stage, runs)
     held = frozen if frozen is not None else bool(reference)
     effects = list(catalogue(without).values())
     results = search_together(stage, runs, holdout, reference, effects, seed, report)
@@ -58,7 +60,8 @@ def run_gap(
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
     parts = {"train": train, "holdout": holdout, "reference": reference}
-    return replace(found, base=stage, sources={name: tuple(r.traced for r in part) for name, part in parts.items()})
+    sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
+    return replace(found, base=stage, messages=doubts + found.messages, sources=sources)
 
 
 def verified_on(port: str, base: Stage, result: GapResult, on_progress: Progress | None = None) -> GapResult:

@@ -30,8 +30,8 @@ class Unexplained:
     """How much of the remaining power of held-out records a generic model predicts."""
 
     share: float
-    """Of the power about each record's mean that the final model leaves; below 0 where it predicts worse than nothing.
-    """
+    """Of the power about each record's mean that the final model leaves; below 0 where it predicts worse than nothing,
+    and above 1 where what the reference records show as well, which is taken out first, hid a part of it."""
     chance: float
     """Share that chance alone reaches with a probability of 1 %, 0 or more."""
 
@@ -42,7 +42,8 @@ class Unexplained:
     @property
     def sentence(self) -> str:
         """For a person."""
-        return f"a generic model predicts {100 * max(self.share, 0.0):.0f} % of what the names leave from the voltage"
+        share = min(max(self.share, 0.0), 1.0)
+        return f"a generic model predicts {100 * share:.0f} % of what the names leave from the voltage"
 
     @property
     def something_missing(self) -> bool:

@@ -19,6 +19,7 @@ from phaselead.identify.runs import (
     driven_runs,
     refuse_without_loop,
     sensor_counts_backwards,
+    still_share,
     turned,
     usable,
 )
@@ -33,9 +34,12 @@ from phaselead.model import (
     explained,
     provenance_of,
 )
-from phaselead.record import Recording
+from phaselead.record import Recording, doubts_about
 
 Base = Literal["operator", "linear"]
+
+MOSTLY_STILL = 0.5
+"""Of the scored rows: what creeps in them counts more than what moves."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,7 @@ def fit(
     """
     _refuse_mixture(recordings)
     recordings, left_out = usable(recordings)
+    doubts = _doubts(recordings)
     coupling = cross_coupling(recordings)
     runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
     own = runs
@@ -130,6 +135,7 @@ def fit(
             if base == "operator":
                 refuse_without_loop(axis_runs)
                 found, mode = fit_together(forward)
+                messages += _about_stillness(axis, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs)
                 if mode is not None:
                     modes[axis] = mode
@@ -148,7 +154,13 @@ def fit(
         cross_coupling=coupling[0] if coupling and len(axes) > 1 else None,
         axes=axes,
     )
-    return stage, FitReport(time, table, coupling, messages, left_out)
+    return stage, FitReport(time, table, coupling, doubts + messages, left_out)
+
+
+def _doubts(recordings: Sequence[Recording]) -> list[str]:
+    """Whether the columns are what they were taken for, in one line for all that raise the same doubt."""
+    each = [line for lines in map(doubts_about, recordings) for line in lines]
+    return [f"{each[0]} ({len(each) - 1} more like it)" if len(each) > 1 else each[0]] if each else []
 
 
 def _refuse_mixture(recordings: Sequence[Recording]) -> None:
@@ -230,6 +242,18 @@ def _axis_model(
         time=view,
         effects=effects,
     )
+
+
+def _about_stillness(axis: str, runs: Sequence[AxisRun]) -> list[str]:
+    """What to say of records beside others that mostly stand still."""
+    still = [run.source for run in runs if still_share(run) > MOSTLY_STILL]
+    if not still or len(still) == len(runs):
+        return []
+    more = f" and {len(still) - 1} more" if len(still) > 1 else ""
+    return [
+        f"axis {axis}: the voltage mostly stands still in {still[0]}{more}: what creeps meanwhile is no part of the "
+        "time view and bends it; leave such records out (identify finds creep from its own, `phaselead gap` from any)"
+    ]
 
 
 def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun]) -> list[str]:

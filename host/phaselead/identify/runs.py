@@ -18,6 +18,8 @@ from phaselead.errors import BadInput
 from phaselead.model import plays
 from phaselead.record import Recording, Samples, counts_backwards, refuse_clipped, refuse_gapped
 
+STILL_S = 1.0
+"""A voltage that stands still for longer shows creep: of a hysteresis no more than where it began."""
 STILL_V = 1e-6
 """A voltage that spans less than this does not move (a 16-bit code of 20 V is 0.3 mV)."""
 DRIVEN_SHARE = 0.02
@@ -195,6 +197,14 @@ def turning_points(u: Samples) -> int:
 def sensor_counts_backwards(runs: Sequence[AxisRun]) -> bool:
     """Whether the position falls where the voltage rises, slowly."""
     return counts_backwards((run.u_V[run.scored], run.x_um[run.scored]) for run in runs)
+
+
+def still_share(run: AxisRun) -> float:
+    """The share of the scored rows in which the voltage has stood still for longer than a second."""
+    rows = np.arange(len(run.u_V))
+    changed = np.diff(run.u_V, prepend=run.u_V[0]) != 0
+    since = rows - np.maximum.accumulate(np.where(changed, rows, 0))
+    return float(np.mean(since[run.scored] * run.step_s > STILL_S))
 
 
 def turned(run: AxisRun) -> AxisRun:

@@ -112,9 +112,9 @@ def _by_noise(unknown: Sequence[ForeignColumn], known: set[str]) -> dict[int, tu
     return found
 
 
-def roughness(values: Samples) -> float:
-    """Median second difference of (n,) over its span."""
-    return float(np.median(np.abs(np.diff(values, 2)))) / (float(np.ptp(values)) or 1.0)
+def roughness(values: Samples, order: int = 2) -> float:
+    """Median second difference of (n,), or another, over its span."""
+    return float(np.median(np.abs(np.diff(values, order)))) / (float(np.ptp(values)) or 1.0)
 
 
 def _mapped(kind: str, columns: Sequence[ForeignColumn], why: dict[int, str]) -> list[Mapped]:

@@ -10,6 +10,9 @@ from phaselead.record.recording import Recording
 MOST_TRAVEL_um = 1e4
 """Five times what the longest flexure stages of piezo makers move (PI P-629: 1.8 mm)."""
 
+ROUGHER = 1.5
+"""Times, in fourth differences, of which slow motion has next to nothing: of a multisine both columns have alike, the
+voltage up to a tenth more, which the mechanics take off."""
 SLOWLY = 0.01
 """Roughness of a sine of forty rows a period. Of what is driven faster the mechanics may keep the smoother part."""
 
@@ -17,8 +20,11 @@ SLOWLY = 0.01
 def doubts_about(recording: Recording) -> list[str]:
     """One line for each axis whose columns are probably exchanged, or in another unit.
 
-    A slowly commanded voltage is smoother than what a sensor saw of it, against its own span.
+    A slowly commanded voltage is smoother than what a sensor saw of it, against its own span; that of a loop is not,
+    and a device's own recording is in no doubt.
     """
+    if "target" in recording.meta:
+        return []
     found = []
     for axis, record in recording.axes.items():
         u_V, x_um = record.u_V, record.x_um
@@ -27,9 +33,10 @@ def doubts_about(recording: Recording) -> list[str]:
                 f"{recording.source}: axis {axis} moves by {travel_um:.3g} um, which no piezo stage does: is the "
                 "factor of its column right?"
             )
-        if u_V is None or x_um is None or not np.ptp(u_V) > 0:
+        if u_V is None or x_um is None or record.r_um is not None or not np.ptp(u_V) > 0:
             continue
-        if SLOWLY > roughness(u_V) > roughness(x_um):
+        noisier = roughness(u_V, 4) > ROUGHER * roughness(x_um, 4)
+        if noisier and SLOWLY > roughness(u_V) > roughness(x_um):
             found.append(
                 f"{recording.source}: the voltage of axis {axis} is rougher than its position: are the columns "
                 "exchanged? In a closed loop it may be so"

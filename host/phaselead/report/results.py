@@ -135,7 +135,7 @@ def _(result: Run) -> str:
 
 @result_page.register
 def _(result: Learned) -> str:
-    table, reason = result.tables()
+    table, *said = result.tables()
     assert isinstance(table, Table)
     cards = [
         {
@@ -149,7 +149,7 @@ def _(result: Learned) -> str:
     trials = [trial.source for trial in result.trials if trial.source.sha256]
     facts = [f"Learned for the stage file with the content {result.stage_sha256[:SHOWN_DIGITS]}."]
     origin = Origin({"The recording of each trial": trials}, facts)
-    return _page(f"Learned: {path}", [f"{table.title}; {reason}."], cards, [part], origin)
+    return _page(f"Learned: {path}", [f"{line}." for line in (table.title, *said)], cards, [part], origin)
 
 
 @result_page.register

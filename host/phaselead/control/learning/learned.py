@@ -42,6 +42,9 @@ class Trial:
     rms_um: dict[str, float]
     true_max_um: dict[str, float] | None = None
     """Of the true position, where a virtual stage tells it."""
+    judged_pct: float | None = None
+    """What trials are compared by: rms of the error against the path that was asked for, from where the trial has
+    settled on, in per cent of the swing, over all axes."""
     source: Source = UNKNOWN
     """Its recording: the file where it was kept, and the SHA-256 of that, else of its samples."""
 
@@ -165,7 +168,7 @@ class Learned(Result):
         }
 
     def tables(self) -> list[Table | str]:
-        headings = ("trial", "axis", "max (µm)", "max (%)", "rms (µm)", "lines", "")
+        headings = ("trial", "axis", "max (µm)", "max (%)", "rms (µm)", "judged by (%)", "lines", "")
         rows = []
         for trial in self.trials:
             for axis, path in self.paths.items():
@@ -174,9 +177,22 @@ class Learned(Result):
                 lines = f"{trial.learned_lines[axis]}" + (f" + {probed} probed" if probed else "")
                 share = 100 * largest / float(np.ptp(path.wanted_um))
                 said = "" if trial.kept else "not kept"
-                rows.append((str(trial.number), axis, f"{largest:.4g}", f"{share:.3f}", f"{rms:.4g}", lines, said))
+                judged = "" if trial.judged_pct is None else f"{trial.judged_pct:.4f}"
+                figures = (f"{largest:.4g}", f"{share:.3f}", f"{rms:.4g}", judged)
+                rows.append((str(trial.number), axis, *figures, lines, said))
         position = "true position follows" if self.follows == "true" else "measured position follows"
-        return [Table(headings, tuple(rows), f"mode {self.mode}, {position}"), self.reason]
+        return [Table(headings, tuple(rows), f"mode {self.mode}, {position}"), *self._gained(), self.reason]
+
+    def _gained(self) -> list[str]:
+        """What the best trial is better by."""
+        first, best = self.trials[0].judged_pct, self.best.judged_pct
+        if first is None or best is None:
+            return []
+        if not self.best.number:
+            return ["no trial was better than the first, which is without anything learned"]
+        judged = "rms of the error once it has settled, in per cent of the swing"
+        times = f", {first / best:.3g} times less" if best > 0 else ""
+        return [f"trial {self.best.number} is kept: {first:.4f} -> {best:.4f} %{times} ({judged})"]
 
     def plot(self) -> Figure:
         """Error against trial, and what is added to the path."""
@@ -229,7 +245,8 @@ def load_learned(path: str | os.PathLike[str]) -> Learned:
         with h5py.File(name) as file:
             return _read(file)
     except OSError as error:
-        reason = "is no HDF5 file" if os.path.isfile(name) else f"cannot be read ({error.strerror or 'no such file'})"
+        # What h5py says itself is about its calls.
+        reason = "is no HDF5 file" if error.errno is None else f"cannot be read ({os.strerror(error.errno)})"
         raise BadInput(f"{name}: {reason}; give a table that phaselead learn wrote") from None
     except (KeyError, ValueError, TypeError):
         raise BadInput(f"{name}: is no table of this version; give one that phaselead learn wrote") from None

@@ -32,6 +32,15 @@ def scaled(gains: Gains, share: float) -> Gains:
     return gains.model_copy(update=parts | {"origin": origin})
 
 
+def share_of(gains: Gains, asked: Gains) -> float:
+    """By how much ``asked`` was scaled to give ``gains``; 1 where none of it is any feedback."""
+    return next((part / whole for part, whole in zip(_parts(gains), _parts(asked), strict=True) if whole), 1.0)
+
+
+def _parts(gains: Gains) -> tuple[float, float, float]:
+    return gains.ki_V_per_um_s, gains.kp_V_per_um, gains.kd_V_s_per_um
+
+
 def quieter(model: AxisModel, gains: Gains, seen_s: float) -> Gains:
     """The gains, halved for as long as the loop still takes out what changes more slowly than within ``seen_s``, which
     trials do not tell, and has a margin."""

@@ -13,12 +13,13 @@ from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning.law import Step, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
 from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, rest_of, values_of
-from phaselead.control.learning.quieter import larger, quieter
+from phaselead.control.learning.quieter import larger, quieter, share_of
 from phaselead.control.learning.response import Response, model_response, other_loop
 from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
-from phaselead.control.tracking import check_paths, loop_warnings, track
+from phaselead.control.run_away import tell_of
+from phaselead.control.tracking import check_paths, loop_warnings, run_recording, track
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import TICK_HZ, Device, DeviceFault
 from phaselead.errors import BadInput
@@ -101,7 +102,8 @@ def learn(
     loop_warnings(stage, mode, gains, force=force)
     used = dict(gains) if mode.endswith("pid") else {}
     force = force or stage is None
-    course = _Course(device, dict(waveforms), mode, stage, known, sha256, used, follows, force, kept or KeptRuns(None))
+    kept = kept or KeptRuns(None)
+    course = _Course(device, dict(waveforms), mode, stage, known, sha256, used, follows, force, kept, not turn_down)
     return course.run(
         trials, turn_down=turn_down and stage is not None, on_progress=on_progress or (lambda share: None)
     )
@@ -132,11 +134,12 @@ class _Course:
         follows: Follows,
         force: bool,
         kept: KeptRuns,
+        gains_given: bool,
     ) -> None:
         self._device, self._wanted, self._mode = device, wanted, mode
         self._stage, self._known, self._sha256 = stage, known, sha256
         self._gains, self._follows, self._force, self._kept = dict(gains), follows, force, kept
-        self._asked = gains
+        self._asked, self._gains_given = gains, gains_given
         self._seconds = trial_seconds(wanted)
         asked = followed(wanted, stage, follows)
         self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
@@ -215,8 +218,12 @@ class _Course:
     def _about_feedback(self) -> str:
         """With how much of it the best trial was driven, where that is not all."""
         assert self._best is not None
-        shares = {axis: own.ki_V_per_um_s / self._asked[axis].ki_V_per_um_s for axis, own in self._best.gains.items()}
-        return "".join(f"; {axis} with {share:g} of its feedback" for axis, share in shares.items() if share != 1)
+        shares = {axis: share_of(own, self._asked[axis]) for axis, own in self._best.gains.items()}
+        return "".join(
+            f"; {axis} keeps {100 * share:.3g} % of its gains: what repeats is learned, and less shakes it less"
+            for axis, share in shares.items()
+            if share != 1
+        )
 
     def _about_limits(self) -> str:
         """What no learning mends: an axis whose output was at its slew limit in any trial."""
@@ -251,15 +258,7 @@ class _Course:
         waves = self._waves(correction)
         if not self._force:
             rehearse(waves, self._mode, self._stage, self._gains, self._seconds)
-        run = track(
-            self._device,
-            waves,
-            self._mode,
-            stage=self._stage,
-            gains=self._gains,
-            duration_s=self._seconds,
-            force=True,
-        )
+        run = self._driven(waves)
         look = self._judged(run, waves, correction)
         figures = dict(run.of_axes())
         true = {axis: one["true"]["max_um"] for axis, one in figures.items() if "true" in one}
@@ -274,10 +273,27 @@ class _Course:
                 max_um={axis: one["max_um"] for axis, one in figures.items()},
                 rms_um={axis: one["rms_um"] for axis, one in figures.items()},
                 true_max_um=true or None,
+                judged_pct=100 * math.sqrt(look.worth / len(waves)),
                 source=self._kept.add(f"trial-{len(self._trials)}", run),
             )
         )
         return look
+
+    def _driven(self, waves: Mapping[str, Waveform]) -> Run:
+        try:
+            return track(
+                self._device,
+                waves,
+                self._mode,
+                stage=self._stage,
+                gains=self._gains,
+                duration_s=self._seconds,
+                force=True,
+            )
+        except DeviceFault as fault:
+            recording = run_recording(fault.capture, self._mode, self._stage)
+            tell_of(fault, recording, gains_given=self._gains_given)
+            raise
 
     def _judged(self, run: Run, waves: Mapping[str, Replaced], correction: dict[str, Amplitudes]) -> _Look:
         """From where it has settled on."""

@@ -65,14 +65,18 @@ def fit_plant(f_Hz: Samples, measured: Response, deviation: Samples) -> FittedPl
     if np.median(measured[: max(3, len(f_Hz) // 20)].real) <= 0:
         raise BadInput("its sensor counts backwards, and the loop's sign is fixed in the firmware; swap its polarity")
     weight = 1 / np.hypot(deviation, LEAST_DEVIATION)
-    best, starts = None, [[_first_mode(f_Hz, measured)]]
+    seen = [_first_mode(f_Hz, measured)]
+    best, starts = None, [seen]
     while len(starts[0]) <= MOST_MODES:
-        tried = [_descend(f_Hz, measured, weight, modes) for modes in starts]
-        found = min(tried, key=lambda one: one.cost)
+        found = min((_descend(f_Hz, measured, weight, modes) for modes in starts), key=lambda one: one.cost)
         if best is not None and not _better(found, best):
             break
         best = found
+        # Without a mode that is missing the others may descend to where no further one mends it: from the lines again.
+        unmoved = _misfit(f_Hz, measured, _start(f_Hz, measured, seen))
         starts = [[*found.modes, mode] for mode in _next_modes(f_Hz, found.misfit)]
+        starts += [[*seen, mode] for mode in _next_modes(f_Hz, unmoved)]
+        seen = starts[-1]
     assert best is not None
     fitted = best.fitted()
     if np.median(np.abs(fitted.misfit)) > LARGEST_MISFIT:
@@ -131,23 +135,31 @@ def _plant_of(values: Samples) -> tuple[float, SmallSignal]:
 def _descend(f_Hz: Samples, measured: Response, weight: Samples, modes: Sequence[ModeOf]) -> _Descended:
     from scipy.optimize import least_squares  # slow to load, needed here only
 
-    def misfit(values: Samples) -> Response:
-        gain, plant = _plant_of(values)
-        return np.asarray(gain * plant_response(plant, f_Hz) / measured - 1)
-
     def residual(values: Samples) -> Samples:
-        left = misfit(values) * weight
+        left = _misfit(f_Hz, measured, values) * weight
         return np.concatenate([left.real, left.imag])
 
-    gain = float(np.median(np.abs(measured[: max(3, len(f_Hz) // 20)])))
-    start = [np.log(gain), 1e-5, 5e-5]
+    start = _start(f_Hz, measured, modes)
     low, high = [start[0] - 3, 0.0, 0.0], [start[0] + 3, LONGEST_DEAD_s, LONGEST_LAG_s]
-    for c, f, zeta in modes:
-        inside = float(np.clip(f, 1.01 * SLOWEST_MODE_Hz, 0.99 * f_Hz[-1]))
-        start += [c, np.log(inside), np.log(np.clip(zeta, 1.01 * DAMPING[0], 0.99 * DAMPING[1]))]
-        low += [SHARES[0], np.log(SLOWEST_MODE_Hz), np.log(DAMPING[0])]
-        high += [SHARES[1], np.log(f_Hz[-1]), np.log(DAMPING[1])]
+    low += [SHARES[0], np.log(SLOWEST_MODE_Hz), np.log(DAMPING[0])] * len(modes)
+    high += [SHARES[1], np.log(f_Hz[-1]), np.log(DAMPING[1])] * len(modes)
     found = least_squares(
         residual, np.clip(start, low, high), bounds=(low, high), x_scale="jac", loss="soft_l1", max_nfev=200
     )
-    return _Descended(np.asarray(found.x), misfit(found.x), float(found.cost))
+    return _Descended(np.asarray(found.x), _misfit(f_Hz, measured, found.x), float(found.cost))
+
+
+def _start(f_Hz: Samples, measured: Response, modes: Sequence[ModeOf]) -> Samples:
+    """Gain, dead time, lag and these modes, inside their bounds, as values to descend from."""
+    gain = float(np.median(np.abs(measured[: max(3, len(f_Hz) // 20)])))
+    start = [np.log(gain), 1e-5, 5e-5]
+    for c, f, zeta in modes:
+        inside = float(np.clip(f, 1.01 * SLOWEST_MODE_Hz, 0.99 * f_Hz[-1]))
+        start += [c, np.log(inside), np.log(np.clip(zeta, 1.01 * DAMPING[0], 0.99 * DAMPING[1]))]
+    return np.array(start)
+
+
+def _misfit(f_Hz: Samples, measured: Response, values: Samples) -> Response:
+    """By how much the plant of these values is off (m,), as shares."""
+    gain, plant = _plant_of(values)
+    return np.asarray(gain * plant_response(plant, f_Hz) / measured - 1)

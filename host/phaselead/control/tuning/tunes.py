@@ -11,6 +11,7 @@ from phaselead.control.tuning.course import GAIN_SHARE, tune
 from phaselead.control.tuning.result import Tuned
 from phaselead.device import Device, says_when_interrupted
 from phaselead.model import Stage, StageLike, as_stage
+from phaselead.quantity import PURE, SHARES, VOLTS, Quantity, quantity, required
 
 
 class Tunes:
@@ -24,11 +25,11 @@ class Tunes:
         axis: str = "x",
         *,
         model: StageLike | None = None,
-        level: float | None = None,
-        middle: float | None = None,
-        peak: float = PEAK_SENSITIVITY,
-        mode_shift: float = MODE_SHIFT,
-        gain_share: float = GAIN_SHARE,
+        level: Quantity | None = None,
+        middle: Quantity | None = None,
+        peak: Quantity = PEAK_SENSITIVITY,
+        mode_shift: Quantity = MODE_SHIFT,
+        gain_share: Quantity = GAIN_SHARE,
         save: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
         on_progress: Callable[[float], None] | None = None,
@@ -51,11 +52,11 @@ class Tunes:
                 self.device,
                 axis,
                 stage=stage,
-                level_V=level,
-                middle_V=middle,
-                peak=peak,
-                mode_shift=mode_shift,
-                gain_share=gain_share,
+                level_V=quantity("level", level, VOLTS),
+                middle_V=quantity("middle", middle, VOLTS),
+                peak=required("peak", peak, PURE),
+                mode_shift=required("mode_shift", mode_shift, SHARES),
+                gain_share=required("gain_share", gain_share, SHARES),
                 kept=KeptRuns(save, overwrite=overwrite),
                 on_progress=on_progress,
             )

@@ -99,7 +99,7 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
         found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs)
         if found is not None:
             return found
-    ringing = find_modes(alone.view, runs)
+    ringing = find_modes(alone.view, runs, _memories_of(alone))
     if len(runs) >= MANY_RUNS:
         return _placed(alone, ringing, runs)
     if ringing is None:
@@ -155,10 +155,24 @@ def _believed(
 def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
     errors = []
-    for run in runs:
-        answer = behind_modes(predict_time_view(operator.view, run.t_s, run.u_V), modes, run.step_s)
+    for run, came_from_V in zip(runs, _memories_of(operator), strict=True):
+        answer = behind_modes(_answer(operator.view, run, came_from_V), modes, run.step_s)
         errors.append((run.x_um - answer)[run.scored] / run.range_um)
     return sum(float(np.var(error)) for error in errors)
+
+
+def _memories_of(operator: OperatorFit) -> list[float | None]:
+    """Of each of its records, the voltage at which the stage last turned round before it; None is from rest."""
+    return [record.came_from_V for record in operator.records]
+
+
+def _answer(view: TimeView, run: AxisRun, came_from_V: float | None) -> Samples:
+    """The operator's (n,), from the memory that the fit found for this record."""
+    if came_from_V is None:
+        return predict_time_view(view, run.t_s, run.u_V)
+    r = np.asarray(view.play_r_V)
+    plays_V = np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
+    return predict_time_view(view, run.t_s, run.u_V, initial_plays_V=plays_V)
 
 
 @dataclass(frozen=True)
@@ -202,13 +216,19 @@ class _Ringing:
         return np.arange(len(self.base), dtype=np.uintp)[self.rows]
 
 
-def find_modes(view: TimeView, runs: Sequence[AxisRun]) -> FittedModes | None:
-    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays."""
-    fast = [run for run in runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
+def find_modes(
+    view: TimeView, runs: Sequence[AxisRun], memories: Sequence[float | None] | None = None
+) -> FittedModes | None:
+    """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays.
+
+    ``memories``: the voltage at which the stage last turned round before each record, None for rest.
+    """
+    of_runs = zip(runs, memories or [None] * len(runs), strict=True)
+    fast = [(run, came_from_V) for run, came_from_V in of_runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
     if len(fast) < 2:
         return None
-    fast.sort(key=lambda run: len(run.t_s))  # fast sines ring most, and are short
-    fitted, judged = _parts([_ringing(view, run) for run in fast[:MOST_RUNS]])
+    fast.sort(key=lambda one: len(one[0].t_s))  # fast sines ring most, and are short
+    fitted, judged = _parts([_ringing(view, run, came_from_V) for run, came_from_V in fast[:MOST_RUNS]])
     nothing = sum(float(np.var(r.residual[r.rows])) for r in judged)
     if nothing < len(judged) * ROUNDING**2:
         return None
@@ -238,8 +258,8 @@ def _second_rings(judged: Sequence[_Ringing], fitted: Sequence[_Ringing], one: P
     return by_two < SECOND_PAYS * _squares_left(fine, one, _amounts(fitted, one))
 
 
-def _ringing(view: TimeView, run: AxisRun) -> _Ringing:
-    base = predict_time_view(view, run.t_s, run.u_V)
+def _ringing(view: TimeView, run: AxisRun, came_from_V: float | None) -> _Ringing:
+    base = _answer(view, run, came_from_V)
     return _Ringing(base / run.range_um, (run.x_um - base) / run.range_um, run.step_s, run.scored)
 
 

@@ -23,13 +23,14 @@ from phaselead.identify.operator.result import (
     standard_errors,
 )
 from phaselead.identify.operator.solution import (
+    REST_STEP,
     Solution,
     best_operator,
     best_slopes,
     centred,
     moments,
 )
-from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, with_memories
+from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, told_memories, with_memories
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
 from phaselead.model import LONGEST_DELAY_S, Mode
 from phaselead.record import Samples
@@ -154,6 +155,11 @@ def _told_apart(records: _Records, first: Solution) -> tuple[_Records, Solution,
     return records, at_rest, []
 
 
+def _known_rest(rest_fraction: float) -> float:
+    """Where a search goes on from: a start at 0 would stand for a memory that nobody knows, and have a grid tried."""
+    return rest_fraction or REST_STEP / 2
+
+
 def _first_delay_s(records: _Records) -> float:
     return min(max(FIRST_DELAY * records.longest_delay_s, records.lag_s), records.longest_delay_s)
 
@@ -163,7 +169,7 @@ def _paying(records: _Records, found: Solution) -> Solution:
     costs nothing."""
 
     def searched(modes: tuple[Mode, ...], *, whole: bool = False) -> Solution:
-        return records.searched(found.basis, found.delay_s, found.rest_fraction or 0.01, modes, whole=whole)
+        return records.searched(found.basis, found.delay_s, _known_rest(found.rest_fraction), modes, whole=whole)
 
     found = searched(found.modes)
     while found.modes:
@@ -181,22 +187,24 @@ def _paying(records: _Records, found: Solution) -> Solution:
 
 
 def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
-    """Operator and modes fitted together from there on; memories and offsets of the records stay as in ``known``."""
+    """Operator and modes fitted together from there on; offsets of the records, and memories other than rest, stay as
+    in ``known``."""
     memories = [record.came_from_V for record in known.records]
     records = _Records(
         runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
     )
-    found = records.searched(records.basis(*SEARCH), known.view.delay_s, known.view.rest_fraction or 0.01, modes)
+    found = records.searched(records.basis(*SEARCH), known.view.delay_s, _known_rest(known.view.rest_fraction), modes)
     basis, choices = _choose_basis(records, found)
-    found = _paying(records, replace(found, basis=basis))
+    records, found, messages = _told_behind_modes(records, _paying(records, replace(found, basis=basis)), known)
+    memories = [f.came_from_V for f in records.fits]
     full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories))
     solution = full.at(basis, found.delay_s, found.rest_fraction, found.modes)
-    return _result(full, solution, choices, known.messages)
+    return _result(full, solution, choices, messages)
 
 
 def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
-    """Operator and modes fitted together from there on, thresholds where they are instead of on a grid; memories and
-    offsets of the records stay as in ``known``.
+    """Operator and modes fitted together from there on, thresholds where they are instead of on a grid; offsets of the
+    records, and memories other than rest, stay as in ``known``.
 
     For records of many levels. Sines of one frequency cannot tell delay from play: theirs stays as it is.
     """
@@ -215,17 +223,35 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
         of_groups = centred(moments(records.fits, plays, found.delay_s, found.rest_fraction, found.modes))
         basis, choice = fewest_knots(plays, of_groups, folds)
         found = records.searched(
-            basis, found.delay_s, found.rest_fraction or 0.01, found.modes, whole=len(found.modes) == 1
+            basis, found.delay_s, _known_rest(found.rest_fraction), found.modes, whole=len(found.modes) == 1
         )
         if found.error > PLACED * error:
             break
         error = found.error
-    found = _paying(records, found)
+    records, found, messages = _told_behind_modes(records, _paying(records, found), known)
+    memories = [f.came_from_V for f in records.fits]
     rest = found.rest_fraction if _rest_matters(records, found.basis, found) else 0.0
     full = replace(records, fits=_thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories))
     solution = full.at(found.basis, found.delay_s, rest, found.modes)
     before = [replace(c, chosen=False) for c in known.choices]
-    return _result(full, solution, (*before, choice), known.messages)
+    return _result(full, solution, (*before, choice), messages)
+
+
+def _told_behind_modes(
+    records: _Records, found: Solution, known: OperatorFit
+) -> tuple[_Records, Solution, Sequence[str]]:
+    """The memories that the ringing of fast records hid from a fit without modes, and what to say of all of them.
+
+    Where rows before those that count have settled a record there is no more to tell.
+    """
+    told = [i for i, f in enumerate(records.fits) if f.came_from_V is not None or f.run.scored.start]
+    fits, said = with_memories(records.fits, found.residual, own_offsets=records.own_offsets, known=told)
+    if not found.modes or told_memories(records.fits) == said:
+        return records, found, known.messages
+    others = [line for line in known.messages if line not in told_memories(records.fits)]
+    moved = replace(records, fits=fits)
+    rest, whole = _known_rest(found.rest_fraction), len(found.modes) == 1
+    return moved, moved.searched(found.basis, found.delay_s, rest, found.modes, whole=whole), [*others, *said]
 
 
 def fit_linear(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: float | None = None) -> OperatorFit:

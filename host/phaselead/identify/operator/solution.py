@@ -35,6 +35,8 @@ MOST_OPERATOR_STEPS, STEP_SHARES, LEAST_ERROR_GAIN = 10, (1.0, 0.5, 0.2, 0.05), 
 DELAY_STEP = 0.3
 """Of a row, for the slope of the error over the delay: voltages run straight between rows, and the error has a kink at
 every row that a smaller step takes for a minimum."""
+REST_STEP = 0.02
+"""Of the rest fraction, for the slope of the error over it: towards 0, away from its bounds."""
 DAMPING = 0.01
 """Of the squared error: what a step across the whole range must gain. Settled rows do not know the memory at rest."""
 UNFELT = 1e-12
@@ -263,7 +265,7 @@ def linearised(fit: FitRun, point: Solution, delay_step_s: float) -> Samples:
     """
     basis, free, slopes, modes = point.basis, point.slopes > 0, point.slopes, point.modes
     delay_s, rest, n = point.delay_s, point.rest_fraction, int(np.count_nonzero(point.slopes > 0))
-    near = rest + (0.02 if rest < 0 else -0.02)
+    near = rest + (REST_STEP if rest < 0 else -REST_STEP)
     columns = np.empty((len(fit.rows), n + 4 + 3 * len(modes)))
     if modes:
         still = fit.still(delay_s, basis, rest, basis.in_C(rest))[:, :-2]

@@ -7,7 +7,7 @@ are told apart afterwards, by the rows before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,18 +65,22 @@ def settled(fit: FitRun) -> FitRun:
 
 
 def with_memories(
-    fits: Sequence[FitRun], residual: Callable[[FitRun], Samples], own_offsets: bool
+    fits: Sequence[FitRun], residual: Callable[[FitRun], Samples], own_offsets: bool, known: Collection[int] = ()
 ) -> tuple[list[FitRun], list[str]]:
     """The records, each from the memory it clearly starts from, and a message that names those not from rest.
 
     ``residual`` is what the fitted slopes leave of a record (rows,) in um. Its mean tells of the memory only beyond
-    what creep and drift make, and not at all with ``own_offsets``. A single record defines what rest is.
+    what creep and drift make, and not at all with ``own_offsets``. A single record defines what rest is. Those with the
+    numbers ``known`` stay as they are.
     """
     if len(fits) < 2:
         return list(fits), []
     turning_points_V = _turning_points_V(fits)
-    found, elsewhere = [], []
-    for fit in fits:
+    found = []
+    for i, fit in enumerate(fits):
+        if i in known:
+            found.append(fit)
+            continue
 
         def squares(came_from_V: float | None, fit: FitRun = fit) -> float:
             e = residual(replace(fit, came_from_V=came_from_V))
@@ -84,11 +88,17 @@ def with_memories(
             return float(np.var(e)) + beyond**2
 
         came_from_V = starting_memory(squares, turning_points_V, OTHER_MEMORY, ALIKE_STARTS)
-        if came_from_V is not None:
-            elsewhere.append(f"{fit.run.source} (from {came_from_V:.3g} V)")
-            fit = replace(fit, came_from_V=came_from_V)
-        found.append(fit)
-    return found, _message(elsewhere, len(fits))
+        found.append(fit if came_from_V is None else replace(fit, came_from_V=came_from_V))
+    return found, told_memories(found)
+
+
+def told_memories(fits: Sequence[FitRun]) -> list[str]:
+    """What is said of where these records start."""
+    return _message([_named(fit) for fit in fits if fit.came_from_V is not None], len(fits))
+
+
+def _named(fit: FitRun) -> str:
+    return f"{fit.run.source} (from {fit.came_from_V:.3g} V)"
 
 
 def _turning_points_V(fits: Sequence[FitRun]) -> list[float]:
