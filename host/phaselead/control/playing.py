@@ -109,7 +109,7 @@ def play_on(
     chosen = {axis: gains_of(gains, known, axis) for axis in waveforms} if closed else {}
     warnings = [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
     check_paths(waveforms, mode, known)
-    paths = followed(waveforms, stage, follows)
+    paths = followed(waveforms, stage, follows, mode)
     if not force:
         rehearse(paths, mode, stage, chosen, duration_s)
     endless = duration_s is None
@@ -120,4 +120,4 @@ def play_on(
     if state == "parked":
         device.arm()
     device.start("".join(sorted(waveforms)))
-    return [*warnings, *path_warnings(waveforms)]
+    return [*warnings, *path_warnings(paths)]

@@ -147,7 +147,7 @@ class _Course:
         self._gains, self._follows, self._force, self._kept = dict(gains), follows, force, kept
         self._asked = gains
         self._seconds = trial_seconds(wanted)
-        asked = followed(wanted, stage, follows)
+        asked = followed(wanted, stage, follows, mode)
         self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
         self._lag_s = {axis: one.lag_s if isinstance(one, Replaced) else 0.0 for axis, one in asked.items()}
         self._count = {axis: line_count(one) for axis, one in wanted.items()}
