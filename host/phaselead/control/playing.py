@@ -9,7 +9,7 @@ from phaselead.control.gains import GainsLike, gains_of
 from phaselead.control.held import held_stage, held_warning
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.modes import NEEDS_MODEL
-from phaselead.control.motion_limits import WINDOW_S, window_um
+from phaselead.control.motion_limits import WINDOW_S
 from phaselead.control.moving import Mover
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.tracking import check_paths, loop_warnings, path_warnings, set_up
@@ -116,7 +116,7 @@ def play_on(
     set_up(device, paths, mode, stage=stage, gains=chosen, duration_s=duration_s, endless=endless, force=force)
     mover.stage, mover.known, mover.mode, mover.gains = stage, known, mode, chosen
     for axis in chosen:
-        motion.set_motion(device, axis, mover.limits(axis), window_um(mover.model(axis)), WINDOW_S)
+        motion.set_motion(device, axis, mover.limits(axis), mover.window(axis), WINDOW_S)
     if state == "parked":
         device.arm()
     device.start("".join(sorted(waveforms)))
