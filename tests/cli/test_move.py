@@ -31,6 +31,18 @@ def test_a_move_says_when_it_will_have_settled_and_when_it_had(run, model):
     assert figures["settled_s"] == pytest.approx(figures["predicted_s"], abs=0.01)
 
 
+def test_on_target_is_what_stays_within_the_window(run, model):
+    """The rehearsal and the device count by the same."""
+    settled = {}
+    for um in (0.01, 0.1, 20.0):
+        (figures,) = run("move", "x=50um", "--window", str(um), "--model", model, "--json", "-").json["axes"].values()
+        assert figures["window_um"] == um
+        settled[um] = [figures[name] or 1.0 for name in ("predicted_s", "settled_s")]
+    assert settled[0.1][1] < settled[0.01][1]  # 10 nm is less than the noise
+    assert all(wide <= narrow for wide, narrow in zip(settled[20.0], settled[0.1], strict=True))
+    assert settled[0.1][0] < settled[0.01][0]
+
+
 def test_without_a_model_it_moves_slowly_under_feedback(run):
     (figures,) = run("move", "x=20um", "--json", "-").json["axes"].values()
     assert figures["duration_s"] == pytest.approx(0.0375, abs=0.001)
@@ -43,6 +55,8 @@ def test_without_a_model_it_moves_slowly_under_feedback(run):
         (("x=300um",), "outside what the sensor sees"),
         (("x=50um", "--duration", "0.0005"), "the shortest is"),
         (("x=50um", "--speed", "0"), "above 0"),
+        (("x=50um", "--window", "0"), "a window of 0 um"),
+        (("x=50um", "--window", "nan"), "a window of nan um"),
         (("w=50um",), "no axis w"),
         (("x=5V",), "takes micrometres"),
         (("x=50um", "--mode", "inverse"), "needs a model"),

@@ -3,6 +3,7 @@
 import pytest
 
 from phaselead.control.tracking import check_paths, track
+from phaselead.control.true_position import followed
 from phaselead.device.device import Device
 from phaselead.device.encode_model import inverse_refusal
 from phaselead.errors import BadInput
@@ -56,6 +57,7 @@ def error_um(path, wave, model, mode):
     seconds = 8.0 if "goto" in wave else None
     gains = dict.fromkeys(waveforms, GENTLE) if mode == "inverse+pid" else None
     with Device.open(f"sim://{path}") as device:
+        waveforms = followed(waveforms, model, "measured", mode)
         run = track(device, waveforms, mode, stage=model, gains=gains, duration_s=seconds)
     return run.figures.get("axes", {"x": run.figures})["x"]["rms_um"]
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import freqz
 
 from phaselead.errors import BadInput
-from phaselead.model.sections import PASS, TICK_S, Section, undo_lowpass, undo_modes
+from phaselead.model.sections import COEFFICIENTS, PASS, TICK_S, Section, undo_lowpass, undo_modes
 
 
 def lowpass(tau_s, f_Hz):
@@ -88,3 +88,12 @@ def test_what_is_too_fast_for_the_tick_is_left_to_the_preview():
     assert undo_lowpass(5e-6).delay_s == 5e-6
     assert undo_modes([(1.0, 2400.0, 0.02)]).sections == ()
     assert undo_modes([]).sections == ()
+
+
+@pytest.mark.parametrize("f_Hz", [1.0, 10.0, 100.0, 600.0])
+def test_a_mode_is_undone_as_far_as_the_coefficients_of_the_device_reach(f_Hz):
+    """Its roll-off is where they end, for a mode far below the tick rate."""
+    (section,) = undo_modes([(1.0, f_Hz, 0.001)]).sections
+    largest = max(map(abs, section.b))
+    assert largest < COEFFICIENTS
+    assert largest > 0.99 * COEFFICIENTS or f_Hz > 5

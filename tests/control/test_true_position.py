@@ -35,7 +35,7 @@ def test_the_lag_is_that_of_the_model_or_the_data_sheet():
 def test_the_device_is_asked_for_what_the_sensor_is_to_show(f_Hz, offset):
     """A sine behind a first-order lag."""
     wave = parse_wave(f"sine:60um{offset}@{f_Hz!r}Hz")
-    asked = followed({"x": wave}, KNOWN, "true")["x"]
+    asked = followed({"x": wave}, KNOWN, "true", "pid")["x"]
     t_s, w = np.linspace(0, 3 / f_Hz, 200), 2 * np.pi * f_Hz
     mean = wave.offset + 30
     lagging = mean - 30 * np.real(np.exp(1j * w * t_s) / (1 + 1j * w * LAG_s))
@@ -58,25 +58,25 @@ def test_the_device_is_asked_for_what_the_sensor_is_to_show(f_Hz, offset):
 )
 def test_other_paths_are_as_they_were_written(wave, stage, follows):
     asked = {"x": parse_wave(wave)}
-    assert followed(asked, stage, follows) == asked
+    assert followed(asked, stage, follows, "pid") == asked
 
 
 def test_a_path_is_not_made_late_twice():
-    once = followed({"x": parse_wave("triangle:60um@5Hz")}, KNOWN, "true")
-    assert followed(once, KNOWN, "true") == once
+    once = followed({"x": parse_wave("triangle:60um@5Hz")}, KNOWN, "true", "pid")
+    assert followed(once, KNOWN, "true", "pid") == once
 
 
 def test_figures_are_of_the_path_as_it_was_written():
     wave = parse_wave("sine:60um@20Hz")
     with Device.open("sim://xyz250") as device:
-        run = track(device, followed({"x": wave}, KNOWN, "true"), "pid", gains=GAINS)
+        run = track(device, followed({"x": wave}, KNOWN, "true", "pid"), "pid", gains=GAINS)
     error_um, rows = wave.value(run.t_s) - run.true_um["x"], slice(-1000, None)
     assert run.figures["true"]["max_um"] == np.abs(error_um[rows]).max()
     assert run.figures["true"]["rms_um"] == pytest.approx(np.sqrt(np.mean(error_um[rows] ** 2)))
     assert run.figures["range_um"] == run.figures["true"]["range_um"] == pytest.approx(60.0)
     assert run.figures["sensor_lag_s"] == pytest.approx(LAG_s)
     assert run.figures["max_um"] == np.abs(run.r_um - run.x_um)[rows].max()
-    behind = followed({"x": wave}, KNOWN, "true")["x"].value(run.t_s)
+    behind = followed({"x": wave}, KNOWN, "true", "pid")["x"].value(run.t_s)
     assert run.r_um == pytest.approx(behind, abs=0.001)
 
 

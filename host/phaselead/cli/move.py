@@ -61,6 +61,7 @@ def _held_if_refused(device: Controller) -> Iterator[None]:
     "--duration", metavar="S", type=SECONDS, callback=checked_duration, help="How long the move takes: 1, 1s, 50ms."
 )
 @click.option("--speed", metavar="UM_PER_S", type=float, help="Its highest speed, um/s.")
+@click.option("--window", metavar="UM", help="On target is what stays within so much of it: 0.05, 50nm.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
 @trigger_out_option
 @trigger_in_option
@@ -75,6 +76,7 @@ def move(
     gains: str | None,
     duration: float | None,
     speed: float | None,
+    window: str | None,
     park_after: bool,
     trigger_out: str | None,
     trigger_in: float | None,
@@ -104,6 +106,7 @@ def move(
             gains=gains,
             duration=duration,
             speed=speed,
+            window=window,
             force=force,
             trigger_out=trigger_out,
             trigger_in=trigger_in,

@@ -28,7 +28,7 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Stage, StageLike, as_stage
-from phaselead.quantity import IN_SECONDS, UM_PER_S, Quantity, quantity
+from phaselead.quantity import IN_SECONDS, UM, UM_PER_S, Quantity, quantity
 
 TargetLike = float | str
 
@@ -77,6 +77,7 @@ class HoldsAndMoves:
         gains: GainsLike | Mapping[str, GainsLike] | None = None,
         duration: Quantity | None = None,
         speed: Quantity | None = None,
+        window: Quantity | None = None,
         wait: bool = True,
         rehearse: bool = True,
         force: bool = False,
@@ -90,10 +91,13 @@ class HoldsAndMoves:
         the device and decides ``mode`` (default: the best the model allows), ``model`` (default: the one last uploaded,
         else what the device holds) and ``gains``; it holds every axis of a model that is given. All axes take the same
         time: ``duration`` in s ("50ms"), or ``speed`` at its highest in um/s, or as fast as the model's limits allow.
-        ``wait=False`` returns at once; a further move is queued behind. Between two calls the device is kept alive; it
-        parks when the session ends, or a second after the program was killed. ``trigger_out`` ("start", "target",
-        "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves too, until another is given, or "none".
-        ``trigger_in``: it begins at a rising edge of the trigger input, which is waited for so many seconds.
+        An axis is on target that stays within ``window`` of it, in um ("50nm"; default: five deviations of its sensor's
+        noise and half a code); it counts until another is given. ``wait=False`` returns at once; a further move is
+        queued behind.
+        Between two calls the device is kept alive; it parks when the session ends, or a second after the program was
+        killed. ``trigger_out`` ("start", "target", "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves
+        too, until another is given, or "none". ``trigger_in``: it begins at a rising edge of the trigger input, which
+        is waited for so many seconds.
 
         The move runs on a model that is given first, unless ``rehearse`` is False or another move is under way;
         ``on_planned`` is given the plan and the seconds until each axis will have settled, before it starts.
@@ -110,6 +114,9 @@ class HoldsAndMoves:
         targets, edge_within_s = _targets(x, y, z), quantity("trigger_in", trigger_in, IN_SECONDS)
         mover = self._choose(targets, mode, model, gains, force=force)
         planned = _plan(mover, targets, duration, speed)
+        window_um = quantity("window", window, UM)
+        if window_um is not None:
+            mover.choose_window(window_um)
         pulses = parse_outputs(trigger_out, planned.paths())
         idle = not any(one.moving for one in mover.where().axes.values())
         predicted = rehearse_move(mover, planned) if rehearse and idle and not force else {}

@@ -187,7 +187,7 @@ def track_to_file(
     """
     stage = asked.get("stage")
     pulses = parse_outputs(trigger_out, waveforms)
-    waveforms = followed(waveforms, stage, follows)
+    waveforms = followed(waveforms, stage, follows, mode)
     if not asked.get("force"):
         rehearse(waveforms, mode, stage, asked.get("gains") or {}, asked.get("duration_s"))
     with run_file(output, device, mode, stage, driven=True) as file:

@@ -14,6 +14,8 @@ from phaselead.waveforms import PEAK_SPEED
 
 UNKNOWN_um_per_s = 1000.0
 """Without a model: about what parking at 50 V/s does on a stage of 20 um/V."""
+PATH_ROOM = 7 / 8
+"""Of the slew limit, for a path; tuned loops leave the rest to noise, and what is cut off rings."""
 SIGMAS = 5.0
 """Of the sensor's noise: a sample beyond them once in 1.7 million, 6 minutes at 5 kHz."""
 WINDOW_S = 0.01

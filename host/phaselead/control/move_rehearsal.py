@@ -28,7 +28,7 @@ def rehearse_move(mover: Mover, planned: Planned) -> dict[str, float | None]:
         as_played(stage).save(path)
         try:
             with Device.open(f"sim://{path}") as device:
-                twin = Mover(device)
+                twin = Mover(device, window_um=mover.window_um)
                 twin.choose(axes, stage, mover.mode, mover.gains, force=True)
                 twin.engage()
                 approach_s = max(APPROACH_S, twin.plan(planned.start_um).duration_s)

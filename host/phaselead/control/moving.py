@@ -146,6 +146,8 @@ class Mover:
     gains: dict[str, Gains] = field(default_factory=dict)
     gains_given: bool = False
     """They are of somebody's choice, not the stage file's or designed for its model."""
+    window_um: float | None = None
+    """How far off an axis may be that is on target; None: by its sensor's noise."""
 
     @property
     def axes(self) -> str:
@@ -157,6 +159,18 @@ class Mover:
 
     def limits(self, axis: str) -> MotionLimits:
         return motion_limits(self.model(axis))
+
+    def window(self, axis: str) -> float:
+        """How far off its target it may be and is on it, um."""
+        return window_um(self.model(axis)) if self.window_um is None else self.window_um
+
+    def choose_window(self, um: float) -> None:
+        """For every axis, from now on. Raises BadInput for one that no axis stays within."""
+        if not um > 0:
+            raise BadInput(f"a window of {um:g} um: give one above 0")
+        self.window_um = um
+        if self.where().state == "running":
+            self._set_limits()
 
     def where(self) -> Where:
         """Where the axes are; also feeds the host timeout."""
@@ -324,7 +338,7 @@ class Mover:
                 None if settled_s is None else max(settled_s, planned.duration_s),
                 (predicted or {}).get(axis),
                 one.x_um,
-                window_um(self.model(axis)),
+                self.window(axis),
             )
         return Moved(moved, wait)
 
@@ -361,7 +375,7 @@ class Mover:
     def _set_limits(self, *, lifted: bool = False) -> None:
         for axis in self.gains:
             limits = MotionLimits() if lifted else self.limits(axis)
-            motion.set_motion(self.device, axis, limits, window_um(self.model(axis)), WINDOW_S)
+            motion.set_motion(self.device, axis, limits, self.window(axis), WINDOW_S)
 
     def _next(self) -> Where:
         self.device.session.pump(64)

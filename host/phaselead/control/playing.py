@@ -9,7 +9,7 @@ from phaselead.control.gains import GainsLike, gains_of
 from phaselead.control.held import held_stage, held_warning
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.modes import NEEDS_MODEL
-from phaselead.control.motion_limits import WINDOW_S, window_um
+from phaselead.control.motion_limits import WINDOW_S
 from phaselead.control.moving import Mover
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.tracking import check_paths, loop_warnings, path_warnings, set_up
@@ -110,15 +110,15 @@ def play_on(
     chosen = {axis: gains_of(gains, known, axis) for axis in waveforms} if closed else {}
     warnings = [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
     check_paths(waveforms, mode, known)
-    paths = followed(waveforms, stage, follows)
+    paths = followed(waveforms, stage, follows, mode)
     if not force:
         rehearse(paths, mode, stage, chosen, duration_s)
     endless = duration_s is None
     set_up(device, paths, mode, stage=stage, gains=chosen, duration_s=duration_s, endless=endless, force=force)
     mover.stage, mover.known, mover.mode, mover.gains = stage, known, mode, chosen
     for axis in chosen:
-        motion.set_motion(device, axis, mover.limits(axis), window_um(mover.model(axis)), WINDOW_S)
+        motion.set_motion(device, axis, mover.limits(axis), mover.window(axis), WINDOW_S)
     if state == "parked":
         device.arm()
     device.start("".join(sorted(waveforms)))
-    return [*warnings, *path_warnings(waveforms)]
+    return [*warnings, *path_warnings(paths)]

@@ -15,7 +15,7 @@ from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.playing import Plays
 from phaselead.control.run import Run
 from phaselead.control.tracking import loop_warnings, path_warnings
-from phaselead.control.true_position import Follows
+from phaselead.control.true_position import Follows, followed
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, Quantity, quantity
@@ -194,7 +194,7 @@ def _warn(
 ) -> None:
     """Of loop and path, before anything moves, to who called the method."""
     said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
-    for line in [*said, *path_warnings(waveforms)]:
+    for line in [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]:
         warnings.warn(line, stacklevel=3)
 
 

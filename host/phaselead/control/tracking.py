@@ -298,11 +298,23 @@ def assumed_limits(device: Device) -> str | None:
 def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
     """By how much the device leaves the path that was asked for, by axis."""
     return [
-        f"{axis}: the device plays {_how_fine(waveform)}: the file is left by up to {waveform.unplayed:.3g} "
-        f"{waveform.unit}, which counts as error; take out of the file what is so fast{_or_else(waveform)}"
+        f"{axis}: {_left(waveform)}"
         for axis, waveform in waveforms.items()
         if waveform.unplayed > LEAST_SAID[waveform.unit]
     ]
+
+
+def _left(waveform: Waveform) -> str:
+    by = f"left by up to {waveform.unplayed:.3g} {waveform.unit}, which counts as error"
+    if isinstance(waveform, Replaced) and waveform.rounding_s > 0:
+        return (
+            f"the output is too slow for its corners, which are rounded over {2e3 * waveform.rounding_s:.2g} ms: the "
+            f"path is {by}; those of a smaller or slower path are sharper"
+        )
+    return (
+        f"the device plays {_how_fine(waveform)}: the file is {by}; take out of the file what is so "
+        f"fast{_or_else(waveform)}"
+    )
 
 
 def _how_fine(waveform: Waveform) -> str:

@@ -7,6 +7,7 @@ from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 
+from phaselead.control.rounding import rounding_s
 from phaselead.device import TICK_HZ, Capture, Device
 from phaselead.model import Stage, sensor_lag_s
 from phaselead.record import Recording, Samples
@@ -27,14 +28,19 @@ SPARE_TICKS = 5 * TICK_HZ
 """Kept besides a run: what passes before it starts and while it parks."""
 
 
-def followed(waveforms: Mapping[str, Waveform], stage: Stage | None, follows: Follows) -> dict[str, Waveform]:
+def followed(
+    waveforms: Mapping[str, Waveform], stage: Stage | None, follows: Follows, mode: str
+) -> dict[str, Waveform]:
     """The paths as the device is asked for them. ``"true"``: where the model says by how much the sensor is late,
-    a periodic path in micrometres is as late, so that the stage itself is where it was asked to be."""
-    lags_s = {axis: _lag_s(stage, axis, waveform) if follows == "true" else 0.0 for axis, waveform in waveforms.items()}
-    return {
-        axis: Replaced.as_sensed(waveform, lags_s[axis]) if lags_s[axis] > 0 else waveform
-        for axis, waveform in waveforms.items()
-    }
+    a periodic path in micrometres is as late, so that the stage itself is where it was asked to be. Corners that the
+    output is too slow for in this mode are rounded."""
+    found = dict(waveforms)
+    for axis, waveform in waveforms.items():
+        lag_s = _lag_s(stage, axis, waveform) if follows == "true" else 0.0
+        rounded_s = rounding_s(stage, axis, waveform, mode)
+        if lag_s > 0 or rounded_s > 0:
+            found[axis] = Replaced.as_sensed(waveform, lag_s, rounded_s)
+    return found
 
 
 def _lag_s(stage: Stage | None, axis: str, waveform: Waveform) -> float:

@@ -22,10 +22,11 @@ TICK_S = 1 / 5000
 FASTER = 8.0
 """A lead's own pole lies this factor above the corner that it undoes, and amplifies the fastest part of a path by as
 much."""
-ROLL_OFF = 3.5
-"""Times the mode's frequency: where a section that undoes a mode gives up. At three times, the ends of a move, where
-its jerk jumps, made an error that a tuned loop rang with in one of eight; at four times, what is learned of the corners
-of a triangle of 30 um at 50 Hz needs voltages beyond the slew limit of 1000 V/s."""
+COEFFICIENTS = 32.0
+"""The device's are below (firmware/core/biquad.h: q26 in 32 bits)."""
+ROLL_OFF = (COEFFICIENTS / 2) ** 0.5
+"""Times the mode's frequency: where a section that undoes a mode gives up. As late as the device can hold: the middle
+coefficient of a mode far below the tick rate is twice the square of this."""
 FOLLOWED = 3.0
 """Times the mode's frequency: zeros of the mechanics further away than that are not followed: the section would amplify
 the fastest part of a path more than it helps."""

@@ -7,7 +7,7 @@ from phaselead.waveforms.file import of_points
 from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
 from phaselead.waveforms.path import Streamed
-from phaselead.waveforms.replaced import Replaced
+from phaselead.waveforms.replaced import Replaced, mean_twice
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
 from phaselead.waveforms.waveform import JUDGED_PERIODS, POINTS, Periodic, Sampled, Waveform
@@ -29,6 +29,7 @@ __all__ = [
     "Written",
     "examples",
     "kinds",
+    "mean_twice",
     "of_points",
     "parse_wave",
     "parse_waves",

@@ -24,22 +24,33 @@ class Replaced(Sampled):
 
     wanted: Waveform
     lag_s: float = 0.0
+    rounding_s: float = 0.0
+    """Its corners are rounded by two means over so long."""
     trial_s: float | None = None
     """How long it is driven when nobody says; None: as long as the path that was asked for."""
 
     @classmethod
-    def of(cls, wanted: Waveform, values: Shares, *, lag_s: float = 0.0, trial_s: float | None = None) -> Self:
+    def of(
+        cls,
+        wanted: Waveform,
+        values: Shares,
+        *,
+        lag_s: float = 0.0,
+        rounding_s: float = 0.0,
+        trial_s: float | None = None,
+    ) -> Self:
         """``values`` (1024,), in the unit of ``wanted``, are what the device plays of one period."""
         lowest = math.floor(values.min() / STEP) * STEP
         swing = math.ceil((values.max() - lowest) / STEP) * STEP
         period = np.clip((values - lowest) / swing, 0.0, 1.0)
-        return cls(swing, lowest, wanted.unit, wanted.f_Hz, period, wanted, lag_s, trial_s)
+        return cls(swing, lowest, wanted.unit, wanted.f_Hz, period, wanted, lag_s, rounding_s, trial_s)
 
     @classmethod
-    def as_sensed(cls, wanted: Waveform, lag_s: float) -> Self:
-        """The device is asked for what the sensor is to show, so that the stage itself is where it was asked to be."""
-        values = sensed_values(wanted, lag_s)[:: FINE // POINTS]
-        return cls.of(wanted, values, lag_s=lag_s)
+    def as_sensed(cls, wanted: Waveform, lag_s: float, rounding_s: float = 0.0) -> Self:
+        """The device is asked for what the sensor is to show, so that the stage itself is where it was asked to be, but
+        for corners."""
+        values = sensed_values(wanted, lag_s, rounding_s)[:: FINE // POINTS]
+        return cls.of(wanted, values, lag_s=lag_s, rounding_s=rounding_s)
 
     def share(self, turns: Shares) -> Shares:
         if self.lag_s == 0:
@@ -65,20 +76,29 @@ class Replaced(Sampled):
     @property
     def judged_apart(self) -> bool:
         """What is late as the sensor is may be judged by what is played, what was learned may not."""
-        return self.trial_s is not None or self.wanted.judged_apart
+        return self.trial_s is not None or self.rounding_s > 0 or self.wanted.judged_apart
 
     @property
     def unplayed(self) -> float:
-        return self.wanted.unplayed
+        if self.rounding_s == 0:
+            return self.wanted.unplayed
+        rounded = sensed_values(self.wanted, self.lag_s, self.rounding_s)
+        return self.wanted.unplayed + float(np.abs(rounded - sensed_values(self.wanted, self.lag_s)).max())
 
     @property
     def default_duration_s(self) -> float:
         return self.wanted.default_duration_s if self.trial_s is None else self.trial_s
 
 
-def sensed_values(wanted: Waveform, lag_s: float) -> Shares:
-    """One period of a periodic path behind a first-order lag, in its unit, (FINE,)."""
+def mean_twice(f_Hz: Shares, over_s: float) -> Shares:
+    """What two means over so long, one after the other, leave of each frequency (m,)."""
+    return np.asarray(np.sinc(over_s * f_Hz) ** 2)
+
+
+def sensed_values(wanted: Waveform, lag_s: float, rounding_s: float = 0.0) -> Shares:
+    """One period of a periodic path, its corners rounded, behind a first-order lag, in its unit, (FINE,)."""
     values = wanted.value(np.arange(FINE) / FINE / wanted.f_Hz)
     spectrum = np.fft.rfft(values)
-    spectrum /= 1 + 2j * np.pi * np.arange(len(spectrum)) * wanted.f_Hz * lag_s
+    f_Hz = np.arange(len(spectrum), dtype=np.float64) * wanted.f_Hz
+    spectrum *= mean_twice(f_Hz, rounding_s) / (1 + 2j * np.pi * f_Hz * lag_s)
     return np.fft.irfft(spectrum, FINE)

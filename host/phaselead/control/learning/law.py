@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.control.learning.lines import Amplitudes, Lines
-from phaselead.control.learning.response import Response
+from phaselead.control.learning.response import LEAST_GAIN, Response
 
 MARGIN = 0.3
 """A line is learned where its error is sure to shrink by this share a trial: |1 - G_true / G| is below 1 - MARGIN."""
-LEAST_GAIN = 0.2
-"""Where the stage follows a smaller share of the reference the inverse has given up: a correction would be more than
-five times its error."""
 HEARD = 3.0
 """Deviations above its noise from which on an error is worth a trial."""
 PROBE_NOISE, PROBE_SHARE = 10.0, 0.1
@@ -39,13 +36,18 @@ class Step:
 def next_step(error: Lines, response: Response, share: float = 1.0) -> Step:
     """``share`` of the step that the responses allow."""
     alpha = error.coherence / (1 + (response.doubt / 2) ** 2)
-    reaches = np.abs(response.gain) >= LEAST_GAIN
     sure = response.doubt <= 1 - MARGIN
     heard = np.abs(error.amplitude) > HEARD * np.sqrt(error.variance)
+    reaches = heard & reached(response)
     step = error.amplitude / np.where(reaches, response.gain, 1)
-    learned = heard & reaches & sure
-    probed = heard & reaches & ~sure
+    learned = reaches & sure
+    probed = reaches & ~sure
     size = np.abs(error.amplitude)
     probe = np.maximum(PROBE_NOISE * np.sqrt(error.variance), PROBE_SHARE * size) / np.maximum(size, 1e-30)
     change = np.where(learned, share * alpha * step, 0) + np.where(probed, np.minimum(probe, 1.0) * step, 0)
     return Step(np.asarray(change), learned, probed)
+
+
+def reached(response: Response) -> NDArray[np.bool_]:
+    """Lines (m,) that the stage follows as the model has it, and not surely less as the trials show it."""
+    return np.asarray(response.followed & (np.abs(response.gain) * (1 + response.doubt) >= LEAST_GAIN))

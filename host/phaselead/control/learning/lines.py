@@ -35,6 +35,10 @@ class Lines:
         """What a linear system of this response (m,) makes of them."""
         return replace(self, amplitude=self.amplitude * factor, variance=self.variance * np.abs(factor) ** 2)
 
+    def only(self, kept: NDArray[np.bool_]) -> Self:
+        """Those that are kept (m,), 0 for the others."""
+        return replace(self, amplitude=np.where(kept, self.amplitude, 0), variance=np.where(kept, self.variance, 0))
+
     @property
     def power(self) -> float:
         """Mean square of what repeats."""

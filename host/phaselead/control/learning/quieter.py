@@ -57,6 +57,12 @@ def quieter(model: AxisModel, gains: Gains, seen_s: float) -> Gains:
     return found
 
 
+def louder(gains: Gains, at_most: Gains) -> Gains:
+    """Twice the gains."""
+    share = min(2 * gains.ki_V_per_um_s / at_most.ki_V_per_um_s, 1.0)
+    return scaled(at_most, share) if share < 1 else at_most
+
+
 def larger(rest_um: Samples, than_um: Samples) -> bool:
     """Whether an error (n,) that does not repeat is larger than another (n,), and not by chance."""
     before, after = (float(np.mean(one**2)) for one in (than_um, rest_um))

@@ -7,21 +7,25 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phaselead.control.feedback_loop import local_gains, pid_response, plant_response
 from phaselead.control.gains import MODE_SHIFT, UNSEEN_MODE
-from phaselead.control.learning.lines import Amplitudes
+from phaselead.control.learning.lines import MOST_LINES, Amplitudes
 from phaselead.model import AxisModel, Gains, SmallSignal, compensation, small_signal
 from phaselead.record import Samples
 
 GAIN_ERROR = 0.2
 """Of the local gain, up and down: that of a piezo stage changes by so much with level, load and temperature."""
+LEAST_GAIN = 0.2
+"""Where the stage follows a smaller share of the reference the inverse has given up: a correction would be more than
+five times its error."""
 UNSEEN_AT = 3.0
 """Times the first mode: where a fit's figures are not to be trusted any more. A second mode of 3 % of the motion and a
 damping of 0.01, as flexure stages have it from there on, is as large as all of the rest at its peak."""
-LEAK = 0.05
-"""Of what all lines change together, one line answers for another: a path bends the stage's characteristic, and the
-inverse leaves a few per cent of that."""
+PEAK_POINTS = 4 * MOST_LINES
+STILL = 1e-9
+"""Of the swing, from point to point: rounding, no motion."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,14 @@ class Response:
 
     gain: Amplitudes
     deviation: Samples
+    voltage: Amplitudes
+    """What a change of the reference becomes in the voltage, as a static position, (m,)."""
+    bends: Samples
+    """With how much of the largest change of the voltage by all others a line answers, (m,): hysteresis keeps what an
+    extreme of the voltage changes for the whole way to the next, and no model has all of it."""
+
+    followed: NDArray[np.bool_]
+    """Lines (m,) that the model has the stage follow."""
 
     @property
     def doubt(self) -> Samples:
@@ -39,9 +51,9 @@ class Response:
     def measured(self, change: Amplitudes, answer: Amplitudes, variance: Samples) -> Self:
         """Corrected by one more trial: ``change`` of the reference, ``answer`` of the position, each (m,), and the
         variance of the answer's noise (Kalman's formula, line by line)."""
-        leak = LEAK**2 * (np.sum(np.abs(change) ** 2) - np.abs(change) ** 2)
+        leak = self.bends * others_peak(change * self.voltage)
         share = self.deviation**2 * np.abs(change) ** 2
-        weight = share / np.maximum(share + variance + leak, np.finfo(float).tiny)
+        weight = share / np.maximum(share + variance + leak**2, np.finfo(float).tiny)
         innovation = answer - self.gain * change
         safe = np.where(change == 0, 1, change)
         return replace(
@@ -51,12 +63,27 @@ class Response:
         )
 
 
-def model_response(axis: AxisModel, gains: Gains | None, f_Hz: Samples) -> Response:
+def others_peak(amplitude: Amplitudes) -> Samples:
+    """For each line (m,) the largest value of the sum of all others over a period."""
+    turns = np.exp(2j * np.pi * np.outer(np.arange(len(amplitude)), np.arange(PEAK_POINTS) / PEAK_POINTS))
+    each = (amplitude[:, None] * turns).real
+    return np.asarray(np.abs(each.sum(axis=0) - each).max(axis=1))
+
+
+def turns_of(values: Samples) -> int:
+    """How often one period (n,) changes its direction, begins to move or stops."""
+    steps = np.diff(np.append(values, values[0]))
+    sign = np.where(np.abs(steps) > STILL * np.ptp(values), np.sign(steps), 0)
+    return int(np.count_nonzero(sign != np.roll(sign, 1)))
+
+
+def model_response(axis: AxisModel, gains: Gains | None, f_Hz: Samples, turns: int = 2) -> Response:
     """At the frequencies (m,), for modes ``inverse`` (``gains`` None) and ``inverse+pid``.
 
     The deviation is half of the largest change over local gains 20 % off and modes 10 % off, for one and the same
     inverse, and of what no model shows: as much as the response at three times the first mode, less below it. Raises
-    BadInput for a model without an inverse.
+    BadInput for a model without an inverse. ``turns`` of the path in a period: what it keeps from an extreme of the
+    voltage jumps at each, so that the line k has at most 2 turns / (pi k) of that.
     """
     plant = small_signal(axis)
     found = compensation(axis)
@@ -72,7 +99,10 @@ def model_response(axis: AxisModel, gains: Gains | None, f_Hz: Samples) -> Respo
     furthest = np.max(np.abs(np.array(others) - nominal), axis=0)
     first_Hz = min((mode[1] for mode in plant.modes), default=UNSEEN_MODE[1])
     unseen = np.abs(nominal) * f_Hz / (UNSEEN_AT * first_Hz)
-    return Response(nominal, (furthest + unseen) / 2)
+    plays = (highest - lowest) / (highest + lowest)
+    jumps = np.minimum(1, 2 * turns / (np.pi * np.maximum(np.arange(len(f_Hz)), 1)))
+    bends = GAIN_ERROR * plays * jumps * np.minimum(1, np.abs(plant_response(plant, f_Hz)))
+    return Response(nominal, (furthest + unseen) / 2, inverse, bends, np.abs(nominal) >= LEAST_GAIN)
 
 
 def _response(

@@ -10,11 +10,11 @@ import numpy as np
 
 from phaselead.control.held import held_sha256, held_stage
 from phaselead.control.kept_runs import KeptRuns
-from phaselead.control.learning.law import Step, next_step
+from phaselead.control.learning.law import Step, next_step, reached
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
 from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, rest_of, values_of
-from phaselead.control.learning.quieter import larger, quieter, share_of
-from phaselead.control.learning.response import Response, model_response, other_loop
+from phaselead.control.learning.quieter import larger, louder, quieter, share_of
+from phaselead.control.learning.response import Response, model_response, other_loop, turns_of
 from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
@@ -60,6 +60,15 @@ class _Look:
     def mostly_repeats(self) -> bool:
         """Whether on any axis more of the error repeats than does not."""
         return any(one.power > float(np.mean(self.rest_um[axis] ** 2)) for axis, one in self.error.items())
+
+
+@dataclass(frozen=True)
+class _End:
+    """Why trials ended, and with which one; None where a fault of the device ended it. ``refused``: the next was."""
+
+    reason: str
+    look: _Look | None
+    refused: bool = False
 
 
 def learn(
@@ -141,11 +150,12 @@ class _Course:
         self._gains, self._follows, self._force, self._kept = dict(gains), follows, force, kept
         self._asked, self._gains_given = gains, gains_given
         self._seconds = trial_seconds(wanted)
-        asked = followed(wanted, stage, follows)
+        asked = followed(wanted, stage, follows, mode)
         self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
         self._lag_s = {axis: one.lag_s if isinstance(one, Replaced) else 0.0 for axis, one in asked.items()}
         self._count = {axis: line_count(one) for axis, one in wanted.items()}
         self._f_Hz = {axis: one.f_Hz * np.arange(self._count[axis] + 1.0) for axis, one in wanted.items()}
+        self._turns = {axis: turns_of(one_period(one)) for axis, one in wanted.items()}
         self._response = self._of_model()
         self._trials: list[Trial] = []
         self._best: _Look | None = None
@@ -153,34 +163,36 @@ class _Course:
 
     def _of_model(self) -> dict[str, Response]:
         return {
-            axis: model_response(self._known.axis(axis), self._gains.get(axis), f_Hz)
+            axis: model_response(self._known.axis(axis), self._gains.get(axis), f_Hz, self._turns[axis])
             for axis, f_Hz in self._f_Hz.items()
         }
 
     def run(self, trials: int, *, turn_down: bool, on_progress: Progress) -> Learned:
         first = self._look({axis: np.zeros(count + 1, complex) for axis, count in self._count.items()}, {})
-        base = self._turned_down(first) if turn_down else first
-        reason, last = self._learn(base, first, trials, on_progress)
-        if last is not None and last.gains != first.gains and last.mostly_repeats:  # out of reach of less feedback
-            reason, _ = self._learn(self._with_all_feedback(first), first, trials, on_progress)
-        return self._learned(reason + self._about_feedback() + self._about_limits())
+        base = self._with_gains(first, self._quieter(first)) if turn_down else first
+        end = self._learn(base, first, trials, on_progress)
+        while self._wants_more_feedback(end, first) and len(self._trials) <= trials:
+            more = {axis: louder(own, first.gains[axis]) for axis, own in self._gains.items()}
+            end = self._learn(self._with_gains(first, more), first, trials, on_progress)
+        return self._learned(end.reason + self._about_feedback() + self._about_limits())
 
-    def _learn(self, base: _Look, first: _Look, trials: int, on_progress: Progress) -> tuple[str, _Look | None]:
-        """Why it ended, and with which trial, but for one that a fault of the device ended."""
+    def _learn(self, base: _Look, first: _Look, trials: int, on_progress: Progress) -> _End:
         share, failures = 1.0, 0
         while (number := len(self._trials)) <= trials:
             on_progress(number / (trials + 1))
             steps = {axis: next_step(base.error[axis], self._response[axis], share) for axis in self._wanted}
             if not any(step.change.any() for step in steps.values()):
-                return f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected", base
+                return _End(
+                    f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected", base
+                )
             correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
                 self._refuse_too_large(correction)
                 found = self._look(correction, steps)
             except BadInput as error:
-                return f"stopped before trial {number}: {error}", base
+                return _End(f"stopped before trial {number}: {error}", base, refused=True)
             except DeviceFault as error:
-                return f"stopped: {error}", None
+                return _End(f"stopped: {error}", None)
             if found.gains != base.gains:  # the first of another loop: no trial to compare it with
                 base = self._unless_it_shakes_more(found, first)
                 continue
@@ -191,16 +203,30 @@ class _Course:
             else:
                 share, failures = share / 2, failures + 1
             if failures == MOST_FAILURES:
-                return f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %", base
-        return f"ended after {trials} trials, as asked", base
+                return _End(f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %", base)
+        return _End(f"ended after {trials} trials, as asked", base)
 
-    def _turned_down(self, first: _Look) -> _Look:
-        """Goes on with less feedback; gives the error as the model has it with that."""
+    def _wants_more_feedback(self, end: _End, first: _Look) -> bool:
+        """Where less of it left more that repeats than does not, out of reach: its correction was refused, or the stage
+        turned out not to follow."""
+        if end.look is None or self._gains == first.gains:
+            return False
+        if end.refused:
+            return end.look.mostly_repeats
+        lost = {axis: response.followed & ~reached(response) for axis, response in self._response.items()}
+        return replace(end.look, error={a: one.only(lost[a]) for a, one in end.look.error.items()}).mostly_repeats
+
+    def _quieter(self, first: _Look) -> dict[str, Gains]:
+        seen_s = self._seconds - SETTLE_S
+        return {axis: quieter(self._known.axis(axis), own, seen_s) for axis, own in first.gains.items()}
+
+    def _with_gains(self, first: _Look, gains: dict[str, Gains]) -> _Look:
+        """Goes on with other gains; gives the first trial's error as the model has it with them."""
         error = dict(first.error)
         for axis, own in first.gains.items():
             model = self._known.axis(axis)
-            self._gains[axis] = quieter(model, own, self._seconds - SETTLE_S)
-            error[axis] = first.error[axis].times(other_loop(model, own, self._gains[axis], self._f_Hz[axis]))
+            error[axis] = first.error[axis].times(other_loop(model, own, gains[axis], self._f_Hz[axis]))
+        self._gains = gains
         self._response = self._of_model()
         return replace(first, error=error)
 

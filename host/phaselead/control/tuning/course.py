@@ -13,6 +13,7 @@ from phaselead.control.feedback_loop import goes_round_0, local_gains, pid_respo
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY, WARN_ABOVE
 from phaselead.control.held import held_stage
 from phaselead.control.kept_runs import KeptRuns
+from phaselead.control.motion_limits import PATH_ROOM
 from phaselead.control.tuning.closed_check import refuse_closed
 from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
@@ -39,9 +40,8 @@ WITHOUT_TIME_VIEW = (0.7, 1.7)
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""
 ROOM = 0.5
 """Of the slew limit, for the path of the closed measurement."""
-NOISE_ROOM, CREST = 1 / 8, 4.0
-"""Of the slew limit, for noise, and noise by its rms: beyond it in one tick of 16,000. The fastest moves take up to
-seven eighths, and what is cut off rings."""
+NOISE_ROOM, CREST = 1 - PATH_ROOM, 4.0
+"""Of the slew limit, for noise, and noise by its rms: beyond it in one tick of 16,000."""
 RATCHET = 0.16
 """Of the way that noise in the output would make if all of the hysteresis followed it: what the built-in stage went
 along 60 um at 5 Hz, rms. There the plays follow the peaks of the noise, which no mode keeps from the position then."""
