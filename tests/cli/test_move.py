@@ -56,7 +56,7 @@ def test_without_a_model_it_moves_slowly_under_feedback(run):
         (("x=50um", "--duration", "0.0005"), "the shortest is"),
         (("x=50um", "--speed", "0"), "above 0"),
         (("x=50um", "--window", "0"), "a window of 0 um"),
-        (("x=50um", "--window", "nan"), "a window of nan um"),
+        (("x=50um", "--window", "nan"), "'nan' is no number"),
         (("w=50um",), "no axis w"),
         (("x=5V",), "takes micrometres"),
         (("x=50um", "--mode", "inverse"), "needs a model"),

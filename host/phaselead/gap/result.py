@@ -61,7 +61,7 @@ class GapResult(Result):
     >>> gap.next_model.save("next.toml")
     >>> print(gap)  # doctest: +ELLIPSIS
     verdict: none
-    held-out gap ...
+    ...
     """
 
     stage: Stage
