@@ -14,6 +14,7 @@ from phaselead.identify.fitting import FitReport, fit
 from phaselead.identify.plan import AROUND_S, HELD_OUT, plan_grid, plan_seconds
 from phaselead.identify.table import grid_table
 from phaselead.identify.verification import verification_dict, verify
+from phaselead.identify.words import noise_um_rms
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage, load_stage, save_stage
 from phaselead.record.recording import AxisRecord, Recording
@@ -104,6 +105,8 @@ def test_axes_driven_together_are_fitted_with_a_warning():
     stage, report = fit([both])
     assert set(stage.axes) == {"x", "y"}
     assert sum("never driven alone" in m for m in report.messages) == 2
+    assert sum("the motion of the other axes may hide some" in m for m in report.messages) == 2
+    assert not [m for m in report.messages if "too few frequencies" in m or "shows no mode" in m]
 
 
 def test_what_an_axis_sees_of_another_is_not_its_own():
@@ -150,6 +153,17 @@ def test_a_record_that_mostly_stands_still_is_named():
     (line,) = [message for message in report.messages if "stands still" in message]
     assert "mostly stands still in held:" in line
     assert not [message for message in fit(sines)[1].messages if "stands still" in message]
+
+
+def test_motion_as_fast_as_the_rows_is_no_noise_of_the_sensor():
+    """Of a multisine up to half of the rate 0.74 um were called noise, where two periods differ by 0.01."""
+    rng = np.random.default_rng(0)
+    t, noise = np.arange(2000) / 1000, 0.01 * rng.normal(size=2000)
+    for f_Hz, told in ((2.0, True), (300.0, False)):
+        u = 5 * np.sin(2 * np.pi * f_Hz * t)
+        found = noise_um_rms(record(t, u, 9 * u + noise), "x")
+        assert (found is not None) == told
+        assert not told or found == pytest.approx(0.01, rel=0.1)
 
 
 def test_the_same_data_give_the_same_stage():

@@ -122,7 +122,8 @@ def fit(
     recordings, left_out = usable(recordings)
     doubts = _doubts(recordings)
     coupling = cross_coupling(recordings)
-    runs, messages = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
+    runs, together = _runs_by_axis(decoupled(recordings, coupling[0]) if coupling else recordings)
+    messages = [f"axis {a} was never driven alone: what it sees of the others is in its fit" for a in together]
     own = runs
     if without is not None:
         less = [without(recording) for recording in recordings]
@@ -136,7 +137,7 @@ def fit(
                 refuse_without_loop(axis_runs)
                 found, mode = fit_together(forward)
                 messages += _about_stillness(axis, axis_runs)
-                messages += _about_modes(axis, mode, axis_runs)
+                messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 if mode is not None:
                     modes[axis] = mode
                 view, said = _table(axis_runs, backwards)
@@ -182,19 +183,16 @@ def _refuse_mixture(recordings: Sequence[Recording]) -> None:
 
 
 def _runs_by_axis(recordings: Sequence[Recording]) -> tuple[dict[str, list[AxisRun]], list[str]]:
-    """The runs of each driven axis: those that drive it alone, unless there are none."""
+    """The runs of each driven axis: those that drive it alone, unless there are none; and the axes without any."""
     alone: dict[str, list[AxisRun]] = {}
     together: dict[str, list[AxisRun]] = {}
     for recording in recordings:
         driven = driven_axes(recording)
         for axis, run in driven_runs(recording)[0].items():
             (alone if len(driven) == 1 else together).setdefault(axis, []).append(run)
-    messages = []
-    for axis, runs in together.items():
-        if axis not in alone:
-            alone[axis] = runs
-            messages.append(f"axis {axis} was never driven alone: what it sees of the others is in its fit")
-    return {axis: alone[axis] for axis in sorted(alone)}, messages
+    never = [axis for axis in together if axis not in alone]
+    alone |= {axis: together[axis] for axis in never}
+    return {axis: alone[axis] for axis in sorted(alone)}, never
 
 
 def _table(runs: Sequence[AxisRun], backwards: bool) -> tuple[TableView | None, list[str]]:
@@ -256,10 +254,18 @@ def _about_stillness(axis: str, runs: Sequence[AxisRun]) -> list[str]:
     ]
 
 
-def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun]) -> list[str]:
-    """Which modes were found or, without any, how fast the records drive the axis: above that it may have some."""
+def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun], *, alone: bool) -> list[str]:
+    """Which modes were found or, without any, how fast the records drive the axis: above that it may have some.
+
+    ``alone``: no other axis is driven meanwhile, whose motion would hide them.
+    """
     if found is not None:
         return [_describe_modes(axis, found)]
+    if not alone:
+        return [
+            f"axis {axis}: no mode found, but the motion of the other axes may hide some; drive it alone, or have "
+            "`phaselead gap` find the modes that the axes have in common"
+        ]
     response = measured_response(runs).unbroken
     if not response.broadband:
         return [f"axis {axis}: no mode looked for: driven at too few frequencies; record steps or a multisine for one"]

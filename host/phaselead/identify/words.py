@@ -76,9 +76,14 @@ def _modes(model: AxisModel) -> list[str]:
 
 def noise_um_rms(record: Recording, axis: str) -> float | None:
     """White noise of the sensor from second differences of (n,) positions, whose variance is six times its own; motion
-    that is slow against the sampling rate has none. None without positions."""
+    that is slow against the sampling rate has none. None without positions, and where the voltage bends as much in its
+    own span: all of it may be motion then."""
     found = record.axes.get(axis)
     if found is None or found.x_um is None or len(found.x_um) < 16:
         return None
     bends: Samples = np.diff(found.x_um, 2)
+    if found.u_V is not None and np.ptp(found.u_V) > 0:
+        moved: Samples = np.diff(found.u_V, 2) * float(np.ptp(found.x_um) / np.ptp(found.u_V))
+        if np.mean(moved**2) >= np.mean(bends**2):
+            return None
     return float(np.sqrt(np.mean(bends**2) / 6))
