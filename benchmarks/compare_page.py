@@ -64,8 +64,8 @@ the loop on the measured response has the margin that they have on `xyz250`.
 
 **Judged** is the true position against the path as it was written: % of swing, over the last four periods ("steady")
 and over the first. Ours rounds corners that the output is too slow for ([corners](tracking.md#corners)), and they
-count as error like all else. One seed of the sensor's noise. "rail": the sensor reached its end, and the run was stopped;
-"stopped" and "refused" are what our device or host said instead.
+count as error like all else. One seed of the sensor's noise. "rail": the sensor reached its end, and the run was
+stopped; "stopped" and "refused" are what our device or host said instead.
 
 Paths are named as they are on `xyz250`. On other stages they are scaled by travel and pace: on `xy30` 0.12 of the swing
 at twice the frequency, on `x100` 0.4 at twice (so that "60 um 5 Hz" is 24 um at 10 Hz there), on `x500` 2 at 0.4. A
