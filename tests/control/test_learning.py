@@ -523,6 +523,41 @@ def test_feedback_stays_down_where_more_of_it_would_not_reach_further(monkeypatc
     assert set(driven[1:]) == {0.25}
 
 
+def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, learned, tmp_path):
+    """One refusal of a rehearsal ended it, and what had been learned was begun anew with more feedback."""
+    changes, rehearses = [], course.rehearse
+
+    def once_refused(waves, *arguments):
+        changes.append(waves["x"].played - changes[0] if changes else waves["x"].played)
+        if len(changes) == 3:
+            raise BadInput("x: on the model this is cut")
+        rehearses(waves, *arguments)
+
+    monkeypatch.setattr(course, "rehearse", once_refused)
+    learned.save(tmp_path / "stage.toml")
+    with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
+        found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=2)
+    assert len(found.trials) == 3
+    assert changes[3] - changes[1] == pytest.approx((changes[2] - changes[1]) / 2, abs=1e-4)
+
+
+def test_a_first_correction_with_less_feedback_that_does_harm_is_taken_back(monkeypatch, learned, tmp_path):
+    """A probe of 0.1 um at a mode that the model lacks made 2 um, and everything after it went on from there."""
+    corrections, looks = [], course._Course._look
+
+    def harmed(self, correction, steps):
+        look = looks(self, correction, steps)
+        corrections.append(correction["x"])
+        if len(corrections) == 2:
+            look.error["x"].amplitude[3] += 20.0
+        return look
+
+    monkeypatch.setattr(course._Course, "_look", harmed)
+    found = learned_with(learned, tmp_path)
+    assert found.gains()["x"].ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
+    assert np.abs(corrections[2]).sum() < 0.75 * np.abs(corrections[1]).sum()  # half of the step, from where it began
+
+
 def test_feedback_is_doubled_and_never_more_than_asked_for():
     own = GAINS["x"]
     assert louder(scaled(own, 0.25), own) == scaled(own, 0.5)

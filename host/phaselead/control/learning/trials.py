@@ -188,13 +188,24 @@ class _Course:
             correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
                 self._refuse_too_large(correction)
-                found = self._look(correction, steps)
             except BadInput as error:
                 return _End(f"stopped before trial {number}: {error}", base, refused=True)
+            try:
+                found = self._look(correction, steps)
+            except BadInput as error:  # on the model it ends badly: less of it may not
+                share, failures = share / 2, failures + 1
+                if failures == MOST_FAILURES:
+                    return _End(f"stopped before trial {number}: {error}", base)
+                continue
             except DeviceFault as error:
                 return _End(f"stopped: {error}", None)
-            if found.gains != base.gains:  # the first of another loop: no trial to compare it with
-                base = self._unless_it_shakes_more(found, first)
+            if found.gains != base.gains:  # the first of another loop: only a forecast to compare it with
+                if self._repeats(found) > self._repeats(base):
+                    self._compare(base, found, forecast_of=first)
+                    share, failures = share / 2, failures + 1
+                    if failures < MOST_FAILURES:
+                        continue
+                base, share, failures = self._unless_it_shakes_more(found, first), 1.0, 0
                 continue
             self._compare(base, found)
             if found.worth < base.worth:
@@ -278,6 +289,8 @@ class _Course:
                     f"{axis}: it would add {np.abs(added).max():.3g} um to a path of {wanted.swing:.4g} um; the model "
                     "is not of this stage: identify it again"
                 )
+        if not self._force:
+            check_paths(self._waves(correction), self._mode, self._known)
 
     def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step]) -> _Look:
         """Drives one trial and adds it to the list; the best so far is kept."""
@@ -338,12 +351,19 @@ class _Course:
             worth += float(np.mean(off_um**2)) / self._wanted[axis].swing ** 2
         return _Look(correction, error, rest_um, dict(self._gains), worth)
 
-    def _compare(self, before: _Look, after: _Look) -> None:
-        """What the responses are in the light of two trials."""
+    def _repeats(self, look: _Look) -> float:
+        """Mean square of what repeats as a share of the swing, over all axes."""
+        return sum(one.power / self._wanted[axis].swing ** 2 for axis, one in look.error.items())
+
+    def _compare(self, before: _Look, after: _Look, forecast_of: _Look | None = None) -> None:
+        """What the responses are in the light of two trials. ``forecast_of``: the error before is that of this one as
+        the model has it with other gains, which is as far from the truth as it is from this one at most."""
         for axis in self._wanted:
             change = after.correction[axis] - before.correction[axis]
             answer = before.error[axis].amplitude - after.error[axis].amplitude
             variance = before.error[axis].variance + after.error[axis].variance
+            if forecast_of is not None:
+                variance += np.abs(before.error[axis].amplitude - forecast_of.error[axis].amplitude) ** 2
             self._response[axis] = self._response[axis].measured(change, answer, variance)
 
     def _learned(self, reason: str) -> Learned:
