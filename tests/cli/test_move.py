@@ -25,7 +25,7 @@ def test_a_move_says_when_it_will_have_settled_and_when_it_had(run, model):
     outcome = run("move", "x=50um", "--model", model)
     assert outcome.status == 0, outcome.err
     assert "to 50.000 um in" in outcome.out
-    assert "settled after" in outcome.out.splitlines()[0]
+    assert "on the model settled after" in outcome.out.splitlines()[0]
     figures = run("move", "50um", "--axis", "y", "--model", model, "--json", "-").json["axes"]["y"]
     assert abs(figures["x_um"] - 50) < 0.1
     assert figures["settled_s"] == pytest.approx(figures["predicted_s"], abs=0.01)

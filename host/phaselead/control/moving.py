@@ -125,10 +125,12 @@ class Planned:
         return {axis: Goto(target - start, start, "um", 1 / self.duration_s) for axis, start, target in ends}
 
     def sentences(self, predicted: Mapping[str, float | None]) -> list[str]:
-        """What will happen, a line an axis; ``predicted`` as ``rehearse_move`` gives it."""
+        """What will happen, a line an axis; ``predicted`` as ``rehearse_move`` gives it: of a stage that is all that
+        its model says."""
         return [
             f"{axis}: {self.start_um[axis]:.3f} to {self.target_um[axis]:.3f} um in {self.duration_s * 1e3:.1f} ms, "
-            + ("settled later than a second after it" if seconds is None else f"settled after {seconds * 1e3:.1f} ms")
+            + "on the model settled "
+            + ("later than a second after it" if seconds is None else f"after {seconds * 1e3:.1f} ms")
             for axis, seconds in predicted.items()
         ]
 
