@@ -12,7 +12,6 @@ from phaselead.control.feedback_loop import HOLD_S, plant_response
 from phaselead.control.tuning import course
 from phaselead.control.tuning.plant import rings_elsewhere
 from phaselead.control.tuning.response import Distortion, Measured
-from phaselead.errors import BadInput
 from phaselead.model import AxisModel, SmallSignal
 from phaselead.sim import built_in
 
@@ -28,14 +27,13 @@ def measured(f_Hz: float, zeta: float = 0.02) -> Measured:
     return Measured(F_Hz, gain, sure, 0.01 * sure, 0.0, none, none, none, none)
 
 
-def test_a_stage_file_of_another_stage_is_named_rather_than_the_level() -> None:
-    """It said that half of the response was off by more than 99 %, and to raise the level."""
+def test_a_stage_file_of_another_stage_is_doubted() -> None:
+    """The loop is made for what was measured all the same."""
     words = (
         r"x: the stage rings at 8\d(\.\d)? Hz, and its stage file has modes at 200 .*: is it the file of this stage\?"
     )
-    with pl.connect("sim://x500") as dev, pytest.raises(BadInput, match=words) as caught:
+    with pl.connect("sim://x500") as dev, pytest.warns(UserWarning, match=words):
         dev.tune("x", model=built_in("xyz250"))
-    assert "level" not in str(caught.value)
 
 
 @pytest.mark.parametrize(("f_Hz", "told"), [(90.0, True), (145.0, False), (200.0, False), (400.0, True)])
