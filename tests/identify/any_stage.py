@@ -17,6 +17,8 @@ from phaselead.record.recording import AxisRecord, Recording
 
 Array = NDArray[np.float64]
 FINER = 4
+AMPLIFIER_FINER = 25
+"""So fine that a delay of whole steps leaves no doubt of what happens between rows."""
 LEAD_S = 1.0
 """Of the full loop in front of a record."""
 
@@ -52,9 +54,22 @@ class AnyStage:
     delay_s: float = 2e-4
     noise_um: float = 0.011
     memory: Callable[[Array, float], Array] = play_stack
+    lag_s: float = 0.0
+    """Time constant of the amplifier; one has the delay in front of it."""
+
+    def behind_amplifier(self, u: Array, rate_Hz: float) -> Array:
+        """Voltage (n,), late and lagging."""
+        step_s = 1 / (AMPLIFIER_FINER * rate_Hz)
+        b, a, _ = cont2discrete(([1.0], [self.lag_s, 1.0]), step_s, method="foh")
+        fine = np.interp(np.arange(AMPLIFIER_FINER * len(u)) / AMPLIFIER_FINER, np.arange(len(u)), u)
+        late = np.concatenate([np.full(round(self.delay_s / step_s), u[0]), fine])[: len(fine)]
+        return np.asarray(lfilter(np.ravel(b), a, late)[::AMPLIFIER_FINER])
 
     def measure(self, u: Array, rate_Hz: float, seed: int) -> Array:
         """Position (n,) in um from rest at 0 V."""
+        if self.lag_s:
+            at_once = replace(self, delay_s=0.0, lag_s=0.0)
+            return at_once.measure(self.behind_amplifier(u, rate_Hz), rate_Hz, seed)
         still = self.um_per_V * self.memory(u, self.span_V)
         rows = np.arange(len(u))
         fine = np.interp(np.arange(0, len(u), 1 / FINER) - self.delay_s * rate_Hz, rows, still)

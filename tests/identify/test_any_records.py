@@ -46,7 +46,7 @@ def left_um(stage: Stage, recording: Recording) -> float:
 def modes_of(stage: Stage) -> list[tuple[float, float, float]]:
     """Share, Hz and damping of every adopted mode."""
     found = []
-    for effect in stage.axis("x").effects:
+    for effect in (effect for effect in stage.axis("x").effects if effect.name == "resonance"):
         f_Hz, zeta = (np.atleast_1d(effect.params[key]) for key in ("f_Hz", "zeta"))
         found += list(zip(np.atleast_1d(effect.params.get("c", 1.0)), f_Hz, zeta, strict=True))
     return found
@@ -81,11 +81,24 @@ def test_operator_modes_and_delay_are_found_together(mechanics):
     fitted, report = fit(laboratory(stage, COARSE_HZ, only=QUICK))
     found = modes_of(fitted)
     assert len(found) == len(mechanics)
+    assert {effect.name for effect in fitted.axis("x").effects} <= {"resonance"}  # no lag is made up
     for one, true in zip(found, mechanics, strict=True):
         assert one == pytest.approx(true, rel=0.02)
     assert fitted.axis("x").time.delay_s == pytest.approx(stage.delay_s, abs=1e-5)
     assert left_um(fitted, held_out(stage, COARSE_HZ)) < 0.03
     assert any(("a mode at" if mechanics else "shows no mode up to 6") in line for line in report.messages)
+
+
+@pytest.mark.parametrize("lag_s", [6e-5, 3e-4])
+def test_an_amplifier_s_lag_is_told_from_the_delay(lag_s):
+    """Behind a delay of less than a row a lag of much less than a row is the same at every row: this one is longer."""
+    stage = replace(ONE_MODE, delay_s=3.6e-4, lag_s=lag_s)
+    fitted, _ = fit(laboratory(stage, RATE_HZ, only=QUICK))
+    ((name, params),) = [(e.name, e.params) for e in fitted.axis("x").effects if e.name != "resonance"]
+    assert name == "amplifier_lowpass"
+    assert params["tau_s"] == pytest.approx(lag_s, rel=0.05)
+    assert fitted.axis("x").time.delay_s == pytest.approx(stage.delay_s, abs=5e-6)
+    assert left_um(fitted, held_out(stage, RATE_HZ)) < 0.02
 
 
 def test_every_record_of_the_laboratory_is_used():

@@ -30,6 +30,7 @@ from phaselead.model import (
     Stage,
     TablePoint,
     TableView,
+    effect_of_lag,
     effect_of_modes,
     explained,
     provenance_of,
@@ -138,6 +139,7 @@ def fit(
                 found, mode = fit_together(forward)
                 messages += _about_stillness(axis, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
+                messages += _about_lag(axis, found.lag_s)
                 if mode is not None:
                     modes[axis] = mode
                 view, said = _table(axis_runs, backwards)
@@ -225,9 +227,12 @@ def _axis_model(
 ) -> AxisModel:
     view = time.view
     effects: tuple[AdoptedEffect, ...] = ()
+    if time.lag_s:
+        lag, params = effect_of_lag(time.lag_s)
+        effects = (AdoptedEffect(name=lag.name, params=params),)
     if mode is not None:
         view, effect = mode.adopted(view)
-        effects = (effect,)
+        effects = (*effects, effect)
     known = parent.axes.get(axis) if parent else None
     if known is None:
         return AxisModel(table=table, time=view, effects=effects)
@@ -270,6 +275,13 @@ def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun], 
     if not response.broadband:
         return [f"axis {axis}: no mode looked for: driven at too few frequencies; record steps or a multisine for one"]
     return [f"axis {axis}: shows no mode up to {response.f_Hz[-1]:.0f} Hz; the records do not drive it faster"]
+
+
+def _about_lag(axis: str, lag_s: float) -> list[str]:
+    if not lag_s:
+        return []
+    lag, _ = effect_of_lag(lag_s)
+    return [f"axis {axis}: a lag of {1e6 * lag_s:.2g} us beside the delay; adopted as effect {lag.name}"]
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

@@ -83,15 +83,20 @@ class AxisRun:
     @cached_property
     def turning_rows(self) -> NDArray[np.uintp]:
         """The rows, ascending, after which the voltage, 0 V before the record, goes the other way."""
-        steps = np.diff(self.u_V, prepend=0.0)
-        moving = np.flatnonzero(steps)
-        rises = steps[moving] > 0
-        return np.asarray(moving[1:][rises[1:] != rises[:-1]] - 1, dtype=np.uintp)
+        return turning_rows(self.u_V)
 
     @property
     def range_um(self) -> float:
         """Measured peak-to-peak over the scored rows."""
         return float(np.ptp(self.x_um[self.scored]))
+
+
+def turning_rows(u_V: Samples) -> NDArray[np.uintp]:
+    """The rows, ascending, after which a voltage (n,), 0 V before its first row, goes the other way."""
+    steps = np.diff(u_V, prepend=0.0)
+    moving = np.flatnonzero(steps)
+    rises = steps[moving] > 0
+    return np.asarray(moving[1:][rises[1:] != rises[:-1]] - 1, dtype=np.uintp)
 
 
 def driven_axes(recording: Recording) -> list[str]:

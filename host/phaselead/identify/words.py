@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, small_signal, steady_loop
+from phaselead.model import AxisModel, effect, small_signal, steady_loop
 from phaselead.record import Recording, Samples
 
 LEVELS = 200
@@ -23,7 +23,7 @@ def describe_axis(axis: str, model: AxisModel, records: Iterable[Recording]) -> 
     width_pct = hysteresis_pct(model)
     parts.append(f"hysteresis {width_pct:.2g} % of the travel" if width_pct >= 0.05 else "no hysteresis")
     parts += _modes(model)
-    parts.append(f"lag {1e3 * view.delay_s:.2g} ms")
+    parts.append(f"lag {1e3 * (view.delay_s + _filters_s(model)):.2g} ms")
     noise_um = [noise for record in records if (noise := noise_um_rms(record, axis)) is not None]
     least_um = min(noise_um, default=np.inf)
     beside = f", the sensor's noise is about {_short(least_um)}" if least_um < view.residual_um_rms else ""
@@ -72,6 +72,12 @@ def _modes(model: AxisModel) -> list[str]:
     if not modes:
         return ["no mode seen"]
     return [" and ".join(f"a mode at {f_Hz:.4g} Hz (damping {zeta:.2g})" for _, f_Hz, zeta in modes)]
+
+
+def _filters_s(model: AxisModel) -> float:
+    """How late amplifier and sensor make slow motion, beside the delay."""
+    lags_s = [(effect(one.name).lag_in_loop_s, one.params) for one in model.effects]
+    return sum(lag_s(params) for lag_s, params in lags_s if lag_s is not None)
 
 
 def noise_um_rms(record: Recording, axis: str) -> float | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -201,9 +202,11 @@ def _links(view: TimeView, entries: Sequence[Entry], made: Mapping[int, _Link]) 
     ]
     behind = [entry for entry in entries if entry[0].dead_time_s is None]
     links = [*own, *(made.get(id(entry)) or _of_effect(entry) for entry in behind)]
-    first = next((i for i, (e, _) in enumerate(behind) if e.place == Place.AMPLIFIER), None)
-    if first is not None and behind[first][0].lag_s is not None:
-        links[len(own) + first] = _late_lag(behind[first], delay_s)
+    in_amplifier = [entry for entry in behind if entry[0].place == Place.AMPLIFIER]
+    lags = list(takewhile(lambda entry: entry[0].lag_s is not None, in_amplifier))
+    if lags:
+        first = len(own) + behind.index(lags[0])
+        links[first : first + len(lags)] = [_late_lags(lags, delay_s)]
         links = links[1:]
     return sorted(links, key=lambda link: link.step.place)  # stable: the view's own come first in their place
 
@@ -215,16 +218,15 @@ def _of_effect(entry: Entry) -> _Link:
     return _Link(step, lambda signal: e.apply(signal, params))
 
 
-def _late_lag(entry: Entry, delay_s: float) -> _Link:
-    """The delay and the lag right behind it in one: between rows the lag's way is curved."""
-    (e, params), step = entry, _of_effect(entry).step
-    assert e.lag_s is not None
-    tau_s = e.lag_s(params)
+def _late_lags(entries: Sequence[Entry], delay_s: float) -> _Link:
+    """The delay and the lags right behind it in one: between rows the way of a lag is curved."""
+    taus_s = tuple(e.lag_s(params) for e, params in entries if e.lag_s is not None)
+    step = _of_effect(entries[0]).step
 
     def apply(signal: Signal) -> Samples:
-        return relaxed_late(signal.value, tau_s, signal.step_s, delay_s)
+        return relaxed_late(signal.value, taus_s, signal.step_s, delay_s)
 
-    return _Link(step._replace(params=(*step.params, ("delay_s", delay_s))), apply)
+    return _Link(step._replace(params=(("taus_s", taus_s), ("delay_s", delay_s))), apply)
 
 
 def _position(entry: Entry) -> tuple[int, int, str]:

@@ -133,12 +133,27 @@ def test_a_lag_of_nothing_changes_nothing():
 
 
 @laws
-@given(rows, st.floats(0, 3.5), st.floats(1e-5, 1e-2))
-def test_a_late_lag_is_read_on_its_way_between_rows(x, late_rows, tau_s):
+@given(rows, st.floats(0, 3.5), st.lists(st.floats(1e-5, 1e-2), min_size=1, max_size=3))
+def test_late_lags_are_read_on_their_way_between_rows(x, late_rows, taus_s):
     step_s, finer = 2e-4, 50
     late_rows = round(late_rows * finer) / finer
-    fine = np.interp(np.arange((len(x) - 1) * finer + 1) / finer, np.arange(len(x)), x)
-    way = relaxed(fine, tau_s, step_s / finer)
+    way = np.interp(np.arange((len(x) - 1) * finer + 1) / finer, np.arange(len(x)), x)
+    for i, tau_s in enumerate(taus_s):
+        way = (smoothly_relaxed if i else relaxed)(way, tau_s, step_s / finer)
     at = np.arange(len(x)) * finer - round(late_rows * finer)
     expected = np.where(at < 0, x[0], way[np.maximum(at, 0)])
-    assert np.allclose(relaxed_late(x, tau_s, step_s, late_rows * step_s), expected, atol=1e-8)
+    exact = 1e-8 if len(taus_s) == 1 else 1e-3  # of two lags the finer grid is as good as it is fine
+    assert np.allclose(relaxed_late(x, taus_s, step_s, late_rows * step_s), expected, atol=exact * np.ptp(x) + 1e-8)
+
+
+@laws
+@given(rows, st.floats(1e-5, 1e-2), st.floats(0, 3.5))
+def test_two_lags_alike_are_as_two_that_hardly_differ(x, tau_s, late_rows):
+    alike = relaxed_late(x, [tau_s, tau_s], 2e-4, late_rows * 2e-4)
+    apart = relaxed_late(x, [0.99 * tau_s, 1.01 * tau_s], 2e-4, late_rows * 2e-4)
+    assert np.allclose(alike, apart, atol=1e-3 * np.ptp(x) + 1e-8)
+
+
+def test_lags_of_nothing_only_delay():
+    x = np.random.default_rng(0).normal(size=20)
+    assert np.allclose(relaxed_late(x, [0.0, 0.0], 1e-3, 2e-3)[2:], x[:-2])

@@ -21,14 +21,16 @@ from phaselead.identify.operator import OperatorFit, fit_linear, fit_operator, p
 from phaselead.identify.runs import AxisRun
 from phaselead.model import (
     AdoptedEffect,
+    AxisModel,
     Mode,
     TimeView,
-    behind_modes,
+    effect_of_lag,
     effect_of_modes,
     mode_coefficients,
     predict_time_view,
     resonant,
     second_order_residual,
+    simulate,
 )
 from phaselead.record import Samples
 
@@ -155,8 +157,13 @@ def _believed(
 def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
     errors = []
+    beside = [
+        *([effect_of_lag(operator.lag_s)] if operator.lag_s else []),
+        *([effect_of_modes(modes)] if modes else []),
+    ]
     for run, came_from_V in zip(runs, _memories_of(operator), strict=True):
-        answer = behind_modes(_answer(operator.view, run, came_from_V), modes, run.step_s)
+        start = _plays_V(operator.view, came_from_V)
+        answer = simulate(AxisModel(time=operator.view), run.t_s, run.u_V, extra=beside, start=start)
         errors.append((run.x_um - answer)[run.scored] / run.range_um)
     return sum(float(np.var(error)) for error in errors)
 
@@ -168,11 +175,15 @@ def _memories_of(operator: OperatorFit) -> list[float | None]:
 
 def _answer(view: TimeView, run: AxisRun, came_from_V: float | None) -> Samples:
     """The operator's (n,), from the memory that the fit found for this record."""
+    return predict_time_view(view, run.t_s, run.u_V, initial_plays_V=_plays_V(view, came_from_V))
+
+
+def _plays_V(view: TimeView, came_from_V: float | None) -> Samples | None:
+    """Where the plays (m,) stand that came from there; None from rest."""
     if came_from_V is None:
-        return predict_time_view(view, run.t_s, run.u_V)
+        return None
     r = np.asarray(view.play_r_V)
-    plays_V = np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
-    return predict_time_view(view, run.t_s, run.u_V, initial_plays_V=plays_V)
+    return np.clip(view.rest_fraction * r, came_from_V - r, came_from_V + r)
 
 
 @dataclass(frozen=True)

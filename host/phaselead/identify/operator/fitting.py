@@ -11,6 +11,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.leaving_out import FOLD_BLOCKS, SIMPLER, folds_of, left_out
 from phaselead.identify.operator.placing import fewest_knots, paired_plays
@@ -59,6 +60,11 @@ stays above this share of what it was."""
 MODE_PAYS = 0.9
 """A mode stays in when the squared residual with it is less than this share of that without."""
 
+LAG_STEP = 0.01
+"""Of the longest lag: how finely the best one is searched."""
+CHANCE_GAIN = 3.84
+"""Twice the log likelihood that one parameter gains by chance in one of twenty cases (chi-squared, Wilks 1938)."""
+
 
 @dataclass(frozen=True)
 class _Records:
@@ -69,6 +75,10 @@ class _Records:
     own_offsets: bool = False
     lag_s: float = 0.0
     """Of the measured response, where that is known: the delay may be twice as long, however short the periods."""
+
+    def behind_a_lag(self, lag_s: float) -> _Records:
+        """The same with a low-pass of this time constant in front of the operator."""
+        return replace(self, fits=[replace(f, lag_s=lag_s) for f in self.fits])
 
     @cached_property
     def longest_delay_s(self) -> float:
@@ -106,6 +116,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
     if modes:
         found = _paying(records, replace(found, basis=basis))
         basis, choices = _choose_basis(records, found)
+        records, found = _lagging(records, found)
     delay_s, rest = found.delay_s, found.rest_fraction
     if not _rest_matters(records, basis, found):
         rest = 0.0
@@ -114,7 +125,7 @@ def fit_operator(runs: Sequence[AxisRun], modes: tuple[Mode, ...] = (), lag_s: f
         delay_s = _shortest_delay_s(records, basis, delay_s, rest)
         messages.append("one frequency cannot tell delay from play: the shortest delay that fits was taken")
     full = _thinned(runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=[f.came_from_V for f in records.fits])
-    full_records = replace(records, fits=full)
+    full_records = replace(records, fits=full).behind_a_lag(records.fits[0].lag_s)
     return _result(full_records, full_records.at(basis, delay_s, rest, found.modes), choices, messages)
 
 
@@ -184,6 +195,26 @@ def _paying(records: _Records, found: Solution) -> Solution:
         if MODE_PAYS * whole.error**2 < found.error**2:
             return whole
     return found
+
+
+def _lagging(records: _Records, found: Solution) -> tuple[_Records, Solution]:
+    """The same behind a low-pass in front of the operator, in the place of a part of the delay, where the records tell
+    the two apart: an amplifier that charges the actuator, with all that lags like it."""
+    tried = {0.0: (records, found)}
+    rest, whole = _known_rest(found.rest_fraction), [c for c, _, _ in found.modes] == [1.0]
+
+    def error(lag_s: float) -> float:
+        behind = records.behind_a_lag(lag_s)
+        tried[lag_s] = behind, behind.searched(found.basis, found.delay_s - lag_s, rest, found.modes, whole=whole)
+        return tried[lag_s][1].error
+
+    longest_s = min(records.lag_s, found.delay_s)
+    if longest_s > 0:
+        minimize_scalar(error, bounds=(0.0, longest_s), method="bounded", options={"xatol": LAG_STEP * longest_s})
+    best = min(tried.values(), key=lambda one: one[1].error)
+    rows = sum(effective_rows(found.residual(f)) for f in records.fits)
+    shown = best[1].error > 0 and 2 * rows * np.log(found.error / best[1].error) > CHANCE_GAIN
+    return best if shown else (records, found)
 
 
 def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mode, ...]) -> OperatorFit:
@@ -359,4 +390,5 @@ def _result(records: _Records, solution: Solution, choices: Sequence[Choice], me
         sum(effective_rows(e) for e in residuals),
         records.own_offsets,
         solution.modes,
+        fits[0].lag_s,
     )

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
-from phaselead.identify.runs import AxisRun, jumps, period_s
-from phaselead.model import Mode, TimeView, behind_modes
+from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
+from phaselead.model import Mode, TimeView, behind_modes, relaxed_late
 from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
@@ -85,6 +85,11 @@ class RecordInC:
         self._record = _Record(len(u), *(u.ctypes.data, before_V, len(turns), turns.ctypes.data),
                                *(len(rows), rows.ctypes.data, x.ctypes.data))  # fmt: skip
         self._address = ctypes.byref(self._record)
+
+    def with_voltage(self, u_V: Samples, turns: NDArray[np.uintp]) -> RecordInC:
+        """The same rows and positions after another voltage (n,) and its turning rows."""
+        _, _, rows, x_um = self._arrays
+        return RecordInC(u_V, self._record.before, turns, rows, x_um)
 
     def fill(self, out: Samples, delay_rows: float, basis: BasisInC, start: Samples) -> None:
         """Write the columns [segments, plays, 1, position] into ``out`` (rows, segments + plays + 2).
@@ -168,6 +173,8 @@ class FitRun:
     """Of a row's square; the weights of a run sum to 1 / range^2, so that small records count as much as large ones."""
     came_from_V: float | None = None
     """Memory at the start: None is from rest, else the voltage at which the stage last turned round."""
+    lag_s: float = 0.0
+    """Time constant of a low-pass in front of the operator."""
 
     def position(self) -> Samples:
         """Measured (rows,) in um."""
@@ -198,7 +205,7 @@ class FitRun:
     ) -> None:
         """Write the columns [segments, plays, 1, position] into ``out`` (rows, s + m + 2), behind the ``modes``."""
         if not modes:
-            self._record.fill(out, delay_s / self.run.step_s, in_C, self._start(basis, rest_fraction))
+            self._fill(out, self._record, delay_s, in_C, self._start(basis, rest_fraction))
             return
         still = self.still(delay_s, basis, rest_fraction, in_C)
         out[: len(self.rows)] = behind_modes(still, modes, self.run.step_s)[self.rows]  # all of it: a part is a copy
@@ -207,8 +214,17 @@ class FitRun:
     def still(self, delay_s: float, basis: Basis, rest_fraction: float, in_C: BasisInC) -> Samples:
         """The same columns at all rows of the record (n, s + m + 2), without modes."""
         columns = np.empty((len(self.run.u_V), basis.size + 2))
-        self._whole_record.fill(columns, delay_s / self.run.step_s, in_C, self._start(basis, rest_fraction))
+        self._fill(columns, self._whole_record, delay_s, in_C, self._start(basis, rest_fraction))
         return columns
+
+    def _fill(self, out: Samples, record: RecordInC, delay_s: float, basis: BasisInC, start: Samples) -> None:
+        """Delay and low-pass go together: the way of a lag is curved between rows."""
+        if not self.lag_s:
+            record.fill(out, delay_s / self.run.step_s, basis, start)
+            return
+        u_V = np.concatenate([[self._before_V], self.run.u_V])
+        late_V = relaxed_late(u_V, [self.lag_s], self.run.step_s, delay_s)[1:]
+        record.with_voltage(late_V, turning_rows(late_V)).fill(out, 0.0, basis, start)
 
     def _start(self, basis: Basis, rest_fraction: float) -> Samples:
         start = rest_fraction * basis.play_r_V

@@ -64,6 +64,8 @@ class OperatorFit:
     """Whether each record has an offset of its own."""
     modes: tuple[Mode, ...] = ()
     """Behind the operator, fitted together with it."""
+    lag_s: float = 0.0
+    """Time constant of a low-pass in front of the operator, fitted together with it."""
 
     def turned(self) -> OperatorFit:
         """The same fit to a sensor that counts the other way."""

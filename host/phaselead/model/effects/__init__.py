@@ -46,6 +46,7 @@ __all__ = [
     "catalogue",
     "derived_sizes",
     "effect",
+    "effect_of_lag",
     "effect_of_modes",
     "effect_of_shares",
     "lags",
@@ -86,6 +87,11 @@ def effect(name: str) -> Effect:
 def effect_of_modes(modes: Sequence[Mode]) -> tuple[Effect, dict[str, float | tuple[float, ...]]]:
     """The effect that gives the mechanics its modes, and the parameters that it has with these."""
     return next((e, e.from_modes(modes)) for e in _all().values() if e.from_modes is not None)
+
+
+def effect_of_lag(tau_s: float) -> Entry:
+    """The effect that lags in front of the operator, and the parameters that it has with this time constant."""
+    return next((e, {e.sizes[0].name: tau_s}) for e in _all().values() if e.lag_s is not None)
 
 
 def effect_of_shares(shares_of_motion: Mapping[str, float]) -> Entry:

@@ -22,6 +22,9 @@ from phaselead.record import Samples
 Mode = tuple[float, float, float]
 """Share of the motion, frequency in Hz, damping ratio."""
 
+ALIKE = 1e-4
+"""Relative difference of two lags below which they are moved apart: what each alone would add grows without bound."""
+
 
 @cache
 def _kernel() -> ctypes.CDLL:
@@ -101,9 +104,24 @@ def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
     return second_order(x, b, a)
 
 
-def relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samples:
-    """1/(tau s + 1) of ``x`` (n,), which stood at its first value before, read ``late_s`` before each row: exact where
-    a lag of rows that are late already would be straight across their corners."""
+def relaxed_late(x: Samples, taus_s: Sequence[float], step_s: float, late_s: float) -> Samples:
+    """1/(tau s + 1) for each of some lags in turn of ``x`` (n,), which stood at its first value before, read ``late_s``
+    before each row: exact where a lag of rows that are late or lag already would be straight across their corners."""
+    parts = [gain * _relaxed_late(x, tau_s, step_s, late_s) for tau_s, gain in _side_by_side(taus_s)]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def _side_by_side(taus_s: Sequence[float]) -> list[tuple[float, float]]:
+    """Time constant and gain of lags whose sum is that of these in turn (partial fractions)."""
+    apart: list[float] = []
+    for tau_s in sorted(taus_s):
+        if tau_s > 0:
+            apart.append(max(tau_s, (1 + ALIKE) * apart[-1]) if apart else tau_s)
+    each = [(tau_s, [tau_s / (tau_s - other) for other in apart if other != tau_s]) for tau_s in apart]
+    return [(tau_s, math.prod(factors)) for tau_s, factors in each] or [(0.0, 1.0)]
+
+
+def _relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samples:
     whole, part = divmod(late_s / step_s, 1.0)
     y, seen = relaxed(x, tau_s, step_s), 1.0 - part
     if part and tau_s > 0:
