@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from test_gap_laws import HIDDEN, parts
 
+from phaselead.gap.posterior.priors import SIZES
+from phaselead.gap.posterior.starts import _at_all_sizes
+from phaselead.gap.regressors import regressor_groups, typical_sizes
 from phaselead.gap.run import run_gap
 from phaselead.identify import fit
 from phaselead.model import catalogue
@@ -50,3 +53,15 @@ def test_an_effect_with_no_rival_in_the_catalogue_is_told_from_nothing():
 
 def test_a_rate_limit_is_stated_though_its_typical_size_may_show_nothing():
     assert 0 < sizes()["slew_limit"] < np.inf
+
+
+def test_effects_that_are_not_linear_in_their_sizes_are_begun_at_all_usual_ones():
+    """A rate limit shows nothing below the rates of a record, whatever its shape."""
+    effects = [catalogue()["slew_limit"], catalogue()["delay"], catalogue()["gain_change"]]
+    begun: dict[str, set[float]] = {}
+    for group in _at_all_sizes(regressor_groups(effects, 2e-4, 1.0)):
+        typical = typical_sizes(group.effect)[0]
+        begun.setdefault(group.effect.name, set()).add(group.steps[0] / typical)
+    assert begun["gain_change"] == {1.0}
+    for nonlinear in ("slew_limit", "delay"):
+        assert sorted(begun[nonlinear]) == pytest.approx(sorted(SIZES))

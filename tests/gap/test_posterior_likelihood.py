@@ -362,19 +362,34 @@ class TestRivals:
         toy = Toy(6, [large])
         assert toy.likelihood.with_misfit_of([large]).shared[1].shape[1] == 0
         among = toy.likelihood.knowing([large, sized(1.0, SLOW)])
-        added = [
-            after[:, before.shape[1] :]
-            for before, after in zip(among.shared, among.with_misfit_of([large]).shared, strict=True)
-        ]
+        added = self.added(among, large)
         assert [one.shape[1] for one in added] == [1, 1, 1, 1]
         assert [bool(one.any()) for one in added] == [False, True, True, True]
-        power = sum(float(np.sum(one**2)) for one in added)
-        moved = [
-            run.coefficients((run.modelled.answer([large]) - run.modelled.motion)[:, None])
-            for run in among.runs
-            if run.changed
-        ]
-        assert power == pytest.approx(LIKE_RIVALS**2 * sum(float(np.sum(one**2)) for one in moved))
+        assert self.power(added) == pytest.approx(self.expected_power(among, large))
+
+    @pytest.mark.parametrize("rivals", [2, 5])
+    def test_many_rivals_share_what_an_equation_misses(self, rivals):
+        """Were each given as much, what an effect looks like most would be free wherever it has rivals enough."""
+        large = sized(4.0, LATE)
+        among = Toy(6, [large]).likelihood.knowing([sized(0.3 * (1 + i), SLOW) for i in range(rivals)])
+        added = self.added(among, large)
+        assert [one.shape[1] for one in added] == [rivals] * 4
+        assert self.power(added) == pytest.approx(self.expected_power(among, large))
+
+    @staticmethod
+    def added(among, large):
+        """Columns that the misfit of an effect brings."""
+        pairs = zip(among.shared, among.with_misfit_of([large]).shared, strict=True)
+        return [after[:, before.shape[1] :] for before, after in pairs]
+
+    @staticmethod
+    def power(columns):
+        return sum(float(np.sum(one**2)) for one in columns)
+
+    def expected_power(self, among, large):
+        runs = [run for run in among.runs if run.changed]
+        moved = [run.coefficients((run.modelled.answer([large]) - run.modelled.motion)[:, None]) for run in runs]
+        return LIKE_RIVALS**2 * self.power(moved)
 
 
 def test_held_out_records_move_no_parameter_that_is_learned_without_them():

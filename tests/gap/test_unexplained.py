@@ -10,6 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from phaselead.gap.findings import GapSize
+from phaselead.gap.goodness_of_fit import too_little_described
+from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
 from phaselead.gap.unexplained import Unexplained, unexplained
@@ -124,3 +127,16 @@ def test_no_more_than_all_is_told_of():
     found = unexplained(*other_way, reference)
     assert found.share > 1
     assert found.sentence == "a generic model predicts 100 % of what the names leave from the voltage"
+
+
+@pytest.mark.parametrize(("more", "too_little"), [(0.9, False), (1.1, True)])
+def test_names_are_not_vouched_for_where_more_is_left_than_their_equations_may_miss(more, too_little):
+    """Of what a voltage predicts: noise beside it, however much, is no fault of a name."""
+    gap_um, noise_um, predictable_um = 1.0, 0.8, more * MOST_MISSED
+    after_um = np.hypot(noise_um, predictable_um)
+    left = Unexplained((predictable_um / after_um) ** 2, 1e-4)
+    assert too_little_described(left, GapSize(gap_um, float(after_um), 0.1)) == too_little
+
+
+def test_what_may_be_chance_withdraws_no_name():
+    assert not too_little_described(Unexplained(0.5, 0.6), GapSize(1.0, 1.0, 0.1))

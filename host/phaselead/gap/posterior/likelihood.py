@@ -48,8 +48,8 @@ from phaselead.gap.refit import (
 from phaselead.record import Samples
 
 LIKE_RIVALS = 0.1
-"""Share of an effect that its equation may miss and that looks like another which the catalogue says it is confused
-with: published models of hysteresis, creep and modes leave 2 to 20 % of what they describe."""
+"""Share of an effect that its equation may miss and that looks like others which the catalogue says it is confused
+with, all together: published models of hysteresis, creep and modes leave 2 to 20 % of what they describe."""
 STEPS, LEAST_GAIN, DAMPINGS = 8, 0.05, 5
 """Of a fit at most, the gain in log units that ends it, and how many dampings a step tries."""
 
@@ -109,11 +109,11 @@ class Likelihood:
         shared = list(self.shared)
         for i, (effect, _) in enumerate(entries):
             size = self._size_um(entries, i)
-            for rival in self.known:
-                if not confused(effect, rival[0]):
-                    continue
-                of_rival = self._size_um([rival], 0)
-                share = LIKE_RIVALS * size / of_rival if of_rival > 0 else 0.0
+            rivals = [(rival, self._size_um([rival], 0)) for rival in self.known if confused(effect, rival[0])]
+            seen = [(rival, of_rival) for rival, of_rival in rivals if of_rival > 0]
+            columns = sum(len(rival[0].parameters) for rival, _ in seen)
+            for rival, of_rival in seen:
+                share = LIKE_RIVALS / np.sqrt(columns) * size / of_rival
                 for j, run in enumerate(self.runs):
                     like_rival = run.simulated([rival]).of_tangents(len(rival[0].parameters)) * fault_deviations(rival)
                     shared[j] = np.concatenate([shared[j], share * like_rival], axis=1)
