@@ -127,6 +127,16 @@ def test_what_only_the_held_out_records_show_is_not_named(held_out, named):
     assert bool(found.claims) is named
 
 
+@pytest.mark.parametrize(("of_held_out", "tied"), [(5.0, ("delay",)), (25.0, ("delay", "amplifier_lowpass"))])
+def test_rivals_that_only_the_held_out_records_tell_apart_are_tied(of_held_out, tied):
+    """Both against nothing by far, and ten log units apart, of which the held-out records add these."""
+    logs = {(): 0.0, ("delay",): 60.0, ("amplifier_lowpass",): 50.0}
+    held_out = {("delay",): 5.0 + of_held_out, ("amplifier_lowpass",): 5.0}
+    (claim,) = judge(contest(logs, held_out)).claims
+    assert claim.tied == tied
+    assert claim.borne_out
+
+
 @pytest.mark.parametrize(("short", "claimed"), [(0.01, True), (-0.01, False)])
 def test_the_nearest_set_names_nothing_where_it_is_probably_no_more_than_that(short, claimed):
     """Neither an effect nor a tie. Its probability stays what it was."""

@@ -77,9 +77,8 @@ def judge(contest: Contest) -> Judgement:
     claims = []
     for effect, _ in contest.fits[best].entries:
         rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
-        group, probability = _group(effect, rivals, sets, single)
-        claim = _claim(contest, effect, group, sets, single)
-        if probability >= SURE and claim.borne_out and nearest_only <= MORE_LIKELY_THAN_NOT:
+        claim = _claim(contest, effect, rivals, sets, single)
+        if claim is not None and nearest_only <= MORE_LIKELY_THAN_NOT:
             claims.append(claim)
     return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
 
@@ -98,21 +97,27 @@ def _with_any(sets: Mapping[Names, float], names: Names) -> float:
     return min(1.0, sum(p for members, p in sets.items() if set(members) & set(names)))
 
 
-def _group(
-    effect: Effect, rivals: Mapping[str, Effect], sets: Mapping[Names, float], single: Mapping[str, float]
-) -> tuple[Names, float]:
-    """The smallest group of an effect and its rivals that is sure to be there, or the largest allowed, and its
-    probability. Only what may be taken for the effect can stand in its place."""
-    group: Names = (effect.name,)
-    while _with_any(sets, group) < SURE and len(group) < MOST_TIED:
-        gains = {n: _with_any(sets, (*group, n)) for n in single if n in rivals and n not in group}
-        if not gains:
-            break
-        group = (*group, max(gains, key=lambda n: gains[n]))
-    return group, _with_any(sets, group)
-
-
 def _claim(
+    contest: Contest,
+    effect: Effect,
+    rivals: Mapping[str, Effect],
+    sets: Mapping[Names, float],
+    single: Mapping[str, float],
+) -> Claim | None:
+    """That an effect is there, or one of the smallest group of it and its rivals of which that is sure, and which the
+    records that were fitted speak for by themselves. Only what may be taken for the effect can stand in its place."""
+    group: Names = (effect.name,)
+    while True:
+        claim = _claim_of(contest, effect, group, sets, single)
+        if _with_any(sets, group) >= SURE and claim.borne_out:
+            return claim
+        more = {n: _with_any(sets, (*group, n)) for n in single if n in rivals and n not in group}
+        if not more or len(group) == MOST_TIED:
+            return None
+        group = (*group, max(more, key=lambda n: (more[n], single[n])))
+
+
+def _claim_of(
     contest: Contest, effect: Effect, group: Names, sets: Mapping[Names, float], single: Mapping[str, float]
 ) -> Claim:
     """The claim that one of a group is there."""
