@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phaselead.control.motion_limits import PATH_ROOM
-from phaselead.control.rehearsal import as_played
 from phaselead.control.rounding import rounding_s
 from phaselead.control.tracking import path_warnings, track
 from phaselead.control.true_position import followed
 from phaselead.device.device import Device
 from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, Sensor, TimeView
 from phaselead.model.stage_file import Stage
+from phaselead.sim import virtual_stage
 from phaselead.waveforms.catalogue import parse_wave
 
 VIEW = TimeView(
@@ -75,7 +75,7 @@ def test_larger_paths_and_slower_outputs_are_rounded_more(swing_um, slew_V_per_s
 
 def driven(asked, folder):
     path = folder / "stage.toml"
-    as_played(STAGE).save(path)
+    virtual_stage(STAGE).save(path)
     with Device.open(f"sim://{path}") as device:
         return track(device, {"x": asked}, "inverse", stage=STAGE, duration_s=0.4, force=True)
 

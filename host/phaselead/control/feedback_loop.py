@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.errors import BadInput
-from phaselead.model import TICK_S, AxisModel, Gains, SmallSignal, small_signal
+from phaselead.model import HOLD_S, LATCH_S, TICK_S, AxisModel, Gains, SmallSignal, small_signal
 from phaselead.record import Samples
 from phaselead.result import Result, Table
 
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
 
 Response = NDArray[np.complex128]
 
-LATCH_S = 30e-6
-"""From the sample to the latch of the output, in every build (docs/emulation.md)."""
-HOLD_S = LATCH_S + TICK_S / 2
-"""By how much a held, latched output is late of the straight lines between rows that the time view's delay counts
-from."""
 LOWEST_Hz = 0.1
 NYQUIST_Hz = 0.5 / TICK_S
 BANDWIDTH = 2**-0.5

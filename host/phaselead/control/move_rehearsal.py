@@ -6,9 +6,10 @@ import tempfile
 from pathlib import Path
 
 from phaselead.control.moving import Mover, Planned
-from phaselead.control.rehearsal import as_played, rests_unseen
+from phaselead.control.rehearsal import rests_unseen
 from phaselead.device import Device
 from phaselead.errors import BadInput, DeviceRefused
+from phaselead.sim import virtual_stage
 
 APPROACH_S = 0.1
 """Of the way to where the move begins, from rest."""
@@ -25,7 +26,7 @@ def rehearse_move(mover: Mover, planned: Planned) -> dict[str, float | None]:
         return {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
-        as_played(stage).save(path)
+        virtual_stage(stage).save(path)
         try:
             with Device.open(f"sim://{path}") as device:
                 twin = Mover(device, window_um=mover.window_um)

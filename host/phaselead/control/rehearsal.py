@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
+from phaselead.sim import virtual_stage
 from phaselead.waveforms import Goto, Waveform
 
 LONGEST_S = 2.0
@@ -88,20 +88,8 @@ def _simulated(stage: Stage) -> Iterator[str]:
     """The port of a simulated stage that obeys the model."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
-        as_played(stage).save(path)
+        virtual_stage(stage).save(path)
         yield f"sim://{path}"
-
-
-def as_played(stage: Stage) -> Stage:
-    """The stage as the simulator takes it: it holds and latches by itself what a model has in its delay."""
-    return stage.model_copy(update={"axes": {name: _as_played(model) for name, model in stage.axes.items()}})
-
-
-def _as_played(model: AxisModel) -> AxisModel:
-    if model.time is None:
-        return model
-    delay_s = max(model.time.delay_s - HOLD_S, 0.0)
-    return model.model_copy(update={"time": model.time.model_copy(update={"delay_s": delay_s})})
 
 
 def _silent(stage: Stage, axis: str) -> bool:

@@ -59,10 +59,11 @@ from phaselead.model.operator import (
     turned_view,
 )
 from phaselead.model.prediction import predict
-from phaselead.model.sections import TICK_S, Section
+from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_argument import StageLike, as_stage
 from phaselead.model.stage_file import (
+    Provenance,
     Stage,
     load_stage,
     parse_stage,
@@ -75,7 +76,9 @@ from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
 __all__ = [
+    "HOLD_S",
     "KNOTS",
+    "LATCH_S",
     "LONGEST_DELAY_S",
     "PLAYS",
     "SECTIONS",
@@ -104,6 +107,7 @@ __all__ = [
     "Parameter",
     "Params",
     "Place",
+    "Provenance",
     "Scene",
     "Section",
     "Sensor",

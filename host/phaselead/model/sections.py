@@ -19,6 +19,11 @@ from phaselead.record import Samples
 Roots = NDArray[np.complex128]
 
 TICK_S = 1 / 5000
+LATCH_S = 30e-6
+"""From the sample of a tick to the latch of its output, in every build of the firmware (docs/emulation.md)."""
+HOLD_S = LATCH_S + TICK_S / 2
+"""By how much a held, latched output is late of the straight lines between the rows of a recording, from which the time
+view's delay counts."""
 FASTER = 8.0
 """A lead's own pole lies this factor above the corner that it undoes, and amplifies the fastest part of a path by as
 much."""

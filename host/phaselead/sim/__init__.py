@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.sim.device import load_library
 from phaselead.sim.emulated import Counts, EmulatedDevice, find_firmware
 from phaselead.sim.faulty import FaultyLine, LineFaults
-from phaselead.sim.plant import built_in, data_sheet, plant_parameters, stage_at
+from phaselead.sim.plant import built_in, data_sheet, plant_parameters, stage_at, virtual_stage
 from phaselead.sim.pty import linked, serve
 from phaselead.sim.replaying import Replay, replay
 from phaselead.sim.stack_use import worst_stack
@@ -25,5 +25,6 @@ __all__ = [
     "replay",
     "serve",
     "stage_at",
+    "virtual_stage",
     "worst_stack",
 ]

@@ -11,15 +11,25 @@ from urllib.parse import parse_qsl
 
 from phaselead.device import AXES
 from phaselead.errors import BadInput
-from phaselead.model import TICK_S, AxisModel, NotPlayed, Place, Stage, VirtualAxis, load_stage, parse_stage
+from phaselead.model import (
+    HOLD_S,
+    LATCH_S,
+    TICK_S,
+    AxisModel,
+    NotPlayed,
+    Place,
+    Provenance,
+    Stage,
+    VirtualAxis,
+    load_stage,
+    parse_stage,
+)
 from phaselead.serial_ports import behind_line
 from phaselead.sim.linked import add_effects, linked_parameters
 from phaselead.sim.structures import LinkedParameters
 
 DEFAULT_STAGE = "xyz250"
 """Behind an emulated board, unless another is named."""
-LATCH_S = 30e-6
-"""From the sample of a tick to its DAC output, in every build of the firmware."""
 PLAYS, DEADZONES, CREEPS, MODES, DELAY_TICKS = 64, 32, 8, 4, 63
 """Bounds of the kernel, as in plant.h."""
 
@@ -170,12 +180,29 @@ def _is_file(place: str) -> bool:
     return "/" in place or place.endswith(".toml")
 
 
+def virtual_stage(model: Stage) -> Stage:
+    """The virtual stage that answers as a model says. The delay of a model counts from the straight lines between the
+    rows of recordings; that of a virtual stage from where the output is latched, since the simulator holds and latches
+    by itself. A stage file that names recordings it was fitted on is a model, any other a virtual stage."""
+    axes = {name: _from_latch(axis) for name, axis in model.axes.items()}
+    return model.model_copy(update={"axes": axes, "provenance": Provenance()})
+
+
+def _from_latch(axis: AxisModel) -> AxisModel:
+    if axis.time is None:
+        return axis
+    delay_s = max(axis.time.delay_s - HOLD_S, 0.0)
+    return axis.model_copy(update={"time": axis.time.model_copy(update={"delay_s": delay_s})})
+
+
 def plant_parameters(stage: Stage, seed: int = 0) -> PlantParameters:
-    """Kernel parameters of a stage at rest. Axes the file does not have stand still at 0 um.
+    """Kernel parameters of a stage at rest. Axes the file does not have stand still at 0 um. Of a model, those of its
+    ``virtual_stage``.
 
     Raises:
         BadInput: an axis has no time view, or an effect the simulator does not know.
     """
+    stage = virtual_stage(stage) if stage.provenance.data else stage
     parameters = PlantParameters(tick_s=TICK_S, seed=seed)
     coupling = stage.cross_coupling
     for i in range(3):

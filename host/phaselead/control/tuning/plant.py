@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.control.feedback_loop import HOLD_S, plant_response
+from phaselead.control.feedback_loop import plant_response
 from phaselead.errors import BadInput
-from phaselead.model import SmallSignal
+from phaselead.model import HOLD_S, SmallSignal
 from phaselead.record import Samples
 
 Response = NDArray[np.complex128]
