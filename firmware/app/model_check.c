@@ -121,7 +121,7 @@ static enum model_field expand_axis(struct model_slot *slot, unsigned axis, cons
         field = expand_table_view(slot, axis, model);
     if (field == FIELD_NONE && model->flags & FLAG_INVERSE) {
         struct model_reach *reach = &slot->reach[axis];
-        field = model_compensation(model, &slot->compensation[axis]);
+        field = model_compensation(model, axis, &slot->compensation[axis]);
         slot->inverse_mask |= field == FIELD_NONE ? 1u << axis : 0;
         if (field == FIELD_NONE)
             inverse_reach_q16(&slot->compensation[axis].inverse, &reach->low_q16, &reach->high_q16);

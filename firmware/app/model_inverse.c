@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "app/wire_biquad.h"
+#include "core/decoupling.h"
 #include "core/fixed.h"
 #include "core/inverse_make.h"
 
@@ -60,7 +61,19 @@ static enum model_field blamed(enum inverse_verdict verdict)
     }
 }
 
-static enum model_field inverse(const struct wire_axis_model *model, struct compensation *compensation)
+/* Of the way of another axis, what this one sees at most: 0 to 1. */
+static int32_t largest_share_q28(const int32_t coupling_q28[DECOUPLE_AXES], unsigned axis)
+{
+    int64_t largest_q28 = 0;
+    for (unsigned from = 0; from < DECOUPLE_AXES; from++) {
+        const int64_t size_q28 = coupling_q28[from] < 0 ? -(int64_t)coupling_q28[from] : coupling_q28[from];
+        if (from != axis && size_q28 > largest_q28)
+            largest_q28 = size_q28;
+    }
+    return (int32_t)(largest_q28 < DECOUPLE_ONE_Q28 ? largest_q28 : DECOUPLE_ONE_Q28);
+}
+
+static enum model_field inverse(const struct wire_axis_model *model, unsigned axis, struct compensation *compensation)
 {
     struct inverse_config *config = &compensation->inverse;
     bool beyond = model->offset_q16 > OFFSET_MOST_Q16 || model->offset_q16 < -OFFSET_MOST_Q16;
@@ -76,14 +89,15 @@ static enum model_field inverse(const struct wire_axis_model *model, struct comp
     enum model_field field = blamed(inverse_make(config, model->play_w_q20));
     if (field != FIELD_NONE || beyond)
         return beyond ? FIELD_OFFSET : field;
-    compensation->per_um_q28 = inverse_per_um_q28(config);
+    compensation->per_um_q28 = inverse_per_um_q28(config, largest_share_q28(model->coupling_q28, axis));
     return compensation_make(compensation) ? FIELD_NONE : FIELD_OFFSET;
 }
 
-enum model_field model_compensation(const struct wire_axis_model *model, struct compensation *compensation)
+enum model_field model_compensation(const struct wire_axis_model *model, unsigned axis,
+                                    struct compensation *compensation)
 {
     enum model_field field = filters(model, compensation);
     if (field == FIELD_NONE)
         field = creep(model, &compensation->creep);
-    return field == FIELD_NONE ? inverse(model, compensation) : field;
+    return field == FIELD_NONE ? inverse(model, axis, compensation) : field;
 }

@@ -7,6 +7,7 @@
 #include "core/compensation.h"
 
 /* FIELD_NONE, or the first field that is not usable. */
-enum model_field model_compensation(const struct wire_axis_model *model, struct compensation *compensation);
+enum model_field model_compensation(const struct wire_axis_model *model, unsigned axis,
+                                    struct compensation *compensation);
 
 #endif

@@ -20,7 +20,7 @@ struct compensation { /* of one axis, made when a model is committed */
     int32_t rest_q16;         /* position at rest at 0 V */
     int64_t rest_q40;         /* the same in another format */
     uint32_t sections_in_use; /* those that change anything: bit i for shape[i], and DRIVE_IN_USE */
-    int32_t per_um_q28;       /* V/um between the flattest and the steepest of the loop: inverse_per_um_q28() */
+    int32_t per_um_q28;       /* V/um of the largest motion that other axes cause: inverse_per_um_q28() */
     struct biquad_config shape[SHAPE_SECTIONS];
     struct biquad_config drive;
     struct creep_config creep;

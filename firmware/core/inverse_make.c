@@ -118,14 +118,29 @@ void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, in
     *high_q16 = extreme_q16(config, config->u_max_q24, 1);
 }
 
-int32_t inverse_per_um_q28(const struct inverse_config *config)
+/* What plays add to the mean slope of a voltage that goes back and forth by swing_q24: each stands still for twice its
+ * threshold after a turn. */
+static int64_t plays_slope_q20(const struct inverse_config *config, int64_t swing_q24)
+{
+    int64_t way_q44 = 0;
+    for (unsigned i = 0; i < config->plays; i++) {
+        const int64_t left_q24 = swing_q24 - 2 * (int64_t)config->play[i].r_q24;
+        if (left_q24 <= 0)
+            break;
+        way_q44 += inverse_weighted_q44(config, i, left_q24);
+    }
+    return swing_q24 > 0 ? way_q44 / swing_q24 : 0;
+}
+
+int32_t inverse_per_um_q28(const struct inverse_config *config, int32_t share_q28)
 {
     bool saturated = false;
     uint32_t knots;
     int32_t slope_q20;
+    const int64_t range_q24 = (int64_t)config->u_max_q24 - config->u_min_q24;
     const int64_t low_q44 = inverse_curve_q44(config, config->u_min_q24, &knots, &slope_q20);
     const int64_t high_q44 = inverse_curve_q44(config, config->u_max_q24, &knots, &slope_q20);
-    const int64_t mean_q20 = (high_q44 - low_q44) / ((int64_t)config->u_max_q24 - config->u_min_q24);
-    const int64_t middle_q20 = mean_q20 + config->play[INVERSE_PLAYS].sum_q20 / 2;
-    return sat_i32(((int64_t)1 << 48) / (middle_q20 > 0 ? middle_q20 : 1), &saturated);
+    const int64_t swing_q24 = round_shift_i64((range_q24 >> 4) * share_q28, 24);
+    const int64_t mean_q20 = (high_q44 - low_q44) / range_q24 + plays_slope_q20(config, swing_q24);
+    return sat_i32(((int64_t)1 << 48) / (mean_q20 > 0 ? mean_q20 : 1), &saturated);
 }

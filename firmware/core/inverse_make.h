@@ -23,7 +23,7 @@ enum inverse_verdict inverse_make(struct inverse_config *config, const int32_t p
 /* Positions that can be reached whatever the memory: from all plays drawn down to u_min to all pushed up to u_max. */
 void inverse_reach_q16(const struct inverse_config *config, int32_t *low_q16, int32_t *high_q16);
 
-/* 1 / mean slope between the limits, that without plays and half of all their weights. */
-int32_t inverse_per_um_q28(const struct inverse_config *config);
+/* 1 / mean slope of a voltage that goes back and forth by this share, 0 to 1, of the way between the limits. */
+int32_t inverse_per_um_q28(const struct inverse_config *config, int32_t share_q28);
 
 #endif

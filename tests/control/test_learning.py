@@ -562,6 +562,10 @@ def test_feedback_is_doubled_and_never_more_than_asked_for():
     own = GAINS["x"]
     assert louder(scaled(own, 0.25), own) == scaled(own, 0.5)
     assert louder(scaled(own, 0.5), own) == louder(own, own) == own
+    proportional = Gains(kp_V_per_um=0.0005, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
+    assert louder(scaled(proportional, 0.25), proportional) == scaled(proportional, 0.5)
+    none = scaled(proportional, 0.0)
+    assert louder(none, none) == none
 
 
 def test_what_repeats_is_weighed_against_what_does_not():

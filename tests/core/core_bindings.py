@@ -470,6 +470,7 @@ PROTOTYPES = {
     "inverse_follow": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
     "inverse_step_q24": (I32, [ct.POINTER(Inverse), ct.POINTER(InverseState), I64, FLAG]),
     "inverse_reach_q16": (None, [ct.POINTER(Inverse), ct.POINTER(I32), ct.POINTER(I32)]),
+    "inverse_per_um_q28": (I32, [ct.POINTER(Inverse), I32]),
     "decoupling_takes": (ct.c_bool, [I32 * 3, ct.c_uint]),
     "couple": (None, [(I32 * 3) * 3, U32, I32 * 3]),
     "decoupling_make": (ct.c_bool, [ct.POINTER((I32 * 3) * 3), ct.POINTER(Decoupling)]),

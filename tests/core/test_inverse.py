@@ -161,6 +161,19 @@ def test_what_it_can_reach(core, config):
             assert v == end or abs(position - (target << 28)) <= Operator(config).slopes() + (1 << 27)
 
 
+@given(inverses, st.integers(1 << 16, 1 << 28))
+def test_what_other_axes_cause_is_led_by_the_slope_of_a_loop_of_its_size(core, config, share_q28):
+    """Of all plays half were taken, which small loops do not move: 4 um by one of 100 um were led by a fifth less."""
+    rising = [(play.r_q24, w) for play, w in zip(config.play, weights(config), strict=False)][: config.plays]
+    config = inverse_of(rising, gain_q20=config.gain_q20)
+    swing_q24 = 12 * V * share_q28 >> 28
+    operator = Operator(config)
+    operator.go(config.u_min_q24)
+    turned = operator.go(config.u_max_q24)
+    slope = (turned - operator.go(config.u_max_q24 - swing_q24)) / swing_q24 / 2**20
+    assert core.inverse_per_um_q28(config, share_q28) / 2**28 == pytest.approx(min(1 / slope, 8), rel=1e-4, abs=2**-27)
+
+
 any_memory = st.builds(
     InverseState,
     any_i64,

@@ -58,8 +58,8 @@ def quieter(model: AxisModel, gains: Gains, seen_s: float) -> Gains:
 
 
 def louder(gains: Gains, at_most: Gains) -> Gains:
-    """Twice the gains."""
-    share = min(2 * gains.ki_V_per_um_s / at_most.ki_V_per_um_s, 1.0)
+    """Twice the gains, and ``at_most`` all of these."""
+    share = min(2 * share_of(gains, at_most), 1.0)
     return scaled(at_most, share) if share < 1 else at_most
 
 
