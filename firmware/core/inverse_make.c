@@ -140,7 +140,7 @@ int32_t inverse_per_um_q28(const struct inverse_config *config, int32_t share_q2
     const int64_t range_q24 = (int64_t)config->u_max_q24 - config->u_min_q24;
     const int64_t low_q44 = inverse_curve_q44(config, config->u_min_q24, &knots, &slope_q20);
     const int64_t high_q44 = inverse_curve_q44(config, config->u_max_q24, &knots, &slope_q20);
-    const int64_t swing_q24 = round_shift_i64((range_q24 >> 4) * share_q28, 24);
+    const int64_t swing_q24 = round_shift_i64(range_q24 / 16 * share_q28, 24);
     const int64_t mean_q20 = (high_q44 - low_q44) / range_q24 + plays_slope_q20(config, swing_q24);
     return sat_i32(((int64_t)1 << 48) / (mean_q20 > 0 ? mean_q20 : 1), &saturated);
 }
