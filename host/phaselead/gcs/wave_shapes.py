@@ -65,9 +65,10 @@ def _within(word: str, low: int, high: int) -> int:
 
 
 def line(points: int, bent: int) -> Points:
-    """From 0 to 1 in so many points; the first and the last ``bent`` of them speed up and slow down evenly."""
+    """From 0 to 1 in so many points; the first and the last ``bent`` of them, up to half, speed up and slow down
+    evenly."""
     t = np.linspace(0.0, 1.0, points)
-    share = bent / (points - 1)
+    share = min(bent / (points - 1), 0.5)  # of steps, one fewer than points: where both bends meet, in the middle
     if share == 0:
         return t
     top = 1 / (1 - share)  # the speed between the bends
