@@ -126,6 +126,9 @@ FAR = """(id) => {
 """Of two looks at a plot: pixels that were inked in the first, and those with no ink near them in the second."""
 
 
+TWO_FRAMES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+"""Of the screen, after which everything that was known before them is drawn."""
+
 COUNT_DRAWN = """() => {
   const send = WebSocket.prototype.send;
   window.drawn = 0;
@@ -144,9 +147,10 @@ def test_what_is_shifted_on_is_what_would_be_drawn_anew(context, served):
     page.evaluate(COUNT_DRAWN)
     page.wait_for_function("() => window.drawn > 150")
     page.locator("#pause").click()
+    page.evaluate(TWO_FRAMES)  # what had come before the pause is drawn with the next frame
     assert page.evaluate(FAR, "position") is None
     page.emulate_media(color_scheme="dark")  # draws everything anew
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.evaluate(TWO_FRAMES)
     inked, far = page.evaluate(FAR, "position")
     assert inked > 1500
     assert far < inked / 100
