@@ -6,11 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phaselead.control.tracking import path_warnings, track
+from phaselead.control.true_position import followed
 from phaselead.device.device import Device
-from phaselead.model.axis import Gains
+from phaselead.model.axis import AxisModel, Gains, Sensor
+from phaselead.model.sensor_lag import sensor_lag_s
+from phaselead.model.stage_file import Stage
 from phaselead.waveforms.catalogue import parse_wave
 from phaselead.waveforms.waveform import POINTS
 
+SENSED = Stage(name="sensed", axes={"x": AxisModel(sensor=Sensor(bandwidth_Hz=500.0))})
 GAINS = {"x": Gains(kp_V_per_um=0.0, ki_V_per_um_s=1.0, kd_V_s_per_um=0.0)}
 
 
@@ -66,3 +70,28 @@ def test_a_run_is_judged_by_the_file(tmp_path):
     assert run.figures["max_um"] == pytest.approx(np.abs(error_um).max())
     assert run.figures["unplayed_um"] == wave.unplayed
     assert np.abs(run.r_um - wave.value(run.t_s)).max() > 0.4
+    assert run.error_um["x"] == pytest.approx(error_um)
+
+
+def test_what_is_too_fast_to_be_played_counts_whole_though_the_sensor_is_late(tmp_path):
+    """The sensor's lag took it out of the path that was judged: a fifth of the error was left."""
+    wave = written(tmp_path, np.random.default_rng(3).normal(20, 3, 50_000), 1.0)
+    asked = followed({"x": wave}, SENSED, "true", "pid")
+    with Device.open("sim://xyz250") as device:
+        run = track(device, asked, "pid", gains=GAINS, duration_s=1.0)
+    assert run.figures["rms_um"] == pytest.approx(run.figures["true"]["rms_um"], rel=0.02)
+    assert run.figures["rms_um"] == pytest.approx(np.sqrt(np.mean(run.error_um["x"] ** 2)))
+
+
+def test_a_path_that_can_be_played_is_judged_as_the_sensor_shows_it(tmp_path):
+    wave = written(tmp_path, ripple(512, 3), 1.0)
+    late = followed({"x": wave}, SENSED, "true", "pid")["x"]
+    t_s = np.linspace(0, 1, 999)
+    lag_s = sensor_lag_s(SENSED.axes["x"])
+    lagging = 20 * (1 - lagged(1.0, t_s, lag_s)) + 0.5 * (1 - lagged(3.0, t_s, lag_s))
+    assert late.value(t_s) == pytest.approx(lagging, abs=1e-3)
+
+
+def lagged(f_Hz, t_s, lag_s):
+    """A cosine behind a first-order lag."""
+    return np.real(np.exp(2j * np.pi * f_Hz * t_s) / (1 + 2j * np.pi * f_Hz * lag_s))

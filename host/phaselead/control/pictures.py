@@ -15,15 +15,16 @@ from phaselead.record import Recording, Samples
 Response = NDArray[np.complex128]
 
 
-def tracking_figure(recording: Recording) -> Figure:
-    """Reference and position above, error = reference - position below; axes without a reference are left out."""
+def tracking_figure(recording: Recording, meant_um: Mapping[str, Samples]) -> Figure:
+    """The path that each axis is judged by, shape (n,), and its position above, the error below; other axes are left
+    out."""
     with figure_style():
         figure = new_figure(9.4, 4.6)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.2, 1])
         for axis, record in recording.axes.items():
-            if record.r_um is None or record.x_um is None:
+            if axis not in meant_um or record.x_um is None:
                 continue
-            t, r, x, error = thin(recording.t_s, record.r_um, record.x_um, record.r_um - record.x_um)
+            t, r, x, error = thin(recording.t_s, meant_um[axis], record.x_um, meant_um[axis] - record.x_um)
             upper.plot(t, r, color=GREY, linewidth=2.4, alpha=0.6, label=f"{axis}, reference")
             upper.plot(t, x, color=AXIS_COLOURS[axis], linewidth=1.0, label=f"{axis}, measured")
             lower.plot(t, error, color=AXIS_COLOURS[axis], linewidth=0.9)

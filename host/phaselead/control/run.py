@@ -23,7 +23,7 @@ class Run(SampledResult):
     ``figures`` are those of ``phaselead track --json``: ``mode``, ``max_um``, ``rms_um``, ``range_um``, ``max_pct``,
     ``max_um_mean_removed`` over the rows that ``judged`` names (the last four periods; of a move the whole record),
     ``from_rest`` over every sample, ``ticks``, ``dropped``; with
-    several axes they are under ``axes``. Error = reference - measured position.
+    several axes they are under ``axes``. Error = the path that was asked for - measured position.
 
     The columns of the recording are attributes, float64 arrays of shape (n,): ``t_s``, ``u_V``, ``x_um``, ``r_um``
     (several axes: ``ux_V``, ``y_um``, ``rz_um`` ...).
@@ -31,7 +31,7 @@ class Run(SampledResult):
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
     ...     run = dev.track("sine:60um@5Hz", mode="pid", duration=1)
-    >>> run.x_um.shape, bool(abs(run.r_um - run.x_um).max() < 6)
+    >>> run.x_um.shape, bool(abs(run.error_um["x"]).max() < 6)
     ((5000,), True)
     >>> round(run.figures["max_um"], 1)
     5.6
@@ -50,6 +50,15 @@ class Run(SampledResult):
     triggers: Mapping[str, Samples] = field(default_factory=dict)
     """When each trigger output pulsed, by what it was told ("line"): times from the first tick of the path, shape (n,);
     those of joins into and out of it are left out."""
+    meant_um: Mapping[str, Samples] = field(default_factory=dict)
+    """The path that each axis is judged by, shape (n,): the one that was asked for, where the sensor's lag is known as
+    the sensor would show it. ``r_um`` is what the device played of it. Empty in mode open."""
+
+    @property
+    def error_um(self) -> dict[str, Samples]:
+        """What the figures are of: ``meant_um`` - measured position, shape (n,) per axis. Empty in mode open."""
+        measured = {axis: self.recording.axes[axis].x_um for axis in self.meant_um}
+        return {axis: self.meant_um[axis] - x_um for axis, x_um in measured.items() if x_um is not None}
 
     def with_pulses(self, pulses: Sequence[Pulses]) -> Run:
         """With what these outputs were recorded to do; their numbers are the figures ``triggers``."""
@@ -109,7 +118,7 @@ class Run(SampledResult):
             return self.recording.plot()
         from phaselead.control.pictures import tracking_figure  # matplotlib is slow to load and is needed here only
 
-        return tracking_figure(self.recording)
+        return tracking_figure(self.recording, self.meant_um)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
         """Writes .h5 with all that a replay needs, or .csv, .mat or .parquet with the columns alone.

@@ -171,7 +171,8 @@ def track(
     )
     recording = run_recording(capture, mode, stage, pulses)
     true_um = true.of(recording, capture)
-    run = Run(recording, capture, run_figures(recording, capture, waveforms, mode, true_um), true_um)
+    figures, judged_by = run_figures(recording, capture, waveforms, mode, true_um), meant_um(recording, waveforms)
+    run = Run(recording, capture, figures, true_um, meant_um=judged_by)
     return run.with_pulses(pulses or ())
 
 
@@ -365,6 +366,16 @@ def run_figures(
     return common | {"axes": per_axis}
 
 
+def meant_um(recording: Recording, waveforms: Mapping[str, Waveform]) -> dict[str, Samples]:
+    """The path that each axis in closed loop is judged by, shape (n,)."""
+    found = {}
+    for axis, waveform in waveforms.items():
+        r_um = recording.axes[axis].r_um
+        if r_um is not None:
+            found[axis] = waveform.value(recording.t_s) if waveform.judged_apart else r_um
+    return found
+
+
 def axis_figures(
     recording: Recording, axis: str, waveform: Waveform, mode: str, true_um: Samples | None = None
 ) -> dict[str, Any]:
@@ -382,12 +393,12 @@ def axis_figures(
         nothing: dict[str, Any] = dict.fromkeys(names)
         return nothing | {"measured_range_um": float(np.ptp(record.x_um)), "from_rest": dict(nothing)}
     judged = waveform.judged_rows(len(record.x_um), TICK_HZ)
-    meant_um = waveform.value(recording.t_s) if waveform.judged_apart else record.r_um
+    meant = meant_um(recording, {axis: waveform})[axis]
     asked = waveform.as_asked
-    asked_um = meant_um if asked is waveform else asked.value(recording.t_s)
-    steady = tracking_error(meant_um[judged], record.x_um[judged], asked_um[judged])
-    whole = tracking_error(meant_um, record.x_um, asked_um)
-    part = {"judged": LAST_PERIODS if len(meant_um[judged]) < len(meant_um) else WHOLE_RECORD}
+    asked_um = meant if asked is waveform else asked.value(recording.t_s)
+    steady = tracking_error(meant[judged], record.x_um[judged], asked_um[judged])
+    whole = tracking_error(meant, record.x_um, asked_um)
+    part = {"judged": LAST_PERIODS if len(meant[judged]) < len(meant) else WHOLE_RECORD}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
     lag = {"sensor_lag_s": waveform.lag_s} if isinstance(waveform, Replaced) and waveform.lag_s > 0 else {}
     true = {} if true_um is None else {"true": _true_figures(recording.t_s, true_um, waveform, record.r_um)}

@@ -57,6 +57,10 @@ class File(Sampled):
     def share(self, turns: Shares) -> Shares:
         return self.own(turns)
 
+    def playable(self, t_s: ArrayLike) -> Shares:
+        points = Sampled.share(self, np.asarray(t_s, dtype=np.float64) * self.f_Hz)
+        return np.asarray(self.offset + self.swing * points)
+
     @cached_property
     def unplayed(self) -> float:
         return self.swing * largest_difference(self.own, self.period)

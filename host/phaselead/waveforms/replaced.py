@@ -20,7 +20,8 @@ STEP = 2.0**-16
 @dataclass(frozen=True, eq=False)
 class Replaced(Sampled):
     """``period`` is played, ``wanted`` was asked for, and judged is the measured position against ``value``: what a
-    sensor late by ``lag_s`` (first order) shows of a stage that is where it was asked to be."""
+    sensor late by ``lag_s`` (first order) shows of a stage that is where it was asked to be. What the device cannot
+    play is no later there, so that all of it counts as error."""
 
     wanted: Waveform
     lag_s: float = 0.0
@@ -49,20 +50,24 @@ class Replaced(Sampled):
     def as_sensed(cls, wanted: Waveform, lag_s: float, rounding_s: float = 0.0) -> Self:
         """The device is asked for what the sensor is to show, so that the stage itself is where it was asked to be, but
         for corners."""
-        values = sensed_values(wanted, lag_s, rounding_s)[:: FINE // POINTS]
+        values = played_values(wanted, lag_s, rounding_s)[:: FINE // POINTS]
         return cls.of(wanted, values, lag_s=lag_s, rounding_s=rounding_s)
 
     def share(self, turns: Shares) -> Shares:
-        if self.lag_s == 0:
-            return np.asarray((self.wanted.value(turns / self.f_Hz) - self.offset) / self.swing)
-        sensed = np.interp(turns % 1.0 * FINE, np.arange(FINE + 1), self._sensed)
-        return np.asarray((sensed - self.offset) / self.swing)
+        asked = self.wanted.value(turns / self.f_Hz)
+        late = np.interp(turns % 1.0 * FINE, np.arange(FINE + 1), self._late) if self.lag_s > 0 else 0.0
+        return np.asarray((asked + late - self.offset) / self.swing)
 
     @cached_property
-    def _sensed(self) -> Shares:
-        """One period and the first value again, (FINE + 1,)."""
-        values = sensed_values(self.wanted, self.lag_s)
-        return np.append(values, values[0])
+    def _late(self) -> Shares:
+        """What the lag adds to one period, and the first value again, (FINE + 1,)."""
+        at_once, later = (played_values(self.wanted, lag_s, self.rounding_s) for lag_s in (0.0, self.lag_s))
+        return np.append(later - at_once, later[0] - at_once[0])
+
+    @property
+    def _asked(self) -> Shares:
+        """One period as it was asked for, (FINE,)."""
+        return self.wanted.value(np.arange(FINE) / FINE / self.f_Hz)
 
     @property
     def played(self) -> Shares:
@@ -82,8 +87,8 @@ class Replaced(Sampled):
     def unplayed(self) -> float:
         if self.rounding_s == 0:
             return self.wanted.unplayed
-        rounded = sensed_values(self.wanted, self.lag_s, self.rounding_s)
-        return self.wanted.unplayed + float(np.abs(rounded - sensed_values(self.wanted, self.lag_s)).max())
+        rounded = played_values(self.wanted, 0.0, self.rounding_s)
+        return max(self.wanted.unplayed, float(np.abs(rounded - self._asked).max()))
 
     @property
     def default_duration_s(self) -> float:
@@ -95,9 +100,10 @@ def mean_twice(f_Hz: Shares, over_s: float) -> Shares:
     return np.asarray(np.sinc(over_s * f_Hz) ** 2)
 
 
-def sensed_values(wanted: Waveform, lag_s: float, rounding_s: float = 0.0) -> Shares:
-    """One period of a periodic path, its corners rounded, behind a first-order lag, in its unit, (FINE,)."""
-    values = wanted.value(np.arange(FINE) / FINE / wanted.f_Hz)
+def played_values(wanted: Waveform, lag_s: float, rounding_s: float = 0.0) -> Shares:
+    """One period of what the device can play of a periodic path, its corners rounded, behind a first-order lag, in its
+    unit, (FINE,)."""
+    values = wanted.playable(np.arange(FINE) / FINE / wanted.f_Hz)
     spectrum = np.fft.rfft(values)
     f_Hz = np.arange(len(spectrum), dtype=np.float64) * wanted.f_Hz
     spectrum *= mean_twice(f_Hz, rounding_s) / (1 + 2j * np.pi * f_Hz * lag_s)

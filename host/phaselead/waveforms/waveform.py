@@ -116,6 +116,10 @@ class Waveform(ABC):
         turns = np.asarray(t_s, dtype=np.float64) * self.f_Hz
         return np.asarray(self.offset + self.swing * self.share(turns))
 
+    def playable(self, t_s: ArrayLike) -> NDArray[np.float64]:
+        """The same of what the device can play of it."""
+        return self.value(t_s)
+
     def steepest(self) -> float:
         """Largest rate, in units per second."""
         return self.steepest_share * abs(self.swing) * self.f_Hz
