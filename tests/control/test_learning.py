@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from phaselead.control.feedback_loop import local_gains, open_loop, pid_response
 from phaselead.control.gains import design_gains
+from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import trials as course
 from phaselead.control.learning.law import MARGIN, next_step
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, load_learned, one_period
@@ -497,7 +498,7 @@ def refused_below(monkeypatch, share):
 
     def refused(self, correction):
         if self._gains["x"].ki_V_per_um_s < share * GAINS["x"].ki_V_per_um_s and len(self._trials) > 1:
-            raise BadInput("x: it would add 100 um")
+            raise course._TooLarge("x: it would add 100 um")
         refuses(self, correction)
 
     monkeypatch.setattr(course._Course, "_refuse_too_large", refused)
@@ -547,6 +548,20 @@ def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, 
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=2)
     assert len(found.trials) == 3
     assert changes[3] - changes[1] == pytest.approx((changes[2] - changes[1]) / 2, abs=1e-4)
+
+
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_a_run_that_cannot_be_kept_is_said(monkeypatch, number, learned, tmp_path):
+    """It was taken for a step that the model refuses, and the trial after it for the same one."""
+
+    class Full(KeptRuns):
+        def add(self, name, run):
+            if name == f"trial-{number}":
+                raise BadInput("the disk is full")
+            return super().add(name, run)
+
+    with pytest.raises(BadInput, match="the disk is full"):
+        learned_with(learned, tmp_path, trials=10, kept=Full(None))
 
 
 def test_a_first_correction_with_less_feedback_that_does_harm_is_taken_back(monkeypatch, learned, tmp_path):

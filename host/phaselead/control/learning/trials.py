@@ -112,6 +112,14 @@ def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
             raise BadInput(f"{axis}: a move is driven once and cannot be learned; write it as a period (file:...@1Hz)")
 
 
+class _TooLarge(BadInput):
+    """A correction that the reference cannot take."""
+
+
+class _RefusedOnModel(BadInput):
+    """A trial that ends badly there, so that it was not driven."""
+
+
 @dataclass(frozen=True)
 class _Given:
     """What is learned, on what, and by which rules."""
@@ -179,11 +187,11 @@ class _Course:
             correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
                 self._refuse_too_large(correction)
-            except BadInput as error:
+            except _TooLarge as error:
                 return End(f"stopped before trial {number}: {error}", base, refused=True)
             try:
                 found = self._look(correction, steps)
-            except BadInput as error:  # on the model it ends badly: less of it may not
+            except _RefusedOnModel as error:  # less of it may not end badly there
                 share, failures = share / 2, failures + 1
                 if failures == MOST_FAILURES:
                     return End(f"stopped before trial {number}: {error}", base)
@@ -263,7 +271,7 @@ class _Course:
         try:
             self._refuse_too_large(correction)
             return self._look(correction, {})
-        except BadInput:
+        except (_TooLarge, _RefusedOnModel):
             self._gains, self._response = before
             return None
 
@@ -321,18 +329,24 @@ class _Course:
         for axis, wanted in self._wanted.items():
             added = values_of(np.arange(self._count[axis] + 1), correction[axis])
             if np.abs(added).max() > LARGEST_CORRECTION * wanted.swing:
-                raise BadInput(
+                raise _TooLarge(
                     f"{axis}: it would add {np.abs(added).max():.3g} um to a path of {wanted.swing:.4g} um; the model "
                     "is not of this stage: identify it again"
                 )
         if not self._given.force:
-            check_paths(self._waves(correction), self._given.mode, self._known)
+            try:
+                check_paths(self._waves(correction), self._given.mode, self._known)
+            except BadInput as error:
+                raise _TooLarge(str(error)) from None
 
     def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step]) -> Look:
         """Drives one trial and adds it to the list; the best so far is kept."""
         waves = self._waves(correction)
         if not self._given.force:
-            rehearse(waves, self._given.mode, self._given.stage, self._gains, self._seconds)
+            try:
+                rehearse(waves, self._given.mode, self._given.stage, self._gains, self._seconds)
+            except BadInput as error:
+                raise _RefusedOnModel(str(error)) from None
         run = self._driven(waves)
         look = self._judged(run, waves, correction)
         figures = dict(run.of_axes())
