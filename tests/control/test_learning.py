@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from one_mode_model import AXIS, STAGE, VIEW
 
 from phaselead.control.feedback_loop import local_gains, open_loop, pid_response
 from phaselead.control.gains import design_gains
@@ -32,21 +33,11 @@ from phaselead.device.capture import DeviceFault
 from phaselead.device.device import Device
 from phaselead.errors import BadInput
 from phaselead.model import small_signal
-from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Sensor, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, Gains
 from phaselead.model.stage_file import Stage
 from phaselead.waveforms.catalogue import parse_wave
 from phaselead.waveforms.waveform import POINTS
 
-VIEW = TimeView(
-    gain_um_per_V=15.0, play_r_V=(0.2, 1.0), play_w_um_per_V=(3.0, 3.0), delay_s=0.0003, u_range_V=(-2.0, 10.0),
-    rate_Hz=5000.0,
-)  # fmt: skip
-AXIS = AxisModel(
-    time=VIEW,
-    sensor=Sensor(bandwidth_Hz=2000.0),
-    effects=(AdoptedEffect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.02}),),
-)
-STAGE = Stage(name="model", axes={"x": AXIS})
 GAINS = {"x": design_gains("x", AXIS)}
 SINE = parse_wave("sine:30um@20Hz")
 
