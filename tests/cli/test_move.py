@@ -37,10 +37,19 @@ def test_on_target_is_what_stays_within_the_window(run, model):
     for um in (0.01, 0.1, 20.0):
         (figures,) = run("move", "x=50um", "--window", str(um), "--model", model, "--json", "-").json["axes"].values()
         assert figures["window_um"] == um
-        settled[um] = [figures[name] or 1.0 for name in ("predicted_s", "settled_s")]
-    assert settled[0.1][1] < settled[0.01][1]  # 10 nm is less than the noise
+        settled[um] = [figures[name] for name in ("predicted_s", "settled_s")]
+    assert settled[0.01] == [None, None]  # less than the noise: never within a second
     assert all(wide <= narrow for wide, narrow in zip(settled[20.0], settled[0.1], strict=True))
-    assert settled[0.1][0] < settled[0.01][0]
+    assert settled[20.0][1] < settled[0.1][1]
+
+
+def test_a_speed_has_its_unit_or_none(run, model):
+    lasts_s = [
+        run("move", "x=50um", "--speed", text, "--model", model, "--json", "-").json["axes"]["x"]["duration_s"]
+        for text in ("500", "500um/s", "0.5mm/s")
+    ]
+    assert lasts_s == pytest.approx([lasts_s[0]] * 3)
+    assert lasts_s[0] == pytest.approx(1.875 * 50 / 500, rel=0.01)
 
 
 def test_without_a_model_it_moves_slowly_under_feedback(run):
@@ -55,6 +64,7 @@ def test_without_a_model_it_moves_slowly_under_feedback(run):
         (("x=300um",), "outside what the sensor sees"),
         (("x=50um", "--duration", "0.0005"), "the shortest is"),
         (("x=50um", "--speed", "0"), "above 0"),
+        (("x=50um", "--speed", "100um"), "'100um' is no number with a unit of um/s or mm/s"),
         (("x=50um", "--window", "0"), "a window of 0 um"),
         (("x=50um", "--window", "nan"), "'nan' is no number"),
         (("w=50um",), "no axis w"),

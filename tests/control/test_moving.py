@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import phaselead as pl
-from phaselead.control import keep_alive, motion_limits
+from phaselead.control import hold_and_move, keep_alive, motion_limits
 from phaselead.control.feedback_loop import HOLD_S
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.moving import stop_s
@@ -398,3 +398,28 @@ def test_gains_of_a_later_move_are_not_taken_for_nothing(dev):
     assert dev._mover.gains["x"].ki_V_per_um_s == 20
     with pytest.raises(pl.DeviceRefused, match="no axis is held"):
         pl.connect("sim://xyz250").set_gains((0, 20, 2e-5))
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [({"trigger_out": "nothing"}, "nothing"), ({"duration": "1us"}, "unit of s"), ({}, "on the model")],
+)
+def test_a_move_that_is_refused_changes_no_window(monkeypatch, dev, stage, asked, said):
+    """On target was counted by the window of the move that was not made."""
+
+    def refused(*_given):
+        raise pl.BadInput("on the model it ends in a fault")
+
+    dev.move(x=20, window=0.5, model=stage)
+    if not asked:
+        monkeypatch.setattr(hold_and_move, "rehearse_move", refused)
+    with pytest.raises(pl.BadInput, match=said):
+        dev.move(x=30, window=5.0, **asked)
+    monkeypatch.undo()
+    assert dev.move(x=25).axes["x"].window_um == 0.5
+
+
+def test_a_move_is_rehearsed_by_the_window_it_is_given(dev, stage):
+    narrow, wide = (dev.move(x=to, window=window, model=stage).axes["x"] for to, window in ((20, 1e-4), (40, 15.0)))
+    assert narrow.predicted_s is None
+    assert wide.predicted_s == wide.duration_s

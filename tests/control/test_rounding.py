@@ -5,27 +5,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from one_mode_model import AXIS, STAGE
 
 from phaselead.control.motion_limits import PATH_ROOM
 from phaselead.control.rounding import rounding_s
 from phaselead.control.tracking import path_warnings, track
 from phaselead.control.true_position import followed
 from phaselead.device.device import Device
-from phaselead.model.axis import AdoptedEffect, AxisModel, Limits, Sensor, TimeView
+from phaselead.model.axis import Limits
 from phaselead.model.stage_file import Stage
 from phaselead.sim import virtual_stage
 from phaselead.waveforms.catalogue import parse_wave
-
-VIEW = TimeView(
-    gain_um_per_V=15.0, play_r_V=(0.2, 1.0), play_w_um_per_V=(3.0, 3.0), delay_s=0.0003, u_range_V=(-2.0, 10.0),
-    rate_Hz=5000.0,
-)  # fmt: skip
-AXIS = AxisModel(
-    time=VIEW,
-    sensor=Sensor(bandwidth_Hz=2000.0),
-    effects=(AdoptedEffect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.02}),),
-)
-STAGE = Stage(name="model", axes={"x": AXIS})
 
 
 def slower(slew_V_per_s):

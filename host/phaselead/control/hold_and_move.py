@@ -12,7 +12,7 @@ from phaselead.control.held import held_stage
 from phaselead.control.keep_alive import KeepAlive
 from phaselead.control.motion_limits import motion_limits, reach_um
 from phaselead.control.move_rehearsal import rehearse_move
-from phaselead.control.moving import Moved, Mover, Planned
+from phaselead.control.moving import Moved, Mover, Planned, checked_window
 from phaselead.control.targets import Target, parse_target
 from phaselead.control.triggers import parse_outputs
 from phaselead.device import (
@@ -114,14 +114,14 @@ class HoldsAndMoves:
         targets, edge_within_s = _targets(x, y, z), quantity("trigger_in", trigger_in, IN_SECONDS)
         mover = self._choose(targets, mode, model, gains, force=force)
         planned = _plan(mover, targets, duration, speed)
-        window_um = quantity("window", window, UM)
-        if window_um is not None:
-            mover.choose_window(window_um)
+        window_um = checked_window(quantity("window", window, UM))
         pulses = parse_outputs(trigger_out, planned.paths())
         idle = not any(one.moving for one in mover.where().axes.values())
-        predicted = rehearse_move(mover, planned) if rehearse and idle and not force else {}
+        predicted = rehearse_move(mover, planned, window_um) if rehearse and idle and not force else {}
         if on_planned is not None:
             on_planned(planned, predicted)
+        if window_um is not None:
+            mover.choose_window(window_um)
         self._engage()
         if pulses is not None:
             set_outputs(self.device, pulses)

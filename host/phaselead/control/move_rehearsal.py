@@ -15,9 +15,10 @@ APPROACH_S = 0.1
 """Of the way to where the move begins, from rest."""
 
 
-def rehearse_move(mover: Mover, planned: Planned) -> dict[str, float | None]:
+def rehearse_move(mover: Mover, planned: Planned, window_um: float | None = None) -> dict[str, float | None]:
     """Seconds from the begin until each axis is on target for good, on the model; None for one that is not within a
-    second. Empty without a model of every axis, and for models that the simulator cannot play.
+    second. Empty without a model of every axis, and for models that the simulator cannot play. ``window_um``: None for
+    the one that was chosen.
 
     Raises BadInput when the device would end in a fault.
     """
@@ -29,7 +30,7 @@ def rehearse_move(mover: Mover, planned: Planned) -> dict[str, float | None]:
         virtual_stage(stage).save(path)
         try:
             with Device.open(f"sim://{path}") as device:
-                twin = Mover(device, window_um=mover.window_um)
+                twin = Mover(device, window_um=mover.window_um if window_um is None else window_um)
                 twin.choose(axes, stage, mover.mode, mover.gains, force=True)
                 twin.engage()
                 approach_s = max(APPROACH_S, twin.plan(planned.start_um).duration_s)

@@ -135,6 +135,13 @@ class Planned:
         ]
 
 
+def checked_window(um: float | None) -> float | None:
+    """Raises BadInput for a window that no axis stays within."""
+    if um is not None and not um > 0:
+        raise BadInput(f"a window of {um:g} um: give one above 0")
+    return um
+
+
 @dataclass
 class Mover:
     """The axes of one device while they are held and moved: ``choose`` how, ``engage``, ``move``; parking ends it."""
@@ -168,9 +175,7 @@ class Mover:
 
     def choose_window(self, um: float) -> None:
         """For every axis, from now on. Raises BadInput for one that no axis stays within."""
-        if not um > 0:
-            raise BadInput(f"a window of {um:g} um: give one above 0")
-        self.window_um = um
+        self.window_um = checked_window(um)
         if self.where().state == "running":
             self._set_limits()
 

@@ -17,8 +17,6 @@ from phaselead.control.learning.response import LEAST_GAIN, Response
 
 MARGIN = 0.3
 """A line is learned where its error is sure to shrink by this share a trial: |1 - G_true / G| is below 1 - MARGIN."""
-HEARD = 3.0
-"""Deviations above its noise from which on an error is worth a trial."""
 PROBE_NOISE, PROBE_SHARE = 10.0, 0.1
 """A probe of a line whose response is in doubt: ten deviations of its noise, which tells the response to 10 %, or a
 tenth of its error, whichever is more."""
@@ -37,8 +35,7 @@ def next_step(error: Lines, response: Response, share: float = 1.0) -> Step:
     """``share`` of the step that the responses allow."""
     alpha = error.coherence / (1 + (response.doubt / 2) ** 2)
     sure = response.doubt <= 1 - MARGIN
-    heard = np.abs(error.amplitude) > HEARD * np.sqrt(error.variance)
-    reaches = heard & reached(response)
+    reaches = (error.heard != 0) & reached(response)
     step = error.amplitude / np.where(reaches, response.gain, 1)
     learned = reaches & sure
     probed = reaches & ~sure

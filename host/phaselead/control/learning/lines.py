@@ -17,6 +17,8 @@ Numbers = NDArray[np.int64]
 MOST_LINES = POINTS // 4
 """A line of a period that is played from points needs four of them: joined by straight lines they keep 81 % of it,
 sinc^2(1/4)."""
+HEARD = 3.0
+"""Deviations above its noise from which on an error is worth a trial."""
 NEIGHBOURS = 5
 """Lines on either side that share a figure of the noise, which is broad: with four periods one line alone has but three
 differences to tell it from."""
@@ -43,6 +45,11 @@ class Lines:
     def power(self) -> float:
         """Mean square of what repeats."""
         return float(np.sum(np.abs(self.amplitude) ** 2 * np.where(self.number == 0, 1, 0.5)))
+
+    @property
+    def heard(self) -> Amplitudes:
+        """Those above their noise (m,), 0 for the others."""
+        return np.where(np.abs(self.amplitude) > HEARD * np.sqrt(self.variance), self.amplitude, 0)
 
     @property
     def coherence(self) -> Samples:

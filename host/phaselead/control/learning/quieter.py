@@ -7,6 +7,7 @@ of the same tick cannot be in yet: the loop that leaves least in the measured po
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -17,8 +18,8 @@ from phaselead.model import TICK_S, AxisModel, Gains, small_signal
 from phaselead.record import Samples
 
 HALVINGS = 2
-"""Of the gains, at most: with an eighth, 10 um at 200 Hz fell out of reach on a stage whose mode had gone from 200 to
-180 Hz, which feedback alone had kept following."""
+"""Of the gains, at most, before trials have shown how the stage answers: with an eighth, 10 um at 200 Hz fell out of
+reach on a stage whose mode had gone from 200 to 180 Hz, which feedback alone had kept following."""
 LEFT_OF_DRIFT = 0.1
 """Of what is as slow as the part of a trial that is looked at, which that cannot tell."""
 BY_CHANCE = 3.0
@@ -41,14 +42,14 @@ def _parts(gains: Gains) -> tuple[float, float, float]:
     return gains.ki_V_per_um_s, gains.kp_V_per_um, gains.kd_V_s_per_um
 
 
-def quieter(model: AxisModel, gains: Gains, seen_s: float) -> Gains:
+def quieter(model: AxisModel, gains: Gains, seen_s: float, halvings: int | None = HALVINGS) -> Gains:
     """The gains, halved for as long as the loop still takes out what changes more slowly than within ``seen_s``, which
-    trials do not tell, and has a margin."""
+    trials do not tell, and has a margin; at most so many times, None: for ever."""
     plant = small_signal(model)
     f_Hz = np.geomspace(1 / seen_s, 0.5 / TICK_S, 400)
     found = gains
-    for halvings in range(1, HALVINGS + 1):
-        tried = scaled(gains, 0.5**halvings)
+    for halving in itertools.count(1) if halvings is None else range(1, halvings + 1):
+        tried = scaled(gains, 0.5**halving)
         loops = open_loop(plant, tried, f_Hz)
         slow = np.abs(1 / (1 + loops[:, 0])).max()
         if slow > LEFT_OF_DRIFT or peak_sensitivity(loops) > WARN_ABOVE:

@@ -120,7 +120,46 @@ def _response(
 def other_loop(axis: AxisModel, before: Gains, after: Gains, f_Hz: Samples) -> Amplitudes:
     """By what a path's error changes at each of its lines (m,) with other gains: (1 + L)/(1 + L'), on the model at its
     middle local gain. The level, which both hold, stays."""
-    plant = small_signal(axis)
-    middle = local_gains(plant)[1] * plant_response(plant, f_Hz)
-    loops = [1 + middle * pid_response(gains, np.maximum(f_Hz, 1e-3)) for gains in (before, after)]
+    plant = plant_response(small_signal(axis), f_Hz)
+    loops = [1 + plant * controller for controller in _controllers(axis, (before, after), f_Hz)]
     return np.where(f_Hz > 0, loops[0] / loops[1], 1.0)
+
+
+def same_voltage(
+    axis: AxisModel, loops: tuple[Gains, Gains], f_Hz: Samples, voltage: Amplitudes, apart_um: Amplitudes
+) -> Amplitudes:
+    """What to add to the reference (m,) for the voltage to stay what it was when the gains change from the first of
+    ``loops`` to the second. ``voltage`` (m,): as in ``Response``; ``apart_um`` (m,): reference less position. The level
+    stays.
+
+    The controller alone decides that, C (r - x) + F r, whatever the stage is.
+    """
+    before, after = _controllers(axis, loops, f_Hz)
+    return np.where(f_Hz > 0, (before - after) * apart_um / _safe(voltage + after), 0)
+
+
+def in_other_loop(
+    axis: AxisModel, loops: tuple[Gains, Gains], f_Hz: Samples, known: Response, of_model: Response
+) -> Response:
+    """What is ``known`` with the first gains of ``loops``, with the second: by the plant P that it tells of, as
+    (F + C) P / (1 + C P). ``of_model``: what the model has of these."""
+    before, after = _controllers(axis, loops, f_Hz)
+    forward, left = known.voltage + before, _safe(known.voltage + before - before * known.gain)
+    plant = known.gain / left
+    closed = _safe(1 + after * plant)
+    slope = np.abs(forward * (known.voltage + after) / (left * closed) ** 2)
+    return replace(
+        of_model,
+        gain=plant * (known.voltage + after) / closed,
+        deviation=np.minimum(of_model.deviation, known.deviation * slope),
+    )
+
+
+def _controllers(axis: AxisModel, loops: tuple[Gains, Gains], f_Hz: Samples) -> list[Amplitudes]:
+    """Times the middle local gain."""
+    middle = local_gains(small_signal(axis))[1]
+    return [np.asarray(middle * pid_response(gains, np.maximum(f_Hz, 1e-3))) for gains in loops]
+
+
+def _safe(divisor: Amplitudes) -> Amplitudes:
+    return np.where(np.abs(divisor) < STILL, STILL, divisor)

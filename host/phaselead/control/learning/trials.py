@@ -12,9 +12,17 @@ from phaselead.control.held import held_sha256, held_stage
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning.law import Step, next_step, reached
 from phaselead.control.learning.learned import Learned, LearnedPath, Trial, one_period
-from phaselead.control.learning.lines import MOST_LINES, Amplitudes, Lines, error_lines, rest_of, values_of
-from phaselead.control.learning.quieter import larger, louder, quieter, share_of
-from phaselead.control.learning.response import Response, model_response, other_loop, turns_of
+from phaselead.control.learning.lines import Amplitudes, error_lines, rest_of, values_of
+from phaselead.control.learning.look import SETTLE_S, End, Look, line_count, trial_seconds
+from phaselead.control.learning.quieter import HALVINGS, larger, louder, quieter, share_of
+from phaselead.control.learning.response import (
+    Response,
+    in_other_loop,
+    model_response,
+    other_loop,
+    same_voltage,
+    turns_of,
+)
 from phaselead.control.modes import INVERTS
 from phaselead.control.rehearsal import rehearse
 from phaselead.control.run import Run
@@ -24,13 +32,8 @@ from phaselead.control.true_position import Follows, followed
 from phaselead.device import TICK_HZ, Device, DeviceFault
 from phaselead.errors import BadInput
 from phaselead.model import Gains, Stage
-from phaselead.record import Samples
 from phaselead.waveforms import Replaced, Waveform
 
-SETTLE_S = 0.5
-"""Before a trial is looked at: a mode of 100 Hz and a damping of 0.02 has decayed to a five-hundredth."""
-LEAST_S, LEAST_PERIODS = 1.0, 4
-"""Looked at, at least: the noise of one line, 2 / sqrt(n) of that of n samples, is then 35 times below it."""
 LARGEST_CORRECTION = 2.0
 """Of the swing. A path at the mode of a model that has it 10 % off takes 1.7; what is further off is another stage."""
 SHRINKS = 0.98
@@ -42,33 +45,6 @@ AT_LIMIT = 0.995
 """Of the slew limit: a code of the converter is 0.2 % of the usual one, a tick long."""
 
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class _Look:
-    """One trial's outcome: lines of the error by axis, what was added to the path, and one figure for all axes."""
-
-    correction: dict[str, Amplitudes]
-    error: dict[str, Lines]
-    rest_um: dict[str, Samples]
-    """What of the error does not repeat."""
-    gains: dict[str, Gains]
-    worth: float
-    """Mean square of the error as a share of the swing, over all axes."""
-
-    @property
-    def mostly_repeats(self) -> bool:
-        """Whether on any axis more of the error repeats than does not."""
-        return any(one.power > float(np.mean(self.rest_um[axis] ** 2)) for axis, one in self.error.items())
-
-
-@dataclass(frozen=True)
-class _End:
-    """Why trials ended, and with which one; None where a fault of the device ended it. ``refused``: the next was."""
-
-    reason: str
-    look: _Look | None
-    refused: bool = False
 
 
 def learn(
@@ -109,13 +85,21 @@ def learn(
     _refuse(waveforms, mode, trials)
     check_paths(waveforms, mode, known)
     loop_warnings(stage, mode, gains, force=force)
-    used = dict(gains) if mode.endswith("pid") else {}
-    force = force or stage is None
-    kept = kept or KeptRuns(None)
-    course = _Course(device, dict(waveforms), mode, stage, known, sha256, used, follows, force, kept, not turn_down)
-    return course.run(
-        trials, turn_down=turn_down and stage is not None, on_progress=on_progress or (lambda share: None)
+    given = _Given(
+        device,
+        dict(waveforms),
+        mode,
+        stage,
+        known,
+        sha256,
+        gains=dict(gains) if mode.endswith("pid") else {},
+        gains_chosen=not turn_down,
+        follows=follows,
+        force=force or stage is None,
+        kept=kept or KeptRuns(None),
     )
+    less = turn_down and stage is not None
+    return _Course(given).run(trials, turn_down=less, on_progress=on_progress or (lambda share: None))
 
 
 def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
@@ -128,42 +112,56 @@ def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
             raise BadInput(f"{axis}: a move is driven once and cannot be learned; write it as a period (file:...@1Hz)")
 
 
+class _TooLarge(BadInput):
+    """A correction that the reference cannot take."""
+
+
+class _RefusedOnModel(BadInput):
+    """A trial that ends badly there, so that it was not driven."""
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What is learned, on what, and by which rules."""
+
+    device: Device
+    wanted: dict[str, Waveform]
+    mode: str
+    stage: Stage | None
+    known: Stage
+    """The same, or what the device holds."""
+    sha256: str
+    gains: dict[str, Gains]
+    """Empty without feedback."""
+    gains_chosen: bool
+    """By somebody, so that they stay."""
+    follows: Follows
+    force: bool
+    kept: KeptRuns
+
+
 class _Course:
     """The trials of one learning."""
 
-    def __init__(
-        self,
-        device: Device,
-        wanted: dict[str, Waveform],
-        mode: str,
-        stage: Stage | None,
-        known: Stage,
-        sha256: str,
-        gains: dict[str, Gains],
-        follows: Follows,
-        force: bool,
-        kept: KeptRuns,
-        gains_given: bool,
-    ) -> None:
-        self._device, self._wanted, self._mode = device, wanted, mode
-        self._stage, self._known, self._sha256 = stage, known, sha256
-        self._gains, self._follows, self._force, self._kept = dict(gains), follows, force, kept
-        self._asked, self._gains_given = gains, gains_given
+    def __init__(self, given: _Given) -> None:
+        self._given, self._wanted, self._known = given, given.wanted, given.known
+        self._gains = dict(given.gains)
+        wanted, stage = given.wanted, given.stage
         self._seconds = trial_seconds(wanted)
-        asked = followed(wanted, stage, follows, mode)
+        asked = followed(wanted, stage, given.follows, given.mode)
         self._base = {axis: one.played if isinstance(one, Replaced) else one_period(one) for axis, one in asked.items()}
         self._lag_s = {axis: one.lag_s if isinstance(one, Replaced) else 0.0 for axis, one in asked.items()}
         self._count = {axis: line_count(one) for axis, one in wanted.items()}
         self._f_Hz = {axis: one.f_Hz * np.arange(self._count[axis] + 1.0) for axis, one in wanted.items()}
         self._turns = {axis: turns_of(one_period(one)) for axis, one in wanted.items()}
-        self._response = self._of_model()
+        self._response = self._of_model(self._gains)
         self._trials: list[Trial] = []
-        self._best: _Look | None = None
+        self._best: Look | None = None
         self._limited: set[str] = set()
 
-    def _of_model(self) -> dict[str, Response]:
+    def _of_model(self, gains: Mapping[str, Gains]) -> dict[str, Response]:
         return {
-            axis: model_response(self._known.axis(axis), self._gains.get(axis), f_Hz, self._turns[axis])
+            axis: model_response(self._known.axis(axis), gains.get(axis), f_Hz, self._turns[axis])
             for axis, f_Hz in self._f_Hz.items()
         }
 
@@ -172,33 +170,34 @@ class _Course:
         base = self._with_gains(first, self._quieter(first)) if turn_down else first
         end = self._learn(base, first, trials, on_progress)
         while self._wants_more_feedback(end, first) and len(self._trials) <= trials:
-            more = {axis: louder(own, first.gains[axis]) for axis, own in self._gains.items()}
-            end = self._learn(self._with_gains(first, more), first, trials, on_progress)
+            end = self._with_more(end, first, trials, on_progress)
+        if turn_down:
+            end = self._quieted(end, first, trials, on_progress)
         return self._learned(end.reason + self._about_feedback() + self._about_limits())
 
-    def _learn(self, base: _Look, first: _Look, trials: int, on_progress: Progress) -> _End:
+    def _learn(self, base: Look, first: Look, trials: int, on_progress: Progress) -> End:
         share, failures = 1.0, 0
         while (number := len(self._trials)) <= trials:
             on_progress(number / (trials + 1))
             steps = {axis: next_step(base.error[axis], self._response[axis], share) for axis in self._wanted}
             if not any(step.change.any() for step in steps.values()):
-                return _End(
+                return End(
                     f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected", base
                 )
             correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
                 self._refuse_too_large(correction)
-            except BadInput as error:
-                return _End(f"stopped before trial {number}: {error}", base, refused=True)
+            except _TooLarge as error:
+                return End(f"stopped before trial {number}: {error}", base, refused=True)
             try:
                 found = self._look(correction, steps)
-            except BadInput as error:  # on the model it ends badly: less of it may not
+            except _RefusedOnModel as error:  # less of it may not end badly there
                 share, failures = share / 2, failures + 1
                 if failures == MOST_FAILURES:
-                    return _End(f"stopped before trial {number}: {error}", base)
+                    return End(f"stopped before trial {number}: {error}", base)
                 continue
             except DeviceFault as error:
-                return _End(f"stopped: {error}", None)
+                return End(f"stopped: {error}", None)
             if found.gains != base.gains:  # the first of another loop: only a forecast to compare it with
                 if self._repeats(found) > self._repeats(base):
                     self._compare(base, found, forecast_of=first)
@@ -214,10 +213,10 @@ class _Course:
             else:
                 share, failures = share / 2, failures + 1
             if failures == MOST_FAILURES:
-                return _End(f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %", base)
-        return _End(f"ended after {trials} trials, as asked", base)
+                return End(f"stopped after trial {number}: {MOST_FAILURES} trials brought less than 2 %", base)
+        return End(f"ended after {trials} trials, as asked", base)
 
-    def _wants_more_feedback(self, end: _End, first: _Look) -> bool:
+    def _wants_more_feedback(self, end: End, first: Look) -> bool:
         """Where less of it left more that repeats than does not, out of reach: its correction was refused, or the stage
         turned out not to follow."""
         if end.look is None or self._gains == first.gains:
@@ -227,35 +226,80 @@ class _Course:
         lost = {axis: response.followed & ~reached(response) for axis, response in self._response.items()}
         return replace(end.look, error={a: one.only(lost[a]) for a, one in end.look.error.items()}).mostly_repeats
 
-    def _quieter(self, first: _Look) -> dict[str, Gains]:
+    def _quieter(self, first: Look, halvings: int | None = HALVINGS) -> dict[str, Gains]:
         seen_s = self._seconds - SETTLE_S
-        return {axis: quieter(self._known.axis(axis), own, seen_s) for axis, own in first.gains.items()}
+        return {axis: quieter(self._known.axis(axis), own, seen_s, halvings) for axis, own in first.gains.items()}
 
-    def _with_gains(self, first: _Look, gains: dict[str, Gains]) -> _Look:
+    def _with_more(self, end: End, first: Look, trials: int, on_progress: Progress) -> End:
+        """Goes on with twice the feedback, from the voltage that was learned, or anew where the reference cannot make
+        that."""
+        assert end.look is not None
+        more = {axis: louder(own, first.gains[axis]) for axis, own in self._gains.items()}
+        try:
+            found = self._with_same_voltage(end.look, more)
+        except DeviceFault as error:
+            return End(f"stopped: {error}", None)
+        return self._learn(found or self._with_gains(first, more), first, trials, on_progress)
+
+    def _quieted(self, end: End, first: Look, trials: int, on_progress: Progress) -> End:
+        """Goes on with as little feedback as drift allows, where noise is most of what is left; with more of it where
+        the reference cannot make up for what that leaves."""
+        if end.look is None or end.look.mostly_repeats:
+            return end
+        before, less = dict(self._gains), self._quieter(first, None)
+        while less != before and len(self._trials) <= trials:
+            try:
+                found = self._with_same_voltage(end.look, less)
+            except DeviceFault as error:
+                return End(f"stopped: {error}", None)
+            if found is not None:
+                return self._learn(found, first, trials, on_progress) if found.rests_less_than(end.look) else end
+            less = {axis: own if own == before[axis] else louder(own, first.gains[axis]) for axis, own in less.items()}
+        return end
+
+    def _with_same_voltage(self, look: Look, gains: dict[str, Gains]) -> Look | None:
+        """One more trial, with other gains and the reference that makes them ask for the voltage of ``look``; None,
+        and nothing has changed, where it is refused."""
+        correction, response = dict(look.correction), self._of_model(gains)
+        for axis, f_Hz in self._f_Hz.items():
+            model, loops = self._known.axis(axis), (look.gains[axis], gains[axis])
+            apart_um = look.correction[axis] + look.error[axis].heard
+            correction[axis] = correction[axis] + same_voltage(model, loops, f_Hz, response[axis].voltage, apart_um)
+            response[axis] = in_other_loop(model, loops, f_Hz, self._response[axis], response[axis])
+        before = self._gains, self._response
+        self._gains, self._response = gains, response
+        try:
+            self._refuse_too_large(correction)
+            return self._look(correction, {})
+        except (_TooLarge, _RefusedOnModel):
+            self._gains, self._response = before
+            return None
+
+    def _with_gains(self, first: Look, gains: dict[str, Gains]) -> Look:
         """Goes on with other gains; gives the first trial's error as the model has it with them."""
         error = dict(first.error)
         for axis, own in first.gains.items():
             model = self._known.axis(axis)
             error[axis] = first.error[axis].times(other_loop(model, own, gains[axis], self._f_Hz[axis]))
         self._gains = gains
-        self._response = self._of_model()
+        self._response = self._of_model(self._gains)
         return replace(first, error=error)
 
-    def _unless_it_shakes_more(self, found: _Look, first: _Look) -> _Look:
+    def _unless_it_shakes_more(self, found: Look, first: Look) -> Look:
         """What to go on from: the first trial, with all of its feedback, where less leaves more that never repeats."""
         if any(larger(found.rest_um[axis], first.rest_um[axis]) for axis in found.gains):
             return self._with_all_feedback(first)
         return found
 
-    def _with_all_feedback(self, first: _Look) -> _Look:
+    def _with_all_feedback(self, first: Look) -> Look:
         self._gains = dict(first.gains)
-        self._response = self._of_model()
+        self._response = self._of_model(self._gains)
         return first
 
     def _about_feedback(self) -> str:
         """With how much of it the best trial was driven, where that is not all."""
         assert self._best is not None
-        shares = {axis: share_of(own, self._asked[axis]) for axis, own in self._best.gains.items()}
+        shares = {axis: share_of(own, self._given.gains[axis]) for axis, own in self._best.gains.items()}
         return "".join(
             f"; {axis} keeps {100 * share:.3g} % of its gains: what repeats is learned, and less shakes it less"
             for axis, share in shares.items()
@@ -285,18 +329,24 @@ class _Course:
         for axis, wanted in self._wanted.items():
             added = values_of(np.arange(self._count[axis] + 1), correction[axis])
             if np.abs(added).max() > LARGEST_CORRECTION * wanted.swing:
-                raise BadInput(
+                raise _TooLarge(
                     f"{axis}: it would add {np.abs(added).max():.3g} um to a path of {wanted.swing:.4g} um; the model "
                     "is not of this stage: identify it again"
                 )
-        if not self._force:
-            check_paths(self._waves(correction), self._mode, self._known)
+        if not self._given.force:
+            try:
+                check_paths(self._waves(correction), self._given.mode, self._known)
+            except BadInput as error:
+                raise _TooLarge(str(error)) from None
 
-    def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step]) -> _Look:
+    def _look(self, correction: dict[str, Amplitudes], steps: Mapping[str, Step]) -> Look:
         """Drives one trial and adds it to the list; the best so far is kept."""
         waves = self._waves(correction)
-        if not self._force:
-            rehearse(waves, self._mode, self._stage, self._gains, self._seconds)
+        if not self._given.force:
+            try:
+                rehearse(waves, self._given.mode, self._given.stage, self._gains, self._seconds)
+            except BadInput as error:
+                raise _RefusedOnModel(str(error)) from None
         run = self._driven(waves)
         look = self._judged(run, waves, correction)
         figures = dict(run.of_axes())
@@ -313,28 +363,23 @@ class _Course:
                 rms_um={axis: one["rms_um"] for axis, one in figures.items()},
                 true_max_um=true or None,
                 judged_pct=100 * math.sqrt(look.worth / len(waves)),
-                source=self._kept.add(f"trial-{len(self._trials)}", run),
+                source=self._given.kept.add(f"trial-{len(self._trials)}", run),
             )
         )
         return look
 
     def _driven(self, waves: Mapping[str, Waveform]) -> Run:
+        given, stage = self._given, self._given.stage
         try:
             return track(
-                self._device,
-                waves,
-                self._mode,
-                stage=self._stage,
-                gains=self._gains,
-                duration_s=self._seconds,
-                force=True,
+                given.device, waves, given.mode, stage=stage, gains=self._gains, duration_s=self._seconds, force=True
             )
         except DeviceFault as fault:
-            recording = run_recording(fault.capture, self._mode, self._stage)
-            tell_of(fault, recording, gains_given=self._gains_given)
+            recording = run_recording(fault.capture, given.mode, stage)
+            tell_of(fault, recording, gains_given=given.gains_chosen)
             raise
 
-    def _judged(self, run: Run, waves: Mapping[str, Replaced], correction: dict[str, Amplitudes]) -> _Look:
+    def _judged(self, run: Run, waves: Mapping[str, Replaced], correction: dict[str, Amplitudes]) -> Look:
         """From where it has settled on."""
         rows = slice(round(SETTLE_S * TICK_HZ), None)
         error, rest_um, worth = {}, {}, 0.0
@@ -349,13 +394,13 @@ class _Course:
             error[axis] = error_lines(run.t_s[rows], off_um, wave.f_Hz, self._count[axis], TICK_HZ)
             rest_um[axis] = rest_of(error[axis], run.t_s[rows], off_um, wave.f_Hz)
             worth += float(np.mean(off_um**2)) / self._wanted[axis].swing ** 2
-        return _Look(correction, error, rest_um, dict(self._gains), worth)
+        return Look(correction, error, rest_um, dict(self._gains), worth)
 
-    def _repeats(self, look: _Look) -> float:
+    def _repeats(self, look: Look) -> float:
         """Mean square of what repeats as a share of the swing, over all axes."""
         return sum(one.power / self._wanted[axis].swing ** 2 for axis, one in look.error.items())
 
-    def _compare(self, before: _Look, after: _Look, forecast_of: _Look | None = None) -> None:
+    def _compare(self, before: Look, after: Look, forecast_of: Look | None = None) -> None:
         """What the responses are in the light of two trials. ``forecast_of``: the error before is that of this one as
         the model has it with other gains, which is as far from the truth as it is from this one at most."""
         for axis in self._wanted:
@@ -381,19 +426,5 @@ class _Course:
             )
             for axis, wanted in self._wanted.items()
         }
-        return Learned(self._sha256, self._mode, self._follows, paths, tuple(self._trials), reason)
-
-
-def trial_seconds(waveforms: Mapping[str, Waveform]) -> float:
-    """Of one trial: as it is driven when nobody says, and long enough to settle and to hear what repeats."""
-    each = [
-        max(one.default_duration_s, SETTLE_S + max(LEAST_S, LEAST_PERIODS / one.f_Hz)) for one in waveforms.values()
-    ]
-    return max(
-        math.ceil(seconds * one.f_Hz - 1e-9) / one.f_Hz for seconds, one in zip(each, waveforms.values(), strict=True)
-    )
-
-
-def line_count(waveform: Waveform) -> int:
-    """Lines of a period below half the tick rate, as many as points can play."""
-    return max(1, min(MOST_LINES, math.ceil(TICK_HZ / 2 / waveform.f_Hz) - 1))
+        given = self._given
+        return Learned(given.sha256, given.mode, given.follows, paths, tuple(self._trials), reason)
