@@ -14,7 +14,7 @@ from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.playing import Plays
 from phaselead.control.run import Run
-from phaselead.control.tracking import loop_warnings, path_warnings
+from phaselead.control.tracking import check_paths, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows, followed
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.model import Gains, Stage, StageLike, as_stage
@@ -192,7 +192,10 @@ def _warn(
     *,
     force: bool,
 ) -> None:
-    """Of loop and path, before anything moves, to who called the method."""
+    """Of loop and path, before anything moves, to who called the method; not of paths that are refused."""
+    known = stage or held
+    if known is None or set(waveforms) <= set(known.axes):
+        check_paths(waveforms, mode, known)
     said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
     for line in [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]:
         warnings.warn(line, stacklevel=3)

@@ -14,7 +14,7 @@ from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
 from phaselead.control.joins import enter_s, quiet_s
 from phaselead.control.modes import INVERTS, NEEDS_MODEL, USES_TABLES
-from phaselead.control.motion_limits import refuse_too_fast
+from phaselead.control.motion_limits import refuse_path_too_fast, refuse_too_fast
 from phaselead.control.run import Run
 from phaselead.control.triggers import set_pulses
 from phaselead.control.true_position import TruePositions
@@ -88,6 +88,7 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
         refuse_out_of_range(waveform, model)
     except BadInput as error:
         raise BadInput(f"{axis}: {error}") from None
+    refuse_path_too_fast(axis, waveform, model)
     if mode in USES_TABLES:
         try:
             refuse_out_of_range(waveform, model, table=True)

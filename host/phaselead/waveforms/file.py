@@ -39,6 +39,7 @@ class File(Sampled):
     own: OwnPath
 
     kind = "file"
+    jumps = True
     written = (("file:path.csv@10Hz", "the file is one period, ten times a second"),)
     order = 3
 

@@ -68,6 +68,13 @@ class Streamed(Waveform):
     def steepest_share(self) -> float:
         return float(np.abs(np.diff(self.values) / np.diff(self.times_s)).max()) / self.swing / self.f_Hz
 
+    def fastest(self, over_s: float) -> tuple[float, float]:
+        # Between straight lines the way over so long is largest where it begins or ends at one's end.
+        begins_s = np.concatenate([self.times_s, self.times_s - over_s])
+        ways = np.abs(self._at(begins_s + over_s) - self._at(begins_s))
+        largest = int(np.argmax(ways))
+        return float(ways[largest]) / over_s, max(float(begins_s[largest]), 0.0)
+
     @property
     def default_duration_s(self) -> float:
         return self.duration_s

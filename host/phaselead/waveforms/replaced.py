@@ -23,6 +23,7 @@ class Replaced(Sampled):
     sensor late by ``lag_s`` (first order) shows of a stage that is where it was asked to be. What the device cannot
     play is no later there, so that all of it counts as error."""
 
+    jumps = True
     wanted: Waveform
     lag_s: float = 0.0
     rounding_s: float = 0.0

@@ -15,6 +15,7 @@ class Square(Periodic):
     """Up for half a period, down for the other, with edges of a twentieth of the period."""
 
     kind = "square"
+    jumps = True
     written = (("square:10um@5Hz", "up for half a period, down for the other; edges take a twentieth of it"),)
     order = 5
 

@@ -43,6 +43,8 @@ class Waveform(ABC):
     played_as: ClassVar[Literal["sine", "wave", "move", "points"]]
     """The path of the device that plays it; a "wave" is uploaded as ``points``, "points" come while it is played."""
     periodic: ClassVar[bool]
+    jumps: ClassVar[bool] = False
+    """Whether it may be meant to go faster than a stage can."""
 
     @classmethod
     @abstractmethod
@@ -123,6 +125,11 @@ class Waveform(ABC):
     def steepest(self) -> float:
         """Largest rate, in units per second."""
         return self.steepest_share * abs(self.swing) * self.f_Hz
+
+    def fastest(self, over_s: float) -> tuple[float, float]:
+        """Largest rate over so long, in units per second, and where it begins, in seconds from the start (a periodic
+        path: 0)."""
+        return self.steepest(), 0.0
 
     def judged_rows(self, rows: int, rate_Hz: float) -> slice:
         """The part of a record of ``rows`` samples that tracking figures are over."""
