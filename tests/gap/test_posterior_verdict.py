@@ -137,6 +137,15 @@ def test_rivals_that_only_the_held_out_records_tell_apart_are_tied(of_held_out, 
     assert claim.borne_out
 
 
+def test_the_training_records_choose_their_own_best_rival():
+    """They prefer the amplifier; held-out records alone turn that round, and put the sensor before it."""
+    logs = {(): 0.0, ("delay",): 60.0, ("amplifier_lowpass",): 40.0, ("sensor_lowpass",): 45.0}
+    held_out = {("delay",): 35.0, ("amplifier_lowpass",): 5.0, ("sensor_lowpass",): 40.0}
+    (claim,) = judge(contest(logs, held_out)).claims
+    assert "amplifier_lowpass" in claim.tied
+    assert claim.borne_out
+
+
 @pytest.mark.parametrize(("short", "claimed"), [(0.01, True), (-0.01, False)])
 def test_the_nearest_set_names_nothing_where_it_is_probably_no_more_than_that(short, claimed):
     """Neither an effect nor a tie. Its probability stays what it was."""

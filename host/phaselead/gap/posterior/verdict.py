@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phaselead.gap.posterior.priors import SURE, log_prior_of_set
+from phaselead.gap.posterior.priors import SURE
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.sets import Fit, Names, confused
 from phaselead.gap.refit import SizedEffect
@@ -32,7 +32,7 @@ class Claim:
     log_odds: float
     """Of the most probable set against the best without any of ``tied``."""
     held_out_log_odds: float
-    """What the held-out records add to them."""
+    """What the held-out records add to those of the training records, whose best sets may be others."""
     rivals: tuple[tuple[SizedEffect, ...], ...]
     """For each of ``tied`` the most probable set that has it and none of the others, its own entry last."""
     tied: Names
@@ -121,16 +121,16 @@ def _claim_of(
     contest: Contest, effect: Effect, group: Names, sets: Mapping[Names, float], single: Mapping[str, float]
 ) -> Claim:
     """The claim that one of a group is there."""
-    with_it = max((n for n in sets if set(n) & set(group)), key=lambda n: sets[n])
-    without = max((n for n in sets if not set(n) & set(group)), key=lambda n: sets[n])
-    a, b = contest.fits[with_it], contest.fits[without]
-    prior = log_prior_of_set(len(with_it), contest.catalogue_size) - log_prior_of_set(
-        len(without), contest.catalogue_size
-    )
-    odds = a.log_evidence - b.log_evidence + prior
-    fitted = a.log_evidence_fitted - b.log_evidence_fitted + prior
+    odds = _log_odds(group, {names: contest.log_posterior(names) for names in sets})
+    fitted = _log_odds(group, {names: contest.log_posterior_fitted(names) for names in sets})
     rivals = [entries for name in group if (entries := _most_probable_with(contest, name, group, sets))]
     return Claim(effect, single[effect.name], odds, odds - fitted, tuple(rivals), group)
+
+
+def _log_odds(group: Names, logs: Mapping[Names, float]) -> float:
+    """Of the best set with any of a group against the best without, by the log posterior of each."""
+    with_it = max(log for names, log in logs.items() if set(names) & set(group))
+    return with_it - max(log for names, log in logs.items() if not set(names) & set(group))
 
 
 def _most_probable_with(
