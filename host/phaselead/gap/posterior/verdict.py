@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -105,16 +106,35 @@ def _claim(
     single: Mapping[str, float],
 ) -> Claim | None:
     """That an effect is there, or one of the smallest group of it and its rivals of which that is sure, and which the
-    records that were fitted speak for by themselves. Only what may be taken for the effect can stand in its place."""
-    group: Names = (effect.name,)
-    while True:
+    records that were fitted speak for by themselves. Only what may be taken for the effect can stand in its place.
+
+    A group that is not sure grows by the rival that makes it surest, one that is sure but not borne out by the rival
+    that the fitted records prefer.
+    """
+
+    def claimed(group: Names) -> Claim | None:
         claim = _claim_of(contest, effect, group, sets, single)
-        if _with_any(sets, group) >= SURE and claim.borne_out:
-            return claim
-        more = {n: _with_any(sets, (*group, n)) for n in single if n in rivals and n not in group}
+        return claim if _with_any(sets, group) >= SURE and claim.borne_out else None
+
+    group: Names = (effect.name,)
+    while (claim := claimed(group)) is None:
+        more = [name for name in single if name in rivals and name not in group]
         if not more or len(group) == MOST_TIED:
             return None
-        group = (*group, max(more, key=lambda n: (more[n], single[n])))
+        if _with_any(sets, group) >= SURE:
+            group = (*group, max(more, key=partial(_best_fitted, contest)))
+        else:
+            surest = {name: (_with_any(sets, (*group, name)), single[name]) for name in more}
+            group = (*group, max(more, key=surest.__getitem__))
+    for name in sorted(group[1:], key=single.__getitem__):
+        fewer = claimed(tuple(one for one in claim.tied if one != name))
+        claim = claim if fewer is None else fewer
+    return claim
+
+
+def _best_fitted(contest: Contest, name: str) -> float:
+    """Log posterior, without the held-out records, of the best set with an effect."""
+    return max(contest.log_posterior_fitted(names) for names in contest.fits if name in names)
 
 
 def _claim_of(
