@@ -270,7 +270,8 @@ def _where(selection: Selection, final: FinalFit, seed: int, label: str | None) 
 
 
 def _proposal(selection: Selection, label: str | None) -> NextExperiment | None:
-    """The experiment that would best break a tie; None where no tie has two members that were fitted."""
+    """The experiment that would best break the first tie of the search; None where it has no tie of two members that
+    were fitted. Ties of a moved zero are none of the search."""
     ties = [claim for claim in selection.claims if len(claim.rivals) > 1]
     return propose(selection, ties[0], label) if ties else None
 

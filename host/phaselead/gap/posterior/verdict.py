@@ -28,14 +28,15 @@ class Claim:
     """One effect that is there, or one of several that cannot be told apart."""
 
     effect: Effect
-    """The most probable."""
+    """The member of ``tied`` that the most probable set of all has."""
     probability: float
     log_odds: float
     """Of the most probable set against the best without any of ``tied``."""
     held_out_log_odds: float
     """What the held-out records add to those of the training records, whose best sets may be others."""
     rivals: tuple[tuple[SizedEffect, ...], ...]
-    """For each of ``tied`` the most probable set that has it and none of the others, its own entry last."""
+    """One set of effects for each of ``tied``: the most probable one that has this member and none of the others, with
+    the entry of the member last. A member that no such set has is left out."""
     tied: Names
     """Names that these records cannot tell apart, its own first."""
 
