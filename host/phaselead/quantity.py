@@ -37,11 +37,13 @@ def numbers(name: str, text: str | None, units: Mapping[str, float]) -> list[flo
         unit = match[2] or unit if match else unit
         if not unit and "" not in units:
             raise BadInput(f"{name} {text}: {written} has no unit; write {' or '.join(written + u for u in units)}")
+        known = " or ".join(filter(None, units))
         try:
             found.append(float(match[1]) * units[unit] if match else math.nan)
         except (ValueError, KeyError):
-            known = " or ".join(filter(None, units))
             raise BadInput(f"{name}: {written!r} is no number with a unit of {known}") from None
+        if not math.isfinite(found[-1]):
+            raise BadInput(f"{name}: {written!r} is no finite number with a unit of {known}")
     return found[::-1]
 
 

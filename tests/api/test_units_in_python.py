@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import phaselead as pl
-from phaselead.quantity import IN_SECONDS, SHARES, UM_PER_S, VOLTS, quantities, quantity
+from phaselead.quantity import IN_SECONDS, SHARES, UM, UM_PER_S, VOLTS, quantities, quantity
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,13 @@ from phaselead.quantity import IN_SECONDS, SHARES, UM_PER_S, VOLTS, quantities, 
 )
 def test_a_number_or_text_with_a_unit(value: Any, units: dict[str, float], found: float | None) -> None:
     assert quantity("it", value, units) == pytest.approx(found)
+
+
+@pytest.mark.parametrize("text", ["1e400um", "-1e400", "1e306mm", "1um 2um", "1e400um,2um", "nan", "inf"])
+def test_text_that_is_no_finite_number_is_refused(text: str) -> None:
+    """What overflows, also by its unit, and what is not of that form."""
+    with pytest.raises(pl.BadInput, match=r"is no (finite )?number with a unit of um or nm or mm$"):
+        quantities("it", text, UM)
 
 
 def test_several_are_a_list_or_one_text() -> None:

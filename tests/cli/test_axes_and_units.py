@@ -63,6 +63,7 @@ def test_python_names_axes_alike():
         (("tune", "-o", "t.toml", "--middle", "4,5V"), "give one number"),
         (("identify", "-o", "i.toml", "--levels", "500,250"), "250 has no unit; write 250V or 250mV"),
         (("identify", "-o", "i.toml", "--u-max", "5"), "5 has no unit"),
+        (("identify", "-o", "i.toml", "--u-max", "1e400V"), "'1e400V' is no finite number with a unit of V or mV"),
     ],
 )
 def test_a_voltage_says_its_unit(run, tmp_path, monkeypatch, words, said):

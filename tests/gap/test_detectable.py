@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace as Made
 
 import pytest
 from test_gap_laws import HIDDEN, parts
+from test_posterior_likelihood import Toy
 
+from phaselead.gap.findings import Bound, Detectable
+from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
 from phaselead.gap.posterior.priors import SIZES
 from phaselead.gap.posterior.starts import _at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
 from phaselead.gap.run import run_gap
 from phaselead.identify import fit
 from phaselead.model import catalogue
+from phaselead.report.gap import bound_row
 
 LAGS = ("amplifier_lowpass", "delay", "sensor_lowpass")
 KEPT = (*LAGS, "gain_change", "slew_limit")
@@ -66,3 +71,47 @@ def test_effects_that_are_not_linear_in_their_sizes_are_begun_at_all_usual_ones(
     assert begun["gain_change"] == {1.0}
     for nonlinear in ("slew_limit", "delay"):
         assert sorted(begun[nonlinear]) == pytest.approx(sorted(SIZES))
+
+
+def test_a_size_that_is_never_near_enough_is_stated_as_far_as_it_was_followed():
+    """What is needed stays half as much again as what was simulated."""
+    found = _Expected._told(lambda times: 1.5 * times, 1.0, 0.0)
+    assert 1 < found < MOST_STATED
+    assert _Expected._told(lambda times: np.inf, 1.0, 0.0) == np.inf
+
+
+def test_what_is_told_at_no_size_is_left_out(monkeypatch):
+    monkeypatch.setattr(_Expected, "__init__", lambda *_: None)
+    monkeypatch.setattr(_Expected, "size", lambda *_: np.inf)
+    shapes = Shapes(regressor_groups([catalogue()["delay"]], 2e-4, 1.0), ())
+    assert detectable(None, shapes, 1.0) == {}
+
+
+def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
+    """A linear one shows as much for one typical size however large it was asked for."""
+    run = Toy(1).likelihood.runs[1]
+    (group,) = regressor_groups([catalogue()["delay"]], 1e-3, 1.0)
+    size = group.effect.sizes[0]
+    column = run.coefficients(run.modelled.columns["delay"][:, None] * group.steps[0] / size.typical)
+    expected = _Expected.__new__(_Expected)
+    expected._shapes, expected._likelihood = Shapes([group], [column]), Made(runs=[run])
+    end = size.high / group.steps[0]
+    for times in (0.5 * end, end, 20 * end):
+        np.testing.assert_allclose(expected._simulated(0, times)[0], column, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "said"),
+    [
+        ("delay", "delay", "0.3"),
+        ("delay", "gain_change", "not within 10 typical sizes"),
+        ("delay", None, ""),
+        ("offset", "delay", ""),
+        ("thermal_drift", "delay", "not within 10 typical sizes"),
+    ],
+)
+def test_a_report_says_where_no_size_is_stated(name, stated, said):
+    """Not of what no voltage predicts, nor where nothing was stated at all."""
+    detectable = () if stated is None else (Detectable(stated, 0.0003, "s"),)
+    unit = catalogue()[name].sizes[0].unit
+    assert bound_row(Bound(name, 0.0004, unit), Made(detectable=detectable))["named_from"] == said

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from phaselead.gap.posterior import likelihood
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.expected import Expected
 from phaselead.gap.posterior.interval import intervals
@@ -375,6 +376,15 @@ class TestRivals:
         added = self.added(among, large)
         assert [one.shape[1] for one in added] == [rivals] * 4
         assert self.power(added) == pytest.approx(self.expected_power(among, large))
+
+    def test_it_is_a_tenth_in_all_however_large_the_columns_are(self, monkeypatch):
+        large = sized(4.0, LATE)
+        among = Toy(6, [large]).likelihood.knowing([sized(0.1, SLOW), sized(10.0, SLOW)])
+        deviations = likelihood.fault_deviations
+        monkeypatch.setattr(likelihood, "fault_deviations", lambda rival: 3 * deviations(rival))
+        added = self.added(among, large)
+        assert self.power(added) == pytest.approx(self.expected_power(among, large))
+        assert self.power([one[:, :1] for one in added]) == pytest.approx(self.power([one[:, 1:] for one in added]))
 
     @staticmethod
     def added(among, large):

@@ -137,6 +137,40 @@ def test_rivals_that_only_the_held_out_records_tell_apart_are_tied(of_held_out, 
     assert claim.borne_out
 
 
+def test_the_training_records_choose_their_own_best_rival():
+    """They prefer the amplifier; held-out records alone turn that round, and put the sensor before it."""
+    logs = {(): 0.0, ("delay",): 60.0, ("amplifier_lowpass",): 40.0, ("sensor_lowpass",): 45.0}
+    held_out = {("delay",): 35.0, ("amplifier_lowpass",): 5.0, ("sensor_lowpass",): 40.0}
+    (claim,) = judge(contest(logs, held_out)).claims
+    assert claim.tied == ("delay", "amplifier_lowpass")
+    assert claim.borne_out
+
+
+def test_a_member_that_another_makes_needless_leaves_the_tie():
+    """The sensor makes the delay sure; the amplifier, which the training records prefer, does both by itself."""
+    logs = {(): -60.0, ("delay",): 0.0, ("sensor_lowpass",): log(0.008), ("amplifier_lowpass",): log(0.006)}
+    held_out = {("delay",): 40.0, ("sensor_lowpass",): 40.0, ("amplifier_lowpass",): 0.0, (): 0.0}
+    (claim,) = judge(contest(logs, held_out)).claims
+    assert claim.tied == ("delay", "amplifier_lowpass")
+
+
+@given(
+    st.dictionaries(sets, st.tuples(st.floats(-8, 8), st.floats(-8, 8)), max_size=8).map(
+        lambda d: {(): (-40.0, 0.0)} | d
+    )
+)
+def test_no_member_of_a_tie_can_be_left_out(both):
+    made = contest({n: value for n, (value, _) in both.items()}, {n: held for n, (_, held) in both.items()})
+    found = judge(made)
+    for claim in found.claims:
+        for name in claim.tied[1:]:
+            rest = set(claim.tied) - {name}
+            sure = sum(p for names, p in found.sets.items() if rest & set(names)) >= SURE
+            fitted = {names: made.log_posterior_fitted(names) for names in found.sets}
+            mine = max(value for names, value in fitted.items() if rest & set(names))
+            assert not (sure and mine > max(value for names, value in fitted.items() if not rest & set(names)))
+
+
 @pytest.mark.parametrize(("short", "claimed"), [(0.01, True), (-0.01, False)])
 def test_the_nearest_set_names_nothing_where_it_is_probably_no_more_than_that(short, claimed):
     """Neither an effect nor a tie. Its probability stays what it was."""

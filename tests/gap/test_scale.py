@@ -75,3 +75,10 @@ def test_the_answer_says_it():
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
     assert [line for line in found.messages if "-1.0 times" in line]
     assert "-1.0 times" in str(found)
+
+
+def test_every_role_that_is_off_is_said():
+    train = as_written(records()[0], lambda u, x: (u, -x))
+    holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
+    (line,) = scale_doubts(stage(), axis_runs(stage(), train, holdout, records()[0]))
+    assert line.startswith("x: the training and held-out records move -1.0 and 1.0e+03 times")

@@ -14,13 +14,14 @@ from phaselead.gap.findings import (
     parameter_rows,
 )
 from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
-from phaselead.gap.posterior import SURE
+from phaselead.gap.posterior import MOST_STATED, SURE
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
 from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port
 
 __all__ = [
     "LEVEL",
+    "MOST_STATED",
     "NAMED",
     "SURE",
     "Bound",

@@ -108,20 +108,21 @@ def search_axis(
     final = final_fit(selection, runs)
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
+    left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
+    surviving = selection
+    if too_little_described(left, final.gap):
+        named, ties, surviving = [], [], selection.withdrawn()
     ties += other.ties
     taken = _names([*named, *other.named], ties)
-    excluded, hidden = upper_bounds(selection, candidates, taken, label)
-    on_progress(0.9)
-    left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
-    closed = bool(taken) and selection.problem.reference is not None
-    unknown = selection.no_set_fits or other.unknown
-    unknown = unknown or much_predictable(left, final.gap, closed)
-    if too_little_described(left, final.gap):
-        named, ties = [], list(other.ties)
+    # Plays that the base was given stay in it under whatever name: neither bounded nor tried beside themselves.
+    taken_or_played = taken | ({selection.memory.effect.name} if selection.memory is not None else set())
+    excluded, hidden = upper_bounds(surviving, candidates, taken_or_played, label)
     on_progress(0.92)
+    closed = bool(taken) and selection.problem.reference is not None
+    unknown = selection.no_set_fits or other.unknown or much_predictable(left, final.gap, closed)
     provisional: list[NamedEffect] = []
     if unknown:
-        untried = [effect for effect in effects if effect.name not in taken]
+        untried = [effect for effect in effects if effect.name not in taken_or_played]
         # The base stays as it is, so that anything may be tried that a frozen one shows.
         allowed, _ = responses(untried, frozen=True, referenced=False)
         final, provisional = nearest_that_pays(final, file_entries, runs, allowed, label)
@@ -138,8 +139,8 @@ def search_axis(
         _where(selection, final, seed, label),
         final.gap,
         final.rows,
-        _proposal(selection, label) if ties else None,
-        list(selection.candidates),
+        _proposal(surviving, label),
+        list(surviving.candidates),
         final.traces(),
         other.spectra,
         [*selection.messages, *other.messages],
@@ -269,7 +270,8 @@ def _where(selection: Selection, final: FinalFit, seed: int, label: str | None) 
 
 
 def _proposal(selection: Selection, label: str | None) -> NextExperiment | None:
-    """The experiment that would best break a tie; None where no tie has two members that were fitted."""
+    """The experiment that would best break the first tie of the search; None where it has no tie of two members that
+    were fitted. Ties of a moved zero are none of the search."""
     ties = [claim for claim in selection.claims if len(claim.rivals) > 1]
     return propose(selection, ties[0], label) if ties else None
 

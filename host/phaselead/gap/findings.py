@@ -108,6 +108,8 @@ class NextExperiment:
 
 NAMED: Final = "named"
 """Remark of a candidate that was named, and status of an adopted effect that was."""
+WITHDRAWN: Final = "withdrawn: too much is left that the voltage predicts"
+"""Remark of a candidate that would have been named."""
 PROVISIONAL: Final = "provisional"
 """Status of an adopted effect whose name is not vouched for."""
 

@@ -27,10 +27,11 @@ def _doubt(stage: Stage, axis: str, runs: Sequence[GapRun]) -> list[str]:
     off = {role: gain for role, gain in known.items() if not LEAST_GAIN <= gain <= MOST_GAIN}
     if not off:
         return []
-    role, gain = next(iter(off.items()))
-    which = "records" if len(off) == len(known) else f"{ROLES[role]} records"
+    roles = " and ".join(ROLES[role] for role in off)
+    which = "records" if len(off) == len(known) else f"{roles} records"
+    gains_off = " and ".join(dict.fromkeys(f"{gain:#.2g}" for gain in off.values()))
     return [
-        f"{axis}: the {which} move {gain:#.2g} times as far as the model says: check units, signs and columns, or give "
+        f"{axis}: the {which} move {gains_off} times as far as the model says: check units, signs and columns, or give "
         "--map; or the model is of another stage"
     ]
 

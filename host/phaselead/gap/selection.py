@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from phaselead.gap.findings import Candidate, Estimate
+from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate
 from phaselead.gap.posterior import Claim, Contest
 from phaselead.gap.problem import Problem
 from phaselead.gap.refit import SizedEffect
@@ -44,3 +44,8 @@ class Selection:
     """Whether even the nearest set probably leaves more than its equations may miss."""
     messages: tuple[str, ...] = ()
     """For a person."""
+
+    def withdrawn(self) -> Selection:
+        """The same where no claim survives: nothing stands in the place of another effect, or beside it."""
+        candidates = tuple(replace(c, remark=WITHDRAWN) if c.remark == NAMED else c for c in self.candidates)
+        return replace(self, entries=(), claims=(), estimates={}, candidates=candidates)

@@ -12,7 +12,8 @@ MOST_TRAVEL_um = 1e4
 
 ROUGHER = 1.5
 """Times, in fourth differences, of which slow motion has next to nothing: of a multisine both columns have alike, the
-voltage up to a tenth more, which the mechanics take off."""
+voltage up to a tenth more, which the mechanics take off. Chosen, not measured: five times
+that tenth."""
 SLOWLY = 0.01
 """Roughness of a sine of forty rows a period. Of what is driven faster the mechanics may keep the smoother part."""
 

@@ -13,6 +13,7 @@ from scipy.signal import welch
 from phaselead.drawing import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
 from phaselead.gap import (
     LEVEL,
+    MOST_STATED,
     NAMED,
     Bound,
     Candidate,
@@ -338,11 +339,14 @@ def bound_row(bound: Bound, result: GapResult) -> dict[str, Any]:
     """One upper bound beside the typical size of the effect, and the size from which it was expected to be named."""
     of_effect = [one.size for one in result.detectable if (one.name, one.axis) == (bound.name, bound.axis)]
     factor, unit = usual_unit(bound.upper_95, bound.unit)
-    typical, named_from = typical_of(bound), of_effect[0] if of_effect else None
+    effect = catalogue()[bound.name]
+    searched = effect.moves_zero == "steadily" or (effect.kind != "disturbance" and effect.moves_zero is None)
+    stated = bool(result.detectable) and searched
+    typical, nowhere = typical_of(bound), f"not within {MOST_STATED:g} typical sizes" if stated else ""
     return {
         "name": _plain(bound.name), "axis": bound.axis, "upper": factor * bound.upper_95,
         "typical": None if typical is None else factor * typical,
-        "named_from": None if named_from is None else factor * named_from, "unit": unit_of(unit),
+        "named_from": f"{factor * of_effect[0]:.3g}" if of_effect else nowhere, "unit": unit_of(unit),
     }  # fmt: skip
 
 

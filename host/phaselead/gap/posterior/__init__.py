@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
+from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
 from phaselead.gap.posterior.likelihood import Likelihood
@@ -15,6 +16,7 @@ from phaselead.gap.posterior.verdict import Claim, Judgement, judge
 __all__ = [
     "KNOWN_BEFORE",
     "MOST_MISSED",
+    "MOST_STATED",
     "SURE",
     "Claim",
     "Contest",

@@ -32,7 +32,7 @@ FURTHER = 100.0
 """Ratio of the next size to one at which nothing shows, squared."""
 TRIED = np.geomspace(1e-5, 1e3, 500)
 """Typical sizes."""
-MOST = 10.0
+MOST_STATED = 10.0
 """Typical sizes beyond which nobody asks."""
 LARGE = float(SIZES[-1])
 """Deviation, in typical sizes, of what a rival may take."""
@@ -61,13 +61,16 @@ class Shapes:
 
 
 def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[str, float]:
-    """By effect the first size, in its unit, at which it is expected to be named; infinite where the records do not
-    excite it. ``log_odds`` are asked against nothing, those of a name against each effect it is confused with."""
+    """By effect the first size, in its unit, at which it is expected to be named; without those that no size within
+    ``MOST_STATED`` typical ones shows. ``log_odds`` are asked against nothing, those of a name against each effect it
+    is confused with."""
     effects = {group.effect.name: group.effect for group in shapes.groups}
     found = {}
     for name, effect in effects.items():
         rivals = [other for other, one in effects.items() if confused(effect, one)]
-        found[name] = _Expected(likelihood, shapes, name).size(rivals, log_odds)
+        size = _Expected(likelihood, shapes, name).size(rivals, log_odds)
+        if np.isfinite(size):
+            found[name] = size
     return found
 
 
@@ -86,7 +89,7 @@ class _Expected:
         self._index = mine[order[min(half, len(mine) - 1)]]
 
     def size(self, rivals: Sequence[str], log_odds: float) -> float:
-        """In the effect's unit."""
+        """In the effect's unit; infinite where it is not within ``MOST_STATED`` typical sizes."""
         found = self._told(partial(self._alone, log_odds), 1.0, 0.0)
         for rival in rivals:
             found = self._told(partial(self._past, rival), found, found)
@@ -96,16 +99,16 @@ class _Expected:
     def _told(needed: Callable[[float], float], times: float, least: float) -> float:
         """The multiple, ``least`` or more, at which an effect is told that is simulated at that multiple, from what is
         ``needed`` with one simulated at any: not in proportion where it sets in at a threshold, or differs from a
-        rival by its square."""
-        low, high = least, np.inf
+        rival by its square. Infinite only where one of ``MOST_STATED`` typical sizes, or more, is told at none."""
+        low, high, found = least, np.inf, np.inf
         for _ in range(ROUNDS):
             found = max(least, needed(times)) if np.isfinite(times) else times
-            if (times >= MOST and not np.isfinite(found)) or 1 / NEAR_ENOUGH < found / times < NEAR_ENOUGH:
+            if (times >= MOST_STATED and not np.isfinite(found)) or 1 / NEAR_ENOUGH < found / times < NEAR_ENOUGH:
                 return found
             low, high = (times, high) if found > times else (low, min(high, times))
             ahead = float(np.sqrt(times * min(found, FURTHER * times)))
             times = ahead if low < ahead < high else float(np.sqrt(low * high))
-        return high
+        return high if np.isfinite(high) else found
 
     def _entry(self, index: int, times: float) -> SizedEffect:
         """So many times the first typical size of a group alone."""
@@ -115,13 +118,14 @@ class _Expected:
 
     def _simulated(self, index: int, times: float) -> Coefficients:
         """What so many times the first typical size adds, for one typical size; any times as much where an effect is
-        linear in its sizes."""
+        linear in its sizes. Beyond the range of a size the largest in it is simulated."""
         typical = self._shapes.first(index)
         if self._shapes.groups[index].effect.basis is not None:
             return typical
         runs = zip(self._likelihood.runs, typical, strict=True)
-        entry = self._entry(index, times)
-        return [_added(run, entry) / times if run.changed and times else column for run, column in runs]
+        effect, params = entry = self._entry(index, times)
+        simulated = params[effect.sizes[0].name] / self._shapes.groups[index].steps[0]
+        return [_added(run, entry) / simulated if run.changed and simulated else column for run, column in runs]
 
     @cached_property
     def _everywhere(self) -> Coefficients:

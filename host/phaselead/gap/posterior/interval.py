@@ -1,4 +1,5 @@
-"""95 % intervals of parameters from their posterior."""
+"""95 % intervals of parameters: from the covariance of the posterior, widened by how far the adopted values lie from
+its most likely ones, and ending where the range of the catalogue ends."""
 
 from __future__ import annotations
 

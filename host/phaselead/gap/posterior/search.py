@@ -50,6 +50,10 @@ class Contest:
         """Log evidence and log prior of a set."""
         return self.fits[names].log_evidence + log_prior_of_set(len(names), self.catalogue_size)
 
+    def log_posterior_fitted(self, names: Names) -> float:
+        """The same without the held-out records."""
+        return self.fits[names].log_evidence_fitted + log_prior_of_set(len(names), self.catalogue_size)
+
 
 def likelihood_of(runs: Sequence[ModelledRun], freedom: Freedom | None) -> Likelihood:
     """Of what effects do in the runs that are no reference. ``freedom``: what may be wrong with the base's own

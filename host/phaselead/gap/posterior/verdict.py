@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from phaselead.gap.posterior.priors import SURE, log_prior_of_set
+from phaselead.gap.posterior.priors import SURE
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.sets import Fit, Names, confused
 from phaselead.gap.refit import SizedEffect
@@ -27,14 +28,15 @@ class Claim:
     """One effect that is there, or one of several that cannot be told apart."""
 
     effect: Effect
-    """The most probable."""
+    """The member of ``tied`` that the most probable set of all has."""
     probability: float
     log_odds: float
     """Of the most probable set against the best without any of ``tied``."""
     held_out_log_odds: float
-    """What the held-out records add to them."""
+    """What the held-out records add to those of the training records, whose best sets may be others."""
     rivals: tuple[tuple[SizedEffect, ...], ...]
-    """For each of ``tied`` the most probable set that has it and none of the others, its own entry last."""
+    """One set of effects for each of ``tied``: the most probable one that has this member and none of the others, with
+    the entry of the member last. A member that no such set has is left out."""
     tied: Names
     """Names that these records cannot tell apart, its own first."""
 
@@ -105,32 +107,51 @@ def _claim(
     single: Mapping[str, float],
 ) -> Claim | None:
     """That an effect is there, or one of the smallest group of it and its rivals of which that is sure, and which the
-    records that were fitted speak for by themselves. Only what may be taken for the effect can stand in its place."""
-    group: Names = (effect.name,)
-    while True:
+    records that were fitted speak for by themselves. Only what may be taken for the effect can stand in its place.
+
+    A group that is not sure grows by the rival that makes it surest, one that is sure but not borne out by the rival
+    that the fitted records prefer.
+    """
+
+    def claimed(group: Names) -> Claim | None:
         claim = _claim_of(contest, effect, group, sets, single)
-        if _with_any(sets, group) >= SURE and claim.borne_out:
-            return claim
-        more = {n: _with_any(sets, (*group, n)) for n in single if n in rivals and n not in group}
+        return claim if _with_any(sets, group) >= SURE and claim.borne_out else None
+
+    group: Names = (effect.name,)
+    while (claim := claimed(group)) is None:
+        more = [name for name in single if name in rivals and name not in group]
         if not more or len(group) == MOST_TIED:
             return None
-        group = (*group, max(more, key=lambda n: (more[n], single[n])))
+        if _with_any(sets, group) >= SURE:
+            group = (*group, max(more, key=partial(_best_fitted, contest)))
+        else:
+            surest = {name: (_with_any(sets, (*group, name)), single[name]) for name in more}
+            group = (*group, max(more, key=surest.__getitem__))
+    for name in sorted(group[1:], key=single.__getitem__):
+        fewer = claimed(tuple(one for one in claim.tied if one != name))
+        claim = claim if fewer is None else fewer
+    return claim
+
+
+def _best_fitted(contest: Contest, name: str) -> float:
+    """Log posterior, without the held-out records, of the best set with an effect."""
+    return max(contest.log_posterior_fitted(names) for names in contest.fits if name in names)
 
 
 def _claim_of(
     contest: Contest, effect: Effect, group: Names, sets: Mapping[Names, float], single: Mapping[str, float]
 ) -> Claim:
     """The claim that one of a group is there."""
-    with_it = max((n for n in sets if set(n) & set(group)), key=lambda n: sets[n])
-    without = max((n for n in sets if not set(n) & set(group)), key=lambda n: sets[n])
-    a, b = contest.fits[with_it], contest.fits[without]
-    prior = log_prior_of_set(len(with_it), contest.catalogue_size) - log_prior_of_set(
-        len(without), contest.catalogue_size
-    )
-    odds = a.log_evidence - b.log_evidence + prior
-    fitted = a.log_evidence_fitted - b.log_evidence_fitted + prior
+    odds = _log_odds(group, {names: contest.log_posterior(names) for names in sets})
+    fitted = _log_odds(group, {names: contest.log_posterior_fitted(names) for names in sets})
     rivals = [entries for name in group if (entries := _most_probable_with(contest, name, group, sets))]
     return Claim(effect, single[effect.name], odds, odds - fitted, tuple(rivals), group)
+
+
+def _log_odds(group: Names, logs: Mapping[Names, float]) -> float:
+    """Of the best set with any of a group against the best without, by the log posterior of each."""
+    with_it = max(log for names, log in logs.items() if set(names) & set(group))
+    return with_it - max(log for names, log in logs.items() if not set(names) & set(group))
 
 
 def _most_probable_with(

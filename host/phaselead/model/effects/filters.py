@@ -23,7 +23,9 @@ Mode = tuple[float, float, float]
 """Share of the motion, frequency in Hz, damping ratio."""
 
 ALIKE = 1e-4
-"""Relative difference of two lags below which they are moved apart: what each alone would add grows without bound."""
+"""Relative difference of two lags below which they are moved apart: what each alone would add grows without bound.
+Chosen: it moves a lag by a ten-thousandth of itself, and the parts of two lags, 1e4 times as large as their sum, lose
+four of the sixteen digits of a double."""
 
 
 @cache

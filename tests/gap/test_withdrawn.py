@@ -1,0 +1,67 @@
+"""A name that is withdrawn, since too much is left that the voltage predicts, counts nowhere as claimed."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+from test_gap_laws import HIDDEN, parts
+
+from phaselead.gap import axis, run
+from phaselead.gap.findings import NAMED, WITHDRAWN
+from phaselead.gap.unexplained import Unexplained
+from phaselead.identify import fit
+from phaselead.model import catalogue
+
+KEPT = ("amplifier_lowpass", "delay", "gain_change")
+
+
+@cache
+def answer(withdraw: bool):
+    """Of the axis of records that hide a delay, where a twentieth of what is left is said to follow the voltage."""
+    reference, train, holdout = parts({"delay": HIDDEN["delay"]})
+    without = [name for name in catalogue() if name not in KEPT]
+    found = []
+
+    def kept(*args):
+        found.append(axis.search_axis(*args))
+        return found[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(axis, "unexplained", lambda *residuals: Unexplained(0.05, 1e-4))
+        patch.setattr(axis, "too_little_described", lambda left, gap: withdraw)
+        patch.setattr(run, "search_axis", kept)
+        run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
+    return found[0]
+
+
+def test_beside_a_name_that_survives_so_little_is_not_unknown():
+    found = answer(False)
+    assert [one.name for one in found.effects] == ["delay"]
+    assert not found.unknown
+    assert "delay" not in {one.name for one in found.excluded} | set(found.untestable)
+    assert found.candidates[0].remark == NAMED
+
+
+def test_a_withdrawn_name_closes_no_gap():
+    found = answer(True)
+    assert not found.effects
+    assert found.unknown
+
+
+def test_a_withdrawn_name_is_bounded_by_no_less_than_its_estimate():
+    found = answer(True)
+    bounds = {one.name: one.upper_95 for one in found.excluded}
+    assert bounds["delay"] >= HIDDEN["delay"] if "delay" in bounds else "delay" in found.untestable
+
+
+def test_a_withdrawn_name_is_adopted_once_and_provisionally():
+    kept = [(one.name, one.status) for one in answer(True).adopted]
+    assert kept.count(("delay", "provisional")) == 1
+    assert not any(status == NAMED for _, status in kept)
+
+
+def test_the_table_of_candidates_says_that_it_is_withdrawn():
+    found = answer(True)
+    assert found.candidates[0].remark == WITHDRAWN
+    assert found.next_experiment is None
