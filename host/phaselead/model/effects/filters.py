@@ -105,8 +105,11 @@ def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
 
 
 def relaxed_late(x: Samples, taus_s: Sequence[float], step_s: float, late_s: float) -> Samples:
-    """1/(tau s + 1) for each of some lags in turn of ``x`` (n,), which stood at its first value before, read ``late_s``
-    before each row: exact where a lag of rows that are late or lag already would be straight across their corners."""
+    """Some first-order lags in turn of ``x`` (n,), each 1/(tau s + 1), read ``late_s`` before each row.
+
+    ``x`` stood at its first value before. This is exact between rows too, where the way of a lag is curved; a lag of
+    rows that were made late first would cut the corners of that way.
+    """
     there = sorted(tau_s for tau_s in taus_s if tau_s * 1e9 > step_s)
     if len(there) < 2:
         return _relaxed_late(x, there[0] if there else 0.0, step_s, late_s)
