@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from types import SimpleNamespace as Made
 
+import numpy as np
 import pytest
 from test_gap_laws import HIDDEN, parts
 from test_posterior_likelihood import Toy

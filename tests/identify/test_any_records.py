@@ -25,7 +25,7 @@ from any_stage import (
 )
 
 from phaselead.errors import BadInput
-from phaselead.identify.fitting import fit
+from phaselead.identify.fitting import _duration, fit
 from phaselead.model.axis import LONGEST_DELAY_S
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage, parse_stage, stage_text
@@ -93,12 +93,30 @@ def test_operator_modes_and_delay_are_found_together(mechanics):
 def test_an_amplifier_s_lag_is_told_from_the_delay(lag_s):
     """Behind a delay of less than a row a lag of much less than a row is the same at every row: this one is longer."""
     stage = replace(ONE_MODE, delay_s=3.6e-4, lag_s=lag_s)
-    fitted, _ = fit(laboratory(stage, RATE_HZ, only=QUICK))
-    ((name, params),) = [(e.name, e.params) for e in fitted.axis("x").effects if e.name != "resonance"]
-    assert name == "amplifier_lowpass"
-    assert params["tau_s"] == pytest.approx(lag_s, rel=0.05)
+    fitted, report = fit(laboratory(stage, RATE_HZ, only=QUICK))
+    (lag,) = [effect for effect in fitted.axis("x").effects if effect.name != "resonance"]
+    assert (lag.name, lag.status) == ("amplifier_lowpass", "provisional")
+    assert lag.params["tau_s"] == pytest.approx(lag_s, rel=0.05)
+    (line,) = [line for line in report.lines() if "a lag of" in line]
+    assert re.search(r"a lag of \d+(\.\d+)? us \+- \d\.?\d* us beside the delay", line), line
+    assert "of amplifier or sensor: the records do not tell which" in line
+    found = report.time["x"]
+    (std_s,) = found.std["lag_s"]
+    assert 0 < std_s < 0.05 * lag_s
+    assert re.search(r"^lag  .* \+- .* ms$", str(found), re.MULTILINE)
+    low_s, high_s = lag.ci95["tau_s"]
+    assert (high_s - low_s) / 2 == pytest.approx(1.96 * std_s)
+    assert 0.01 < lag.share < 1
+    (chosen,) = [choice for choice in found.choices if choice.chosen]
+    noise = sum((stage.noise_um / record.range_um) ** 2 for record in found.records) ** 0.5
+    assert chosen.left_out < noise  # the size was chosen behind the lag
     assert fitted.axis("x").time.delay_s == pytest.approx(stage.delay_s, abs=5e-6)
     assert left_um(fitted, held_out(stage, RATE_HZ)) < 0.02
+
+
+@pytest.mark.parametrize(("time_s", "words"), [(5.2e-5, "52 us"), (3e-4, "300 us"), (9.999e-4, "1 ms"), (5e-3, "5 ms")])
+def test_a_lag_is_said_in_three_digits(time_s, words):
+    assert _duration(time_s) == words
 
 
 def test_every_record_of_the_laboratory_is_used():

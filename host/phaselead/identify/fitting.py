@@ -139,7 +139,7 @@ def fit(
                 found, mode = fit_together(forward)
                 messages += _about_stillness(axis, axis_runs)
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
-                messages += _about_lag(axis, found.lag_s)
+                messages += _about_lag(axis, found)
                 if mode is not None:
                     modes[axis] = mode
                 view, said = _table(axis_runs, backwards)
@@ -226,10 +226,7 @@ def _axis_model(
     parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
-    effects: tuple[AdoptedEffect, ...] = ()
-    if time.lag_s:
-        lag, params = effect_of_lag(time.lag_s)
-        effects = (AdoptedEffect(name=lag.name, params=params),)
+    effects = _adopted_lag(time)
     if mode is not None:
         view, effect = mode.adopted(view)
         effects = (*effects, effect)
@@ -277,11 +274,29 @@ def _about_modes(axis: str, found: FittedModes | None, runs: Sequence[AxisRun], 
     return [f"axis {axis}: shows no mode up to {response.f_Hz[-1]:.0f} Hz; the records do not drive it faster"]
 
 
-def _about_lag(axis: str, lag_s: float) -> list[str]:
-    if not lag_s:
+def _about_lag(axis: str, found: OperatorFit) -> list[str]:
+    if not found.lag_s:
         return []
-    lag, _ = effect_of_lag(lag_s)
-    return [f"axis {axis}: a lag of {1e6 * lag_s:.2g} us beside the delay; adopted as effect {lag.name}"]
+    size, (std,) = found.lag_s, found.std["lag_s"]
+    sure = f" +- {_duration(std)}" if math.isfinite(std) else ""
+    return [
+        f"axis {axis}: a lag of {_duration(size)}{sure} beside the delay, of amplifier or sensor: the records do not "
+        f"tell which; adopted provisionally as effect {effect_of_lag(size)[0].name}"
+    ]
+
+
+def _duration(time_s: float) -> str:
+    """In us, from a millisecond on in ms; three digits."""
+    return f"{1e6 * time_s:.3g} us" if time_s < 999.5e-6 else f"{1e3 * time_s:.3g} ms"
+
+
+def _adopted_lag(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
+    """Whether amplifier or sensor lags is not known: behind the operator a lag would be the same but for its loop."""
+    if not found.lag_s:
+        return ()
+    effect, params = effect_of_lag(found.lag_s)
+    ci95 = {} if found.lag_ci95_s is None else dict.fromkeys(params, found.lag_ci95_s)
+    return (AdoptedEffect(name=effect.name, status="provisional", params=params, ci95=ci95, share=found.lag_share),)
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
+from scipy.special import gammainc
 
 from phaselead.model.effects.filters import (
     behind_modes,
@@ -133,25 +134,50 @@ def test_a_lag_of_nothing_changes_nothing():
 
 
 @laws
-@given(rows, st.floats(0, 3.5), st.lists(st.floats(1e-5, 1e-2), min_size=1, max_size=3))
-def test_late_lags_are_read_on_their_way_between_rows(x, late_rows, taus_s):
+@given(rows, st.floats(0, 3.5), st.floats(1e-5, 1e-2))
+def test_a_late_lag_is_read_on_its_way_between_rows(x, late_rows, tau_s):
     step_s, finer = 2e-4, 50
     late_rows = round(late_rows * finer) / finer
-    way = np.interp(np.arange((len(x) - 1) * finer + 1) / finer, np.arange(len(x)), x)
-    for i, tau_s in enumerate(taus_s):
-        way = (smoothly_relaxed if i else relaxed)(way, tau_s, step_s / finer)
+    way = relaxed(np.interp(np.arange((len(x) - 1) * finer + 1) / finer, np.arange(len(x)), x), tau_s, step_s / finer)
     at = np.arange(len(x)) * finer - round(late_rows * finer)
     expected = np.where(at < 0, x[0], way[np.maximum(at, 0)])
-    exact = 1e-8 if len(taus_s) == 1 else 1e-3  # of two lags the finer grid is as good as it is fine
-    assert np.allclose(relaxed_late(x, taus_s, step_s, late_rows * step_s), expected, atol=exact * np.ptp(x) + 1e-8)
+    assert np.allclose(relaxed_late(x, [tau_s], step_s, late_rows * step_s), expected, atol=1e-8)
+
+
+def behind_equal_lags(t: np.ndarray, count: int) -> np.ndarray:
+    """A ramp of 1 from t = 0, in time constants, behind ``count`` equal lags, by a gamma distribution:
+    t P(n, t) - n P(n + 1, t)."""
+    t = np.maximum(t, 0.0)
+    return t * gammainc(count, t) - count * gammainc(count + 1, t)
 
 
 @laws
-@given(rows, st.floats(1e-5, 1e-2), st.floats(0, 3.5))
-def test_two_lags_alike_are_as_two_that_hardly_differ(x, tau_s, late_rows):
-    alike = relaxed_late(x, [tau_s, tau_s], 2e-4, late_rows * 2e-4)
-    apart = relaxed_late(x, [0.99 * tau_s, 1.01 * tau_s], 2e-4, late_rows * 2e-4)
-    assert np.allclose(alike, apart, atol=1e-3 * np.ptp(x) + 1e-8)
+@given(rows, st.floats(0, 3.5), st.floats(1e-5, 1e-2), st.integers(2, 6))
+def test_equal_lags_in_turn_are_the_closed_form_of_every_ramp(x, late_rows, tau_s, count):
+    step_s = 2e-4
+    at = np.arange(len(x)) - late_rows
+    bends = np.diff(np.diff(x, prepend=x[0]), prepend=0.0, append=0.0)[1:]  # of the slope, after each row
+    ramps = behind_equal_lags((at[:, None] - np.arange(len(x))) * step_s / tau_s, count) * tau_s / step_s
+    expected = x[0] + ramps @ bends
+    found = relaxed_late(x, [tau_s] * count, step_s, late_rows * step_s)
+    assert np.allclose(found, expected, rtol=0, atol=1e-8 * max(np.ptp(x), 1.0))
+
+
+@laws
+@given(rows, st.floats(0, 3.5), st.lists(st.sampled_from([1e-5, 1e-4, 1.00001e-4, 1e-3, 1e-2]), min_size=2, max_size=5))
+def test_lags_in_turn_are_the_partial_fractions_of_them_where_those_are_known(x, late_rows, taus_s):
+    """Of different lags; alike ones among them are as good as equal."""
+    step_s = 2e-4
+    apart = sorted({round(tau_s, 6) for tau_s in taus_s})
+    expected = sum(
+        np.prod([tau_s / (tau_s - other) for other in apart if other != tau_s])
+        * relaxed_late(x, [tau_s], step_s, late_rows * step_s)
+        for tau_s in apart
+    )
+    assert np.allclose(relaxed_late(x, apart, step_s, late_rows * step_s), expected, atol=1e-8 * max(np.ptp(x), 1.0))
+    alike = [tau_s * (1 + 1e-9) for tau_s in taus_s]
+    once = relaxed_late(x, taus_s, step_s, late_rows * step_s)
+    assert np.allclose(relaxed_late(x, alike, step_s, late_rows * step_s), once, atol=1e-6 * max(np.ptp(x), 1.0))
 
 
 def test_lags_of_nothing_only_delay():

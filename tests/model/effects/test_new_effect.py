@@ -63,7 +63,9 @@ def test_one_file_is_enough(relaxation):
     assert late[0] == pytest.approx(8.0, abs=0.2)
     assert late[-1] == pytest.approx(10.0)
     assert plant_parameters(stage).linked
-    assert compensation(model).shape[0].b != (1.0, 0.0, 0.0)  # its inverse
+    f_Hz = np.array([1.0, 5.0, 16.0, 50.0])
+    inverse = 1 / (0.8 + 0.2 / (1 + 2j * np.pi * f_Hz * 0.01))
+    assert compensation(model).shape[0].response(f_Hz) == pytest.approx(inverse, rel=0.01)
     assert effects.effect("relaxation").compensated
     assert "## Relaxation" in catalogue_page._markdown(effects.catalogue())
 

@@ -65,18 +65,20 @@ def fit_plant(f_Hz: Samples, measured: Response, deviation: Samples) -> FittedPl
     if np.median(measured[: max(3, len(f_Hz) // 20)].real) <= 0:
         raise BadInput("its sensor counts backwards, and the loop's sign is fixed in the firmware; swap its polarity")
     weight = 1 / np.hypot(deviation, LEAST_DEVIATION)
-    seen = [_first_mode(f_Hz, measured)]
-    best, starts = None, [seen]
+    from_the_lines = [_first_mode(f_Hz, measured)]
+    best, starts = None, [from_the_lines]
     while len(starts[0]) <= MOST_MODES:
         found = min((_descend(f_Hz, measured, weight, modes) for modes in starts), key=lambda one: one.cost)
         if best is not None and not _better(found, best):
             break
         best = found
-        # Without a mode that is missing the others may descend to where no further one mends it: from the lines again.
-        unmoved = _misfit(f_Hz, measured, _start(f_Hz, measured, seen))
+        # While a mode is missing the others may have moved to where no further one mends it. So the next mode is also
+        # tried behind modes as the lines suggest them, which no descent has moved.
+        unmoved = _misfit(f_Hz, measured, _start(f_Hz, measured, from_the_lines))
         starts = [[*found.modes, mode] for mode in _next_modes(f_Hz, found.misfit)]
-        starts += [[*seen, mode] for mode in _next_modes(f_Hz, unmoved)]
-        seen = starts[-1]
+        suggested = [[*from_the_lines, mode] for mode in _next_modes(f_Hz, unmoved)]
+        starts += suggested
+        from_the_lines = suggested[-1]
     assert best is not None
     fitted = best.fitted()
     if np.median(np.abs(fitted.misfit)) > LARGEST_MISFIT:

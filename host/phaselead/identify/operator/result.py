@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.identify.operator.regressors import FitRun, with_weight
-from phaselead.identify.operator.solution import Solution, linearised
+from phaselead.identify.operator.solution import Solution, lag_column, linearised
 from phaselead.model import Mode, TimeView, turned_view
 from phaselead.record import Samples
 
 SHOWN_RECORDS = 6
+Z95 = 1.96
+"""Standard errors to either side that hold 95 % of a normal distribution."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,9 @@ class RecordResidual:
 class OperatorFit:
     """A fitted time view and how sure its parameters are. Prints as a table.
 
-    ``std`` is keyed like the fields of TimeView; a parameter at its bound has none (nan). Rows whose residuals agree
-    with their neighbours' count less (``effective_rows``); that the size of the model was chosen is not counted.
+    ``std`` is keyed like the fields of TimeView, and ``lag_s``; a parameter at its bound has none (nan). Rows whose
+    residuals agree with their neighbours' count less (``effective_rows``); that the size of the model was chosen is not
+    counted.
     """
 
     view: TimeView
@@ -66,6 +69,14 @@ class OperatorFit:
     """Behind the operator, fitted together with it."""
     lag_s: float = 0.0
     """Time constant of a low-pass in front of the operator, fitted together with it."""
+    lag_share: float = 0.0
+    """Of the squared residual without that low-pass: what it explains."""
+
+    @property
+    def lag_ci95_s(self) -> tuple[float, float] | None:
+        """95 % interval of the time constant; None where its standard error is not known."""
+        (std,) = self.std["lag_s"]
+        return (max(self.lag_s - Z95 * std, 0.0), self.lag_s + Z95 * std) if np.isfinite(std) else None
 
     def turned(self) -> OperatorFit:
         """The same fit to a sensor that counts the other way."""
@@ -83,6 +94,8 @@ class OperatorFit:
             f"{'delay':14}{1e3 * view.delay_s:12.5g} +- {1e3 * self.std['delay_s'][0]:.2g} ms",
             f"{'rest fraction':14}{view.rest_fraction:12.5g} +- {self.std['rest_fraction'][0]:.2g}",
         ]
+        if self.lag_s:
+            lines.insert(3, f"{'lag':14}{1e3 * self.lag_s:12.5g} +- {1e3 * self.std['lag_s'][0]:.2g} ms")
         pairs = zip(view.play_r_V, view.play_w_um_per_V, self.std["play_w_um_per_V"], strict=True)
         lines += [f"play {r:<9.4g}{w:12.5g} +- {s:.2g} um/V" for r, w, s in pairs]
         pairs = zip(view.deadzone_d_V, view.deadzone_s_um_per_V, self.std["deadzone_s_um_per_V"], strict=True)
@@ -120,11 +133,14 @@ def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samp
     G^-1 M G^-1, where M weighs the moments G of each record by the record's own residual and by how few of its rows are
     independent (Huber 1967). Slopes at their bound of zero are held there.
     """
-    size = int(np.count_nonzero(solution.slopes > 0)) + 3 + 3 * len(solution.modes)
+    lags = fits[0].lag_s > 0
+    size = int(np.count_nonzero(solution.slopes > 0)) + 3 + 3 * len(solution.modes) + lags
     information, scatter = np.zeros((size, size)), np.zeros((size, size))
     delay_step_s = 0.02 * min(f.run.step_s for f in fits) + 0.01 * solution.delay_s
     for f, e in zip(fits, residuals, strict=True):
         columns = linearised(f, solution, delay_step_s)[:, :-1]
+        if lags:
+            columns = np.insert(columns, -1, lag_column(f, solution), axis=1)
         moments = f.weight * (columns.T @ columns)
         information += moments
         # Judged about its own mean, a record whose offset differs from the others' would seem exact.
@@ -134,13 +150,14 @@ def standard_errors(fits: list[FitRun], solution: Solution, residuals: list[Samp
     covariance = inverse @ (scatter / np.outer(scale, scale)) @ inverse / np.outer(scale, scale)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     std[scale <= 1e-140] = np.nan
-    return _by_parameter(solution, covariance, std)
+    return {**_by_parameter(solution, covariance, std), "lag_s": (float(std[-2]) if lags else float("nan"),)}
 
 
 def _by_parameter(solution: Solution, covariance: Samples, std: Samples) -> dict[str, tuple[float, ...]]:
     """The errors under the names and in the order of the time view of a solution.
 
-    ``covariance`` and its root diagonal ``std`` are of [slopes that are not 0, delay, rest fraction, modes, offset].
+    ``covariance`` and its root diagonal ``std`` are of [slopes that are not 0, delay, rest fraction, modes, lag if any,
+    offset].
     """
     basis, free = solution.basis, solution.slopes > 0
     n, where = basis.n_segments, np.flatnonzero(free)

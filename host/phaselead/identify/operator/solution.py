@@ -54,6 +54,8 @@ TIGHT = 1e-12
 """Width of the box where a parameter may not move."""
 MODE_STEP = 1e-5
 """Relative, for the slope over a frequency or a damping."""
+LAG_SLOPE_STEP = 0.01
+"""Relative, for the slope over a time constant."""
 
 
 @dataclass(frozen=True)
@@ -284,6 +286,13 @@ def linearised(fit: FitRun, point: Solution, delay_step_s: float) -> Samples:
     columns[:, -2] = 1.0
     columns[:, -1] = fit.position()
     return columns
+
+
+def lag_column(fit: FitRun, point: Solution) -> Samples:
+    """(rows,): what a second more of the time constant in front of the operator adds to the position, in um."""
+    step_s = LAG_SLOPE_STEP * fit.lag_s
+    slower = replace(fit, lag_s=fit.lag_s + step_s)
+    return np.asarray((point.residual(fit) - point.residual(slower)) / step_s)
 
 
 def _mode_columns(answer: Samples, modes: tuple[Mode, ...], step_s: float) -> Samples:

@@ -22,11 +22,6 @@ from phaselead.record import Samples
 Mode = tuple[float, float, float]
 """Share of the motion, frequency in Hz, damping ratio."""
 
-ALIKE = 1e-4
-"""Relative difference of two lags below which they are moved apart: what each alone would add grows without bound.
-Chosen: it moves a lag by a ten-thousandth of itself, and the parts of two lags, 1e4 times as large as their sum, lose
-four of the sixteen digits of a double."""
-
 
 @cache
 def _kernel() -> ctypes.CDLL:
@@ -107,23 +102,52 @@ def resonant(x: Samples, f_Hz: float, zeta: float, step_s: float) -> Samples:
 
 
 def relaxed_late(x: Samples, taus_s: Sequence[float], step_s: float, late_s: float) -> Samples:
-    """1/(tau s + 1) for each of some lags in turn of ``x`` (n,), which stood at its first value before, read ``late_s``
-    before each row: exact where a lag of rows that are late or lag already would be straight across their corners."""
-    parts = [gain * _relaxed_late(x, tau_s, step_s, late_s) for tau_s, gain in _side_by_side(taus_s)]
-    return np.asarray(np.sum(parts, axis=0))
+    """Some first-order lags in turn of ``x`` (n,), each 1/(tau s + 1), read ``late_s`` before each row.
+
+    ``x`` stood at its first value before. This is exact between rows too, where the way of a lag is curved; a lag of
+    rows that were made late first would cut the corners of that way.
+    """
+    there = sorted(tau_s for tau_s in taus_s if tau_s * 1e9 > step_s)
+    if len(there) < 2:
+        return _relaxed_late(x, there[0] if there else 0.0, step_s, late_s)
+    ratios = tuple(step_s / tau_s for tau_s in there)
+    whole, part = divmod(late_s / step_s, 1.0)
+    return _read_late(_lags_in_turn(x, ratios, 1.0 - part), int(whole), float(x[0]))
 
 
-def _side_by_side(taus_s: Sequence[float]) -> list[tuple[float, float]]:
-    """Time constant and gain of lags whose sum is that of these in turn (partial fractions)."""
-    apart: list[float] = []
-    for tau_s in sorted(taus_s):
-        if tau_s > 0:
-            apart.append(max(tau_s, (1 + ALIKE) * apart[-1]) if apart else tau_s)
-    each = [(tau_s, [tau_s / (tau_s - other) for other in apart if other != tau_s]) for tau_s in apart]
-    return [(tau_s, math.prod(factors)) for tau_s, factors in each] or [(0.0, 1.0)]
+def _lags_in_turn(x: Samples, ratios: tuple[float, ...], seen: float) -> Samples:
+    """Lags of step/tau each behind the other, read where the share ``seen`` of the row before each is over.
+
+    Over a row z_i' = ratio_i (z_{i-1} - z_i) and z_0 = x runs straight, so that all states go on by one matrix, however
+    alike the lags are.
+    """
+    count = len(ratios)
+    start, rise = x[:-1] - x[0], np.diff(x)
+    goes_on, read = _over_a_row(ratios, 1.0), _over_a_row(ratios, seen)[-1]
+    states = np.zeros((count, len(x)))
+    for i, row in enumerate(goes_on):
+        added = np.concatenate([[0.0], row[:i] @ states[:i, :-1] + row[count] * start + row[count + 1] * rise])
+        states[i] = second_order(added, np.array([1.0, 0.0, 0.0]), np.array([1.0, -row[i], 0.0]))
+    y = read[:count] @ states[:, :-1] + read[count] * start + read[count + 1] * rise
+    return np.asarray(x[0] + np.concatenate([[0.0], y]))
+
+
+@lru_cache(maxsize=256)
+def _over_a_row(ratios: tuple[float, ...], share: float) -> Samples:
+    """(m, m + 2): the states of m lags in turn after a share of a row, from those at its start, the input there and
+    what it rises by over the whole row. A matrix exponential (Van Loan 1978)."""
+    from scipy.linalg import expm  # slow to load, and needed by several lags alone
+
+    count = len(ratios)
+    rates = np.zeros((count + 2, count + 2))
+    for i, ratio in enumerate(ratios):
+        rates[i, i], rates[i, i - 1 if i else count] = -ratio, ratio
+    rates[count, count + 1] = 1.0
+    return np.asarray(expm(rates * share))[:count]
 
 
 def _relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Samples:
+    """The same of one lag, or none."""
     whole, part = divmod(late_s / step_s, 1.0)
     y, seen = relaxed(x, tau_s, step_s), 1.0 - part
     if part and tau_s > 0:
@@ -132,8 +156,13 @@ def _relaxed_late(x: Samples, tau_s: float, step_s: float, late_s: float) -> Sam
         y = last + (before - last) * gone + (x - before) * (seen - gone * tau_s / step_s)
     elif part:
         y = part * np.concatenate([x[:1], x[:-1]]) + seen * x
-    rows = min(int(whole), len(x))
-    return np.concatenate([np.full(rows, x[0]), y[: len(x) - rows]])
+    return _read_late(y, int(whole), float(x[0]))
+
+
+def _read_late(y: Samples, rows: int, before: float) -> Samples:
+    """(n,), so many rows later."""
+    rows = min(rows, len(y))
+    return np.concatenate([np.full(rows, before), y[: len(y) - rows]])
 
 
 def behind_modes(still_um: ArrayLike, modes: Sequence[Mode], step_s: float) -> Samples:
