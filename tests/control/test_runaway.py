@@ -3,6 +3,7 @@
 import pytest
 
 import phaselead as pl
+from phaselead.control import run_away
 from phaselead.device import device_model
 from phaselead.model import AxisModel, Sensor, Stage
 from phaselead.sim.plant import built_in
@@ -40,6 +41,18 @@ def test_a_second_mode_that_runs_away_is_found_before_the_sensor_is_at_its_rail(
         run(two_modes(tmp_path, f_Hz), wave, SECOND_MODE[f_Hz], Stage(name="x", axes={"x": AxisModel(sensor=SENSOR)}))
     capture = caught.value.capture
     assert (capture.axes["x"].adc[capture.ticks <= capture.status.fault_tick] > 64).all()
+
+
+def test_an_oscillation_that_the_recording_does_not_show_is_told_of_too(tmp_path, monkeypatch):
+    """It came while the path was entered: what was recorded of the path was quiet, and nothing was said."""
+    monkeypatch.setattr(run_away, "run_away", lambda *_, **__: None)
+    with pytest.raises(pl.DeviceFault, match="the loop of x is unstable; lower the gains"):
+        run(
+            two_modes(tmp_path, 450),
+            "sine:60um@5Hz",
+            SECOND_MODE[450],
+            Stage(name="x", axes={"x": AxisModel(sensor=SENSOR)}),
+        )
 
 
 def test_a_limit_cycle_is_found_although_it_grew_slowly(tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.device import DeviceFault
+from phaselead.device import DeviceFault, DeviceStatus
 from phaselead.record import Recording, Samples
 
 GROWING = 4
@@ -43,10 +43,14 @@ def run_away(recording: Recording, rows: int, *, gains_given: bool = True) -> st
 
 
 def tell_of(fault: DeviceFault, recording: Recording, *, gains_given: bool) -> None:
-    """Adds to what a fault says what its recording shows of the loop, and what to do about it."""
+    """Adds to what a fault says what its recording shows of the loop, and what to do about it. Of ``oscillation`` the
+    device has seen it, also where the path had not begun."""
     capture = fault.capture
     from_tick, to_tick = np.searchsorted(capture.ticks, [capture.recorded_from, capture.status.fault_tick])
     said = run_away(recording, int(max(to_tick - from_tick, 0)), gains_given=gains_given)
+    status = DeviceStatus.of(capture.status)
+    if said is None and status.fault == "oscillation":
+        said = f"the loop of {status.fault_axis} is unstable; {advice(gains_given)}"
     if said is not None:
         fault.args = (f"{fault}; {said}",)
 
