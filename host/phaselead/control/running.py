@@ -20,7 +20,7 @@ from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, w
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
-from phaselead.waveforms import Waveform
+from phaselead.waveforms import Waveform, of_table
 
 Progress = Callable[[float], None]
 
@@ -85,7 +85,7 @@ class Runs(Plays):
         if known is not None:
             chosen = chosen if gains is not None else known.gains()
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
-            waveforms = known.waveforms(waveforms, sha256, mode, chosen, follows)
+            waveforms = known.waveforms(_as_tables(waveforms), sha256, mode, chosen, follows)
         _warn(waveforms, mode, chosen, stage, held, force=force)
         run = track_to_file(
             self.device,
@@ -133,7 +133,7 @@ class Runs(Plays):
         ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
         ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
-        waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
+        waveforms = _as_tables(given_waves(wave, axis, {"x": x, "y": y, "z": z}))
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         held = held_stage(self.device) if stage is None else None
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
@@ -199,6 +199,11 @@ def _warn(
     said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
     for line in [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]:
         warnings.warn(line, stacklevel=3)
+
+
+def _as_tables(waveforms: Mapping[str, Waveform]) -> dict[str, Waveform]:
+    """What is learned is a table."""
+    return {axis: of_table(waveform) for axis, waveform in waveforms.items()}
 
 
 def _named(recording: Recording, name: str) -> Recording:

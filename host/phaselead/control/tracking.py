@@ -38,7 +38,7 @@ from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
-from phaselead.waveforms import POINTS, Goto, Replaced, Waveform, refuse_out_of_range
+from phaselead.waveforms import POINTS, Goto, RepeatedAsSensed, Replaced, Waveform, refuse_out_of_range
 
 LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
@@ -308,7 +308,7 @@ def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
 
 def _left(waveform: Waveform) -> str:
     by = f"left by up to {waveform.unplayed:.3g} {waveform.unit}, which counts as error"
-    if isinstance(waveform, Replaced) and waveform.rounding_s > 0:
+    if isinstance(waveform, Replaced | RepeatedAsSensed) and waveform.rounding_s > 0:
         return (
             f"the output is too slow for its corners, which are rounded over {2e3 * waveform.rounding_s:.2g} ms: the "
             f"path is {by}; those of a smaller or slower path are sharper"
@@ -324,7 +324,7 @@ def _how_fine(waveform: Waveform) -> str:
 
 
 def _or_else(waveform: Waveform) -> str:
-    return "" if waveform.played_as == "points" else ", or let it be streamed: path: instead of file:"
+    return "" if waveform.played_as == "points" else ", or let `track` stream it: path: instead of file:"
 
 
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
@@ -401,7 +401,8 @@ def axis_figures(
     whole = tracking_error(meant, record.x_um, asked_um)
     part = {"judged": LAST_PERIODS if len(meant[judged]) < len(meant) else WHOLE_RECORD}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
-    lag = {"sensor_lag_s": waveform.lag_s} if isinstance(waveform, Replaced) and waveform.lag_s > 0 else {}
+    lag_s = waveform.lag_s if isinstance(waveform, Replaced | RepeatedAsSensed) else 0.0
+    lag = {"sensor_lag_s": lag_s} if lag_s > 0 else {}
     true = {} if true_um is None else {"true": _true_figures(recording.t_s, true_um, waveform, record.r_um)}
     return steady.as_dict() | part | unplayed | lag | {"from_rest": whole.as_dict()} | true
 

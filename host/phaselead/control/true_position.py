@@ -11,7 +11,7 @@ from phaselead.control.rounding import rounding_s
 from phaselead.device import TICK_HZ, Capture, Device
 from phaselead.model import Stage, sensor_lag_s
 from phaselead.record import Recording, Samples
-from phaselead.waveforms import Replaced, Waveform
+from phaselead.waveforms import Repeated, RepeatedAsSensed, Replaced, Waveform
 
 
 @runtime_checkable
@@ -39,7 +39,11 @@ def followed(
         lag_s = _lag_s(stage, axis, waveform) if follows == "true" else 0.0
         rounded_s = rounding_s(stage, axis, waveform, mode)
         if lag_s > 0 or rounded_s > 0:
-            found[axis] = Replaced.as_sensed(waveform, lag_s, rounded_s)
+            found[axis] = (
+                RepeatedAsSensed.of(waveform, lag_s, rounded_s)
+                if isinstance(waveform, Repeated)
+                else Replaced.as_sensed(waveform, lag_s, rounded_s)
+            )
     return found
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from phaselead.waveforms.as_sensed import RepeatedAsSensed
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
 from phaselead.waveforms.file import of_points
 from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
-from phaselead.waveforms.path import Streamed
+from phaselead.waveforms.path import Repeated, Streamed, of_table
 from phaselead.waveforms.replaced import Replaced, mean_twice
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
@@ -20,6 +21,8 @@ __all__ = [
     "SETTLE_S",
     "Goto",
     "Periodic",
+    "Repeated",
+    "RepeatedAsSensed",
     "Replaced",
     "Sampled",
     "Sine",
@@ -31,6 +34,7 @@ __all__ = [
     "kinds",
     "mean_twice",
     "of_points",
+    "of_table",
     "parse_wave",
     "parse_waves",
     "refuse_out_of_range",

@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.waveforms.file import SAME_PERIOD
+from phaselead.waveforms.file import SAME_PERIOD, File, OwnPath, played_points
 from phaselead.waveforms.path_file import Column, read_columns
 from phaselead.waveforms.waveform import DEFAULT_PERIODS, Shares, Waveform
 from phaselead.waveforms.written import Unit, Written
@@ -93,14 +93,15 @@ class Streamed(Waveform):
         beginning. Before it and behind the end the path goes on as if it were turned about that end by half a turn, as
         far as its range allows, so that it keeps its speed while it is joined."""
         point_s = 2**log2 / TICK_HZ
-        if not self._is_finer_than(point_s):
+        if not self.is_finer_than(point_s):
             return self._shares((first + np.arange(count)) * point_s)
         each = AVERAGED
         fine = self._shares((first * each + np.arange(1 - each, count * each)) * (point_s / each))
         weights = 1 - np.abs(np.arange(1 - each, each)) / each
         return np.convolve(fine, weights / weights.sum(), "valid")[::each]
 
-    def _is_finer_than(self, point_s: float) -> bool:
+    def is_finer_than(self, point_s: float) -> bool:
+        """Whether it has rows that points so far apart cannot play."""
         return float(np.diff(self.times_s).min()) < point_s / 2
 
     def _shares(self, t_s: Shares) -> Shares:
@@ -158,6 +159,14 @@ class Repeated(Streamed):
 
     def last_rows(self, periods: int, rows: int, rate_Hz: float) -> slice:
         return slice(-min(rows, round(periods / self.f_Hz * rate_Hz)), None)
+
+
+def of_table(waveform: Waveform) -> Waveform:
+    """The same path for what drives it from the 1024 points of a table; others are returned as they are."""
+    if not isinstance(waveform, Repeated):
+        return waveform
+    own = OwnPath(waveform.times_s * waveform.f_Hz, (waveform.values - waveform.offset) / waveform.swing)
+    return File(waveform.swing, waveform.offset, waveform.unit, waveform.f_Hz, played_points(own), own)
 
 
 def _of(written: Written, column: Column, f_Hz: float | None) -> Streamed:
