@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -309,7 +310,29 @@ def test_a_spiral_goes_round_its_middle() -> None:
     radius = np.hypot(x, y)
     assert radius[0] < 0.2
     assert radius.max() == pytest.approx(30, rel=0.02)
-    assert np.count_nonzero(np.diff(np.sign(x)) != 0) == pytest.approx(40, abs=4)
+    assert np.count_nonzero(np.diff(np.sign(x[abs(x) > 1e-6])) != 0) == pytest.approx(40, abs=4)
+
+
+@pytest.mark.parametrize(
+    ("text", "ideal"),
+    [
+        ("spiral:60um/25@2Hz", lambda t: 30 + 15 * (1 - np.cos(2 * np.pi * t / 25)) * np.cos(4 * np.pi * t)),
+        ("chirp:5um@1..50Hz", lambda t: 2.5 - 2.5 * np.cos(2 * np.pi * (t + 49 / 2 * t**2 / (26 / 25.5)))),
+    ],
+)
+def test_what_lines_between_the_points_leave_of_a_curve_counts_as_error(
+    text: str, ideal: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    """A run was judged by the lines, as if they had been asked for."""
+    wave = parse_waves(text)["x"]
+    t_s = np.linspace(0, wave.duration_s, 100_001)
+    assert wave.value(t_s) == pytest.approx(ideal(t_s), abs=1e-9)
+    between = np.abs(wave.playable(t_s) - ideal(t_s)).max()
+    assert wave.unplayed == pytest.approx(between, rel=0.01)
+    assert between > 0.02
+    assert wave.judged_apart
+    assert wave.points is not None
+    assert wave.offset + wave.swing * wave.points == pytest.approx(ideal(np.arange(POINTS) / POINTS * wave.duration_s))
 
 
 def test_a_step_goes_from_where_the_axis_is() -> None:

@@ -38,7 +38,7 @@ from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
-from phaselead.waveforms import POINTS, Goto, RepeatedAsSensed, Replaced, Waveform, refuse_out_of_range
+from phaselead.waveforms import POINTS, Curve, Goto, RepeatedAsSensed, Replaced, Waveform, refuse_out_of_range
 
 LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
@@ -312,6 +312,10 @@ def _left(waveform: Waveform) -> str:
         return (
             f"the output is too slow for its corners, which are rounded over {2e3 * waveform.rounding_s:.2g} ms: the "
             f"path is {by}; those of a smaller or slower path are sharper"
+        )
+    if isinstance(waveform.as_asked, Curve):
+        return (
+            f"the device plays {POINTS} points a period: the path is {by}; a file of it is streamed (path:) and nearer"
         )
     return (
         f"the device plays {_how_fine(waveform)}: the file is {by}; take out of the file what is so "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.waveforms.as_sensed import RepeatedAsSensed
 from phaselead.waveforms.catalogue import examples, kinds, parse_wave, parse_waves, scans, split_axes, ways
+from phaselead.waveforms.curve import Curve
 from phaselead.waveforms.file import of_points
 from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
@@ -19,6 +20,7 @@ __all__ = [
     "PEAK_SPEED",
     "POINTS",
     "SETTLE_S",
+    "Curve",
     "Goto",
     "Periodic",
     "Repeated",

@@ -7,22 +7,23 @@ from typing import Self
 
 import numpy as np
 
-from phaselead.waveforms.waveform import POINTS, Periodic, Shares
+from phaselead.waveforms.curve import Curve
+from phaselead.waveforms.waveform import POINTS, Shares
 from phaselead.waveforms.written import Written
 
-POINTS_A_CYCLE = 10
-"""Of the fastest cycle: straight lines between them leave the sine by at most 5 % of its swing's half."""
+POINTS_A_CYCLE = 20
+"""Of the fastest cycle: straight lines between them leave the sine by at most 0.6 % of its swing."""
 
 
 @dataclass(frozen=True, eq=False)
-class Chirp(Periodic):
+class Chirp(Curve):
     """A whole number of cycles, the first at ``low_Hz``, the last at ``high_Hz``; as long as 1024 points allow."""
 
     low_Hz: float
     high_Hz: float
 
     kind = "chirp"
-    written = (("chirp:5um@1..50Hz", "a sine from 1 to 50 Hz, 2 s long"),)
+    written = (("chirp:5um@1..50Hz", "a sine from 1 to 50 Hz, 1 s long"),)
     order = 7
 
     @classmethod

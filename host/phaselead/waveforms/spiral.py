@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.waveforms.curve import Curve
 from phaselead.waveforms.scan import Scan, counted
-from phaselead.waveforms.waveform import POINTS, Sampled, Shares, Waveform
+from phaselead.waveforms.waveform import Shares, Waveform
 from phaselead.waveforms.written import Written
 
 MOST_TURNS = 25
 """Out, and as many in: 20 points a turn."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpiralAxis(Curve):
+    """What one axis does of it: ``angles`` in whole turns, out and in, ``ahead`` of the cosine by a share of one."""
+
+    angles: int
+    ahead: float
+
+    def shape(self, turns: Shares) -> Shares:
+        radius = (1 - np.cos(2 * np.pi * turns)) / 2
+        return np.asarray((1 + radius * np.cos(2 * np.pi * (self.angles * turns + self.ahead))) / 2)
 
 
 class Spiral(Scan):
@@ -27,10 +41,7 @@ class Spiral(Scan):
         across, lowest, unit = written.levels(body)
         if across <= 0:
             raise written.refusal("it must be above 0 across")
-        once = np.arange(POINTS) / POINTS
-        radius, angle = (1 - np.cos(2 * np.pi * once)) / 2, 2 * np.pi * 2 * turns * once
-
-        def axis(wave: Shares) -> Sampled:
-            return Sampled(across, lowest, unit, f_Hz / (2 * turns), (1 + radius * wave) / 2)
-
-        return {"x": axis(np.cos(angle)), "y": axis(np.sin(angle))}
+        return {
+            axis: SpiralAxis(across, lowest, unit, f_Hz / (2 * turns), 2 * turns, ahead)
+            for axis, ahead in (("x", 0.0), ("y", -0.25))
+        }
