@@ -19,8 +19,9 @@ from phaselead.device.device import Device
 from phaselead.errors import BadInput
 from phaselead.identify import creep as creeping
 from phaselead.identify import experiment as experiments
+from phaselead.identify.fitting import FitReport
 from phaselead.identify.plan import FEWEST, plan_of, plan_seconds
-from phaselead.model import AxisModel, Limits, Stage
+from phaselead.model import XU_LI_2010, AxisModel, Limits, Stage
 
 CREEPING = ("--levels", "1,2,3V", "--frequencies", "10,15,20Hz")
 SMALL = (*CREEPING, "--no-creep")
@@ -100,6 +101,29 @@ def test_a_model_of_one_sine_is_not_passed_off_as_one_of_the_stage(run, tmp_path
     assert "phaselead tune" in poor.out
     good = run("identify", "--no-creep", "--duration", "60s", "-o", tmp_path / "good.toml")
     assert (good.status, good.err) == (0, "")
+
+
+def test_a_grid_that_goes_on_to_half_the_first_mode_gives_tables_up_to_there(run, tmp_path):
+    """A mode of 200 Hz still rang from the begin of every sine above 40 Hz: all were left out of the table, and the
+    command ended with all of it measured and nothing made of it."""
+    grid = ("--levels", "0.5,1.5,2.5V", "--frequencies", "5,50,100Hz", "--no-creep")
+    found = run("identify", "-o", tmp_path / "s.toml", *grid)
+    assert (found.status, found.err) == (0, "")
+    assert pl.load(tmp_path / "s.toml").axes["x"].table.f_Hz == (5, 100)
+    for mode in ("ff", "ff+pid"):
+        assert run("track", "sine:20um@60Hz", "--mode", mode, "--model", tmp_path / "s.toml").status == 0
+
+
+def test_a_held_out_sine_beyond_the_tables_ends_no_identification():
+    """Those at the edge of the grid may be left out of the fit."""
+    stage, report = Stage(name="s", axes={"x": AxisModel(table=XU_LI_2010)}), FitReport({}, {})
+    with pl.connect() as dev:
+        inside, outside = (dev.record(f"sine:2V@{f_Hz}Hz", duration=1) for f_Hz in (10, 30))
+    judged = experiments._by_table(stage, [inside, outside], report)
+    assert [one.file for one in judged] == [inside.source]
+    (said,) = report.messages
+    assert said.startswith(outside.source)
+    assert "outside the identified rectangle" in said
 
 
 def test_a_stage_that_was_identified_is_not_written_over_unasked(run, tmp_path):

@@ -136,7 +136,7 @@ def identify_device(
     apart = [after_first_period(r, e) for r, e in _held_out(chosen, held_out)]
     verifications: dict[View, list[Verification]] = {"time": verify(found, apart, "time")}
     if all(found.axis(e.axis).table is not None for e in chosen):
-        verifications["table"] = verify(found, held_out, "table")
+        verifications["table"] = _by_table(found, held_out, report)
     return Identified(found, report, verifications, used, held_out, holds)
 
 
@@ -256,7 +256,7 @@ def refuse_beyond_limits(plan: Sequence[Experiment], parent: Stage | None) -> No
             raise BadInput(
                 f"{e.axis}: the level of {e.swing_V:g} V at {e.f_Hz:g} Hz does not fit the limits "
                 f"({limits.u_min_V:g}..{limits.u_max_V:g} V, {limits.slew_V_per_s:g} V/s): identify drives from 0 V; "
-                "widen them with --model if the stage bears it, else record smaller sines and fit those"
+                "widen them with --model if the stage bears it, else choose smaller --levels or lower --frequencies"
             ) from error
 
 
@@ -268,6 +268,18 @@ def refuse_away_from_zero(device: Device) -> None:
                 f"{axis}: its output stands at {standing.u_V:.3g} V but the experiments begin at 0 V; "
                 "identify with a model whose u_park_V is 0, once the device is parked there"
             )
+
+
+def _by_table(found: Stage, held_out: Sequence[Recording], report: FitReport) -> list[Verification]:
+    """Those of the records that lie in the rectangle: it is smaller than the grid where sines at its edge were left
+    out of the fit."""
+    verifications = []
+    for recording in held_out:
+        try:
+            verifications += verify(found, [recording], "table")
+        except BadInput as error:
+            report.messages.append(f"{recording.source}: not judged by the table view: {error}")
+    return verifications
 
 
 def _held_out(plan: Sequence[Experiment], kept: Sequence[Recording]) -> list[tuple[Recording, Experiment]]:
