@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import phaselead as pl
 from phaselead.control import describe_unseen
 from phaselead.control.moving import AxisMoved, Moved
 from phaselead.control.run_away import run_away, swinging_Hz
@@ -54,6 +55,16 @@ def test_a_run_with_gains_that_do_not_fit_names_tune(run, slow_stage):
     asked = run(*wave, "--model", slow_stage, "--gains", written_gains(slow_stage))
     assert "the loop of x is unstable" in asked.err
     assert "lower the gains" in asked.err
+
+
+@pytest.mark.parametrize("command", [("track", "sine:20um@5Hz", "--mode", "pid"), ("move", "x=20um")])
+def test_the_papers_gains_are_warned_of_where_nobody_asked_for_them(run, tmp_path, command):
+    """Of an unknown stage, whose mode may be anywhere: it ran away without a word before."""
+    pl.load("sim://xyz250").save(tmp_path / "any.toml")
+    port = ("--port", f"sim://{tmp_path / 'any.toml'}")
+    assert "nothing is known of this stage" in run(*command, *port).err
+    for known in ((*port, "--gains", "paper"), (*port, "--model", tmp_path / "any.toml"), ()):
+        assert "nothing is known" not in run(*command, *known).err
 
 
 def written_gains(path):

@@ -121,6 +121,15 @@ def test_a_weak_loop_is_warned_of_and_one_that_runs_away_is_refused():
     assert check_loop("x", axis(f_Hz=None), paper) is None
 
 
+def test_gains_of_a_stage_file_are_refused_as_those():
+    """Nobody had given --gains that could be left out."""
+    weak = PAPER_GAINS.model_copy(update={"kd_V_s_per_um": 2e-4})
+    with pytest.raises(BadInput, match=r"take gains out of the stage file \(\[axes\.y\.gains\]\)"):
+        check_loop("y", axis(gains=weak), weak)
+    with pytest.raises(BadInput, match="leave out --gains"):
+        check_loop("y", axis(), weak)
+
+
 def test_filters_of_amplifier_and_sensor_cost_phase():
     slow = axis().model_copy(
         update={"effects": (*axis().effects, AdoptedEffect(name="sensor_lowpass", params={"tau_s": 5e-4}))}

@@ -177,6 +177,8 @@ def test_hold_arms_a_parked_device(dev):
         ({"x": 60}, {"duration": 0.001}, "the shortest is"),
         ({"x": 60}, {"speed": 1e6}, "the shortest is"),
         ({"x": 60}, {"speed": -1}, "above 0"),
+        ({"x": 60}, {"duration": -1}, "above 0"),
+        ({"x": True}, {}, "give a place"),
         ({"x": "5V"}, {}, "takes micrometres"),
         ({"x": "near"}, {}, "is no number"),
         ({"x": float("nan")}, {}, "give a place"),
@@ -188,6 +190,16 @@ def test_what_cannot_be_is_refused_before_it_moves(dev, target, how, words):
     with pytest.raises(pl.BadInput, match=words):
         dev.move(**target, **how)
     assert dev.where().state == "parked"
+
+
+def test_what_ends_a_held_axis_is_said_to_who_would_track(dev):
+    """It said that set_axis was refused, "not in this state"."""
+    dev.move(x=20)
+    with pytest.raises(pl.DeviceRefused, match=r"held or driven; .*dev.park\(\)"):
+        dev.track("sine:20um@5Hz", mode="inverse+pid")
+    assert dev.where().x.held
+    dev.park()
+    assert dev.track("sine:20um@5Hz", mode="inverse+pid", duration=0.2).figures["max_pct"] < 1
 
 
 def test_the_shortest_that_an_error_names_is_kept(dev):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from phaselead.control import PAPER_GAINS
 from phaselead.control.tracking import track
-from phaselead.device import TICK_HZ, Device, PointFeeder, RanDry
+from phaselead.device import TICK_HZ, Device, DeviceFault, PointFeeder, RanDry
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.sim.replaying import replay
 from phaselead.waveforms import parse_wave, parse_waves
@@ -102,6 +102,17 @@ def test_a_host_that_is_late_is_told_where_the_axes_stopped(tmp_path, device, mo
     assert np.abs(np.diff(driven)).max() < 0.05
     assert np.ptp(driven[-20:]) == 0
     assert device.status().state == "parked"
+
+
+def test_a_fault_on_the_way_is_named(tmp_path):
+    """Points that came after it were refused, and that was said instead."""
+    t_s = np.arange(0, 3, 0.001)
+    wave = parse_wave(f"path:{write(tmp_path, 't_s,x_um', t_s, wander(t_s))}")
+    with (
+        Device.open("sim://xyz250?force=x:400um@1s") as device,
+        pytest.raises(DeviceFault, match="fault adc_rail on axis x"),
+    ):
+        track(device, {"x": wave}, "pid", gains={"x": PAPER_GAINS})
 
 
 @pytest.mark.parametrize(

@@ -154,6 +154,21 @@ def test_no_coherence_is_refused() -> None:
         response_of(given_, found, grid)
 
 
+def test_a_level_that_no_converter_shows_has_no_coherence() -> None:
+    """Beside the line there were warnings of numpy, and a coherence of nan."""
+    grid, still = Grid.odd_random(1024, 1000.0), np.zeros((2, 16, 513), complex)
+    noise = np.random.default_rng(1).normal(size=(2, 16, 513)) + 0j
+    for given_, found in ((still, noise), (still, still), (noise, still)):
+        with np.errstate(all="raise"), pytest.raises(BadInput, match=r"at best 0.00.* --level large enough"):
+            response_of(given_, found, grid)
+
+
+@pytest.mark.parametrize("level", ["0V", "-200mV"])
+def test_a_level_is_above_0(level: str) -> None:
+    with pl.connect() as dev, pytest.raises(BadInput, match="give one above 0"):
+        dev.tune(model=pl.load("sim://xyz250"), level=level)
+
+
 @pytest.mark.parametrize(
     ("f_Hz", "zeta", "ratio", "share", "dead_s", "gain"),
     [(85, 0.02, 3.6, 0.07, 1e-4, 40.0), (200, 0.02, 3.25, 0.03, 1e-4, 18.0), (420, 0.015, 3.0, 0.04, 0.0, 8.0),

@@ -17,7 +17,7 @@ from phaselead.control.gains import (
     parse_gains,
     with_gains,
 )
-from phaselead.control.held import held_stage, held_warning
+from phaselead.control.held import held_stage, held_warning, unknown_warning
 from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
@@ -71,5 +71,6 @@ __all__ = [
     "track_to_file",
     "tracking_error",
     "tune",
+    "unknown_warning",
     "with_gains",
 ]

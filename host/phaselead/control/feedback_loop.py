@@ -108,8 +108,9 @@ class Loop(Result):
         mode = min((f for _, f, _ in self.plant.modes), key=lambda f: abs(f - self.weakest_Hz), default=None)
         near = mode is not None and abs(np.log2(self.weakest_Hz / mode)) < 0.5
         where = f"mode at {mode:.4g} Hz" if near else f"delay of {1e3 * self.plant.delay_s:.3g} ms"
+        margin = f"{self.gain_margin_dB:{'.0f' if abs(self.gain_margin_dB) >= 10 else '.2g'}}"
         phase = f", phase margin {self.phase_margin_deg:.0f} degrees" if self.stable else ""
-        return f"{where}: gain margin {self.gain_margin_dB:.2g} dB{phase}"
+        return f"{where}: gain margin {margin} dB{phase}"
 
     def as_dict(self) -> dict[str, Any]:
         """The figures, without the curves."""

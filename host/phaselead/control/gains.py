@@ -195,9 +195,12 @@ def check_loop(axis: str, model: AxisModel, gains: Gains, *, force: bool = False
         return None
     if found.peak_sensitivity > REFUSE_ABOVE and not force:
         what = "is not stable" if not found.stable else f"has a peak sensitivity of {found.peak_sensitivity:.2g}"
+        other = (
+            f"take gains out of the stage file ([axes.{axis}.gains])" if gains == model.gains else "leave out --gains"
+        )
         raise BadInput(
-            f"{axis}: the loop on the model {what} ({found.reason()}); leave out --gains for those designed for the "
-            f"model ({_written(design_gains(axis, model))}), or --force"
+            f"{axis}: the loop on the model {what} ({found.reason()}); {other} for those designed for the model "
+            f"({_written(design_gains(axis, model))}), or --force"
         )
     return _warning(found)
 

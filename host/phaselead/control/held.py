@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.device import Device, from_device_model
 from phaselead.model import Gains, Stage
+from phaselead.sim import DEFAULT_STAGE, data_sheet
 
 
 def held_stage(device: Device, axes: str = "") -> Stage | None:
@@ -29,6 +30,18 @@ def held_sha256(device: Device) -> str | None:
     """The hash of the stage file that the model on the device was made of; None when it holds none."""
     blob = device.read_model()
     return None if blob is None else from_device_model(blob).stage_sha256
+
+
+def unknown_warning(device: Device, known: Stage | None, mode: str, *, gains_given: bool) -> list[str]:
+    """What to say where nobody has a model or chose gains: they are then those of the paper's stage."""
+    sheet = data_sheet(device.session.name)
+    theirs = sheet is not None and sheet.name == DEFAULT_STAGE
+    if known is not None or gains_given or theirs or not mode.endswith("pid"):
+        return []
+    return [
+        "nothing is known of this stage, and the gains are those published for another, so that it may run away: "
+        "--model STAGE.toml (`phaselead identify`) has its own, --gains paper asks for these"
+    ]
 
 
 def held_warning(held: Stage | None, mode: str, gains: dict[str, Gains]) -> list[str]:

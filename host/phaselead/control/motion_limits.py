@@ -93,6 +93,8 @@ def usual_duration_s(way_um: float, limits: MotionLimits, model: AxisModel | Non
 
 def refuse_too_fast(axis: str, way_um: float, duration_s: float, model: AxisModel | None) -> None:
     """Raises BadInput for a move that the limits do not allow, naming the shortest that they do."""
+    if not duration_s > 0:
+        raise BadInput(f"{axis}: a duration of {duration_s:g} s: give one above 0")
     shortest_s = motion_limits(model).shortest_s(way_um)
     if duration_s >= shortest_s * (1 - 1e-9):
         return

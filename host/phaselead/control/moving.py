@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from phaselead.control.gains import GainsLike, gains_of
-from phaselead.control.held import held_stage, held_warning
+from phaselead.control.held import held_stage, held_warning, unknown_warning
 from phaselead.control.modes import NEEDS_MODEL
 from phaselead.control.motion_limits import (
     WINDOW_S,
@@ -218,7 +218,8 @@ class Mover:
         own = {axis: gains_of(gains, known, axis) for axis in axes}
         for axis in axes:
             check_path(axis, _hold(now, axis), chosen, _model(known, axis))
-        warnings = [*held_warning(held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
+        warnings = unknown_warning(self.device, known, chosen, gains_given=gains is not None)
+        warnings += [*held_warning(held, chosen, own), *loop_warnings(known, chosen, own, force=force)]
         self.stage, self.known, self.mode, self.gains = stage, known, chosen, own
         self.gains_given = gains is not None
         return warnings

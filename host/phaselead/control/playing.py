@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping
 
 from phaselead.control.gains import GainsLike, gains_of
-from phaselead.control.held import held_stage, held_warning
+from phaselead.control.held import held_stage, held_warning, unknown_warning
 from phaselead.control.hold_and_move import HoldsAndMoves
 from phaselead.control.modes import NEEDS_MODEL
 from phaselead.control.motion_limits import WINDOW_S
@@ -108,7 +108,8 @@ def play_on(
     known = stage or held
     closed = mode != "open"
     chosen = {axis: gains_of(gains, known, axis) for axis in waveforms} if closed else {}
-    warnings = [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
+    warnings = unknown_warning(device, known, mode, gains_given=gains is not None)
+    warnings += [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
     check_paths(waveforms, mode, known)
     paths = followed(waveforms, stage, follows, mode)
     if not force:

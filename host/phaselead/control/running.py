@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from phaselead.control.gains import GainsLike, gains_of
-from phaselead.control.held import held_sha256, held_stage, held_warning
+from phaselead.control.held import held_sha256, held_stage, held_warning, unknown_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
@@ -86,7 +86,8 @@ class Runs(Plays):
             chosen = chosen if gains is not None else known.gains()
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
             waveforms = known.waveforms(_as_tables(waveforms), sha256, mode, chosen, follows)
-        _warn(waveforms, mode, chosen, stage, held, force=force)
+        unknown = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
+        _warn(waveforms, mode, chosen, stage, held, force=force, said=unknown)
         run = track_to_file(
             self.device,
             waveforms,
@@ -191,12 +192,13 @@ def _warn(
     held: Stage | None,
     *,
     force: bool,
+    said: Sequence[str] = (),
 ) -> None:
     """Of loop and path, before anything moves, to who called the method; not of paths that are refused."""
     known = stage or held
     if known is None or set(waveforms) <= set(known.axes):
         check_paths(waveforms, mode, known)
-    said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
+    said = [*said, *held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
     for line in [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]:
         warnings.warn(line, stacklevel=3)
 

@@ -21,7 +21,7 @@ class Target(NamedTuple):
 def parse_target(value: float | str) -> Target:
     """A number is a place in um; text has a unit, and a sign where it is relative. Raises BadInput."""
     if isinstance(value, int | float):
-        if not math.isfinite(value):
+        if isinstance(value, bool) or not math.isfinite(value):
             raise BadInput(f"target {value}: give a place in um")
         return Target(float(value), False)
     text = value.strip()

@@ -34,7 +34,7 @@ from phaselead.device import (
     recording_of,
     standings,
 )
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
@@ -215,6 +215,10 @@ def set_up(
 ) -> SetUp:
     """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``, and begin at an
     edge of the trigger input where that is waited for. Raises BadInput as ``track``."""
+    if device.status().state == "running":
+        raise DeviceRefused(
+            "the axes are held or driven; `phaselead park` (in Python dev.park()) ends that, a move goes on from there"
+        )
     known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
     check_paths(waveforms, mode, known)
     if endless:

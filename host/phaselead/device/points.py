@@ -91,6 +91,8 @@ class PointFeeder:
                     break
                 self._send(count)
         except Refused as refusal:
+            if refusal.status == wire.Status.FAULT_LATCHED:
+                return  # whoever captures hears which
             if refusal.status != wire.Status.WRONG_STATE:
                 raise
             self._find_out()

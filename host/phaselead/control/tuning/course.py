@@ -82,6 +82,8 @@ def tune(
     limits = parent.axis(axis).limits
     usual_V = LEVEL_SHARE * (limits.u_max_V - limits.u_min_V)
     level_V = usual_V if level_V is None else level_V
+    if not level_V > 0:
+        raise BadInput(f"a level of {level_V:g} V: give one above 0; {usual_V:g} V is usual")
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     fitted = _fitted(axis, measured, parent)

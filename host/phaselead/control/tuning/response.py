@@ -161,15 +161,17 @@ def response_of(given: Spectra, found: Spectra, grid: Grid, middle_um: float = 0
     lines = grid.excited
     u, y = given[:, :, lines], found[:, :, lines]
     cross, power = (y * u.conj()).mean(axis=(0, 1)), (np.abs(u) ** 2).mean(axis=(0, 1))
-    gain = cross / power
-    coherence = np.abs(cross) ** 2 / (power * (np.abs(y) ** 2).mean(axis=(0, 1)))
-    draws, periods = found.shape[:2]
-    deviation = _smooth(np.abs((y.mean(axis=1) / u.mean(axis=1)) / gain - 1).max(axis=0)) / np.sqrt(draws)
+    heard = power * (np.abs(y) ** 2).mean(axis=(0, 1))
+    coherence = np.divide(np.abs(cross) ** 2, heard, out=np.zeros(len(lines)), where=heard > 0)
     if not (coherence >= LEAST_COHERENCE).any():
         raise BadInput(
             f"no coherence: at none of {len(lines)} frequencies does the position follow what is driven (at best "
-            f"{coherence.max():.2f}, {LEAST_COHERENCE} is needed); is the amplifier on, and the sensor connected?"
+            f"{coherence.max():.2f}, {LEAST_COHERENCE} is needed); is the amplifier on, the sensor connected, "
+            "and --level large enough?"
         )
+    gain = cross / power
+    draws, periods = found.shape[:2]
+    deviation = _smooth(np.abs((y.mean(axis=1) / u.mean(axis=1)) / gain - 1).max(axis=0)) / np.sqrt(draws)
     noise = np.sqrt(found[:, :, lines].var(axis=1).mean(axis=0) / periods)
     f_Hz = grid.frequencies(lines)
     odd, even = (_besides(given, found, gain, grid, silent) for silent in (grid.odd, grid.even))

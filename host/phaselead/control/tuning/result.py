@@ -172,7 +172,9 @@ class Tuned(Result):
         hysteresis and creep."""
         found = [mode for mode in self.plant.plant.modes if (mode[2] < RINGS) == rings]
         by_frequency = sorted(found, key=lambda mode: mode[1])
-        return ", ".join(f"{f:.4g} Hz ({100 * c:.2g} %, zeta {z:.2g})" for c, f, z in by_frequency)
+        return ", ".join(
+            f"{f:.4g} Hz ({100 * c:{'.0f' if abs(c) > 0.1 else '.2g'}} %, zeta {z:.2g})" for c, f, z in by_frequency
+        )
 
     def plot(self) -> Figure:
         """Bode, Nyquist and sensitivity, predicted and measured."""
