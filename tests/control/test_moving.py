@@ -286,6 +286,16 @@ def test_where_prints_as_a_table(dev):
         dev.where().w  # noqa: B018
 
 
+def test_a_queue_that_ran_dry_is_flagged(dev):
+    dev.move(x=20)
+    motion.queue(dev.device, {"x": motion.move_segment(30.0, 0.05, more=True)})
+    dev.device.wait(0.3)
+    assert "ran dry" in str(dev.where())
+    assert (dev.where().x.reference_um, dev.where().x.held) == (30, True)
+    dev.move(x=10)
+    assert "ran dry" not in str(dev.where())
+
+
 # ---------------------------------------------------------------- between two calls
 class Asked:
     """A session that only counts."""

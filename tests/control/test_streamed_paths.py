@@ -131,6 +131,16 @@ def test_files_that_are_refused(tmp_path, header, columns, said):
         parse_waves(f"path:{write(tmp_path, header, *[rows + n for n in range(columns)])}")
 
 
+def test_decimal_commas_and_a_column_that_is_not_there_are_named(tmp_path):
+    (tmp_path / "comma.csv").write_text("t_s;x_um\n0;1,5\n0,2;2,5\n")
+    with pytest.raises(BadInput, match="decimal commas; write points"):
+        parse_waves(f"path:{tmp_path / 'comma.csv'}")
+    rows = np.arange(5.0)
+    path = write(tmp_path, "t_s,x_um,y_um", rows, rows, rows)
+    with pytest.raises(BadInput, match=r"no column of axis z, only of x, y$"):
+        parse_waves(f"z=path:{path}")
+
+
 def test_what_cannot_be_played_is_refused_before_anything_moves(tmp_path, device):
     t_s = np.arange(0, 1, 0.01)
     path = write(tmp_path, "t_s,x_um", t_s, wander(t_s))

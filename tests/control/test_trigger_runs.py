@@ -76,6 +76,13 @@ def test_a_raster_gives_frames_lines_and_pixels_and_records_them(tmp_path):
     assert "triggers" not in again.figures
 
 
+def test_an_output_that_waits_for_a_rest_that_never_comes_says_so():
+    with pl.connect() as dev:
+        run = dev.track("sine:20um@50Hz", mode="pid", trigger_out="target,start", duration=0.1)
+    assert "target never pulsed: the path never rested" in str(run)
+    assert "start never pulsed" not in str(run)
+
+
 @pytest.mark.parametrize("suffix", ["csv", "h5", "mat", "parquet"])
 def test_pulses_are_exported_row_by_row(tmp_path, suffix):
     """A table without them was of no use beside the frames of a camera."""

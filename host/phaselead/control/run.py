@@ -15,6 +15,9 @@ from phaselead.result import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NEVER_AT_REST = "the path never rested for 10 ms with the axis within its window"
+"""Of a trigger output that waits for a step to settle."""
+
 
 @dataclass(frozen=True, repr=False)
 class Run(SampledResult):
@@ -110,7 +113,11 @@ class Run(SampledResult):
         counted = f"{self.figures['ticks']} ticks, {self.figures['dropped']} dropped"
         if self.triggers:
             said.append("pulses: " + ", ".join(f"{name} {len(times_s)}" for name, times_s in self.triggers.items()))
+            said += [f"{name} never pulsed: {NEVER_AT_REST}" for name in self.triggers if self._never_settled(name)]
         return [*said, *([Table(headings, tuple(rows), f"mode {self.mode}")] if rows else []), counted]
+
+    def _never_settled(self, name: str) -> bool:
+        return name.endswith("target") and not len(self.triggers[name])
 
     def plot(self) -> Figure:
         """Reference, position and error of every axis; in mode open voltage and position."""

@@ -62,6 +62,11 @@ class AxisWhere:
     near_ticks: int
     """In a row within the window."""
 
+    def in_words(self, resting: str) -> str:
+        """What it does; ``resting`` where it is not held."""
+        said = "on target" if self.on_target else "moving" if self.moving else "off target" if self.held else resting
+        return f"{said}, its queue ran dry" if self.dry else said
+
 
 @dataclass(frozen=True)
 class Where(Result):
@@ -98,7 +103,7 @@ class Where(Result):
                 f"{one.x_um:.3f}",
                 f"{one.u_V:.4f}",
                 f"{one.target_um:.3f}" if one.held else "-",
-                "on target" if one.on_target else "moving" if one.moving else "off target" if one.held else resting,
+                one.in_words(resting),
             )
             for axis, one in self.axes.items()
         )

@@ -12,7 +12,7 @@ from phaselead.errors import BadInput
 from phaselead.waveforms.file import SAME_PERIOD, File, OwnPath, played_points
 from phaselead.waveforms.path_file import Column, read_columns
 from phaselead.waveforms.waveform import DEFAULT_PERIODS, Shares, Waveform
-from phaselead.waveforms.written import Unit, Written
+from phaselead.waveforms.written import Unit, Written, short
 
 TICK_HZ = 5000
 """Of the device: no point is finer."""
@@ -54,7 +54,8 @@ class Streamed(Waveform):
         columns = read_columns(path if at else written.rest)
         if named or None in columns:
             if axis not in columns and None not in columns:
-                raise written.refusal(f"it has no column of axis {axis}, only of {', '.join(map(str, columns))}")
+                has = ", ".join(map(str, columns))
+                raise BadInput(f"waveform {short(written.text)}: its file has no column of axis {axis}, only of {has}")
             return {axis: _of(written, columns.get(axis) or columns[None], f_Hz)}
         return {name: _of(written, column, f_Hz) for name, column in columns.items() if name is not None}
 

@@ -79,6 +79,8 @@ def read_numbers(path: str, source: str, what: str, columns: str, most: int) -> 
     labels: list[str] = []
     rows: list[list[float]] = []
     for number, line in lines:
+        if ";" in line and "," in line:
+            raise BadInput(f"{source}: line {number}: {short(line)} has decimal commas; write points")
         fields = [field.strip() for field in re.split(r"[;,\t]|\s+", line.strip())]
         try:
             row = [float(field) for field in fields]
