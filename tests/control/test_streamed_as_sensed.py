@@ -12,7 +12,7 @@ from phaselead.control.true_position import followed
 from phaselead.device import TICK_HZ, Device
 from phaselead.model.axis import AxisModel, Sensor
 from phaselead.model.stage_file import Stage
-from phaselead.waveforms import parse_wave
+from phaselead.waveforms import RepeatedAsSensed, parse_wave
 
 LAG_s = 1 / (2 * np.pi * 2000.0)
 KNOWN = Stage(name="known", axes={"x": AxisModel(sensor=Sensor(bandwidth_Hz=2000.0))})
@@ -45,6 +45,19 @@ def test_points_are_what_a_late_sensor_shows_of_the_file(tmp_path, rows):
     assert np.abs(asked.value(t_s) - fast_and_slow(t_s, LAG_s)).max() < 0.004
     assert asked.as_asked is wave
     assert asked.unplayed == wave.unplayed < 0.02
+
+
+@pytest.mark.parametrize("rounding_s", [0.0, 0.0011])
+def test_points_are_the_same_wherever_they_are_asked_for(tmp_path, rounding_s):
+    """A period may take hours: it is worked out part by part."""
+    wave = RepeatedAsSensed.of(wave_of(tmp_path, 30_000), LAG_s, rounding_s)
+    whole = wave.points_of(0, 12_000, 0)
+    for first, count in ((0, 3), (4_997, 9), (9_990, 100)):
+        np.testing.assert_allclose(wave.points_of(first, count, 0), whole[first : first + count], atol=1e-12)
+    np.testing.assert_allclose(wave.points_of(500, 50, 2), whole[2000:2200:4], atol=1e-12)
+    t_s = np.linspace(0.0, 1.9, 50)
+    assert wave.value(t_s + 20 * PERIOD_s) == pytest.approx(wave.value(t_s), abs=1e-6)
+    assert [float(wave.value(t)) for t in t_s[:3]] == pytest.approx(wave.value(t_s)[:3])
 
 
 def test_the_device_plays_that_and_the_true_position_is_judged_by_the_file(tmp_path):

@@ -3,64 +3,107 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
+from scipy.signal import lfilter
 
-from phaselead.waveforms.path import TICK_HZ, Repeated
-from phaselead.waveforms.replaced import as_shown, levels
+from phaselead.waveforms.path import AVERAGED, TICK_HZ, Repeated
 from phaselead.waveforms.waveform import Shares, Waveform
 
-A_TICK = 4
-"""Rows of a tick in which a lag is worked out, at least: lines between them leave a sine of 500 Hz by 0.3 %."""
+FINE_HZ = AVERAGED * TICK_HZ
+"""Of the values that a lag is worked out on."""
+WARM_UP = 40
+"""Time constants of the lag: what was before them is worth less than a part in 10^17."""
+AT_ONCE = 1 << 18
+"""Values that are worked out together: a period may take hours."""
 
 
 @dataclass(frozen=True, eq=False)
 class RepeatedAsSensed(Repeated):
-    """What ``Replaced`` is for a path of 1024 points: ``times_s`` and ``values`` are played, ``wanted`` was asked for,
-    and judged is the measured position against ``value``."""
+    """What ``Replaced`` is for a path of 1024 points: judged is the measured position against ``value``, what a sensor
+    late by ``lag_s`` shows of a stage that is where it was asked to be. Played is that with its corners rounded."""
 
     wanted: Repeated
-    late: Shares = field(repr=False)
-    """What the lag adds to the values, shape of ``times_s``."""
     lag_s: float = 0.0
     rounding_s: float = 0.0
 
     @classmethod
     def of(cls, wanted: Repeated, lag_s: float, rounding_s: float = 0.0) -> Self:
-        """What a sensor late by ``lag_s`` shows of a stage that is where it was asked to be, but for corners."""
-        asked = _asked(wanted)
-        averaged_s = 1 / TICK_HZ if wanted.is_finer_than(1 / TICK_HZ) else 0.0
-        at_once, later = (as_shown(asked, wanted.f_Hz, s, (averaged_s, rounding_s)) for s in (0.0, lag_s))
-        lowest, swing = levels(later)
-        times_s = np.linspace(0, wanted.duration_s, len(asked) + 1)
-        late, values = (np.append(one, one[0]) for one in (later - at_once, later))
-        return cls(swing, lowest, wanted.unit, wanted.f_Hz, times_s, values, wanted, late, lag_s, rounding_s)
+        # A lag and means neither leave the range of a path nor are steeper.
+        own = wanted.swing, wanted.offset, wanted.unit, wanted.f_Hz, wanted.times_s, wanted.values
+        return cls(*own, wanted, lag_s, rounding_s)
 
     def share(self, turns: Shares) -> Shares:
-        t_s = np.asarray(turns) / self.f_Hz
-        asked = self.wanted.value(t_s) + np.interp(t_s % self.duration_s, self.times_s, self.late)
-        return np.asarray((asked - self.offset) / self.swing)
+        t_s = np.asarray(turns, np.float64) / self.f_Hz
+        return np.asarray((self.wanted.value(t_s) + self._late(t_s % self.duration_s) - self.offset) / self.swing)
 
     @property
     def as_asked(self) -> Waveform:
         return self.wanted
 
     @property
+    def log2(self) -> int:
+        return self.wanted.log2
+
+    @cached_property
     def unplayed(self) -> float:
-        if self.rounding_s == 0:
-            return self.wanted.unplayed
-        asked = _asked(self.wanted)
-        rounded = as_shown(asked, self.f_Hz, 0.0, (self.rounding_s,))
-        return max(self.wanted.unplayed, float(np.abs(rounded - asked).max()))
+        left = self.wanted.unplayed
+        if self.rounding_s > 0:
+            for first, count in _parts(0, math.ceil(self.duration_s * FINE_HZ)):
+                asked = self._at((first + np.arange(count)) / FINE_HZ)
+                left = max(left, float(np.abs(self._played(first, count, 0.0) - asked).max()))
+        return left
 
-    def is_finer_than(self, point_s: float) -> bool:
-        """What points cannot play is out of it already."""
-        return False
+    def points_of(self, first: int, count: int, log2: int) -> Shares:
+        each = AVERAGED << log2
+        values = self._played(first * each, (count - 1) * each + 1, self.lag_s)[::each]
+        return np.clip((values - self.offset) / self.swing, 0.0, 1.0)
+
+    def _played(self, first: int, count: int, lag_s: float) -> Shares:
+        """Values in ``unit`` behind a lag, (count,), from the fine one of this number on."""
+        before, mean = math.ceil(WARM_UP * lag_s * FINE_HZ), self._mean
+        half = len(mean) // 2
+        path = self._at((first + np.arange(-before - half, count + half)) / FINE_HZ)
+        rounded = np.convolve(path, mean, "valid")
+        return behind_lag(rounded, lag_s)[before:] if lag_s > 0 else rounded
+
+    @cached_property
+    def _mean(self) -> Shares:
+        """Weights of the means: over a tick where the file has more rows than ticks, and over its corners."""
+        over_tick = 1 / TICK_HZ if self.is_finer_than(1 / TICK_HZ) else 0.0
+        return np.convolve(_twice(over_tick), _twice(self.rounding_s))
+
+    def _late(self, t_s: Shares) -> Shares:
+        """What the lag adds to what can be played, at times within a period, shape of ``t_s``."""
+        place, late = np.atleast_1d(t_s) * FINE_HZ, np.zeros(np.size(t_s))
+        for first, count in _parts(math.floor(place.min(initial=0)), math.floor(place.max(initial=0)) + 2):
+            inside = (first <= place) & (place < first + count)
+            added = self._played(first, count + 1, self.lag_s) - self._played(first, count + 1, 0.0)
+            late[inside] = np.interp(place[inside] - first, np.arange(count + 1), added)
+        return late.reshape(np.shape(t_s))
 
 
-def _asked(wanted: Repeated) -> Shares:
-    """One period at equal distances, (n,), no further apart than half of its rows and a quarter of a tick."""
-    count = max(A_TICK * math.ceil(wanted.duration_s * TICK_HZ), 2 * len(wanted.values))
-    return wanted.value(np.arange(count) / count * wanted.duration_s)
+def behind_lag(values: Shares, lag_s: float) -> Shares:
+    """A path at the fine rate, joined by straight lines, behind a first-order lag, same shape; at rest before."""
+    step = 1 / (FINE_HZ * lag_s)
+    kept = math.exp(-step)
+    mean = -math.expm1(-step) / step
+    late, _ = lfilter([1 - mean, mean - kept], [1.0, -kept], values, zi=[mean * values[0]])
+    return np.asarray(late)
+
+
+def _twice(over_s: float) -> Shares:
+    """Weights of two means over so long, one after the other."""
+    half = math.floor(over_s * FINE_HZ)
+    weights = np.maximum(1 - np.abs(np.arange(-half, half + 1)) / max(over_s * FINE_HZ, 1.0), 0.0)
+    return np.asarray(weights / weights.sum())
+
+
+def _parts(begin: int, end: int) -> Iterator[tuple[int, int]]:
+    """First and count of each part."""
+    for first in range(begin, end, AT_ONCE):
+        yield first, min(AT_ONCE, end - first)

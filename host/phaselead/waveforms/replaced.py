@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -43,7 +42,8 @@ class Replaced(Sampled):
         trial_s: float | None = None,
     ) -> Self:
         """``values`` (1024,), in the unit of ``wanted``, are what the device plays of one period."""
-        lowest, swing = levels(values)
+        lowest = math.floor(values.min() / STEP) * STEP
+        swing = math.ceil((values.max() - lowest) / STEP) * STEP
         period = np.clip((values - lowest) / swing, 0.0, 1.0)
         return cls(swing, lowest, wanted.unit, wanted.f_Hz, period, wanted, lag_s, rounding_s, trial_s)
 
@@ -96,12 +96,6 @@ class Replaced(Sampled):
         return self.wanted.default_duration_s if self.trial_s is None else self.trial_s
 
 
-def levels(values: Shares) -> tuple[float, float]:
-    """Lowest value and swing, as the device takes them, that hold the values."""
-    lowest = math.floor(values.min() / STEP) * STEP
-    return lowest, math.ceil((values.max() - lowest) / STEP) * STEP
-
-
 def mean_twice(f_Hz: Shares, over_s: float) -> Shares:
     """What two means over so long, one after the other, leave of each frequency (m,)."""
     return np.asarray(np.sinc(over_s * f_Hz) ** 2)
@@ -111,14 +105,7 @@ def played_values(wanted: Waveform, lag_s: float, rounding_s: float = 0.0) -> Sh
     """One period of what the device can play of a periodic path, its corners rounded, behind a first-order lag, in its
     unit, (FINE,)."""
     values = wanted.playable(np.arange(FINE) / FINE / wanted.f_Hz)
-    return as_shown(values, wanted.f_Hz, lag_s, (rounding_s,))
-
-
-def as_shown(values: Shares, f_Hz: float, lag_s: float, means_s: Sequence[float]) -> Shares:
-    """One period (n,) behind a first-order lag, after two means over each of these times, (n,)."""
     spectrum = np.fft.rfft(values)
-    lines_Hz = np.arange(len(spectrum), dtype=np.float64) * f_Hz
-    spectrum /= 1 + 2j * np.pi * lines_Hz * lag_s
-    for over_s in means_s:
-        spectrum *= mean_twice(lines_Hz, over_s)
-    return np.fft.irfft(spectrum, len(values))
+    f_Hz = np.arange(len(spectrum), dtype=np.float64) * wanted.f_Hz
+    spectrum *= mean_twice(f_Hz, rounding_s) / (1 + 2j * np.pi * f_Hz * lag_s)
+    return np.fft.irfft(spectrum, FINE)
