@@ -67,6 +67,19 @@ def test_the_papers_gains_are_warned_of_where_nobody_asked_for_them(run, tmp_pat
         assert "nothing is known" not in run(*command, *known).err
 
 
+def test_a_path_that_is_refused_on_its_model_is_one_line(run, tmp_path):
+    """What the device leaves of it was warned of first."""
+    pl.load("sim://xyz250").save(tmp_path / "s.toml")
+    how = ("--model", tmp_path / "s.toml", "--mode", "inverse+pid", "--duration", "0.5")
+    refused = run("track", "chirp:60um@1..400Hz", *how)
+    assert refused.status == 2
+    assert refused.err.startswith("phaselead: x: on the model this")
+    assert refused.err.count("\n") == 1
+    driven = run("track", "chirp:5um@1..50Hz", *how)
+    assert driven.status == 0
+    assert driven.err.startswith("warning: x: the device plays 1024 points a period")
+
+
 def written_gains(path):
     g = load_stage(str(path)).axis("x").gains
     return f"{g.kp_V_per_um!r},{g.ki_V_per_um_s!r},{g.kd_V_s_per_um!r}"

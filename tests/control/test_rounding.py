@@ -46,6 +46,7 @@ def rounded_of(wave, stage=STAGE, mode="inverse"):
         (TRIANGLE, Stage(name="stiff", axes={"x": AXIS.model_copy(update={"effects": ()})}), "inverse"),
         ("triangle:2V@50Hz", STAGE, "inverse"),
         ("goto:60um", STAGE, "inverse"),
+        ("chirp:60um@1..400Hz", STAGE, "inverse"),
     ],
 )
 def test_only_corners_are_rounded(wave, stage, mode):

@@ -177,6 +177,7 @@ def track_to_file(
     on_progress: Progress | None = None,
     trigger_out: str | None = None,
     gains_given: bool = True,
+    on_rehearsed: Callable[[], None] | None = None,
     **asked: Unpack[Asked],
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
@@ -184,12 +185,15 @@ def track_to_file(
     A run that ends in a fault is written too. One that does so on the model is refused before anything moves
     (``rehearse``), unless ``force`` is asked for. ``follows``: which position is to follow a path in micrometres.
     ``trigger_out``: as ``parse_outputs`` reads it. ``gains_given``: they are of somebody's choice for this run.
+    ``on_rehearsed`` is called once nothing is left that refuses it on the model, before anything moves.
     """
     stage = asked.get("stage")
     pulses = parse_outputs(trigger_out, waveforms)
     waveforms = followed(waveforms, stage, follows, mode)
     if not asked.get("force"):
         rehearse(waveforms, mode, stage, asked.get("gains") or {}, asked.get("duration_s"))
+    if on_rehearsed is not None:
+        on_rehearsed()
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
             run = track(device, waveforms, mode, on_progress=on_progress, sink=file.sink, pulses=pulses, **asked)

@@ -16,7 +16,7 @@ from phaselead.control.motion_limits import PATH_ROOM, first_mode_Hz
 from phaselead.errors import BadInput
 from phaselead.model import TICK_S, AxisModel, Stage, compensation, small_signal
 from phaselead.record import Samples
-from phaselead.waveforms import Waveform, mean_twice
+from phaselead.waveforms import Curve, Waveform, mean_twice
 
 FINE = 8192
 """Points of a period in which the voltage is worked out: half of the tick rate from 0.6 Hz on."""
@@ -26,9 +26,10 @@ HALVINGS = 16
 
 def rounding_s(stage: Stage | None, axis: str, waveform: Waveform, mode: str) -> float:
     """The time of each of the two means over a path in micrometres, in modes that invert; 0 where it needs none, is no
-    period, or is played in place of another. 0 too where no rounding of corners helps, since what lies at the first
-    mode and below is too fast: that is another path, and a rehearsal says so."""
+    period, has no corners, or is played in place of another. 0 too where no rounding helps, since what lies at the
+    first mode and below is too fast: that is another path, and a rehearsal says so."""
     played = waveform.periodic and waveform.unit == "um" and waveform.as_asked is waveform
+    played = played and not isinstance(waveform, Curve)
     if mode not in INVERTS or not played or stage is None or axis not in stage.axes:
         return 0.0
     model = stage.axes[axis]

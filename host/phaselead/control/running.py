@@ -87,7 +87,7 @@ class Runs(Plays):
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
             waveforms = known.waveforms(_as_tables(waveforms), sha256, mode, chosen, follows)
         unknown = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
-        _warn(waveforms, mode, chosen, stage, held, force=force, said=unknown)
+        said = unknown + _said_against(waveforms, mode, chosen, stage, held, force=force)
         run = track_to_file(
             self.device,
             waveforms,
@@ -101,6 +101,7 @@ class Runs(Plays):
             on_progress=on_progress,
             trigger_out=trigger_out,
             gains_given=gains is not None,
+            on_rehearsed=lambda: _warn(said, above=5),
             edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
         )
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
@@ -138,7 +139,7 @@ class Runs(Plays):
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         held = held_stage(self.device) if stage is None else None
         chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
-        _warn(waveforms, mode, chosen, stage, held, force=force)
+        _warn(_said_against(waveforms, mode, chosen, stage, held, force=force), above=3)
         found = learn(
             self.device,
             waveforms,
@@ -184,7 +185,7 @@ class Runs(Plays):
         return _named(recording, path or wave_text(drive) or f"{letters} at rest")
 
 
-def _warn(
+def _said_against(
     waveforms: Mapping[str, Waveform],
     mode: str,
     gains: dict[str, Gains],
@@ -192,15 +193,19 @@ def _warn(
     held: Stage | None,
     *,
     force: bool,
-    said: Sequence[str] = (),
-) -> None:
-    """Of loop and path, before anything moves, to who called the method; not of paths that are refused."""
+) -> list[str]:
+    """What there is to say of loop and path before anything moves. Raises BadInput for what is refused."""
     known = stage or held
     if known is None or set(waveforms) <= set(known.axes):
         check_paths(waveforms, mode, known)
-    said = [*said, *held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
-    for line in [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]:
-        warnings.warn(line, stacklevel=3)
+    said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
+    return [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]
+
+
+def _warn(said: Sequence[str], *, above: int) -> None:
+    """To who called the method, so many calls above."""
+    for line in said:
+        warnings.warn(line, stacklevel=above)
 
 
 def _as_tables(waveforms: Mapping[str, Waveform]) -> dict[str, Waveform]:
