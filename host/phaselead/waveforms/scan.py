@@ -38,5 +38,5 @@ def counted(written: Written, what: str, most: int) -> Counted:
     body, f_Hz = written.at_frequency()
     levels, slash, count = body.rpartition("/")
     if not slash or not count.strip().isdigit() or not 1 <= int(count) <= most:
-        raise written.refusal(f"it needs a number of {what} from 1 to {most}")
+        raise written.refusal(f"it needs a number of {what} from 1 to {most} (more in a file, path:scan.csv)")
     return Counted(levels, int(count), f_Hz)
