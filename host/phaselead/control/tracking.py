@@ -27,12 +27,14 @@ from phaselead.device import (
     EdgeWait,
     PointFeeder,
     Pulses,
+    Refused,
     Standing,
     device_model,
     inverse_refusal,
     motion,
     recording_of,
     standings,
+    wire,
 )
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
@@ -155,7 +157,14 @@ def track(
             stand; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
-    ready, stage = set_up(device, waveforms, mode, **asked), asked.get("stage")
+    try:
+        ready, stage = set_up(device, waveforms, mode, **asked), asked.get("stage")
+    except Refused as refusal:
+        if refusal.status != wire.Status.WRONG_STATE:
+            raise
+        raise DeviceRefused(
+            "the axes are held or driven; `phaselead park` (in Python dev.park()) ends that, a move goes on from there"
+        ) from None
     waveforms, ticks = ready.waveforms, ready.ticks
     set_pulses(device, pulses, stage or held_stage(device, "".join(waveforms)) if pulses else None)
     true = TruePositions(device, ticks)
@@ -215,10 +224,6 @@ def set_up(
 ) -> SetUp:
     """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``, and begin at an
     edge of the trigger input where that is waited for. Raises BadInput as ``track``."""
-    if device.status().state == "running":
-        raise DeviceRefused(
-            "the axes are held or driven; `phaselead park` (in Python dev.park()) ends that, a move goes on from there"
-        )
     known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
     check_paths(waveforms, mode, known)
     if endless:
