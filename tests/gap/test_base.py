@@ -10,7 +10,7 @@ import numpy as np
 from phaselead.gap.base_operator import with_operator
 from phaselead.gap.records import GapRun
 from phaselead.gap.regressors import Freedom, base_columns
-from phaselead.gap.residual import modelled_run
+from phaselead.gap.residual import Began, modelled_run
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.validation.trial import try_case
 
@@ -59,5 +59,5 @@ def test_a_line_that_gets_plays_keeps_its_delay():
 
 def test_a_track_under_another_model_remembers_the_same():
     made = a_track()
-    started = replace(made, plays_V=np.array([0.2, -0.3]))
-    assert started.with_axis(made.axis).plays_V is started.plays_V
+    started = replace(made, began=Began(np.array([0.2, -0.3]), 1.5))
+    assert started.with_axis(made.axis).began is started.began

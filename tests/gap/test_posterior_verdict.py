@@ -16,7 +16,7 @@ from phaselead.gap.posterior.interval import shows_itself
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SURE, judge
+from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SOMETHING, SURE, judge
 from phaselead.gap.refit import to_internal
 from phaselead.model.effects import effect
 
@@ -195,7 +195,19 @@ def test_the_nearest_only_is_what_every_set_may_miss_by_its_probability(both):
     found = judge(contest({n: value for n, (value, _) in both.items()}, named={n: q for n, (_, q) in both.items()}))
     assert found.nearest_only == pytest.approx(sum(found.sets[n] * (1 - q) for n, (_, q) in both.items()), abs=1e-9)
     assert not (found.claims and found.nearest_only > MORE_LIKELY_THAN_NOT)
-    assert found.no_set_fits == (found.nearest_only > MORE_LIKELY_THAN_NOT)
+    assert found.something_unnamed == (not found.claims and found.sets[()] < 1 - SOMETHING)
+
+
+@pytest.mark.parametrize(("short", "something"), [(0.001, False), (-0.001, True)])
+def test_something_remains_where_it_is_sure_that_something_is_there_and_not_what(short, something):
+    """Two that nobody takes for one another, as likely: neither is named. One record in twenty with nothing hidden may
+    look like that."""
+    empty = 1 - SOMETHING + short
+    other = np.log((1 - empty) / empty / 2)
+    found = judge(contest({(): 0.0, ("creep",): other, ("backlash",): other}))
+    assert found.claims == ()
+    assert found.sets[()] == pytest.approx(empty)
+    assert found.something_unnamed is something
 
 
 @given(st.integers(1, 40))

@@ -222,7 +222,7 @@ def test_the_order_of_records_does_not_matter(few, judged, plain):
 
 @pytest.mark.parametrize(("which", "at_s"), [(0, 2.3), (1, 2.0), (2, 2.5)])
 def test_a_record_cut_in_two_shows_the_same(few, judged, plain, which, at_s):
-    """Even where the second part begins in motion, with a memory that it must tell by itself: 0.05 % of the range."""
+    """Even where the second part begins in motion, with a memory that it must tell by itself: 0.1 % of the range."""
     rows = round(COARSE_HZ * at_s)
     whole = few[which]
     axis = whole.axes["x"]
@@ -231,7 +231,7 @@ def test_a_record_cut_in_two_shows_the_same(few, judged, plain, which, at_s):
         for name, part in (("first part", slice(0, rows)), ("second part", slice(rows, None)))
     ]
     found = answer([*parts, *(r for r in few if r is not whole)], judged)
-    assert np.std(found - plain) < 5e-4 * np.ptp(plain)
+    assert np.std(found - plain) < 1e-3 * np.ptp(plain)
 
 
 def test_what_cannot_be_used_is_left_out_and_said(few):

@@ -119,7 +119,7 @@ def search_axis(
     excluded, hidden = upper_bounds(surviving, candidates, taken_or_played, label)
     on_progress(0.92)
     closed = bool(taken) and selection.problem.reference is not None
-    unknown = selection.no_set_fits or other.unknown or much_predictable(left, final.gap, closed)
+    unknown = selection.something_unnamed or other.unknown or much_predictable(left, final.gap, closed)
     provisional: list[NamedEffect] = []
     if unknown:
         untried = [effect for effect in effects if effect.name not in taken_or_played]

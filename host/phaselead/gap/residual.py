@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import GapRun
 from phaselead.identify import starting_memory
-from phaselead.model import AxisModel, Chain, Extra, Place, respond, rest_plays
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, effect, respond, rest_plays
 from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
@@ -23,10 +24,23 @@ TURNING_POINTS = 15
 """How many last turning points are tried, from the lowest to the highest voltage of model and record."""
 PLAY_SPREAD = 0.5
 """Standard deviation of a play's start about its best guess, in thresholds: its prior as a nuisance."""
+FADING_MEMORY = 0.25
+"""Of the variance of a record: what another start than rest of fading plays leaves at most. It fades over the whole
+record, as what is missing from the model may do in part; a start that is the truth leaves little more than the base
+does."""
 SMALL_V_SHARE = 0.02
 """Of the voltages that the base was fitted on: a change that is small beside the thresholds of its larger plays."""
 PERIODIC = 0.98
 """Correlation with itself a period later from which a voltage counts as periodic."""
+
+
+class Began(NamedTuple):
+    """The memory of a record that does not begin at rest."""
+
+    plays_V: Samples
+    """(m,) where the plays stand in its first row."""
+    turned_V: float
+    """Where the voltage last turned round before it."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +50,16 @@ class ModelledRun:
     run: GapRun
     axis: AxisModel
     chain: Chain
-    plays_V: Samples | None
-    """Where the m plays stand in its first row; None is at rest."""
+    began: Began | None
+    """None is at rest."""
     nuisances: Samples
     """Columns (n, k) of its nuisances over the scored rows: the offset, then in um per prior deviation of a play's
     start."""
+
+    @property
+    def plays_V(self) -> Samples | None:
+        """Where the m plays stand in its first row; None is at rest."""
+        return None if self.began is None else self.began.plays_V
 
     @cached_property
     def period_rows(self) -> int | None:
@@ -55,7 +74,7 @@ class ModelledRun:
 
     def with_axis(self, axis: AxisModel) -> ModelledRun:
         """The same run from the same memory under another model of its axis."""
-        return replace(self, axis=axis, chain=_chain(axis, self.run, self.plays_V))
+        return replace(self, axis=axis, chain=_chain(axis, self.run, self.began))
 
     def after_voltage(self, added_V: Samples) -> Samples:
         """What a voltage (n_all,) in V, added to that of every row of the run, would add to its answer: (n,) in um over
@@ -64,7 +83,7 @@ class ModelledRun:
         low, high = self.axis.time.u_range_V
         part = SMALL_V_SHARE * (high - low) / max(float(np.abs(added_V).max()), 1e-30)
         moved = replace(self.run, u_V=self.run.u_V + part * added_V)
-        return np.asarray((_chain(self.axis, moved, self.plays_V).run()[self.run.rows] - self.answer()) / part)
+        return np.asarray((_chain(self.axis, moved, self.began).run()[self.run.rows] - self.answer()) / part)
 
     def error(self, extra: Extra = ()) -> Samples:
         """Residual (n,) in um over the scored rows: measured minus the model with the effects ``extra``. The record's
@@ -76,47 +95,65 @@ def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
     """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or from one
     turning point."""
     assert axis.time is not None
-    start = _best_start(axis, run) if axis.time.play_r_V else None
-    return ModelledRun(run, axis, _chain(axis, run, start), start, nuisance_columns(axis, run, start))
+    began = _best_start(axis, run) if axis.time.play_r_V else None
+    return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
 
 
-def _chain(axis: AxisModel, run: GapRun, start: Samples | None) -> Chain:
+def _chain(axis: AxisModel, run: GapRun, began: Began | None) -> Chain:
     others = {name: x - np.median(x[: max(1, len(x) // 100)]) for name, x in run.others_um.items()}
-    return Chain(axis, run.t_s, run.u_V, others_um=others, start=start)
+    plays_V, turned_V = (None, None) if began is None else began
+    return Chain(axis, run.t_s, run.u_V, others_um=others, start=plays_V, turned_V=turned_V)
 
 
-def _at_plays(axis: AxisModel, run: GapRun, start: Samples | None) -> tuple[Samples, float]:
+def _at_plays(axis: AxisModel, run: GapRun, began: Began | None) -> tuple[Samples, float]:
     """Voltage (n,) at the plays, and by how much it stood off the recorded one before the record: on a rail, say."""
-    signal = _chain(axis, run, start).signal_at(Place.AMPLIFIER)
+    signal = _chain(axis, run, began).signal_at(Place.AMPLIFIER)
     return signal.value[1:], float(signal.value[0] - signal.u_V[0])
 
 
-def _best_start(axis: AxisModel, run: GapRun) -> Samples | None:
-    """Plays (m,) at the start of the record, pushed there from the best last turning point; None is from rest."""
+def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
+    """The memory at the start of the record, from the best last turning point; None is from rest."""
     view = axis.time
     assert view is not None
     r, rest, u = np.asarray(view.play_r_V), rest_plays(view), run.u_V
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
     left = (run.x_um - _chain(axis, run, None).run())[rows]
-    v, offset_V = _at_plays(axis, run, None)
-    at_rest = respond(view, v, rest + offset_V)[0][rows]
-    v, offset_V = _at_plays(axis, run, rest)
+    at_rest = _operator_um(axis, run, None)[rows]
 
-    def plays_from(turned_V: float) -> Samples:
-        return np.asarray(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r))
+    def began(turned_V: float) -> Began:
+        return Began(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r), turned_V)
 
     def variance(turned_V: float | None) -> float:
         if turned_V is None:
             return float(np.var(left))
-        change = respond(view, v, plays_from(turned_V) + offset_V)[0][rows] - at_rest
+        change = _operator_um(axis, run, began(turned_V))[rows] - at_rest
         return float(np.var(left - change))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
-    turned_V = starting_memory(variance, np.linspace(low, high, TURNING_POINTS).tolist())
-    return None if turned_V is None else plays_from(turned_V)
+    points = np.linspace(low, high, TURNING_POINTS).tolist()
+    turned_V = (
+        starting_memory(variance, points, FADING_MEMORY) if _remembering(axis) else starting_memory(variance, points)
+    )
+    return None if turned_V is None else began(turned_V)
 
 
-def nuisance_columns(axis: AxisModel, run: GapRun, plays_V: Samples | None) -> Samples:
+def _operator_um(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:
+    """Answer (n,) in um of the plays, and of the base's effects that remember where they turned."""
+    view = axis.time
+    assert view is not None
+    if _remembering(axis):
+        return _chain(axis, run, began).signal_at(Place.HYSTERESIS).value[1:]
+    v, offset_V = _at_plays(axis, run, began)
+    return respond(view, v, offset_V + (rest_plays(view) if began is None else began.plays_V))[0]
+
+
+def _remembering(axis: AxisModel) -> list[Entry]:
+    """The base's own effects that remember where they turned."""
+    entries = [(effect(e.name), e.params) for e in axis.effects]
+    return [(e, e.complete(params)) for e, params in entries if e.began_with is not None]
+
+
+def nuisance_columns(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:
     """Columns (n, k) over the scored rows that a record's own offset and memory explain: a constant, and what a shift
     of each play's start would do, its weight until the play first moves."""
     view = axis.time
@@ -125,15 +162,27 @@ def nuisance_columns(axis: AxisModel, run: GapRun, plays_V: Samples | None) -> S
     columns = [np.ones(n)]
     if view.play_r_V:
         r, w = np.asarray(view.play_r_V), np.asarray(view.play_w_um_per_V)
-        v, offset_V = _at_plays(axis, run, plays_V)
-        start = offset_V + (rest_plays(view) if plays_V is None else plays_V)
+        v, offset_V = _at_plays(axis, run, began)
+        start = offset_V + (rest_plays(view) if began is None else began.plays_V)
         for j, moved_at in enumerate(_first_moves(v, r, start)):
             still = min(moved_at, run.stop) - run.start
             if 0 < still < n and w[j] > 0:
                 column = np.zeros(n)
                 column[:still] = w[j] * PLAY_SPREAD * r[j]
                 columns.append(column)
+    columns += _began_with(axis, run, began)
     return np.stack(columns, axis=1)
+
+
+def _began_with(axis: AxisModel, run: GapRun, began: Began | None) -> list[Samples]:
+    """Columns (n,) over the scored rows: what the effects of the base still do that remember another way before the
+    record."""
+    remembering = _remembering(axis)
+    if not remembering:
+        return []
+    signal = _chain(axis, run, began).signal_at(Place.HYSTERESIS)
+    found = [e.began_with(signal, params)[1:][run.rows] for e, params in remembering if e.began_with is not None]
+    return [PLAY_SPREAD * column for columns in found for column in columns.T]
 
 
 def _first_moves(v: Samples, r: Samples, start: Samples) -> list[int]:

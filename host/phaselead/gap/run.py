@@ -52,7 +52,7 @@ def run_gap(
     runs = axis_runs(stage, train, holdout, reference)
     doubts = scale_doubts(stage, runs)
     held = frozen if frozen is not None else bool(reference)
-    effects = list(catalogue(without).values())
+    effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     results = search_together(stage, runs, holdout, reference, effects, seed, report)
     if results is None:
         results = _each_axis(stage, runs, effects, held, seed, report)

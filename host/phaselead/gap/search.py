@@ -59,7 +59,7 @@ def select_effects(
         contest,
         _candidates(contest, found),
         memory,
-        found.no_set_fits,
+        found.something_unnamed,
     )
 
 

@@ -40,8 +40,8 @@ class Selection:
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None
-    no_set_fits: bool = False
-    """Whether even the nearest set probably leaves more than its equations may miss."""
+    something_unnamed: bool = False
+    """Whether something is there that no name is sure to be."""
     messages: tuple[str, ...] = ()
     """For a person."""
 

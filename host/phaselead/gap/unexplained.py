@@ -15,6 +15,7 @@ import numpy as np
 from phaselead.gap.generic_model import Columns, Moments, columns_of, moments_of, new_amounts, ridge_amounts
 from phaselead.gap.metric import BLOCK_s, block_edges
 from phaselead.gap.residual import RunResidual, period_of
+from phaselead.identify import effective_rows
 from phaselead.record import Samples
 
 WORTH_SHARE = 0.03
@@ -81,17 +82,26 @@ def _judged(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Seque
     """What a prediction ``said`` (n_i,) saves of ``left`` (n_i,), as a share of the power of the residuals.
 
     By chance the product of the two is as often negative as positive in each block, and independent from block to
-    block: its sum under random signs is what chance gives.
+    block, where blocks are longer than it remembers: its sum under random signs is what chance gives.
     """
     power = sum(float(np.sum((r.error_um - r.error_um.mean()) ** 2)) for r in holdout)
     if not power > 0:
         return Unexplained(0.0, 0.0)
-    edges = block_edges([len(e) for e in left], max(_block_rows(r) for r in holdout))
-    products = np.concatenate([np.add.reduceat(e * p, edge[:-1]) for e, p, edge in zip(left, said, edges, strict=True)])
+    each = [e * p for e, p in zip(left, said, strict=True)]
+    wanted = max(*(_block_rows(r) for r in holdout), *(_independent_rows(one) for one in each))
+    edges = block_edges([len(one) for one in each], wanted)
+    products = np.concatenate([np.add.reduceat(one, edge[:-1]) for one, edge in zip(each, edges, strict=True)])
     own = sum(float(p @ p) for p in said)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(SIGN_DRAWS, len(products)))
     by_chance = float(np.quantile(signs @ products, 1 - FALSE_ALARM))
     return Unexplained((2 * float(products.sum()) - own) / power, max((2 * by_chance - own) / power, 0.0))
+
+
+def _independent_rows(products: Samples) -> int:
+    """Rows of blocks between which products (n,) hardly agree: (2 n t^2)^(1/3), where t of neighbouring rows are worth
+    one (Lee, Conduit, Nemec, Lopez Rios and Drummond 2011, on blocks of Flyvbjerg and Petersen 1989)."""
+    n = len(products)
+    return round((2 * n * (n / effective_rows(products)) ** 2) ** (1 / 3)) if products.any() else 1
 
 
 def _block_rows(residual: RunResidual) -> int:

@@ -20,7 +20,7 @@ from phaselead.identify.modal import (
     frequency_response,
     score_test,
 )
-from phaselead.identify.operator import fit_plays, play_thresholds, starting_memory
+from phaselead.identify.operator import effective_rows, fit_plays, play_thresholds, starting_memory
 from phaselead.identify.plan import HELD_OUT, Experiment, plan_as_time_allows, plan_of, plan_seconds
 from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
@@ -52,6 +52,7 @@ __all__ = [
     "common_poles",
     "compare_with_table_1",
     "descend",
+    "effective_rows",
     "fit",
     "fit_modes",
     "fit_plays",

@@ -30,6 +30,7 @@ from phaselead.model import (
     Stage,
     TablePoint,
     TableView,
+    effect_of_fading,
     effect_of_lag,
     effect_of_modes,
     explained,
@@ -226,7 +227,7 @@ def _axis_model(
     parent: Stage | None, axis: str, time: OperatorFit, table: TableView | None, mode: FittedModes | None
 ) -> AxisModel:
     view = time.view
-    effects = _adopted_lag(time)
+    effects = (*_adopted_lag(time), *_adopted_fading(time))
     if mode is not None:
         view, effect = mode.adopted(view)
         effects = (*effects, effect)
@@ -297,6 +298,14 @@ def _adopted_lag(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
     effect, params = effect_of_lag(found.lag_s)
     ci95 = {} if found.lag_ci95_s is None else dict.fromkeys(params, found.lag_ci95_s)
     return (AdoptedEffect(name=effect.name, status="provisional", params=params, ci95=ci95, share=found.lag_share),)
+
+
+def _adopted_fading(found: OperatorFit) -> tuple[AdoptedEffect, ...]:
+    """The part of the operator that forgets."""
+    if not len(found.fading_r_V):
+        return ()
+    effect, params = effect_of_fading(found.fading_r_V, found.fading_w_um_per_V, AxisModel(time=found.view))
+    return (AdoptedEffect(name=effect.name, params=params),)
 
 
 def _describe_modes(axis: str, found: FittedModes) -> str:

@@ -33,6 +33,7 @@ from phaselead.model.effects import (
     catalogue,
     derived_sizes,
     effect,
+    effect_of_fading,
     effect_of_lag,
     effect_of_modes,
     lags,
@@ -46,6 +47,8 @@ from phaselead.model.effects import (
     states,
     states_and_slopes,
 )
+from phaselead.model.fading import ALIKE as PLAYS_ALIKE
+from phaselead.model.fading import state_after
 from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
@@ -81,6 +84,7 @@ __all__ = [
     "LATCH_S",
     "LONGEST_DELAY_S",
     "PLAYS",
+    "PLAYS_ALIKE",
     "SECTIONS",
     "SECTIONS_IN_LOOP",
     "TERMS",
@@ -126,6 +130,7 @@ __all__ = [
     "coupling",
     "derived_sizes",
     "effect",
+    "effect_of_fading",
     "effect_of_lag",
     "effect_of_modes",
     "explained",
@@ -152,6 +157,7 @@ __all__ = [
     "simulate",
     "small_signal",
     "stage_text",
+    "state_after",
     "states",
     "states_and_slopes",
     "steady_loop",

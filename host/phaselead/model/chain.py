@@ -28,7 +28,7 @@ from phaselead.model.effects import (
     relaxed_late,
     rewritten,
 )
-from phaselead.model.operator import delayed, respond, rest_plays
+from phaselead.model.operator import delayed, respond
 from phaselead.record import Samples
 
 Extra = Sequence[tuple[Effect, Params]]
@@ -42,15 +42,17 @@ def simulate(
     others_um: Mapping[str, Samples] | None = None,
     extra: Extra = (),
     start: ArrayLike | None = None,
+    turned_V: float | None = None,
     rng: np.random.Generator | None = None,
 ) -> Samples:
     """Position (n,) in um for the applied voltage ``u_V`` (n,) at the uniform, absolute times ``t_s`` (n,).
 
     The effects adopted in ``axis`` and those of ``extra`` act together. From rest at 0 V, or from the plays
-    ``start`` (one per play, V) as a continuation that stood at ``u_V[0]``. ``others_um`` are the displacements of
-    the other axes from rest. With ``rng``, noise-like effects are drawn. Raises BadInput without a time view.
+    ``start`` (one per play, V) as a continuation that stood at ``u_V[0]`` and, where that is known, had last turned
+    round at ``turned_V``. ``others_um`` are the displacements of the other axes from rest. With ``rng``, noise-like
+    effects are drawn. Raises BadInput without a time view.
     """
-    return Chain(axis, t_s, u_V, others_um=others_um, start=start, remember=0).run(extra, rng=rng)
+    return Chain(axis, t_s, u_V, others_um=others_um, start=start, turned_V=turned_V, remember=0).run(extra, rng=rng)
 
 
 class Chain:
@@ -68,6 +70,7 @@ class Chain:
         *,
         others_um: Mapping[str, Samples] | None = None,
         start: ArrayLike | None = None,
+        turned_V: float | None = None,
         remember: int = 8,
     ) -> None:
         if axis.time is None:
@@ -79,9 +82,9 @@ class Chain:
         step = float(t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 1.0
         # One row in front: how things stood before the record.
         u = np.concatenate([[0.0 if start is None else u[0]], u])
-        plays = rest_plays(self._view) if start is None else np.asarray(start, dtype=np.float64)
+        plays = None if start is None else np.asarray(start, dtype=np.float64)
         self._continues = start is not None
-        self._input = Signal(np.concatenate([[t[0] - step], t]), u, u, axis, plays_V=plays)
+        self._input = Signal(np.concatenate([[t[0] - step], t]), u, u, axis, plays_V=plays, turned_V=turned_V)
         adopted = [(effect(e.name), e.params) for e in axis.effects]
         self._adopted: list[Entry] = [(e, e.complete(params)) for e, params in adopted]
         self._adopted_links = {id(entry): _of_effect(entry) for entry in self._adopted}

@@ -1,5 +1,7 @@
 #include "operator.h"
 
+#include "fading.h"
+
 #include <stdbool.h>
 
 /* The conditional forms compile to packed min/max, which gcc does not do for fmin/fmax (their NaN rules differ). */
@@ -56,7 +58,7 @@ void stage_plays(size_t n, const double *v, size_t m, const double *r, double *p
     }
 }
 
-static void fill(const struct stage_basis *basis, double v, const double *p, double x, double *out)
+static void fill(const struct stage_basis *basis, double v, const double *p, const double *z, double x, double *out)
 {
     for (size_t j = 0; j < basis->n_segments; j++) {
         double above = v > basis->low[j] ? v : basis->low[j];
@@ -64,6 +66,9 @@ static void fill(const struct stage_basis *basis, double v, const double *p, dou
     }
     for (size_t j = 0; j < basis->n_plays; j++) {
         *out++ = p[j] - basis->play_rest[j];
+    }
+    for (size_t j = 0; j < basis->n_fading; j++) {
+        *out++ = v - basis->fading_r[j] * z[j] - basis->fading_rest[j];
     }
     *out++ = 1.0;
     *out = x;
@@ -77,12 +82,13 @@ static inline size_t first_of(size_t a, size_t b)
 /* A late voltage mixes two neighbouring rows, so it can turn round where the voltage did and one row after; what lies
  * between, the plays need not see. */
 void stage_columns(const struct stage_record *record, double delay, const struct stage_basis *basis, double *p,
-                   double *out)
+                   double *z, double *out)
 {
     size_t n = record->n;
     size_t whole = delay < (double)n ? (size_t)delay : n;
     double part = delay < (double)n ? delay - (double)whole : 0.0;
-    size_t width = basis->n_segments + basis->n_plays + 2;
+    size_t width = basis->n_segments + basis->n_plays + basis->n_fading + 2;
+    double from = record->before;
     size_t turn = 0;
     size_t after = 0;
     step(record->before, basis->n_plays, basis->r, 1.0, p);
@@ -93,10 +99,14 @@ void stage_columns(const struct stage_record *record, double delay, const struct
         size_t k = first_of(wanted, first_of(turned, beyond));
         double v = late(record->u, record->before, k, whole, part);
         step(v, basis->n_plays, basis->r, 1.0, p);
+        for (size_t j = 0; j < basis->n_fading; j++) {
+            z[j] = fading_step(from, v, basis->fading_r[j], z[j]);
+        }
+        from = v;
         turn += turn < record->n_turns && turned == k;
         after += after < record->n_turns && beyond == k;
         if (wanted == k) {
-            fill(basis, v, p, record->x[row], out + row * width);
+            fill(basis, v, p, z, record->x[row], out + row * width);
             row++;
         }
     }

@@ -37,18 +37,21 @@ struct stage_record { /* a voltage, the rows at which it turns round (row 0 amon
     const double *x; /* positions at those rows */
 };
 
-struct stage_basis { /* segments from low to high, and where 0 V stands in each; plays, and where each rests */
+struct stage_basis { /* segments from low to high, and where 0 V stands in each; plays and fading plays (fading.h), and
+                        where each rests */
     size_t n_segments;
     const double *low, *high, *segment_rest;
     size_t n_plays;
     const double *r, *play_rest;
+    size_t n_fading;
+    const double *fading_r, *fading_rest;
 };
 
-/* What a unit slope of every segment and play adds to the position, then 1 and x, into out (n_rows, n_segments +
- * n_plays
- * + 2), for a voltage late by `delay` samples as in stage_delay. The plays start at `p`, which is overwritten. */
+/* What a unit slope of every segment, play and fading play adds to the position, then 1 and x, into out (n_rows,
+ * n_segments + n_plays + n_fading + 2), for a voltage late by `delay` samples as in stage_delay. The plays start at `p`
+ * and the fading ones at `z`, which are overwritten. */
 PHASELEAD_EXPORT void stage_columns(const struct stage_record *record, double delay, const struct stage_basis *basis,
-                                    double *p, double *out);
+                                    double *p, double *z, double *out);
 
 /* y[k] = sum w_j play_j[v] with thresholds scale r_j; the plays start and end at p.
  *

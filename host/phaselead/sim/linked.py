@@ -19,6 +19,7 @@ from phaselead.sim.structures import (
     BACKLASH,
     CLIP,
     DEADZONES,
+    FADING,
     FRICTION,
     LINKS,
     OPERATOR,
@@ -108,6 +109,16 @@ class LinkedParts(VirtualAxis):
             self._plays.append((r, weight, start))
             self._operator.gain_um_per_V -= weight
             self._axis.offset_um -= weight * start
+
+    def fading_plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float]) -> None:
+        operator, view = self._operator, self.model.time
+        assert view is not None
+        if operator.fading + len(r_V) > FADING:
+            raise BadInput(f"{self.where}: more fading plays than the simulator takes ({FADING})")
+        operator.fading_start = -view.rest_fraction
+        for r, weight in zip(r_V, w_um_per_V, strict=True):
+            operator.fading_r_V[operator.fading], operator.fading_w_um_per_V[operator.fading] = r, weight
+            operator.fading += 1
 
     def asymmetry(self, bend_um: float, skew_um: float, reach: float) -> None:
         self._only("asymmetry of the loop")

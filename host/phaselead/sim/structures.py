@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-POLES, NUMBERS, PLAYS, DEADZONES, LINKS, SENSOR_LINKS, HUM_LINES, TOP_BITS = 48, 6, 192, 32, 16, 4, 3, 8
+POLES, NUMBERS, PLAYS, DEADZONES, FADING, LINKS, SENSOR_LINKS, HUM_LINES, TOP_BITS = 48, 6, 192, 32, 16, 16, 4, 3, 8
 """Bounds of the kernel, as in link.h, linked.h and surroundings.h."""
 POLES_SUM, SLEW, CLIP, OPERATOR, SOFTENING, BACKLASH, FRICTION, STIFFNESS = range(1, 9)
 """enum link_kind."""
@@ -39,8 +39,12 @@ class Operator(ctypes.Structure):
         ("bend_um", ctypes.c_double),
         ("skew_um", ctypes.c_double),
         ("skew_reach", ctypes.c_double),
+        ("fading_r_V", ctypes.c_double * FADING),
+        ("fading_w_um_per_V", ctypes.c_double * FADING),
+        ("fading_start", ctypes.c_double),
         ("plays", ctypes.c_uint32),
         ("deadzones", ctypes.c_uint32),
+        ("fading", ctypes.c_uint32),
     )
 
 

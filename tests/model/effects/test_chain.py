@@ -40,7 +40,8 @@ def test_physical_order():
     """Each stage sees what comes before it and nothing of what comes after."""
     order = (
         *("dac_nonlinearity", "delay", "slew_limit", "amplifier_lowpass", "saturation", "charge_leakage", "dead_band"),
-        *("hysteresis", "asymmetric_hysteresis", "rate_dependence", "softening", "creep", "backlash", "resonance"),
+        *("hysteresis", "fading_hysteresis", "asymmetric_hysteresis", "rate_dependence", "softening", "creep"),
+        *("backlash", "resonance"),
         *(
             "stiffness_nonlinearity",
             "cross_coupling",

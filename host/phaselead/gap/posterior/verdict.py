@@ -18,7 +18,10 @@ from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 
 MORE_LIKELY_THAN_NOT = 0.5
-"""Probability from which the nearest set is no more than that."""
+"""Probability from which the nearest set is no more than that, and names nothing."""
+SOMETHING = 0.95
+"""Probability of some effect, whichever, from which something remains: of records with nothing hidden one in twenty may
+end as unknown."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -61,9 +64,9 @@ class Judgement:
     """Probability that no set is there: the nearest leaves more than its equations may miss."""
 
     @property
-    def no_set_fits(self) -> bool:
-        """Whether that is the likelier."""
-        return self.nearest_only > MORE_LIKELY_THAN_NOT
+    def something_unnamed(self) -> bool:
+        """Whether something is there that none is sure to be."""
+        return not self.claims and 1 - self.sets.get((), 0.0) > SOMETHING
 
 
 def judge(contest: Contest) -> Judgement:

@@ -22,12 +22,11 @@ from phaselead.identify.runs import AxisRun
 from phaselead.model import (
     AdoptedEffect,
     AxisModel,
+    Entry,
     Mode,
     TimeView,
-    effect_of_lag,
     effect_of_modes,
     mode_coefficients,
-    predict_time_view,
     resonant,
     second_order_residual,
     simulate,
@@ -101,7 +100,7 @@ def fit_together(runs: Sequence[AxisRun]) -> tuple[OperatorFit, FittedModes | No
         found = _believed(alone, fit_operator(runs, shown.modes, shown.lag_s), runs)
         if found is not None:
             return found
-    ringing = find_modes(alone.view, runs, _memories_of(alone))
+    ringing = find_modes(alone.view, runs, _memories_of(alone), alone.beside_view())
     if len(runs) >= MANY_RUNS:
         return _placed(alone, ringing, runs)
     if ringing is None:
@@ -157,13 +156,11 @@ def _believed(
 def _squares(operator: OperatorFit, modes: tuple[Mode, ...], runs: Sequence[AxisRun]) -> float:
     """Squared residual, each run in its own range."""
     errors = []
-    beside = [
-        *([effect_of_lag(operator.lag_s)] if operator.lag_s else []),
-        *([effect_of_modes(modes)] if modes else []),
-    ]
+    beside = [*operator.beside_view(), *([effect_of_modes(modes)] if modes else [])]
     for run, came_from_V in zip(runs, _memories_of(operator), strict=True):
         start = _plays_V(operator.view, came_from_V)
-        answer = simulate(AxisModel(time=operator.view), run.t_s, run.u_V, extra=beside, start=start)
+        axis = AxisModel(time=operator.view)
+        answer = simulate(axis, run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
         errors.append((run.x_um - answer)[run.scored] / run.range_um)
     return sum(float(np.var(error)) for error in errors)
 
@@ -173,9 +170,10 @@ def _memories_of(operator: OperatorFit) -> list[float | None]:
     return [record.came_from_V for record in operator.records]
 
 
-def _answer(view: TimeView, run: AxisRun, came_from_V: float | None) -> Samples:
+def _answer(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: float | None) -> Samples:
     """The operator's (n,), from the memory that the fit found for this record."""
-    return predict_time_view(view, run.t_s, run.u_V, initial_plays_V=_plays_V(view, came_from_V))
+    start = _plays_V(view, came_from_V)
+    return simulate(AxisModel(time=view), run.t_s, run.u_V, extra=beside, start=start, turned_V=came_from_V)
 
 
 def _plays_V(view: TimeView, came_from_V: float | None) -> Samples | None:
@@ -228,18 +226,22 @@ class _Ringing:
 
 
 def find_modes(
-    view: TimeView, runs: Sequence[AxisRun], memories: Sequence[float | None] | None = None
+    view: TimeView,
+    runs: Sequence[AxisRun],
+    memories: Sequence[float | None] | None = None,
+    beside: Sequence[Entry] = (),
 ) -> FittedModes | None:
     """The modes that explain most of what ``view`` leaves, or None: records too slow, or none pays.
 
-    ``memories``: the voltage at which the stage last turned round before each record, None for rest.
+    ``memories``: the voltage at which the stage last turned round before each record, None for rest. ``beside``: what
+    belongs to the operator and ``view`` does not hold.
     """
     of_runs = zip(runs, memories or [None] * len(runs), strict=True)
     fast = [(run, came_from_V) for run, came_from_V in of_runs if run.step_s <= 1 / SLOWEST_RATE_HZ]
     if len(fast) < 2:
         return None
     fast.sort(key=lambda one: len(one[0].t_s))  # fast sines ring most, and are short
-    fitted, judged = _parts([_ringing(view, run, came_from_V) for run, came_from_V in fast[:MOST_RUNS]])
+    fitted, judged = _parts([_ringing(view, beside, *one) for one in fast[:MOST_RUNS]])
     nothing = sum(float(np.var(r.residual[r.rows])) for r in judged)
     if nothing < len(judged) * ROUNDING**2:
         return None
@@ -269,8 +271,8 @@ def _second_rings(judged: Sequence[_Ringing], fitted: Sequence[_Ringing], one: P
     return by_two < SECOND_PAYS * _squares_left(fine, one, _amounts(fitted, one))
 
 
-def _ringing(view: TimeView, run: AxisRun, came_from_V: float | None) -> _Ringing:
-    base = _answer(view, run, came_from_V)
+def _ringing(view: TimeView, beside: Sequence[Entry], run: AxisRun, came_from_V: float | None) -> _Ringing:
+    base = _answer(view, beside, run, came_from_V)
     return _Ringing(base / run.range_um, (run.x_um - base) / run.range_um, run.step_s, run.scored)
 
 

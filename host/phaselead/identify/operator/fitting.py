@@ -11,11 +11,20 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.leaving_out import FOLD_BLOCKS, SIMPLER, folds_of, left_out
 from phaselead.identify.operator.placing import fewest_knots, paired_plays
-from phaselead.identify.operator.regressors import FEWEST_ROWS, Basis, FitRun, nested_basis, ringing_s, rows_to_fit
+from phaselead.identify.operator.regressors import (
+    FADING,
+    FEWEST_ROWS,
+    Basis,
+    FitRun,
+    nested_basis,
+    ringing_s,
+    rows_to_fit,
+)
 from phaselead.identify.operator.result import (
     Choice,
     OperatorFit,
@@ -33,7 +42,7 @@ from phaselead.identify.operator.solution import (
 )
 from phaselead.identify.operator.starting_memories import OTHER_MEMORY, settled, told_memories, with_memories
 from phaselead.identify.runs import AxisRun, longest_delay_s, period_s
-from phaselead.model import LONGEST_DELAY_S, Mode
+from phaselead.model import LONGEST_DELAY_S, PLAYS, PLAYS_ALIKE, Mode
 from phaselead.record import Samples
 
 MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
@@ -41,6 +50,9 @@ MOST_ROWS, SEARCH_ROWS = 30_000, 12_000
 FINEST = (48, 20)
 """Plays and segments of the richest size; the others are every 2nd, 4th ... of it."""
 PLAY_STRIDES, SEGMENT_MERGES = (1, 2, 4, 8, 0), (1, 2, 4, 10, 20)
+BESIDE_FADING = PLAYS - PLAYS_ALIKE * len(FADING)
+"""Plays beside fading ones at most: the device has plays in the place of those. There are some in any case, which tell
+where a record began."""
 SEARCH = (12, 10)
 """Plays and segments before a size is chosen."""
 LONGEST_DELAY = 0.1
@@ -89,10 +101,11 @@ class _Records:
         of_periods = min(LONGEST_DELAY * period_s(r) for r in self.runs)
         return min(max(of_periods, 2 * self.lag_s), *(longest_delay_s(r) for r in self.runs), LONGEST_DELAY_S)
 
-    def basis(self, n_plays: int, n_segments: int) -> Basis:
+    def basis(self, n_plays: int, n_segments: int, *, fading: bool = False) -> Basis:
         low = min(float(r.u_V.min()) for r in self.runs)
         high = max(float(r.u_V.max()) for r in self.runs)
-        return nested_basis(max(float(np.ptp(r.u_V[r.scored])) for r in self.runs), low, high, n_plays, n_segments)
+        swing = max(float(np.ptp(r.u_V[r.scored])) for r in self.runs)
+        return nested_basis(swing, low, high, n_plays, n_segments, fading=fading)
 
     def at(self, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()) -> Solution:
         return best_slopes(self.fits, basis, delay_s, rest_fraction, self.own_offsets, modes)
@@ -253,7 +266,8 @@ def refit_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     records = _Records(
         runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
     )
-    found = records.searched(records.basis(*SEARCH), known.view.delay_s, _known_rest(known.view.rest_fraction), modes)
+    first = records.basis(*SEARCH, fading=len(known.fading_r_V) > 0)
+    found = records.searched(first, known.view.delay_s, _known_rest(known.view.rest_fraction), modes)
     basis, choices = _choose_basis(records, found)
     records, found, messages = _told_behind_modes(records, _paying(records, replace(found, basis=basis)), known)
     return _of_all_rows(records, replace(found, basis=basis), modes, choices, messages)
@@ -271,12 +285,15 @@ def place_operator(runs: Sequence[AxisRun], known: OperatorFit, modes: tuple[Mod
     records = _Records(
         runs, _thinned(runs, SEARCH_ROWS, ringing_s=ringing_s(modes), memories=memories), known.own_offsets
     )
-    fine, folds = records.basis(*FINEST), folds_of(records.fits)
+    fading = len(known.fading_r_V) > 0
+    fine, folds = records.basis(*FINEST, fading=fading), folds_of(records.fits)
     found = records.at(fine, known.view.delay_s, known.view.rest_fraction, modes)
     error, choice = np.inf, Choice(0, 0, np.inf)
     for _ in range(PLACED_TURNS):
         on_grid = records.at(fine, found.delay_s, found.rest_fraction, found.modes)
         plays = paired_plays(fine, on_grid.slopes)
+        if fading and not 0 < plays.n_plays <= BESIDE_FADING:
+            return known
         of_groups = centred(moments(records.fits, plays, found.delay_s, found.rest_fraction, found.modes))
         basis, choice = fewest_knots(plays, of_groups, folds)
         found = records.searched(
@@ -369,31 +386,31 @@ def _offsets(fits: list[FitRun], solution: Solution) -> list[float]:
 
 def _choose_basis(records: _Records, found: Solution) -> tuple[Basis, tuple[Choice, ...]]:
     """The simplest basis that predicts left-out data as well as any, all else as found, and all that were tried."""
-    fine = records.basis(*FINEST)
+    fine = records.basis(*FINEST, fading=True)
     of_groups = centred(moments(records.fits, fine, found.delay_s, found.rest_fraction, found.modes))
     folds = folds_of(records.fits)
     choices, bases = [], []
-    for stride, merge in product(PLAY_STRIDES, SEGMENT_MERGES):
-        shrink, basis = _coarser(fine, stride, merge)
+    for stride, merge, fading in product(PLAY_STRIDES, SEGMENT_MERGES, (False, True)):
+        if fading and not 0 < stride <= fine.n_plays <= stride * BESIDE_FADING:
+            continue
+        shrink, basis = _coarser(fine, stride, merge, fading=fading)
         error = left_out(shrink.T @ of_groups @ shrink, basis.n_segments, folds)
-        choices.append(Choice(len(basis.play_r_V), basis.n_segments, error))
+        choices.append(Choice(basis.n_plays, basis.n_segments, error, len(basis.fading_r_V)))
         bases.append(basis)
     least = min(c.left_out for c in choices)
     good = [i for i, c in enumerate(choices) if c.left_out <= SIMPLER * least]
-    best = min(good, key=lambda i: (choices[i].n_plays + choices[i].n_segments, choices[i].left_out))
+    best = min(good, key=lambda i: (choices[i].size, choices[i].left_out))
     return bases[best], tuple(replace(c, chosen=i == best) for i, c in enumerate(choices))
 
 
-def _coarser(fine: Basis, stride: int, merge: int) -> tuple[Samples, Basis]:
-    """Every ``stride``-th play (0: none) and ``merge`` segments in one; and the matrix that shrinks the moments."""
-    segments, m = fine.n_segments, len(fine.play_r_V)
-    joined = np.kron(np.eye(segments // merge), np.ones((merge, 1)))
-    kept = np.eye(m)[:, stride - 1 :: stride] if stride else np.zeros((m, 0))
-    shrink = np.zeros((fine.size + 2, joined.shape[1] + kept.shape[1] + 2))
-    shrink[:segments, : joined.shape[1]] = joined
-    shrink[segments : segments + m, joined.shape[1] : -2] = kept
-    shrink[-2:, -2:] = np.eye(2)
-    return shrink, Basis(fine.play_r_V @ kept, fine.knots_V[::merge])
+def _coarser(fine: Basis, stride: int, merge: int, *, fading: bool) -> tuple[Samples, Basis]:
+    """Every ``stride``-th play (0: none), ``merge`` segments in one, and the fading plays or none of them; and the
+    matrix that shrinks the moments."""
+    joined = np.kron(np.eye(fine.n_segments // merge), np.ones((merge, 1)))
+    kept = np.eye(fine.n_plays)[:, stride - 1 :: stride] if stride else np.zeros((fine.n_plays, 0))
+    faded = np.eye(len(fine.fading_r_V))[:, : None if fading else 0]
+    shrink = block_diag(joined, kept, faded, np.eye(2))
+    return shrink, Basis(fine.play_r_V @ kept, fine.knots_V[::merge], fine.fading_r_V @ faded)
 
 
 def _of_all_rows(
@@ -424,4 +441,6 @@ def _result(records: _Records, solution: Solution, choices: Sequence[Choice], me
         records.own_offsets,
         solution.modes,
         fits[0].lag_s,
+        0.0,
+        *solution.fading(),
     )

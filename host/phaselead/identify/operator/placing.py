@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phaselead.identify.operator.leaving_out import SIMPLER, left_out
@@ -16,15 +18,15 @@ def paired_plays(basis: Basis, slopes: Samples) -> Basis:
     A fit without negative weights gives a play whose threshold is between two of the grid to those two, in the shares
     of its distance from them (as in deconvolution: de Castro and Gamboa 2012), and the next one of the grid nothing.
     """
-    weight = slopes[basis.n_segments :]
-    kept, _ = with_weight(basis, slopes)
+    weight = slopes[basis.n_segments : basis.n_segments + basis.n_plays]
+    kept, _ = with_weight(replace(basis, fading_r_V=np.zeros(0)), slopes)
     found, i = [], 0
     while i < len(weight):
         pair = slice(i, i + 2 if i + 1 < len(weight) and kept[i + 1] else i + 1)
         if kept[i]:
             found.append(float(np.average(basis.play_r_V[pair], weights=weight[pair])))
         i = pair.stop if kept[i] else i + 1
-    return Basis(np.array(found), basis.knots_V)
+    return replace(basis, play_r_V=np.array(found))
 
 
 def fewest_knots(basis: Basis, of_groups: Samples, folds: list[Samples]) -> tuple[Basis, Choice]:
@@ -43,8 +45,8 @@ def fewest_knots(basis: Basis, of_groups: Samples, folds: list[Samples]) -> tupl
         tried.append((knots, errors[least]))
     enough = SIMPLER * min(error for _, error in tried)
     knots, error = next(one for one in reversed(tried) if one[1] <= enough)
-    chosen = Basis(basis.play_r_V, knots)
-    return chosen, Choice(len(chosen.play_r_V), chosen.n_segments, error, chosen=True)
+    chosen = replace(basis, knots_V=knots)
+    return chosen, Choice(chosen.n_plays, chosen.n_segments, error, len(chosen.fading_r_V), chosen=True)
 
 
 def _without(of_groups: Samples, n_segments: int, knot: int) -> Samples:

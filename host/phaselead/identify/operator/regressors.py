@@ -1,4 +1,5 @@
-"""Regressors of the operator fit: what each play and each segment of the voltage adds to the position of a record.
+"""Regressors of the operator fit: what each play, fading or not, and each segment of the voltage adds to the position
+of a record.
 
 The reversible part of the operator is written as slopes over segments between knots, so that "monotone" is simply "no
 slope is negative"; ``time_view`` turns them into a gain and one-sided dead zones. The columns are made in C
@@ -9,16 +10,17 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.compiled import kernel_of
 from phaselead.identify.runs import AxisRun, jumps, period_s, turning_rows
-from phaselead.model import Mode, TimeView, behind_modes, relaxed_late
+from phaselead.model import Mode, TimeView, behind_modes, relaxed_late, state_after
 from phaselead.record import Samples
 
 AFTER_JUMP = 0.1
@@ -27,6 +29,8 @@ START_SHARE = 0.01
 """Of its span: a voltage that begins closer to 0 V begins there."""
 FEWEST_ROWS = 200
 """Of each record, to which a fit thins it, however many records there are."""
+FADING = (1 / 4, 1 / 8, 1 / 16, 1 / 32)
+"""Of a swing: thresholds of fading plays. The largest has hardly turned when the swing ends."""
 NO_WEIGHT = 1e-6
 """Plays and bends below this share of the mean slope are left out of the time view."""
 
@@ -55,19 +59,31 @@ class _Basis(ctypes.Structure):
         ("n_plays", _SIZE),
         ("r", _ARRAY),
         ("play_rest", _ARRAY),
+        ("n_fading", _SIZE),
+        ("fading_r", _ARRAY),
+        ("fading_rest", _ARRAY),
     )
 
 
 @cache
 def _kernel() -> ctypes.CDLL:
     kernel = kernel_of("phaselead.model._kernel", "stage_columns")
-    kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), _ARRAY, _ARRAY]
+    kernel.stage_columns.argtypes = [ctypes.POINTER(_Record), _DOUBLE, ctypes.POINTER(_Basis), *[_ARRAY] * 3]
     kernel.stage_columns.restype = None
     return kernel
 
 
 def _doubles(values: Samples) -> Samples:
     return np.ascontiguousarray(values, dtype=np.float64)
+
+
+class Start(NamedTuple):
+    """Where the memory of a record begins."""
+
+    plays_V: Samples
+    """(m,)"""
+    fading: Samples
+    """(k,) states of the fading plays, -1 to 1."""
 
 
 class RecordInC:
@@ -91,37 +107,45 @@ class RecordInC:
         _, _, rows, x_um = self._arrays
         return RecordInC(u_V, self._record.before, turns, rows, x_um)
 
-    def fill(self, out: Samples, delay_rows: float, basis: BasisInC, start: Samples) -> None:
-        """Write the columns [segments, plays, 1, position] into ``out`` (rows, segments + plays + 2).
+    def fill(self, out: Samples, delay_rows: float, basis: BasisInC, start: Start) -> None:
+        """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, columns).
 
-        ``start`` (plays,) in V is where the plays begin. Raises ValueError for a negative delay.
+        Raises ValueError for a negative delay.
         """
         if not delay_rows >= 0:
             raise ValueError(f"a delay of {delay_rows} rows would need the future")
-        end = np.array(start, dtype=np.float64)
-        _kernel().stage_columns(self._address, delay_rows, basis.address, end.ctypes.data, out.ctypes.data)
+        ends = [np.array(one, dtype=np.float64) for one in start]
+        _kernel().stage_columns(
+            self._address, delay_rows, basis.address, *(end.ctypes.data for end in ends), out.ctypes.data
+        )
 
 
 class BasisInC:
     """A basis as the kernel reads it, all in V: ends of the segments and where 0 V stands in each, three of (s,);
-    thresholds of the plays and where each stands at rest, (m,)."""
+    thresholds of the plays and where each stands at rest, (m,), and of the fading plays, (k,)."""
 
-    def __init__(self, segments: Sequence[Samples], play_r_V: Samples, play_rest_V: Samples) -> None:
+    def __init__(
+        self, segments: Sequence[Samples], plays_V: tuple[Samples, Samples], fading_V: tuple[Samples, Samples]
+    ) -> None:
         low, high, at_rest = map(_doubles, segments)
-        r, rest = _doubles(play_r_V), _doubles(play_rest_V)
-        self._arrays = low, high, at_rest, r, rest
+        (r, rest), (fading_r, fading_rest) = map(_doubles, plays_V), map(_doubles, fading_V)
+        self._arrays = low, high, at_rest, r, rest, fading_r, fading_rest
         self._basis = _Basis(
-            len(low), *(a.ctypes.data for a in (low, high, at_rest)), len(r), r.ctypes.data, rest.ctypes.data
+            *(len(low), low.ctypes.data, high.ctypes.data, at_rest.ctypes.data),
+            *(len(r), r.ctypes.data, rest.ctypes.data),
+            *(len(fading_r), fading_r.ctypes.data, fading_rest.ctypes.data),
         )
         self.address = ctypes.byref(self._basis)
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Thresholds of the plays (m,), rising, and knots between the segments (s + 1,), rising, all in V."""
+    """Thresholds of the plays (m,), rising, knots between the segments (s + 1,), rising, and thresholds of the fading
+    plays (k,), all in V."""
 
     play_r_V: Samples
     knots_V: Samples
+    fading_r_V: Samples = field(default_factory=lambda: np.zeros(0))
 
     @property
     def n_segments(self) -> int:
@@ -130,12 +154,20 @@ class Basis:
 
     @property
     def size(self) -> int:
-        """Segments and plays."""
-        return self.n_segments + len(self.play_r_V)
+        """Segments, plays and fading plays."""
+        return self.n_segments + self.n_plays + len(self.fading_r_V)
+
+    @property
+    def n_plays(self) -> int:
+        """How many plays there are that do not fade; their slopes stand in front of those that do."""
+        return len(self.play_r_V)
 
     def equals(self, other: Basis) -> bool:
         """Whether both have the same plays and segments."""
-        return np.array_equal(self.play_r_V, other.play_r_V) and np.array_equal(self.knots_V, other.knots_V)
+        return all(map(np.array_equal, self._thresholds(), other._thresholds()))
+
+    def _thresholds(self) -> tuple[Samples, Samples, Samples]:
+        return self.play_r_V, self.knots_V, self.fading_r_V
 
     @cached_property
     def _segments(self) -> tuple[Samples, Samples, Samples]:
@@ -146,7 +178,8 @@ class Basis:
 
     def in_C(self, rest_fraction: float) -> BasisInC:
         """For ``FitRun.fill``; its columns are 0 at rest at 0 V."""
-        return BasisInC(self._segments, self.play_r_V, rest_fraction * self.play_r_V)
+        of_plays, of_fading = ((r_V, rest_fraction * r_V) for r_V in (self.play_r_V, self.fading_r_V))
+        return BasisInC(self._segments, of_plays, of_fading)
 
 
 def play_thresholds(swing_V: float, count: int) -> Samples:
@@ -157,9 +190,12 @@ def play_thresholds(swing_V: float, count: int) -> Samples:
     return np.asarray(swing_V / 2 * (np.arange(1, count + 1) / max(count, 1)) ** 1.5)
 
 
-def nested_basis(swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int) -> Basis:
-    """``play_thresholds``, and equal segments from low to high."""
-    return Basis(play_thresholds(swing_V, n_plays), np.linspace(low_V, high_V, n_segments + 1))
+def nested_basis(
+    swing_V: float, low_V: float, high_V: float, n_plays: int, n_segments: int, *, fading: bool = False
+) -> Basis:
+    """``play_thresholds``, equal segments from low to high, and fading plays if these are asked for."""
+    fading_r_V = np.array(FADING if fading else ()) * swing_V
+    return Basis(play_thresholds(swing_V, n_plays), np.linspace(low_V, high_V, n_segments + 1), fading_r_V)
 
 
 @dataclass(frozen=True)
@@ -203,7 +239,8 @@ class FitRun:
         in_C: BasisInC,
         modes: tuple[Mode, ...] = (),
     ) -> None:
-        """Write the columns [segments, plays, 1, position] into ``out`` (rows, s + m + 2), behind the ``modes``."""
+        """Write the columns [segments, plays, fading plays, 1, position] into ``out`` (rows, basis.size + 2), behind
+        the ``modes``."""
         if not modes:
             self._fill(out, self._record, delay_s, in_C, self._start(basis, rest_fraction))
             return
@@ -212,12 +249,12 @@ class FitRun:
         out[: len(self.rows), -1] = self.position()
 
     def still(self, delay_s: float, basis: Basis, rest_fraction: float, in_C: BasisInC) -> Samples:
-        """The same columns at all rows of the record (n, s + m + 2), without modes."""
+        """The same columns at all rows of the record (n, basis.size + 2), without modes."""
         columns = np.empty((len(self.run.u_V), basis.size + 2))
         self._fill(columns, self._whole_record, delay_s, in_C, self._start(basis, rest_fraction))
         return columns
 
-    def _fill(self, out: Samples, record: RecordInC, delay_s: float, basis: BasisInC, start: Samples) -> None:
+    def _fill(self, out: Samples, record: RecordInC, delay_s: float, basis: BasisInC, start: Start) -> None:
         """Delay and low-pass go together: the way of a lag is curved between rows."""
         if not self.lag_s:
             record.fill(out, delay_s / self.run.step_s, basis, start)
@@ -226,11 +263,12 @@ class FitRun:
         late_V = relaxed_late(u_V, [self.lag_s], self.run.step_s, delay_s)[1:]
         record.with_voltage(late_V, turning_rows(late_V)).fill(out, 0.0, basis, start)
 
-    def _start(self, basis: Basis, rest_fraction: float) -> Samples:
-        start = rest_fraction * basis.play_r_V
+    def _start(self, basis: Basis, rest_fraction: float) -> Start:
+        plays_V, fading = rest_fraction * basis.play_r_V, np.full(len(basis.fading_r_V), -rest_fraction)
         if self.came_from_V is not None:
-            start = np.clip(start, self.came_from_V - basis.play_r_V, self.came_from_V + basis.play_r_V)
-        return start
+            plays_V = np.clip(plays_V, self.came_from_V - basis.play_r_V, self.came_from_V + basis.play_r_V)
+            fading = state_after([0.0, self.came_from_V, self._before_V], basis.fading_r_V, fading)
+        return Start(plays_V, fading)
 
     @cached_property
     def stretches(self) -> list[tuple[int, slice]]:
@@ -279,7 +317,7 @@ def _after_jump(run: AxisRun) -> NDArray[np.bool_]:
 def design_matrix(
     fit: FitRun, basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()
 ) -> Samples:
-    """(rows, segments + plays) in V: what a unit slope of each adds to the position, 0 at rest at 0 V."""
+    """(rows, basis.size) in V: what a unit slope of each adds to the position, 0 at rest at 0 V."""
     columns = np.empty((len(fit.rows), basis.size + 2))
     fit.fill(columns, delay_s, basis, rest_fraction, basis.in_C(rest_fraction), modes)
     return columns[:, :-2]
@@ -288,16 +326,17 @@ def design_matrix(
 def time_view(
     basis: Basis, slopes: Samples, at_rest_um: float, delay_s: float, rest_fraction: float, rate_Hz: float
 ) -> TimeView:
-    """The time view of slopes [segments, plays] (s + m,) in um/V; plays and dead zones of no weight are left out."""
-    n = basis.n_segments
-    segment, weight = slopes[:n], slopes[n:]
+    """The time view of slopes [segments, plays, fading plays] (s + m + k,) in um/V; plays and dead zones of no weight
+    are left out, and of the fading plays it has the gain alone: their lag is an effect beside it."""
+    n, m = basis.n_segments, basis.n_plays
+    segment, weight, fading = slopes[:n], slopes[n : n + m], slopes[n + m :]
     keep, bent = with_weight(basis, slopes)
     bends = np.diff(segment)
     r, w = basis.play_r_V[keep], weight[keep]
     d, s = basis.knots_V[1:-1][bent], bends[bent]
     rest = float(w @ r * rest_fraction + s @ np.maximum(-d, 0.0))
     return TimeView(
-        gain_um_per_V=float(segment[0]),
+        gain_um_per_V=float(segment[0] + fading.sum()),
         play_r_V=tuple(r.tolist()),
         play_w_um_per_V=tuple(w.tolist()),
         deadzone_d_V=tuple(d.tolist()),
@@ -311,7 +350,9 @@ def time_view(
 
 
 def with_weight(basis: Basis, slopes: Samples) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which plays (m,) and which bends between segments (s - 1,) a time view keeps."""
-    n = basis.n_segments
+    """Which plays (m,) and which bends between segments (s - 1,) a time view keeps: those of weight, and all plays
+    beside fading ones, whose states at the start of a record are told by where the plays stand."""
+    n, m = basis.n_segments, basis.n_plays
     least = NO_WEIGHT * float(slopes[:n].sum() / n + slopes[n:].sum())
-    return slopes[n:] > least, np.abs(np.diff(slopes[:n])) > least
+    kept = np.full(m, len(basis.fading_r_V) > 0) | (slopes[n : n + m] > least)
+    return kept, np.abs(np.diff(slopes[:n])) > least

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from phaselead.identify.operator.regressors import FitRun, with_weight
 from phaselead.identify.operator.solution import Solution, lag_column, linearised
-from phaselead.model import Mode, TimeView, turned_view
+from phaselead.model import AxisModel, Entry, Mode, TimeView, effect_of_fading, effect_of_lag, turned_view
 from phaselead.record import Samples
 
 SHOWN_RECORDS = 6
@@ -23,7 +23,13 @@ class Choice:
     n_plays: int
     n_segments: int
     left_out: float
+    n_fading: int = 0
     chosen: bool = False
+
+    @property
+    def size(self) -> int:
+        """How many slopes it has."""
+        return self.n_plays + self.n_segments + self.n_fading
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,18 @@ class OperatorFit:
     """Time constant of a low-pass in front of the operator, fitted together with it."""
     lag_share: float = 0.0
     """Of the squared residual without that low-pass: what it explains."""
+    fading_r_V: Samples = field(default_factory=lambda: np.zeros(0))
+    """Thresholds (k,) of the fading plays."""
+    fading_w_um_per_V: Samples = field(default_factory=lambda: np.zeros(0))
+    """Their weights (k,); the gain of the view holds them."""
+
+    def beside_view(self) -> list[Entry]:
+        """What belongs to the operator and the time view does not hold, as effects: a lag, and what fades."""
+        found = [effect_of_lag(self.lag_s)] if self.lag_s else []
+        if len(self.fading_r_V):
+            axis = AxisModel(time=self.view)
+            found.append(effect_of_fading(self.fading_r_V, self.fading_w_um_per_V, axis))
+        return found
 
     @property
     def lag_ci95_s(self) -> tuple[float, float] | None:
@@ -83,6 +101,7 @@ class OperatorFit:
         return replace(
             self,
             view=turned_view(self.view),
+            fading_w_um_per_V=-self.fading_w_um_per_V,
             records=tuple(replace(record, mean_um=-record.mean_um) for record in self.records),
         )
 
@@ -98,6 +117,8 @@ class OperatorFit:
             lines.insert(3, f"{'lag':14}{1e3 * self.lag_s:12.5g} +- {1e3 * self.std['lag_s'][0]:.2g} ms")
         pairs = zip(view.play_r_V, view.play_w_um_per_V, self.std["play_w_um_per_V"], strict=True)
         lines += [f"play {r:<9.4g}{w:12.5g} +- {s:.2g} um/V" for r, w, s in pairs]
+        pairs = zip(self.fading_r_V, self.fading_w_um_per_V, self.std["fading_w_um_per_V"], strict=True)
+        lines += [f"fading {r:<7.4g}{w:12.5g} +- {s:.2g} um/V" for r, w, s in pairs]
         pairs = zip(view.deadzone_d_V, view.deadzone_s_um_per_V, self.std["deadzone_s_um_per_V"], strict=True)
         lines += [f"dead zone {d:<+4.3g}{s:12.5g} +- {e:.2g} um/V" for d, s, e in pairs]
         lines.append(f"residual {view.residual_um_rms:.4g} um rms, {self.effective_rows:.0f} independent rows")
@@ -159,19 +180,21 @@ def _by_parameter(solution: Solution, covariance: Samples, std: Samples) -> dict
     ``covariance`` and its root diagonal ``std`` are of [slopes that are not 0, delay, rest fraction, modes, lag if any,
     offset].
     """
-    basis, free = solution.basis, solution.slopes > 0
+    basis, slopes, free = solution.basis, solution.slopes, solution.slopes > 0
     n, where = basis.n_segments, np.flatnonzero(free)
     count = len(where)
+    m = basis.n_plays
     full = np.zeros((basis.size, basis.size))
     full[np.ix_(where, where)] = covariance[:count, :count]
     bend = np.diff(np.eye(n), axis=0)
     bends = np.sqrt(np.maximum(np.diag(bend @ full[:n, :n] @ bend.T), 0.0))
-    weights = np.sqrt(np.maximum(np.diag(full)[n:], 0.0))
-    keep, bent = with_weight(basis, solution.slopes)
+    weights = np.sqrt(np.maximum(np.diag(full)[n : n + m], 0.0))
+    keep, bent = with_weight(basis, slopes)
     at_bound = float("nan")
     return {
         "gain_um_per_V": (float(np.sqrt(full[0, 0])) if free[0] else at_bound,),
         "play_w_um_per_V": tuple(weights[keep].tolist()),
+        "fading_w_um_per_V": tuple(np.sqrt(np.maximum(np.diag(full)[n + m :], 0.0))[slopes[n + m :] > 0].tolist()),
         "deadzone_s_um_per_V": tuple(bends[bent].tolist()),
         "offset_um": (float(std[-1]),),
         "delay_s": (float(std[count]),),

@@ -60,7 +60,8 @@ LAG_SLOPE_STEP = 0.01
 
 @dataclass(frozen=True)
 class Solution:
-    """An operator: slopes [segments, plays] (s + m,) in um/V of ``basis`` at one delay and rest fraction.
+    """An operator: slopes [segments, plays, fading plays] (s + m + k,) in um/V of ``basis`` at one delay and rest
+    fraction.
 
     ``at_rest_um`` is the position at rest at 0 V, ``error`` the relative rms error over the records.
     """
@@ -78,6 +79,12 @@ class Solution:
         columns = design_matrix(fit, self.basis, self.delay_s, self.rest_fraction, self.modes)
         return np.asarray(fit.position() - self.at_rest_um - columns @ self.slopes)
 
+    def fading(self) -> tuple[Samples, Samples]:
+        """Thresholds in V and weights in um/V, each (m,), of the fading plays that have weight."""
+        weight = self.slopes[len(self.slopes) - len(self.basis.fading_r_V) :]
+        kept = weight > 0
+        return self.basis.fading_r_V[kept], weight[kept]
+
     def time_view(self, rate_Hz: float, residuals_um: list[Samples]) -> TimeView:
         """As a stage file keeps it, with the sampling rate of the records and what it leaves of each (rows,)."""
         view = time_view(self.basis, self.slopes, self.at_rest_um, self.delay_s, self.rest_fraction, rate_Hz)
@@ -93,7 +100,8 @@ def group_numbers(fits: list[FitRun]) -> list[int]:
 def moments(
     fits: list[FitRun], basis: Basis, delay_s: float, rest_fraction: float, modes: tuple[Mode, ...] = ()
 ) -> Samples:
-    """Weighted moments (group, k, k) of the columns [segments, plays, 1, position], k = basis.size + 2."""
+    """Weighted moments (group, k, k) of the columns [segments, plays, fading plays, 1, position], k =
+    basis.size + 2."""
     in_C = basis.in_C(rest_fraction)
     room = np.empty((max(len(f.rows) for f in fits), basis.size + 2))
 

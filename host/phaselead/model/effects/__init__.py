@@ -9,6 +9,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from phaselead.errors import BadInput
+from phaselead.model.axis import AxisModel
 from phaselead.model.effects.derived import Derived, Interval, Scene, derived_estimates
 from phaselead.model.effects.filters import (
     Mode,
@@ -25,6 +26,7 @@ from phaselead.model.effects.parameters import CheckedParameters, Parameter, Val
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.softening import push_level
 from phaselead.model.effects.virtual import NotPlayed, VirtualAxis
+from phaselead.record import Samples
 
 __all__ = [
     "MODES_FROM",
@@ -46,6 +48,7 @@ __all__ = [
     "catalogue",
     "derived_sizes",
     "effect",
+    "effect_of_fading",
     "effect_of_lag",
     "effect_of_modes",
     "effect_of_shares",
@@ -92,6 +95,11 @@ def effect_of_modes(modes: Sequence[Mode]) -> tuple[Effect, dict[str, float | tu
 def effect_of_lag(tau_s: float) -> Entry:
     """The effect that lags in front of the operator, and the parameters that it has with this time constant."""
     return next((e, {e.sizes[0].name: tau_s}) for e in _all().values() if e.lag_s is not None)
+
+
+def effect_of_fading(r_V: Samples, w_um_per_V: Samples, axis: AxisModel) -> Entry:
+    """The effect that gives the time view of an axis fading plays of these thresholds and weights (m,)."""
+    return next((e, e.from_fading(r_V, w_um_per_V, axis)) for e in _all().values() if e.from_fading is not None)
 
 
 def effect_of_shares(shares_of_motion: Mapping[str, float]) -> Entry:

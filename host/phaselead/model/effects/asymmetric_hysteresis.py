@@ -73,7 +73,7 @@ EFFECT = Effect(
     listed=20,
     title="Asymmetric hysteresis",
     place=Place.HYSTERESIS,
-    order=1,
+    order=2,
     equation="y = x + X (bend (q - q_rest) + skew sum_i w (play_ri[q] - q)),  "
     "q = ((v - v_mid) / (U/2))^2,  r_i = reach i/8,  2 w sum r_i = 1",
     source="Kuhnen 2003, eq. 30 (one-sided dead zones, here their smooth sum); Al Janaideh, Rakheja and Su 2009 "

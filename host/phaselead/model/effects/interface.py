@@ -75,6 +75,9 @@ class Signal:
     plays_V: Samples | None = None
     """Where the plays of the time view stood in the first row, were the recorded voltage at the material; None at
     rest."""
+    turned_V: float | None = None
+    """Where the recorded voltage last turned round before the first row, if it did not come from rest and that is
+    known."""
     active: Sequence[Entry] = ()
     """All effects of this run."""
     pushes: Mapping[str, Signal] = field(default_factory=dict)
@@ -199,12 +202,18 @@ class Effect:
     """Whether ``apply`` with these parameters also takes several signals at once, a value of (n, k); None is never."""
     becomes_plays: bool = False
     """Whether a base model without memory takes it up as plays of its own, fitted anew."""
+    of_base: bool = False
+    """Whether it belongs to the operator that ``phaselead fit`` finds: told from plays by all of them together, and by
+    no size of its own."""
     slow: bool = False
     """Whether it moves the position for seconds to hours after the voltage has stopped: over whole records, and before
     they began."""
     before_record: Callable[[Samples, Params, AxisModel], Samples] | None = None
     """Columns (n, m) at times (n,) since a record began: what the states of an effect that stood off then still do, one
     prior deviation each, in V up to AMPLIFIER and in um after it. A stage stood anywhere in its range before."""
+    began_with: Callable[[Signal, Params], Samples] | None = None
+    """Columns (n, m) in um over the rows of a signal: what its memory of another way before the first row would do, one
+    prior deviation each."""
     basis: Callable[[Signal, Params], Samples] | None = None
     """(n, sizes) columns whose sum with the size parameters (in order) is exactly what ``apply`` adds, given shapes."""
     variance: Callable[[Signal, Params], Samples] | None = None
@@ -261,6 +270,10 @@ class Effect:
     from_shares: Callable[[Mapping[str, float]], Params] | None = None
     """The parameters that add these shares of the motion of other axes, by their names. One effect of the catalogue has
     it: the stage file's coupling matrix acts through that one."""
+
+    from_fading: Callable[[Samples, Samples, AxisModel], Params] | None = None
+    """The parameters that add fading plays of thresholds (m,) in V and weights (m,) in um/V to the time view of an
+    axis. One effect of the catalogue has it: what a fit finds is adopted as that one."""
 
     # How a virtual stage has it, tick by tick.
     virtual: Callable[[VirtualAxis, CheckedParameters], None] | None = None

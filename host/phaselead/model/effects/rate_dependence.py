@@ -85,7 +85,7 @@ EFFECT = Effect(
     listed=30,
     title="Rate dependence",
     place=Place.HYSTERESIS,
-    order=2,
+    order=3,
     equation="y = x - X/2 f,  df/ds = (sign(dq/dt) g - f) / reach along the path s of q = x/X,  "
     "g = coulomb - stribeck (1 - exp(-p)) + growth log10(1 + p),  p = abs(dq/dt) / onset_per_s",
     source="Dahl 1976 (friction that comes to its level along the path); Canudas de Wit, Olsson, Astrom and Lischinsky "

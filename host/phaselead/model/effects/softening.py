@@ -98,7 +98,7 @@ EFFECT = Effect(
     listed=40,
     title="Softening",
     place=Place.HYSTERESIS,
-    order=3,
+    order=4,
     equation="y = x + kappa X z L,  L = sqrt(e)^exponent,  tau_s de/dt = z^2 - e,  z = (x - x_rest)/X less "
     "about_mean times its slow mean",
     source="Damjanovic 1998 (Rayleigh law: the piezo coefficient grows with the amplitude of the field, exponent 1; "

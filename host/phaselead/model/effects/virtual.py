@@ -96,6 +96,11 @@ class VirtualAxis:
         """More plays of the hysteresis, each less the straight line: sum w (play_r[v] - v) less its value at rest."""
         _refuse()
 
+    def fading_plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float]) -> None:
+        """Plays that forget their turns, each less the straight line, less its value at rest; they rest as the plays of
+        the time view do."""
+        _refuse()
+
     def asymmetry(self, bend_um: float, skew_um: float, reach: float) -> None:
         """Curvature of the loop, and the width of one end that the other lacks."""
         _refuse()

@@ -31,6 +31,20 @@ static double asymmetry_um(struct operator_state *o, double u_V)
     return p->bend_um * (q - square_of(p, 0)) + p->skew_um * lag / opening;
 }
 
+/* What friction that comes to its level little by little takes off the way, from the last voltage on. */
+static double fading_um(struct operator_state *o, double u_V)
+{
+    const struct operator_parameters *p = o->with;
+    double way_V = u_V - o->at_V, x = 0;
+    for (uint32_t i = 0; i < p->fading; i++) {
+        double share = exp(-fabs(way_V) / (2 * p->fading_r_V[i])), side = (way_V > 0) - (way_V < 0);
+        o->turned[i] = share * o->turned[i] + (1 - share) * side;
+        x -= p->fading_w_um_per_V[i] * p->fading_r_V[i] * (o->turned[i] - p->fading_start);
+    }
+    o->at_V = u_V;
+    return x;
+}
+
 static double operator_um(struct operator_state *o, double u_V)
 {
     const struct operator_parameters *p = o->with;
@@ -41,7 +55,7 @@ static double operator_um(struct operator_state *o, double u_V)
     }
     for (uint32_t i = 0; i < p->deadzones; i++)
         x += u_V > p->deadzone_d_V[i] ? p->deadzone_s_um_per_V[i] * (u_V - p->deadzone_d_V[i]) : 0;
-    return x + asymmetry_um(o, u_V);
+    return x + asymmetry_um(o, u_V) + fading_um(o, u_V);
 }
 
 static void operator_rest(struct operator_state *o, double rest_V)
@@ -51,6 +65,9 @@ static void operator_rest(struct operator_state *o, double rest_V)
         o->play[i] = rest_V + p->play_start_V[i]; /* a rail keeps the voltage at the material off 0 */
     for (int i = 0; i < LINK_RING_PLAYS; i++)
         o->square_play[i] = square_of(p, rest_V);
+    for (uint32_t i = 0; i < p->fading; i++)
+        o->turned[i] = p->fading_start;
+    o->at_V = rest_V;
     o->rest_um = operator_um(o, rest_V);
 }
 

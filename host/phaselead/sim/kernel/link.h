@@ -12,6 +12,7 @@
 #define LINK_PLAYS 192
 #define LINK_DEADZONES 32
 #define LINK_RING_PLAYS 8
+#define LINK_FADING 16
 #define LINK_SUBSTEPS 8
 
 enum link_kind {
@@ -37,12 +38,14 @@ struct operator_parameters { /* a stage file's time view, with what can bend its
     double deadzone_d_V[LINK_DEADZONES], deadzone_s_um_per_V[LINK_DEADZONES];
     double low_V, high_V;                /* the voltages that shares below refer to */
     double bend_um, skew_um, skew_reach; /* asymmetry: common curvature, one-sided width */
-    uint32_t plays, deadzones;
+    double fading_r_V[LINK_FADING], fading_w_um_per_V[LINK_FADING], fading_start; /* friction that turns over a way */
+    uint32_t plays, deadzones, fading;
 };
 
 struct operator_state {
     const struct operator_parameters *with;
     double play[LINK_PLAYS], square_play[LINK_RING_PLAYS];
+    double turned[LINK_FADING], at_V; /* -1 to 1, at this voltage */
     double rest_um;
 };
 

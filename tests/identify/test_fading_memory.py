@@ -1,0 +1,70 @@
+"""``fit`` on stages whose memory of a turn fades, and on one whose does not; equations of their own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from any_stage import NO_MODE, held_out, laboratory
+
+from phaselead.identify.fitting import fit
+from phaselead.model.prediction import predict
+
+RATE_HZ = 2500.0
+RECORDS = ("sine", "small sine", "steps", "multisine")
+
+
+def coleman_hodgdon(u, span):
+    """dz/du = 1.7 (sign(du) - z), u over half of its span; a loop of a tenth of the travel."""
+    s, z = 2 * u / span, [0.0]
+    for d in np.diff(s):
+        end = np.sign(d)
+        z.append(end + (z[-1] - end) * np.exp(-1.7 * abs(d)))
+    return u - 0.05 * span * np.array(z)
+
+
+def bouc_wen(u, span):
+    """dz/ds = 1 - (|z| / 0.4)^1.4 (0.4 + 0.6 sign(z ds)), s from 0 to 2 over the span; the way loses 0.15 z of it."""
+    z, out = 0.0, []
+    for d in np.diff(2 * u / span, prepend=2 * u[0] / span):
+        for _ in range(4):
+            z += d / 4 * (1 - abs(z / 0.4) ** 1.4 * (0.4 + (0.6 if z * d > 0 else -0.6)))
+        out.append(z)
+    return u - 0.15 * span / 2 * np.array(out)
+
+
+def left_share(stage, record):
+    """Rms of what the stage leaves of a record that it was not fitted to, of its range."""
+    x, model = record.axes["x"].x_um, predict(stage, record).axes["x"].x_um
+    return float(np.std(x - model) / np.ptp(x))
+
+
+@pytest.mark.parametrize(("memory", "most"), [(coleman_hodgdon, 5e-4), (bouc_wen, 3e-3)])
+def test_a_memory_that_fades_is_told_from_plays(memory, most):
+    """Also where it fades by another law."""
+    truth = replace(NO_MODE, memory=memory)
+    stage, report = fit(laboratory(truth, RATE_HZ, only=RECORDS))
+    assert "fading_hysteresis" in [effect.name for effect in stage.axis("x").effects]
+    assert left_share(stage, held_out(truth, RATE_HZ)) < most
+    assert "fading" in str(report.time["x"])
+
+
+def test_plays_that_remember_are_no_fading_ones(plays_memory):
+    stage, _ = fit(laboratory(replace(NO_MODE, memory=plays_memory), RATE_HZ, only=RECORDS))
+    assert "fading_hysteresis" not in [effect.name for effect in stage.axis("x").effects]
+
+
+@pytest.fixture
+def plays_memory():
+    """Ten plays of equal weight, stepped one by one."""
+
+    def memory(u, span):
+        r = 0.04 * span * np.arange(1, 11)
+        at, out = np.zeros(10), []
+        for v in u:
+            at = np.clip(at, v - r, v + r)
+            out.append(0.8 * v + 0.02 * at.sum())
+        return np.array(out)
+
+    return memory
