@@ -17,6 +17,7 @@ from phaselead.control.run import Run
 from phaselead.control.tracking import check_paths, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows, followed
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
+from phaselead.device import device_model
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
@@ -86,6 +87,7 @@ class Runs(Plays):
             chosen = chosen if gains is not None else known.gains()
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
             waveforms = known.waveforms(waveforms, sha256, mode, chosen, follows)
+        given, stage = stage, stage if known is None else known.model_played(stage)
         _warn(waveforms, mode, chosen, stage, held, force=force)
         run = track_to_file(
             self.device,
@@ -102,6 +104,8 @@ class Runs(Plays):
             gains_given=gains is not None,
             edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
         )
+        if given is not None and stage is not given:
+            self.device.upload_if_other(device_model(given))
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
         return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
 
