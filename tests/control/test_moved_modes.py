@@ -13,6 +13,7 @@ from phaselead.control.learning import drive
 from phaselead.control.learning import trials as course
 from phaselead.control.learning.learned import load_learned
 from phaselead.control.learning.moved_modes import Moved, moved_modes, stage_with_modes_at, with_modes_at
+from phaselead.control.learning.response import model_response
 from phaselead.control.learning.trials import learn
 from phaselead.device.capture import DeviceFault
 from phaselead.device.device import Device
@@ -25,7 +26,6 @@ from phaselead.waveforms.catalogue import parse_wave
 
 GAINS = {"x": design_gains("x", AXIS)}
 WAVE = "sine:5um@200Hz"
-NOTHING = {"x": Moved(1.0, 0.0)}
 
 
 def positions(f_Hz, factor, gain, seed, swing_V=1.0, noise_um=0.01):
@@ -58,9 +58,23 @@ def test_a_path_far_below_the_modes_does_not_tell_where_they_are(f_Hz, tells):
     assert tells or found.deviation > 0.04
 
 
+def test_a_path_that_converges_by_the_model_as_it_is_keeps_its_inverse():
+    """At three quarters of the mode its response is a quarter off, which trials put right. A new inverse costs one."""
+    found = moved_modes(AXIS, *positions(150.0, 0.87, 1.0, 1), 150.0, 2, 5000)
+    assert found.factor < 1 - 2 * found.deviation
+    assert not found.surely
+
+
 @pytest.mark.parametrize("f_Hz", [100.0, 180.0, 200.0, 220.0])
 def test_modes_that_have_not_moved_are_left(f_Hz):
     assert not moved_modes(AXIS, *positions(f_Hz, 1.0, 1.0, 2), f_Hz, 2, 5000).surely
+
+
+def test_modes_that_are_known_leave_less_in_doubt():
+    f_Hz = 50.0 * np.arange(12)
+    less, more = (model_response(AXIS, GAINS["x"], f_Hz, mode_shift=shift).deviation for shift in (0.02, 0.1))
+    assert (less <= 1.01 * more)[1:].all()
+    assert less[3] < more[3] / 1.5
 
 
 def test_a_model_without_a_mode_has_none_to_move():
@@ -129,7 +143,7 @@ def test_learning_leaves_the_model_that_was_given(url):
 
 
 def says(monkeypatch, factor):
-    monkeypatch.setattr(drive, "moved_modes", lambda *arguments: Moved(factor, 1e-3))
+    monkeypatch.setattr(drive, "moved_modes", lambda *arguments: Moved(factor, 1e-3, 1.0))
 
 
 def test_an_inverse_that_does_not_help_is_dropped(monkeypatch, url):

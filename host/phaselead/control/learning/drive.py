@@ -78,6 +78,8 @@ class Drive:
 
     def put_modes_at(self, factors: Mapping[str, float]) -> None:
         """Goes on with the modes of each axis at so many times the frequency that the model was given with."""
+        if self.modes == factors:
+            return
         assert self.given.stage is not None
         self.modes = dict(factors)
         self.stage = self.known = stage_with_modes_at(self.given.stage, factors)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from phaselead.control.feedback_loop import local_gains, plant_response
 from phaselead.control.gains import MODE_SHIFT
+from phaselead.control.learning.law import MARGIN
 from phaselead.control.learning.lines import Amplitudes, Lines, error_lines
 from phaselead.control.learning.response import GAIN_ERROR, UNSEEN_AT, others_peak
 from phaselead.model import (
@@ -40,10 +41,13 @@ class Moved:
 
     factor: float
     deviation: float
+    astray: float = 0.0
+    """By which share of what the model has of it the path's lines answer otherwise, at most."""
 
     @property
     def surely(self) -> bool:
-        return abs(self.factor - 1) > SURE * self.deviation
+        """And so far that what is learned by the model as it is would not surely converge."""
+        return abs(self.factor - 1) > SURE * self.deviation and self.astray > 1 - MARGIN
 
 
 def moved_modes(
@@ -84,7 +88,9 @@ def _posterior(plant: SmallSignal, f_Hz: Samples, asked: Lines, moved: Lines, tu
     share = np.exp(log_share - log_share.max())
     share /= share.sum()
     mean = float(share @ TRIED)
-    return Moved(mean, float(np.sqrt(share @ (TRIED - mean) ** 2)))
+    there, before = (plant_response(plant.with_modes_at(factor), f_Hz[told]) for factor in (mean, 1.0))
+    astray = float(np.abs(1 - there / before).max(initial=0.0))
+    return Moved(mean, float(np.sqrt(share @ (TRIED - mean) ** 2)), astray)
 
 
 def _log_evidence(dynamics: Amplitudes, asked: Lines, moved: Lines, doubt: Samples, told: NDArray[np.bool_]) -> float:

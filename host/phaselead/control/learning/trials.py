@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from phaselead.control.gains import MODE_SHIFT
 from phaselead.control.held import held_sha256, held_stage
 from phaselead.control.kept_runs import KeptRuns
+from phaselead.control.learning.drift_loop import drift_loop
 from phaselead.control.learning.drive import Drive, Given, RefusedOnModel, TooLarge
 from phaselead.control.learning.law import next_step, reached
 from phaselead.control.learning.learned import Learned
 from phaselead.control.learning.look import SETTLE_S, End, Look
+from phaselead.control.learning.moved_modes import SURE
 from phaselead.control.learning.quieter import HALVINGS, larger, louder, quieter, share_of
 from phaselead.control.learning.response import (
     Response,
@@ -106,6 +109,12 @@ def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
             raise BadInput(f"{axis}: a move is driven once and cannot be learned; write it as a period (file:...@1Hz)")
 
 
+def _about(own: Gains, asked: Gains) -> str:
+    """Which part of the gains they are."""
+    share = f"{100 * share_of(own, asked):.3g} %"
+    return f"{share} of its gains" if own.filters == asked.filters else f"{share} of its integral gain alone"
+
+
 class _Course:
     """The trials of one learning."""
 
@@ -113,11 +122,14 @@ class _Course:
         self._given, self._wanted, self._drive = given, given.wanted, Drive(given)
         self._gains = dict(given.gains)
         self._f_Hz = {axis: one.f_Hz * np.arange(self._drive.count[axis] + 1.0) for axis, one in self._wanted.items()}
+        self._mode_shift = dict.fromkeys(self._wanted, MODE_SHIFT)
         self._response = self._of_model(self._gains)
 
     def _of_model(self, gains: Mapping[str, Gains]) -> dict[str, Response]:
         return {
-            axis: model_response(self._drive.known.axis(axis), gains.get(axis), f_Hz, self._drive.turns[axis])
+            axis: model_response(
+                self._drive.known.axis(axis), gains.get(axis), f_Hz, self._drive.turns[axis], self._mode_shift[axis]
+            )
             for axis, f_Hz in self._f_Hz.items()
         }
 
@@ -139,28 +151,34 @@ class _Course:
 
     def _with_moved_modes(self, first: Look) -> Look:
         """One more trial without a correction, by the inverse of the modes where the first one had them; the first one
-        where they have not surely moved, or that is no better."""
+        where they have not surely moved, or that is no better. Where the modes are is then less in doubt."""
         drive, given = self._drive, self._given
         moved = drive.moved() if given.stage is not None else {}
-        if not any(one.surely for one in moved.values()):
-            return first
-        drive.put_modes_at({axis: one.factor if one.surely else 1.0 for axis, one in moved.items()})
-        try:
-            check_paths(self._wanted, given.mode, drive.stage)
-            loop_warnings(drive.stage, given.mode, self._gains, force=given.force)
-            response = self._of_model(self._gains)
-        except BadInput:
-            drive.put_modes_at(first.modes)
-            return first
-        try:
-            found = drive.look(drive.no_correction(), {}, self._gains)
-        except RefusedOnModel:
-            found = first
-        if found.worth >= first.worth:
-            drive.put_modes_at(first.modes)
-            return first
-        self._response = response
+        sure = {axis: one.factor if one.surely else 1.0 for axis, one in moved.items()}
+        found = first
+        if any(factor != 1 for factor in sure.values()):
+            drive.put_modes_at(sure)
+            try:
+                check_paths(self._wanted, given.mode, drive.stage)
+                loop_warnings(drive.stage, given.mode, self._gains, force=given.force)
+            except BadInput:
+                pass
+            else:
+                found = self._if_better(first)
+            drive.put_modes_at(found.modes)
+        for axis, one in moved.items():
+            off = abs(one.factor / found.modes[axis] - 1) + SURE * one.deviation
+            self._mode_shift[axis] = min(MODE_SHIFT, off)
+        self._response = self._of_model(self._gains)
         return found
+
+    def _if_better(self, first: Look) -> Look:
+        """The same again; the first one where that is no better, or ends badly on the model."""
+        try:
+            again = self._drive.look(self._drive.no_correction(), {}, self._gains)
+        except RefusedOnModel:
+            return first
+        return again if again.worth < first.worth else first
 
     def _learn(self, base: Look, first: Look, trials: int, on_progress: Progress) -> End:
         share, failures = 1.0, 0
@@ -231,16 +249,28 @@ class _Course:
         the reference cannot make up for what that leaves."""
         if end.look is None or end.look.mostly_repeats:
             return end
-        before, less = dict(self._gains), self._quieter(first, None)
-        while less != before and len(self._drive.trials) <= trials:
+        for less in self._less_feedback(first):
+            if len(self._drive.trials) > trials:
+                break
             try:
                 found = self._with_same_voltage(end.look, less)
             except DeviceFault as error:
                 return End(f"stopped: {error}", None)
             if found is not None:
                 return self._learn(found, first, trials, on_progress) if found.rests_less_than(end.look) else end
-            less = {axis: own if own == before[axis] else louder(own, first.gains[axis]) for axis, own in less.items()}
         return end
+
+    def _less_feedback(self, first: Look) -> Iterator[dict[str, Gains]]:
+        """Than now: a loop against drift alone where there is one, else the gains halved as often as drift allows; then
+        these, doubled again and again."""
+        now, less = dict(self._gains), self._quieter(first, None)
+        seen_s = self._drive.seconds - SETTLE_S
+        slow = {axis: drift_loop(self._drive.known.axis(axis), own, seen_s) for axis, own in now.items()}
+        if any(slow.values()):
+            yield {axis: own or less[axis] for axis, own in slow.items()}
+        while less != now:
+            yield less
+            less = {axis: own if own == now[axis] else louder(own, first.gains[axis]) for axis, own in less.items()}
 
     def _with_same_voltage(self, look: Look, gains: dict[str, Gains]) -> Look | None:
         """One more trial, with other gains and the reference that makes them ask for the voltage of ``look``; None,
@@ -294,11 +324,10 @@ class _Course:
     def _about_feedback(self) -> str:
         """With how much of it the best trial was driven, where that is not all."""
         assert self._drive.best is not None
-        shares = {axis: share_of(own, self._given.gains[axis]) for axis, own in self._drive.best.gains.items()}
         return "".join(
-            f"; {axis} keeps {100 * share:.3g} % of its gains: what repeats is learned, and less shakes it less"
-            for axis, share in shares.items()
-            if share != 1
+            f"; {axis} keeps {_about(own, self._given.gains[axis])}: what repeats is learned, and less shakes it less"
+            for axis, own in self._drive.best.gains.items()
+            if own != self._given.gains[axis]
         )
 
     def _repeats(self, look: Look) -> float:
