@@ -131,11 +131,12 @@ class Runs(Plays):
         best. Give the result to ``track(learned=...)``, or ``save`` it.
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
-        as for ``track``; the model's own gains are turned down to a quarter at most, where that does not leave more of
-        what changes from period to period, and the result keeps them. The error is against the path that was asked for;
-        every trial runs on the model first, but for one that only the device holds, whose modes cannot be read back.
-        ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
-        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
+        as for ``track``; the model's own gains are turned down where that does not leave more of what changes from
+        period to period, in the end to a loop against drift alone, and the result keeps them. Where the first trial
+        shows that the modes have moved, the result comes with the inverse of where they are. The error is against the
+        path that was asked for; every trial runs on the model first, but for one that only the device holds, whose
+        modes cannot be read back. ``save`` is a folder that keeps the run of every trial; one that holds recordings is
+        written over only with ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
