@@ -114,3 +114,11 @@ def test_it_is_given_up_where_it_leaves_more_noise(monkeypatch, stage, tmp_path)
     found = learned(stage, tmp_path)
     assert found.gains()["x"].ki_V_per_um_s == 0.25 * GAINS["x"].ki_V_per_um_s
     assert "; x keeps 25 % of its gains" in found.reason
+
+
+def test_gains_that_are_only_halved_are_kept_where_they_leave_less(monkeypatch, stage, tmp_path):
+    """Slow feedback does not dither the output's steps, and a path that repeats exactly makes a pattern of them."""
+    monkeypatch.setattr(Look, "rests_less_than", lambda self, other: self.gains["x"].filters is None)
+    own = learned(stage, tmp_path).gains()["x"]
+    assert own.filters is None
+    assert own.ki_V_per_um_s == quieter(AXIS, GAINS["x"], 1.0, None).ki_V_per_um_s

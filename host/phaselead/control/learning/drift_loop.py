@@ -3,7 +3,8 @@
 What repeats is in the table, and what changes within a trial is seen there. Only what drifts more slowly is left to the
 loop. The parts of a PID that make it quick pass the sensor's noise on to the mode; an integrator as slow as drift
 allows, behind a low-pass below the mode, does not, and the low-pass turns what is left of it at the mode into damping,
-which calms what the steps of the output converter shake there.
+which calms what the steps of the output converter shake there, as far as these are noise: feedback that passes on none
+does not dither them either, so that trials tell whether it leaves less.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -245,32 +245,42 @@ class _Course:
         return self._learn(found or self._with_gains(first, more), first, trials, on_progress)
 
     def _quieted(self, end: End, first: Look, trials: int, on_progress: Progress) -> End:
-        """Goes on with as little feedback as drift allows, where noise is most of what is left; with more of it where
-        the reference cannot make up for what that leaves."""
+        """Goes on with as little feedback as drift allows, where noise is most of what is left: of the loop that is
+        made for that and of the gains halved, the one that leaves less of what does not repeat."""
         if end.look is None or end.look.mostly_repeats:
             return end
-        for less in self._less_feedback(first):
-            if len(self._drive.trials) > trials:
-                break
-            try:
-                found = self._with_same_voltage(end.look, less)
-            except DeviceFault as error:
-                return End(f"stopped: {error}", None)
-            if found is not None:
-                return self._learn(found, first, trials, on_progress) if found.rests_less_than(end.look) else end
-        return end
+        before = self._gains, self._response
+        least, kept = end.look, before
+        for tried in (self._against_drift(first), self._halved(first)):
+            for less in tried:
+                if len(self._drive.trials) > trials - (least is not end.look):  # one is left to learn in
+                    break
+                self._gains, self._response = before
+                try:
+                    found = self._with_same_voltage(end.look, less)
+                except DeviceFault as error:
+                    return End(f"stopped: {error}", None)
+                if found is not None:
+                    if found.rests_less_than(least):
+                        least, kept = found, (self._gains, self._response)
+                    break
+        self._gains, self._response = kept
+        return end if least is end.look else self._learn(least, first, trials, on_progress)
 
-    def _less_feedback(self, first: Look) -> Iterator[dict[str, Gains]]:
-        """Than now: a loop against drift alone where there is one, else the gains halved as often as drift allows; then
-        these, doubled again and again."""
-        now, less = dict(self._gains), self._quieter(first, None)
-        seen_s = self._drive.seconds - SETTLE_S
-        slow = {axis: drift_loop(self._drive.known.axis(axis), own, seen_s) for axis, own in now.items()}
-        if any(slow.values()):
-            yield {axis: own or less[axis] for axis, own in slow.items()}
+    def _against_drift(self, first: Look) -> list[dict[str, Gains]]:
+        """The loop that is made for a learned path, where an axis has one."""
+        seen_s, less = self._drive.seconds - SETTLE_S, self._quieter(first, None)
+        made = {axis: drift_loop(self._drive.known.axis(axis), own, seen_s) for axis, own in self._gains.items()}
+        return [{axis: own or less[axis] for axis, own in made.items()}] if any(made.values()) else []
+
+    def _halved(self, first: Look) -> list[dict[str, Gains]]:
+        """The gains halved as often as drift allows, and these doubled again and again, up to what they are: with more
+        of them the reference may make up for what less leaves."""
+        now, less, found = self._gains, self._quieter(first, None), []
         while less != now:
-            yield less
+            found.append(less)
             less = {axis: own if own == now[axis] else louder(own, first.gains[axis]) for axis, own in less.items()}
+        return found
 
     def _with_same_voltage(self, look: Look, gains: dict[str, Gains]) -> Look | None:
         """One more trial, with other gains and the reference that makes them ask for the voltage of ``look``; None,
