@@ -8,7 +8,7 @@ from one_mode_model import AXIS, STAGE, VIEW
 
 import phaselead as pl
 from phaselead.control.feedback_loop import plant_response
-from phaselead.control.gains import design_gains
+from phaselead.control.gains import MODE_SHIFT, design_gains
 from phaselead.control.learning import drive
 from phaselead.control.learning import trials as course
 from phaselead.control.learning.learned import load_learned
@@ -140,6 +140,19 @@ def test_learning_leaves_the_model_that_was_given(url):
     with Device.open(url) as device:
         learn(device, {"x": parse_wave(WAVE)}, stage=STAGE, gains=GAINS, trials=1)
         assert device.holds(device_model(STAGE))
+
+
+def test_the_first_trial_leaves_the_modes_less_in_doubt(monkeypatch, url):
+    doubts, responds = [], course.model_response
+
+    def noted(axis, gains, f_Hz, turns, mode_shift):
+        doubts.append(mode_shift)
+        return responds(axis, gains, f_Hz, turns, mode_shift)
+
+    monkeypatch.setattr(course, "model_response", noted)
+    learned_on(url, 1)
+    assert doubts[0] == MODE_SHIFT
+    assert doubts[-1] < MODE_SHIFT / 2
 
 
 def says(monkeypatch, factor):
