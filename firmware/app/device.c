@@ -14,7 +14,7 @@ static const struct axis_config DEFAULT_IDLE = {
     .output = {.u_min_q24 = -(2 << 24), .u_max_q24 = 10 << 24, .slew_q24 = 3355443 /* 0.2 V a tick */},
     .converter = {.dac_zero_code = 32768,
                   .dac_codes_per_V_q16 = 209715200, /* 65536 / 20.48 V */
-                  .adc_zero_code = 2341,            /* 10 um x 65536 / 280 um = 2340.57 */
+                  .adc_zero_q8 = 599186,            /* 10 um x 65536 / 280 um = 2340.57 */
                   .adc_um_per_code_q32 = 18350080 /* 280 um / 65536 */},
     .code_max = UINT16_MAX,
     .oscillation_limit_q16 = 18350080 / MODEL_DEFAULT_OSCILLATION,

@@ -21,7 +21,8 @@ static bool dac_reaches(const struct wire_axis_model *model, int32_t u_q24)
 
 static bool position_fits(const struct wire_axis_model *model, int32_t code)
 {
-    int64_t x_q16 = round_shift_i64((int64_t)(code - model->adc_zero_code) * model->adc_um_per_code_q32, 16);
+    int64_t from_zero_q8 = (int64_t)code * 256 - model_adc_zero_q8(model);
+    int64_t x_q16 = round_shift_i64(from_zero_q8 * model->adc_um_per_code_q32, 24);
     return x_q16 >= INT32_MIN && x_q16 <= INT32_MAX;
 }
 
@@ -112,7 +113,7 @@ static enum model_field expand_table_view(struct model_slot *slot, unsigned axis
 
 static enum model_field expand_axis(struct model_slot *slot, unsigned axis, const struct wire_axis_model *model)
 {
-    if ((model->flags & ~(FLAG_TABLE | FLAG_INVERSE)) != 0)
+    if ((model->flags & ~(FLAG_TABLE | FLAG_INVERSE) & ((1u << MODEL_ADC_ZERO_BIT) - 1)) != 0)
         return FIELD_FLAGS;
     enum model_field field = check_converters(model);
     if (field == FIELD_NONE)

@@ -8,6 +8,11 @@ const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned
     return room;
 }
 
+int32_t model_adc_zero_q8(const struct wire_axis_model *model)
+{
+    return (int32_t)((uint32_t)model->adc_zero_code * 256u + (model->flags >> MODEL_ADC_ZERO_BIT));
+}
+
 struct axis_config model_idle_config(const struct wire_axis_model *model)
 {
     /* A quarter of 65536 codes of um x 2^-32, as um x 2^-16, is a quarter of the scale as it stands. */
@@ -22,7 +27,7 @@ struct axis_config model_idle_config(const struct wire_axis_model *model)
         .output = {.u_min_q24 = model->u_min_q24, .u_max_q24 = model->u_max_q24, .slew_q24 = model->slew_q24},
         .converter = {.dac_zero_code = model->dac_zero_code,
                       .dac_codes_per_V_q16 = model->dac_codes_per_V_q16,
-                      .adc_zero_code = model->adc_zero_code,
+                      .adc_zero_q8 = model_adc_zero_q8(model),
                       .adc_um_per_code_q32 = model->adc_um_per_code_q32},
         .code_max = UINT16_MAX,
         .oscillation_limit_q16 = model->oscillation_limit_q16 != 0

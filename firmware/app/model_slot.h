@@ -9,6 +9,8 @@
 #include "core/feedforward.h"
 
 #define MODEL_AXES 3
+/* From here on the flags of an axis hold what its code of 0 um is above adc_zero_code, in 256ths. */
+#define MODEL_ADC_ZERO_BIT 24
 /* A model whose error limit is 0 gets a quarter of the sensor's range, for 0.1 s. */
 #define MODEL_DEFAULT_ERROR_TICKS 500u
 /* One whose oscillation limit is 0 gets a 256th of the sensor's range: 1.1 um of 280. Far above the noise of any sensor
@@ -35,6 +37,9 @@ struct model_slot {
 
 /* One axis of a slot's blob, unpacked into `room`. */
 const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room);
+
+/* The code of 0 um, whatever its calibration; wraps beyond 2^22 codes. */
+int32_t model_adc_zero_q8(const struct wire_axis_model *model);
 
 /* Idle, without gains or a path. */
 struct axis_config model_idle_config(const struct wire_axis_model *model);

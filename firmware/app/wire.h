@@ -319,7 +319,7 @@ struct wire_biquad {
 /* One axis of the model: converters, limits, the paper's table view, and the chain that mode inverse undoes */
 #define WIRE_AXIS_MODEL_SIZE 900
 struct wire_axis_model {
-    uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are */
+    uint32_t flags; /* bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are; bits 24 to 31: what the ADC code of 0 um is above adc_zero_code, in 256ths */
     int32_t u_min_q24; /* lower clamp, V */
     int32_t u_max_q24; /* upper clamp, V */
     int32_t u_park_q24; /* safe value, V */
@@ -327,7 +327,7 @@ struct wire_axis_model {
     int32_t ramp_q24; /* step when parking or ramping after a fault, V per tick; at most slew_q24 */
     int32_t dac_zero_code; /* DAC code of 0 V */
     int32_t dac_codes_per_V_q16; /* DAC scale */
-    int32_t adc_zero_code; /* ADC code of 0 um */
+    int32_t adc_zero_code; /* ADC code of 0 um, rounded down; the rest stands in flags */
     int32_t adc_um_per_code_q32; /* ADC scale */
     int32_t swing_min_q24; /* identified rectangle: peak-to-peak voltage */
     int32_t swing_max_q24;

@@ -11,6 +11,6 @@ uint16_t converter_dac_code(const struct converter_config *config, int32_t u_q24
 
 int32_t converter_position_q16(const struct converter_config *config, uint16_t adc_code, bool *saturated)
 {
-    int32_t from_zero = (int32_t)(adc_code - (uint32_t)config->adc_zero_code);
-    return mul_shift_i32(from_zero, config->adc_um_per_code_q32, 16, saturated);
+    int32_t from_zero_q8 = (int32_t)(((uint32_t)adc_code << 8) - (uint32_t)config->adc_zero_q8);
+    return mul_shift_i32(from_zero_q8, config->adc_um_per_code_q32, 24, saturated);
 }

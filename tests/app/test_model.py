@@ -16,7 +16,7 @@ MAGIC = 1000
 
 BAD_FIELDS = [
     ("flags", 4),
-    ("flags", 1 << 31),
+    ("flags", 1 << 23),
     ("u_min_q24", -11 * V),
     ("u_min_q24", 1),
     ("u_max_q24", -2 * V),

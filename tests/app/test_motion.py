@@ -159,7 +159,7 @@ def test_without_a_model_outputs_go_from_minus_2_to_10_V(bench, volts_q24, statu
 
 @pytest.mark.parametrize("code", [5, 2341, 65_500])
 def test_without_a_model_the_sensor_has_280_um_from_minus_10_um_on_to_the_last_bit(code):
-    """10 um are 2341 codes; 280 um in 65536 codes of q16 are 280 a code. It holds where it was measured to be."""
+    """10 um are 2340.57 codes; 280 um in 65536 codes of q16 are 280 a code. It holds where it was measured to be."""
     bench = Bench()
     assert bench.set_axis(0, wire.Mode.PID) == wire.Status.OK
     assert bench.set_path(0, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
@@ -168,7 +168,21 @@ def test_without_a_model_the_sensor_has_280_um_from_minus_10_um_on_to_the_last_b
     bench.run(2, adc=code)
     bench.ok(wire.StartRequest(1))
     bench.run(5, adc=code)
-    assert bench.ok(wire.WhereRequest()).reference[0] == 280 * (code - 2341)
+    assert bench.ok(wire.WhereRequest()).reference[0] == round(280 * (code - 599186 / 256))
+
+
+@pytest.mark.parametrize("rest", [0, 1, 128, 255])
+def test_the_code_of_0_um_has_a_fraction(rest):
+    bench = Bench()
+    assert bench.upload(model(flags=3 | rest << 24)).status == wire.Status.OK
+    assert bench.set_axis(0, wire.Mode.PID) == wire.Status.OK
+    assert bench.set_path(0, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
+    bench.ok(wire.SetJoinsRequest(0, HERE, 1, 0))
+    bench.ok(wire.ArmRequest(0))
+    bench.run(2, adc=5000)
+    bench.ok(wire.StartRequest(1))
+    bench.run(5, adc=5000)
+    assert bench.ok(wire.WhereRequest()).reference[0] == round(280 * (5000 - 2341 - rest / 256))
 
 
 def test_a_path_that_begins_elsewhere_is_refused():

@@ -124,13 +124,13 @@ def test_a_frequency_is_within_the_rectangle_when_its_nearest_in_q16_is(modelled
 
 @pytest.mark.parametrize("code", [0, 20_000, 60_000, 65_535])
 def test_without_a_model_a_code_of_the_sensor_is_280_um_by_65536(bench, code):
-    """And code 2341 is 0 um: the default converter of device.c."""
+    """And code 2340.57 is 0 um: the default converter of device.c."""
     assert refusal(bench, wire.Mode.PID, path=wire.PathKind.HOLD, swing=0) == wire.Status.OK
     bench.ok(wire.SetJoinsRequest(0, wire.PathFlag.FROM_HERE, 50, 0))
     bench.ok(wire.ArmRequest(0))
     bench.run(1, adc=code)
     bench.ok(wire.StartRequest(1))
-    assert bench.ok(wire.WhereRequest()).end[0] == (code - 2341) * 280
+    assert bench.ok(wire.WhereRequest()).end[0] == round((code - 599186 / 256) * 280)
 
 
 def test_a_table_path_is_refused_where_its_voltage_would_clip(modelled):

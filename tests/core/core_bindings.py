@@ -110,7 +110,7 @@ class ConverterConfig(ct.Structure):
     _fields_ = [
         ("dac_zero_code", ct.c_int32),
         ("dac_codes_per_V_q16", ct.c_int32),
-        ("adc_zero_code", ct.c_int32),
+        ("adc_zero_q8", ct.c_int32),
         ("adc_um_per_code_q32", ct.c_int32),
     ]
 

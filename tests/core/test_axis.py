@@ -47,7 +47,7 @@ V, UM = 2**24, 2**16
 code = st.one_of(whole(0, 65535), st.sampled_from([0, 65535]))
 any_tick = st.tuples(code, st.sampled_from(Command))
 DRIVES = (Command.HOLD, Command.PATH, Command.RAMP)
-CONVERTER = ConverterConfig(32768, 3200 * 65536, 2341, 280 * 65536)
+CONVERTER = ConverterConfig(32768, 3200 * 65536, 2341 << 8, 280 * 65536)
 OUTPUT = OutputConfig(-2 * V, 10 * V, round(0.2 * V))
 PAPER_GAINS = PidConfig(round(0.017 * V), round(8.62 / 5000 * 2**32), round(2.33e-5 * 5000 * V), INT32_MAX)
 

@@ -188,7 +188,7 @@ def plausible_config(rng):
     config.filter.section = tuple(Biquad(*section(rng)) for _ in range(2))
     converter = config.converter
     converter.dac_zero_code, converter.dac_codes_per_V_q16 = 32768, 3200 * 65536
-    converter.adc_zero_code, converter.adc_um_per_code_q32 = 2341, 280 * 65536
+    converter.adc_zero_q8, converter.adc_um_per_code_q32 = 599186, 280 * 65536
     return config
 
 

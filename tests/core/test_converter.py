@@ -4,7 +4,7 @@ from core_bindings import INT32_MAX, INT32_MIN, ConverterConfig, any_i32, round_
 from hypothesis import example, given
 
 code = whole(0, 65535)
-STANDARD = ConverterConfig(32768, 3200 * 65536, 2341, 280 * 65536)
+STANDARD = ConverterConfig(32768, 3200 * 65536, 599186, 280 * 65536)
 
 
 @given(any_i32, any_i32, any_i32)
@@ -21,9 +21,9 @@ def test_dac_code_is_nearest(core, zero, scale, u_q24):
 @example(-(2**30), INT32_MIN, 65535)
 @example(-(2**30), INT32_MAX, 65535)
 @example(2**30, INT32_MIN, 0)
-def test_position_is_nearest(core, zero, scale, adc_code):
-    config = ConverterConfig(0, 0, zero, scale)
-    expected = saturate(round_half_up((adc_code - zero) * scale, 16))
+def test_position_is_nearest(core, zero_q8, scale, adc_code):
+    config = ConverterConfig(0, 0, zero_q8, scale)
+    expected = saturate(round_half_up((256 * adc_code - zero_q8) * scale, 24))
     assert core.flagged("converter_position_q16", config, adc_code) == expected
 
 

@@ -171,8 +171,9 @@ def test_info_says_how_the_model_is_now(device: Device) -> None:
 )
 def test_a_refused_field_is_named_and_the_old_model_stays(device: Device, change: dict[str, int], field: str) -> None:
     device.upload(model_blob())
-    with pytest.raises(Refused, match=rf"\(model_invalid\): {field} failed its checks; the old model stays"):
+    with pytest.raises(Refused, match=rf"\(model_invalid\): {field} failed its checks; the old model stays") as refusal:
         device.upload(model_blob(**change))
+    assert ("the firmware is older" in str(refusal.value)) == ("flags" in change)
     assert device.read_model() == model_blob()
 
 

@@ -26,7 +26,7 @@ def test_a_fault_is_kept_without_a_stream_or_a_word():
     ticks = np.rint(pulled.t_s * 5000).astype(int) + tick
     _, there, here = np.intersect1d(captured.ticks, ticks, return_indices=True)
     assert len(there) > 150
-    x_um = (captured.axes["x"].adc[there].astype(float) - 2341) * 280 / 65536
+    x_um = (captured.axes["x"].adc[there].astype(float) - 599186 / 256) * 280 / 65536
     assert np.allclose(pulled.axes["x"].x_um[here], x_um)
     assert np.allclose(pulled.axes["x"].r_um[here], captured.axes["x"].reference[there] / 2**16)
     assert pulled.axes["y"].r_um is None

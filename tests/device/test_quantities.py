@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -142,6 +142,9 @@ def test_converters_of_a_model_and_without() -> None:
     got = converters(wire.Model(0, bytes(32), (axis,) * 3).pack())["y"]
     assert got.u_V(np.array([100, 150], np.uint16)).tolist() == [0.0, 1.0]
     assert got.x_um(np.array([7, 11], np.uint16)).tolist() == [0.0, 1.0]
+    between = replace(axis, flags=3 | 64 << 24)
+    got = converters(wire.Model(0, bytes(32), (between,) * 3).pack())["y"]
+    assert got.x_um(np.array([7, 11], np.uint16)).tolist() == [-0.0625, 0.9375]
     default = converters(None)["x"]
     assert default.u_V(np.array([32768, 0], np.uint16)).tolist() == [0.0, -10.24]
-    assert abs(default.x_um(np.array([2341], np.uint16))[0]) < 1e-9
+    assert abs(default.x_um(np.array([0], np.uint16))[0] + 10) < 1e-5

@@ -17,6 +17,7 @@ from phaselead.control.run import Run
 from phaselead.control.tracking import check_paths, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows, followed
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
+from phaselead.device import device_model
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
@@ -86,6 +87,7 @@ class Runs(Plays):
             chosen = chosen if gains is not None else known.gains()
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
             waveforms = known.waveforms(_as_tables(waveforms), sha256, mode, chosen, follows)
+        given, stage = stage, stage if known is None else known.model_played(stage)
         unknown = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
         said = unknown + _said_against(waveforms, mode, chosen, stage, held, force=force)
         run = track_to_file(
@@ -104,6 +106,8 @@ class Runs(Plays):
             on_rehearsed=lambda: _warn(said, above=5),
             edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
         )
+        if given is not None and stage is not given:
+            self.device.upload_if_other(device_model(given))
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
         return replace(run, recording=recording if path is None else replace(recording, sha256=file_sha256(path)))
 
@@ -129,11 +133,12 @@ class Runs(Plays):
         best. Give the result to ``track(learned=...)``, or ``save`` it.
 
         Paths, ``mode`` (inverse+pid, or inverse for the voltage alone), ``model``, ``gains``, ``follows`` and ``force``
-        as for ``track``; the model's own gains are turned down to a quarter at most, where that does not leave more of
-        what changes from period to period, and the result keeps them. The error is against the path that was asked for;
-        every trial runs on the model first, but for one that only the device holds, whose modes cannot be read back.
-        ``save`` is a folder that keeps the run of every trial; one that holds recordings is written over only with
-        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
+        as for ``track``; the model's own gains are turned down where that does not leave more of what changes from
+        period to period, in the end to a loop against drift alone, and the result keeps them. Where the first trial
+        shows that the modes have moved, the result comes with the inverse of where they are. The error is against the
+        path that was asked for; every trial runs on the model first, but for one that only the device holds, whose
+        modes cannot be read back. ``save`` is a folder that keeps the run of every trial; one that holds recordings is
+        written over only with ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = _as_tables(given_waves(wave, axis, {"x": x, "y": y, "z": z}))
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)

@@ -346,6 +346,8 @@ class Device:
                     f"{field} contradicts the DAC: the present output would jump to another code at once; correct "
                     "u_min_V and u_max_V of [actuator] (they are the volts at codes 0 and 65536); the old model stays"
                 )
+            if field.endswith("flags"):
+                detail += ": the firmware is older than a part of this model; flash today's (`phaselead flash`)"
             raise Refused(refusal.command, refusal.status, refusal.reply, detail) from None
         self._modes.clear()  # the device has reset its axes
         self._waves.clear()

@@ -22,6 +22,7 @@ from phaselead.device.encode_compensation import (
     held_values,
     refuse_singular,
 )
+from phaselead.device.quantities import ADC_ZERO_BIT, adc_zero_code
 from phaselead.errors import BadInput
 from phaselead.model import (
     Actuator,
@@ -173,14 +174,14 @@ def _encode_axis(axis: AxisModel, name: str, coupling_row: list[float]) -> wire.
     key, limits, table = f"axes.{name}", axis.limits, axis.table
     inverse = None if inverse_refusal(axis, name) else _encode_inverse(axis, name)
     dac_zero, codes_per_V = _encode_actuator(axis.actuator, limits, f"{key}.actuator")
-    adc_zero, um_per_code = _encode_sensor(axis.sensor, f"{key}.sensor")
+    (adc_zero, rest), um_per_code = _encode_sensor(axis.sensor, f"{key}.sensor")
     if table is not None:
         _refuse_beyond_tables(table, f"{key}.table")
     swing = table.swing_V if table else (0.0, 0.0)
     f = table.f_Hz if table else (0.0, 0.0)
     at = f"{key}.limits"
     return wire.AxisModel(
-        flags=(FLAG_TABLE if table else 0) | (FLAG_INVERSE if inverse else 0),
+        flags=(FLAG_TABLE if table else 0) | (FLAG_INVERSE if inverse else 0) | rest << ADC_ZERO_BIT,
         u_min_q24=_fixed(limits.u_min_V, 24, f"{at}.u_min_V"),
         u_max_q24=_fixed(limits.u_max_V, 24, f"{at}.u_max_V"),
         u_park_q24=_fixed(limits.u_park_V, 24, f"{at}.u_park_V"),
@@ -254,16 +255,16 @@ def _encode_actuator(actuator: Actuator, limits: Limits, key: str) -> tuple[int,
     return zero, _fixed(float(codes_per_V), 16, f"{key}: codes per volt", vanish=False)
 
 
-def _encode_sensor(sensor: Sensor, key: str) -> tuple[int, int]:
-    """Code of 0 um and micrometres per code, once every code is a position the device can hold."""
+def _encode_sensor(sensor: Sensor, key: str) -> tuple[tuple[int, int], int]:
+    """Code of 0 um and 256ths above it, and um per code, once every code is a position the device can hold."""
     _refuse_other_width(sensor.bits, key)
     for name in ("x_min_um", "x_max_um"):
         _fixed(getattr(sensor, name), 16, f"{key}.{name}")
     span_um = Fraction(sensor.x_max_um) - Fraction(sensor.x_min_um)
-    zero = round(-Fraction(sensor.x_min_um) / span_um * CODES)
+    zero, rest = divmod(round(-Fraction(sensor.x_min_um) / span_um * CODES * 256), 256)
     if not -CODES < zero < 2 * CODES - 1:
         raise BadInput(f"{key}: its span {sensor.x_min_um:g}..{sensor.x_max_um:g} um is too far from 0 um; shift it")
-    return zero, _fixed(float(span_um / CODES), 32, f"{key}: micrometres per code", vanish=False)
+    return (zero, rest), _fixed(float(span_um / CODES), 32, f"{key}: micrometres per code", vanish=False)
 
 
 def _refuse_other_width(bits: int, key: str) -> None:
@@ -309,6 +310,7 @@ def _refuse_beyond_tables(table: TableView, key: str) -> None:
 
 def _decode_axis(axis: wire.AxisModel) -> AxisModel:
     u_lsb, x_lsb = 2**16 / axis.dac_codes_per_V_q16, axis.adc_um_per_code_q32 / 2**32
+    adc_zero = adc_zero_code(axis)
     table = None
     if axis.flags & FLAG_TABLE:
         table = TableView(
@@ -331,7 +333,7 @@ def _decode_axis(axis: wire.AxisModel) -> AxisModel:
             oscillation_um=axis.oscillation_limit_q16 / 2**16,
         ),
         actuator=Actuator(u_min_V=-axis.dac_zero_code * u_lsb, u_max_V=(CODES - axis.dac_zero_code) * u_lsb, bits=16),
-        sensor=Sensor(x_min_um=-axis.adc_zero_code * x_lsb, x_max_um=(CODES - axis.adc_zero_code) * x_lsb, bits=16),
+        sensor=Sensor(x_min_um=-adc_zero * x_lsb, x_max_um=(CODES - adc_zero) * x_lsb, bits=16),
         table=table,
         time=_decode_operator(axis, limits_V) if axis.flags & FLAG_INVERSE else None,
     )

@@ -19,6 +19,8 @@ TICK_HZ = 5000
 UNFILTERED_Q31 = 0x7FFFFFFF
 I32_MAX = 2**31 - 1
 WAVE_POINTS = 1024
+ADC_ZERO_BIT = 24
+"""From here on the flags of an axis hold 256ths of a code (firmware/app/model_slot.h)."""
 
 
 def to_i32(value: float, bits: int, what: str, unit: str) -> int:
@@ -143,7 +145,8 @@ class Converters:
 
     dac_zero_code: int = 32768
     dac_codes_per_V: float = 65536 / 20.48
-    adc_zero_code: int = 2341
+    adc_zero_code: float = 599186 / 256
+    """In 256ths."""
     adc_um_per_code: float = 280 / 65536
 
     def u_V(self, codes: NDArray[np.uint16]) -> NDArray[np.float64]:
@@ -155,6 +158,11 @@ class Converters:
         return (codes.astype(np.float64) - self.adc_zero_code) * self.adc_um_per_code
 
 
+def adc_zero_code(axis: wire.AxisModel) -> float:
+    """Of 0 um, with the 256ths that stand in the flags."""
+    return axis.adc_zero_code + (axis.flags >> ADC_ZERO_BIT) / 256
+
+
 def converters(model: bytes | None) -> dict[str, Converters]:
     """Calibration of each axis by the model blob, or the device's defaults without one."""
     if model is None:
@@ -164,7 +172,7 @@ def converters(model: bytes | None) -> dict[str, Converters]:
         name: Converters(
             axis.dac_zero_code,
             axis.dac_codes_per_V_q16 / 2**16,
-            axis.adc_zero_code,
+            adc_zero_code(axis),
             axis.adc_um_per_code_q32 / 2**32,
         )
         for name, axis in zip(AXES, axes, strict=True)

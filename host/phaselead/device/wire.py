@@ -330,7 +330,9 @@ class AxisModel(Record):
     SIZE: ClassVar[int] = 900
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Iiiiiiiiiiiiii3q6q6qI120s20s8i8qiii32i32i24i24i3iiIi")
     flags: int
-    """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are."""
+    """bit 0: table view present; bit 1: the fields from preview_ticks_q16 on are; bits 24 to 31: what the ADC code
+    of 0 um is above adc_zero_code, in 256ths.
+    """
     u_min_q24: int
     """lower clamp, V."""
     u_max_q24: int
@@ -346,7 +348,7 @@ class AxisModel(Record):
     dac_codes_per_V_q16: int
     """DAC scale."""
     adc_zero_code: int
-    """ADC code of 0 um."""
+    """ADC code of 0 um, rounded down; the rest stands in flags."""
     adc_um_per_code_q32: int
     """ADC scale."""
     swing_min_q24: int

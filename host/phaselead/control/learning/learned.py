@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from phaselead.control.learning.moved_modes import stage_with_modes_at
 from phaselead.control.true_position import FOLLOWS, Follows
 from phaselead.errors import BadInput
-from phaselead.model import Gains
+from phaselead.model import Gains, Stage
 from phaselead.record import Samples, Source, atomic_path, require_walkable
 from phaselead.result import Result, Table
 from phaselead.waveforms import POINTS, Replaced, Waveform
@@ -21,7 +22,9 @@ from phaselead.waveforms import POINTS, Replaced, Waveform
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMAT, VERSION = "phaselead-learned", 1
+FORMAT, VERSION = "phaselead-learned", 2
+READ = (1, VERSION)
+"""Before version 2 the inverse always had the modes of the model."""
 SAME_um = 1e-4
 """Paths that differ by less are one: a fortieth of a converter's code."""
 
@@ -59,6 +62,8 @@ class LearnedPath:
     lag_s: float
     trial_s: float
     gains: Gains | None
+    modes: float = 1.0
+    """Those of the inverse, as times the frequencies in the model that was given."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,6 +99,19 @@ class Learned(Result):
     def gains(self) -> dict[str, Gains]:
         """Those it was learned with, by axis; empty without feedback."""
         return {axis: path.gains for axis, path in self.paths.items() if path.gains is not None}
+
+    def model_played(self, stage: Stage | None) -> Stage | None:
+        """The model whose inverse the table is for: the given one, with its modes where they were found to be.
+
+        Raises BadInput for a model that only the device holds, which does not tell its modes.
+        """
+        factors = {axis: path.modes for axis, path in self.paths.items()}
+        if stage is None and set(factors.values()) != {1.0}:
+            raise BadInput(
+                "the learned table is for the model with its modes moved, and the device does not tell the modes of "
+                "the one it holds; give that with --model STAGE.toml"
+            )
+        return None if stage is None else stage_with_modes_at(stage, factors)
 
     def waveforms(
         self,
@@ -152,6 +170,7 @@ class Learned(Result):
             "reason": self.reason,
             "best": best,
             "trials": [_trial_dict(trial) for trial in self.trials],
+            "modes": {axis: path.modes for axis, path in self.paths.items()},
             "swing_um": {axis: float(np.ptp(path.wanted_um)) for axis, path in self.paths.items()},
         }
 
@@ -219,7 +238,7 @@ class Learned(Result):
             for axis, known in self.paths.items():
                 group = file.create_group(axis)
                 group["wanted_um"], group["played_um"] = known.wanted_um, known.played_um
-                group.attrs.update(f_Hz=known.f_Hz, lag_s=known.lag_s, trial_s=known.trial_s)
+                group.attrs.update(f_Hz=known.f_Hz, lag_s=known.lag_s, trial_s=known.trial_s, modes=known.modes)
                 group.attrs["gains"] = "" if known.gains is None else known.gains.model_dump_json()
 
     def __repr__(self) -> str:
@@ -253,19 +272,20 @@ def load_learned(path: str | os.PathLike[str]) -> Learned:
 
 
 def _read(file: Any) -> Learned:
-    if file.attrs["format"] != FORMAT or file.attrs["version"] != VERSION or file.attrs["follows"] not in FOLLOWS:
+    if file.attrs["format"] != FORMAT or file.attrs["version"] not in READ or file.attrs["follows"] not in FOLLOWS:
         raise ValueError
     paths = {}
     for axis, group in file.items():
         wanted_um, played_um = group["wanted_um"][()], group["played_um"][()]
         numbers = [float(group.attrs[name]) for name in ("f_Hz", "lag_s", "trial_s")]
+        modes = float(group.attrs.get("modes", 1.0))
         fits = wanted_um.shape == played_um.shape == (POINTS,) and axis in ("x", "y", "z")
-        if not fits or not np.isfinite([*wanted_um, *played_um, *numbers]).all():
+        if not fits or not np.isfinite([*wanted_um, *played_um, *numbers, modes]).all() or modes <= 0:
             raise ValueError
         gains = str(group.attrs["gains"])
         f_Hz, lag_s, trial_s = numbers
         own = Gains.model_validate_json(gains) if gains else None
-        paths[axis] = LearnedPath(f_Hz, wanted_um, played_um, lag_s, trial_s, own)
+        paths[axis] = LearnedPath(f_Hz, wanted_um, played_um, lag_s, trial_s, own, modes)
     trials = tuple(
         Trial(**(each | {"source": Source(*each.get("source", UNKNOWN))})) for each in json.loads(file.attrs["trials"])
     )

@@ -29,6 +29,8 @@ class Look:
     rest_um: dict[str, Samples]
     """What of the error does not repeat."""
     gains: dict[str, Gains]
+    modes: dict[str, float]
+    """The modes of the inverse, as times those of the model that was given."""
     worth: float
     """Mean square of the error as a share of the swing, over all axes."""
 

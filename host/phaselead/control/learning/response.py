@@ -77,20 +77,22 @@ def turns_of(values: Samples) -> int:
     return int(np.count_nonzero(sign != np.roll(sign, 1)))
 
 
-def model_response(axis: AxisModel, gains: Gains | None, f_Hz: Samples, turns: int = 2) -> Response:
+def model_response(
+    axis: AxisModel, gains: Gains | None, f_Hz: Samples, turns: int = 2, mode_shift: float = MODE_SHIFT
+) -> Response:
     """At the frequencies (m,), for modes ``inverse`` (``gains`` None) and ``inverse+pid``.
 
-    The deviation is half of the largest change over local gains 20 % off and modes 10 % off, for one and the same
-    inverse, and of what no model shows: as much as the response at three times the first mode, less below it. Raises
-    BadInput for a model without an inverse. ``turns`` of the path in a period: what it keeps from an extreme of the
-    voltage jumps at each, so that the line k has at most 2 turns / (pi k) of that.
+    The deviation is half of the largest change over local gains 20 % off and modes ``mode_shift`` off, for one and the
+    same inverse, and of what no model shows: as much as the response at three times the first mode, less below it.
+    Raises BadInput for a model without an inverse. ``turns`` of the path in a period: what it keeps from an extreme of
+    the voltage jumps at each, so that the line k has at most 2 turns / (pi k) of that.
     """
     plant = small_signal(axis)
     found = compensation(axis)
     inverse = found.shape_response(f_Hz) * found.drive.response(f_Hz) * np.exp(2j * np.pi * f_Hz * found.preview_s)
     lowest, middle, highest = local_gains(plant)
     nominal = _response(inverse, plant, gains, f_Hz, middle)
-    ways = itertools.product((1 - MODE_SHIFT, 1.0, 1 + MODE_SHIFT), (1 - GAIN_ERROR, 1.0, 1 + GAIN_ERROR))
+    ways = itertools.product((1 - mode_shift, 1.0, 1 + mode_shift), (1 - GAIN_ERROR, 1.0, 1 + GAIN_ERROR))
     others = [
         _response(inverse, plant.with_modes_at(shift), gains, f_Hz, local, share)
         for shift, share in ways
