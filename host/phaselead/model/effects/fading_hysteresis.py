@@ -128,8 +128,8 @@ EFFECT = Effect(
     "centred, and the way after it does not go on as if it had not been",
     reveals="small loops at several levels, on the way up and on the way down, repeated several times",
     confused_with=("hysteresis", "asymmetric_hysteresis", "creep"),
-    compensation="The inverse of plays that have the same steady loops; what they remember and this does not is left "
-    "to feedback.",
+    compensation="The inverse of plays that have the same steady loops, beside feedback: in open loop the level drifts "
+    "by what plays remember and this forgets.",
     apply=apply,
     picture=Picture("loop", {"width": 0.15, "reach": 0.3}),
     basis=basis,
