@@ -10,6 +10,7 @@ from any_stage import NO_MODE, held_out, laboratory
 
 from phaselead.identify.fitting import fit
 from phaselead.model.prediction import predict
+from phaselead.record.recording import AxisRecord
 
 RATE_HZ = 2500.0
 RECORDS = ("sine", "small sine", "steps", "multisine")
@@ -40,7 +41,7 @@ def left_share(stage, record):
     return float(np.std(x - model) / np.ptp(x))
 
 
-@pytest.mark.parametrize(("memory", "most"), [(coleman_hodgdon, 5e-4), (bouc_wen, 3e-3)])
+@pytest.mark.parametrize(("memory", "most"), [(coleman_hodgdon, 1e-3), (bouc_wen, 3e-3)])
 def test_a_memory_that_fades_is_told_from_plays(memory, most):
     """Also where it fades by another law."""
     truth = replace(NO_MODE, memory=memory)
@@ -48,6 +49,21 @@ def test_a_memory_that_fades_is_told_from_plays(memory, most):
     assert "fading_hysteresis" in [effect.name for effect in stage.axis("x").effects]
     assert left_share(stage, held_out(truth, RATE_HZ)) < most
     assert "fading" in str(report.time["x"])
+
+
+def test_a_sensor_that_counts_backwards_shows_the_same_loops():
+    truth = replace(NO_MODE, memory=coleman_hodgdon)
+    records = laboratory(truth, RATE_HZ, only=RECORDS)
+    there, back = (fit([turned(r, sign) for r in records])[0].axis("x") for sign in (1, -1))
+    (forward,), (backward,) = ([e for e in axis.effects if e.name == "fading_hysteresis"] for axis in (there, back))
+    assert backward.params["reach"] == pytest.approx(forward.params["reach"])
+    assert backward.params["width"] == pytest.approx([-width for width in forward.params["width"]])
+    assert back.time.gain_um_per_V == pytest.approx(-there.time.gain_um_per_V)
+
+
+def turned(record, sign):
+    axis = record.axes["x"]
+    return replace(record, axes={"x": AxisRecord(axis.u_V, sign * axis.x_um)})
 
 
 def test_plays_that_remember_are_no_fading_ones(plays_memory):
