@@ -1,5 +1,7 @@
 """Which position follows a path: the stage's, where the model says by how much its sensor is late."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -88,3 +90,13 @@ def test_the_true_position_is_kept_beside_the_measured_one(tmp_path):
     assert (kept == run.true_um["x"]).all()
     assert 0 < np.abs(kept - run.x_um).max() < 1
     assert read_capture(tmp_path / "run.h5").ticks.shape == run.capture.ticks.shape
+
+
+def test_what_is_printed_has_the_true_error_beside_the_measured_one():
+    """Where one is known: a real stage does not tell."""
+    with Device.open("sim://xyz250") as device:
+        run = track(device, {"x": parse_wave("sine:60um@5Hz")}, "pid", duration_s=0.4)
+    (line,) = [line for line in str(run).splitlines() if "true position" in line]
+    assert f"{run.figures['true']['max_um']:.4g}" in line
+    figures = {name: value for name, value in run.figures.items() if name != "true"}
+    assert "true position" not in str(replace(run, figures=figures))

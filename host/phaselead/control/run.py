@@ -107,6 +107,8 @@ class Run(SampledResult):
             parts = [(figures["judged"], figures)]
             if any(figures[name] != value for name, value in figures["from_rest"].items()):
                 parts.append(("from rest", figures["from_rest"]))
+            if "true" in figures:
+                parts.append(("true position", figures["true"]))
             for label, part in parts:
                 numbers = (f"{part[name]:.4g}" for name in ("rms_um", "max_um_mean_removed"))
                 rows.append((axis, label, f"{part['max_um']:.4g}", f"{part['max_pct']:.2f}", *numbers))

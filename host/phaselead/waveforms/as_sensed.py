@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.signal import lfilter
 
 from phaselead.waveforms.path import AVERAGED, TICK_HZ, Repeated
 from phaselead.waveforms.waveform import Shares, Waveform
@@ -89,6 +88,8 @@ class RepeatedAsSensed(Repeated):
 
 def behind_lag(values: Shares, lag_s: float) -> Shares:
     """A path at the fine rate, joined by straight lines, behind a first-order lag, same shape; at rest before."""
+    from scipy.signal import lfilter  # slow to load, and needed here only
+
     step = 1 / (FINE_HZ * lag_s)
     kept = math.exp(-step)
     mean = -math.expm1(-step) / step
