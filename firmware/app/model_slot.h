@@ -38,7 +38,7 @@ struct model_slot {
 /* One axis of a slot's blob, unpacked into `room`. */
 const struct wire_axis_model *model_axis(const struct model_slot *slot, unsigned axis, struct wire_axis_model *room);
 
-/* The code of 0 um, whatever its calibration; wraps beyond 2^22 codes. */
+/* The code of 0 um, whatever its calibration; wraps beyond 2^23 codes. */
 int32_t model_adc_zero_q8(const struct wire_axis_model *model);
 
 /* Idle, without gains or a path. */

@@ -148,3 +148,12 @@ def test_converters_of_a_model_and_without() -> None:
     default = converters(None)["x"]
     assert default.u_V(np.array([32768, 0], np.uint16)).tolist() == [0.0, -10.24]
     assert abs(default.x_um(np.array([0], np.uint16))[0] + 10) < 1e-5
+
+
+@given(st.floats(-7e-6, 7e-6), st.floats(-7e-6, 7e-6))
+def test_a_way_of_less_than_the_device_can_tell_is_none(swing_um, offset_um):
+    """A held axis stands within a rounding of its target."""
+    made = path_request(0, wire.PathKind.MOVE, swing_um, offset_um, 0.0, 100, volts=False)
+    assert (made.swing, made.offset) == (0, 0)
+    with pytest.raises(BadInput, match="too small for its format"):
+        path_request(0, wire.PathKind.SINE, 7e-6, 0.0, 5.0, 0, volts=False)

@@ -195,7 +195,7 @@ def test_the_nearest_only_is_what_every_set_may_miss_by_its_probability(both):
     found = judge(contest({n: value for n, (value, _) in both.items()}, named={n: q for n, (_, q) in both.items()}))
     assert found.nearest_only == pytest.approx(sum(found.sets[n] * (1 - q) for n, (_, q) in both.items()), abs=1e-9)
     assert not (found.claims and found.nearest_only > MORE_LIKELY_THAN_NOT)
-    assert found.something_unnamed == (not found.claims and found.sets[()] < 1 - SOMETHING)
+    assert not (found.something_unnamed and found.sets[()] > 1 - SOMETHING)
 
 
 @pytest.mark.parametrize(("short", "something"), [(0.001, False), (-0.001, True)])
@@ -207,6 +207,14 @@ def test_something_remains_where_it_is_sure_that_something_is_there_and_not_what
     found = judge(contest({(): 0.0, ("creep",): other, ("backlash",): other}))
     assert found.claims == ()
     assert found.sets[()] == pytest.approx(empty)
+    assert found.something_unnamed is something
+
+
+@pytest.mark.parametrize("something", [False, True])
+def test_beside_a_name_something_may_remain_as_well(something):
+    both = 60.0 if something else 20.0
+    found = judge(contest({(): 0.0, ("delay",): 40.0, ("creep", "delay"): both, ("backlash", "delay"): both}))
+    assert [claim.effect.name for claim in found.claims] == ["delay"]
     assert found.something_unnamed is something
 
 

@@ -120,9 +120,14 @@ def path_request(
         step = min(-(-(2**64) // ticks), 2**64 - 1)
     if not 0 <= ticks < 2**64:
         raise BadInput(f"a path of {ticks} ticks: between 0 (for ever) and 2^64 - 1")
-    return wire.SetPathRequest(
-        axis, kind, to_i32(swing, bits, "swing", unit), to_i32(offset, bits, "offset", unit), step, ticks
-    )
+    swing = _of_format(swing, bits) if kind == wire.PathKind.MOVE else swing
+    ways = to_i32(swing, bits, "swing", unit), to_i32(_of_format(offset, bits), bits, "offset", unit)
+    return wire.SetPathRequest(axis, kind, *ways, step, ticks)
+
+
+def _of_format(value: float, bits: int) -> float:
+    """A place, or the way between two, which is none where it is less than the device can tell."""
+    return 0.0 if abs(value) * 2.0**bits < 0.5 else value
 
 
 def wave_points(points: NDArray[np.float64]) -> bytes:

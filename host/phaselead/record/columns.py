@@ -63,8 +63,9 @@ def header_columns(labels: Sequence[str], source: str) -> dict[str, tuple[int, f
         i, label, name, _ = wrong[0]
         unit = UNITS[name]
         if {*found, *(item[2] for item in wrong)} <= {"t_s"}:
+            given = ", ".join(map(shown, labels))
             raise BadInput(
-                f"{source}: has {', '.join(labels)}, of which none is known as voltage or position; let `phaselead log "
+                f"{source}: has {given}, of which none is known as voltage or position; let `phaselead log "
                 f"import {source} -o OUT.h5` find them, or map them, e.g. {MAP_EXAMPLE}"
             )
         raise BadInput(

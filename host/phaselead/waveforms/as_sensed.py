@@ -79,7 +79,9 @@ class RepeatedAsSensed(Repeated):
     def _late(self, t_s: Shares) -> Shares:
         """What the lag adds to what can be played, at times within a period, shape of ``t_s``."""
         place, late = np.atleast_1d(t_s) * FINE_HZ, np.zeros(np.size(t_s))
-        for first, count in _parts(math.floor(place.min(initial=0)), math.floor(place.max(initial=0)) + 2):
+        if not place.size:
+            return np.asarray(t_s, np.float64)
+        for first, count in _parts(math.floor(place.min()), math.floor(place.max()) + 2):
             inside = (first <= place) & (place < first + count)
             added = self._played(first, count + 1, self.lag_s) - self._played(first, count + 1, 0.0)
             late[inside] = np.interp(place[inside] - first, np.arange(count + 1), added)

@@ -20,8 +20,8 @@ from phaselead.model import Effect
 MORE_LIKELY_THAN_NOT = 0.5
 """Probability from which the nearest set is no more than that, and names nothing."""
 SOMETHING = 0.95
-"""Probability of some effect, whichever, from which something remains: of records with nothing hidden one in twenty may
-end as unknown."""
+"""Probability of some effect, whichever, from which something remains that no name is sure to be: that of the intervals
+of parameters and of bounds."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -65,8 +65,9 @@ class Judgement:
 
     @property
     def something_unnamed(self) -> bool:
-        """Whether something is there that none is sure to be."""
-        return not self.claims and 1 - self.sets.get((), 0.0) > SOMETHING
+        """Whether something is there, beside what is claimed, that no name is sure to be."""
+        claimed = {name for claim in self.claims for name in claim.tied}
+        return 1 - sum(p for names, p in self.sets.items() if claimed.issuperset(names)) > SOMETHING
 
 
 def judge(contest: Contest) -> Judgement:

@@ -354,5 +354,5 @@ def with_weight(basis: Basis, slopes: Samples) -> tuple[NDArray[np.bool_], NDArr
     beside fading ones, whose states at the start of a record are told by where the plays stand."""
     n, m = basis.n_segments, basis.n_plays
     least = NO_WEIGHT * float(slopes[:n].sum() / n + slopes[n:].sum())
-    kept = np.full(m, len(basis.fading_r_V) > 0) | (slopes[n : n + m] > least)
+    kept = np.full(m, bool(slopes[n + m :].any())) | (slopes[n : n + m] > least)
     return kept, np.abs(np.diff(slopes[:n])) > least
