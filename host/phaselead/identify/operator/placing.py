@@ -18,8 +18,9 @@ def paired_plays(basis: Basis, slopes: Samples) -> Basis:
     A fit without negative weights gives a play whose threshold is between two of the grid to those two, in the shares
     of its distance from them (as in deconvolution: de Castro and Gamboa 2012), and the next one of the grid nothing.
     """
-    weight = slopes[basis.n_segments : basis.n_segments + basis.n_plays]
-    kept, _ = with_weight(replace(basis, fading_r_V=np.zeros(0)), slopes)
+    beside_fading = basis.n_segments + basis.n_plays
+    weight = slopes[basis.n_segments : beside_fading]
+    kept, _ = with_weight(replace(basis, fading_r_V=np.zeros(0)), slopes[:beside_fading])
     found, i = [], 0
     while i < len(weight):
         pair = slice(i, i + 2 if i + 1 < len(weight) and kept[i + 1] else i + 1)
