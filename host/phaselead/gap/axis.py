@@ -125,7 +125,8 @@ def search_axis(
         untried = [effect for effect in effects if effect.name not in taken_or_played]
         # The base stays as it is, so that anything may be tried that a frozen one shows.
         allowed, _ = responses(untried, frozen=True, referenced=False)
-        final, provisional = nearest_that_pays(final, file_entries, runs, allowed, label)
+        own_plays = selection.memory is not None
+        final, provisional = nearest_that_pays(final, file_entries, runs, allowed, label, own_plays)
     kept = kept_names([*named, *other.named], [*file_entries, *provisional], selection.memory is not None, label)
     unsure = {one.name for one in kept if one.status == PROVISIONAL}
     return AxisResult(

@@ -70,6 +70,14 @@ class FinalFit:
         floor = self.gap.floor if referenced else min(self.gap.floor, after)
         return replace(richer, gap=replace(self.gap, after=after, floor=floor))
 
+    def with_plays_refitted(self) -> FinalFit:
+        """The same with plays fitted anew to what the effects leave of the training records, where that leaves less:
+        they had been fitted to what is now the effects'."""
+        train = [t.run for t in self.after if t.run.role == "train"]
+        axis = _refitted_operator(self.axis, self.entries, train)
+        after = tuple(modelled_run(axis, t.run) for t in self.after)
+        return replace(self, axis=axis, after=after).with_entries(())
+
     def residuals_before(self, role: Role) -> list[RunResidual]:
         """Residuals of the base as given, about their means."""
         return [RunResidual(t.run, _about_mean(t.error())) for t in self.before if t.run.role == role]

@@ -14,10 +14,12 @@ from phaselead.gap.scan import refit_best, scan
 from phaselead.model import AxisModel, Effect
 
 
-def plain_problem(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect]) -> Problem:
-    """What the axis leaves of the runs that are no reference, in um."""
+def plain_problem(
+    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], open_plays: bool = False
+) -> Problem:
+    """What the axis leaves of the runs that are no reference, in um. ``open_plays``: its plays move along."""
     learned = [run for run in runs if run.role != "reference"]
-    return make_problem(axis, learned, effects, frozen=True, unwhitened=True)
+    return make_problem(axis, learned, effects, frozen=True, open_plays=open_plays, unwhitened=True)
 
 
 def each_fitted(problem: Problem, effects: Sequence[Effect]) -> list[Fitted]:

@@ -16,8 +16,8 @@ from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.plain_fits import each_fitted, plain_problem
 from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import Fitted
-from phaselead.gap.residual import modelled_run
+from phaselead.gap.refit import SizedEffect
+from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.model import Effect
 
@@ -31,34 +31,46 @@ def nearest_that_pays(
     runs: Sequence[GapRun],
     effects: Sequence[Effect],
     label: str | None,
+    open_plays: bool = False,
 ) -> tuple[FinalFit, list[NamedEffect]]:
     """The final fit with the set of ``effects`` that predicts the held-out records best beside it, and that set.
 
     The set grows one by one, as long as the last one pays. ``named`` are the effects of the fit already. ``label`` is
-    the axis in the result.
+    the axis in the result. ``open_plays``: the plays were fitted to these records, to what may be the effects', and are
+    fitted anew beside each.
     """
     found: list[NamedEffect] = []
     for _ in range(MOST_PROVISIONAL):
         taken = {e.name for e in (*named, *found)}
         left = [e for e in effects if e.name not in taken]
-        problem = plain_problem(adopted(final.axis, [*named, *found]), runs, left)
-        best = _best_that_pays(final, each_fitted(problem, left))
+        problem = plain_problem(adopted(final.axis, [*named, *found]), runs, left, open_plays)
+        tried = [_beside(final, one.entries, open_plays) for one in each_fitted(problem, left)]
+        best = _best_that_pays(final, tried)
         if best is None:
             break
-        final = final.with_entries(best.entries)
+        final, entry = best, best.entries[-1]
         beside = likelihood_of([modelled_run(problem.axis, run) for run in runs], None)
-        params = intervals_alone(beside, best.entries)[0]
-        found.append(NamedEffect(best.entries[0][0].name, label, params, 0.0))
+        params = intervals_alone(beside, [entry])[0]
+        found.append(NamedEffect(entry[0].name, label, params, 0.0))
     return final, [replace(e, share=final.share_of(e.name)) for e in found]
 
 
-def _best_that_pays(final: FinalFit, tried: Sequence[Fitted]) -> Fitted | None:
+def _beside(final: FinalFit, entries: Sequence[SizedEffect], open_plays: bool) -> FinalFit:
+    """The final fit with one effect more, and plays that go with it."""
+    richer = final.with_entries(entries)
+    return richer.with_plays_refitted() if open_plays else richer
+
+
+def _best_that_pays(final: FinalFit, tried: Sequence[FinalFit]) -> FinalFit | None:
     """The fit that saves most of the held-out squares, of those that save some beyond chance; None without one."""
-    held = [t for t in final.after if t.run.role == "holdout"]
-    best: Fitted | None = None
+    best: FinalFit | None = None
     most = 0.0
     for one in tried:
-        saved = saved_by_block(held, final.entries, held, (*final.entries, *one.entries))
+        saved = saved_by_block(_held_out(final), final.entries, _held_out(one), one.entries)
         if float(saved.sum()) > most and probability_by_chance(saved) * len(tried) < BY_CHANCE:
             best, most = one, float(saved.sum())
     return best
+
+
+def _held_out(final: FinalFit) -> list[ModelledRun]:
+    return [modelled for modelled in final.after if modelled.run.role == "holdout"]
