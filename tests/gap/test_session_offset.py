@@ -27,7 +27,7 @@ def records(
 @given(st.integers(0, 10**6), st.floats(0.001, 0.1), st.sampled_from([-1, 1]))
 def test_a_step_far_beyond_the_scatter_is_found(seed, scatter_um, sign):
     shifts = session_shifts(*records(sign * 60 * scatter_um, 0.0, scatter_um, seed))
-    assert best_explained(shifts) == ("offset",)
+    assert "offset" in best_explained(shifts)
     assert abs(shifts["offset"].amount - sign * 60 * scatter_um) < 4 * shifts["offset"].half
 
 
@@ -36,6 +36,27 @@ def test_a_drift_far_beyond_the_scatter_is_found(seed, scatter_um, sign):
     shifts = session_shifts(*records(0.0, sign * scatter_um, scatter_um, seed))
     assert best_explained(shifts) == ("thermal_drift",)
     assert abs(shifts["thermal_drift"].amount - sign * scatter_um) < 4 * shifts["thermal_drift"].half
+
+
+def test_a_step_is_rarely_doubted():
+    """Chance lets one in a hundred look as if the records went on to drift."""
+    found = [best_explained(session_shifts(*records(0.6, 0.0, 0.01, seed))) for seed in range(400)]
+    assert set(found) <= {("offset",), ("offset", "thermal_drift"), ("thermal_drift", "offset")}
+    assert found.count(("offset",)) >= 0.97 * len(found)
+
+
+def test_a_step_that_may_go_on_is_tied_with_a_drift():
+    parts = [[replace(r, mean_um=r.mean_um + 0.005 * (r.t_s > 20) * (r.t_s - 60)) for r in part]
+             for part in records(3.0, 0.0, 0.05, 1)]  # fmt: skip
+    assert set(best_explained(session_shifts(*parts))) == {"offset", "thermal_drift"}
+
+
+@given(st.integers(0, 10**6), st.floats(0.001, 0.1), st.sampled_from([-1, 1]))
+def test_a_drift_that_has_begun_before_is_no_step(seed, scatter_um, sign):
+    """A stage that drifts by 10 nm/s stood 3 um off when the next session began: it was named an offset."""
+    shifts = session_shifts(*records(300 * scatter_um * sign, 2 * sign * scatter_um, scatter_um, seed))
+    assert best_explained(shifts) == ("thermal_drift",)
+    assert abs(shifts["thermal_drift"].amount - 2 * sign * scatter_um) < 4 * shifts["thermal_drift"].half
 
 
 @settings(max_examples=300)

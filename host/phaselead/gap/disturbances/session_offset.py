@@ -1,13 +1,14 @@
 """A zero that moved between the reference session and the later ones, at once or steadily.
 
 The search compares every record about its own offset and so cannot see this. Here the offsets themselves are the data,
-one number per record: a step after the reference session, or a drift that begins with it.
+one number per record: a step after the reference session, a drift that begins with it, or both. A step beyond which the
+records go on to drift is no name for itself: a quick warming begins like one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as t_distribution
@@ -17,6 +18,9 @@ from phaselead.record import Samples
 
 ALL_P, HELD_OUT_P = 1e-6, 1e-2
 """Largest probability of a shift by chance, over all records and over the held-out ones against the reference."""
+GOES_ON_P = 1e-2
+"""Probability by which chance alone makes records after a step look as if they went on to drift; the step is then tied
+with a drift."""
 LEAST_SHIFT = 5.0
 """Smallest shift that counts, in units of the scatter of single records."""
 DISTINCT = 2.0
@@ -36,6 +40,10 @@ class RecordOffset:
     idle: bool = False
 
 
+Course = Callable[[RecordOffset], float]
+"""What multiplies an amount at a later record."""
+
+
 @dataclass(frozen=True)
 class Shift:
     """A step of the zero (um) or a drift of it (um/s), with the half-width of its 95 % interval."""
@@ -46,12 +54,15 @@ class Shift:
     """Whether it is beyond chance, found again in held-out records and shown by records at rest as well."""
     left_um2: float
     """Sum of squares that remains of the offsets."""
+    chance: float
+    """Probability of as much by chance."""
 
 
 def session_shifts(
     reference: Sequence[RecordOffset], train: Sequence[RecordOffset], holdout: Sequence[RecordOffset]
 ) -> Mapping[str, Shift]:
-    """A step and a drift, each by the name of the effect it would be.
+    """A step and a drift, each by the name of the effect it would be. A drift that goes on beyond any step refutes the
+    step by itself.
 
     Empty where the records do not suffice: driven ones of both sessions, and ones at rest of both, since anything that
     changes how the stage answers shifts the driven ones alone.
@@ -62,12 +73,18 @@ def session_shifts(
     if min(len(before), len(learned)) < FEWEST or not (held and at_rest[0] and at_rest[1]):
         return {}
     later, began_s = [*learned, *held], max(r.t_s for r in before)
-    starts = {"at once": None, "steadily": began_s}
-    return {
-        e.name: _shift(before, later, held, at_rest, starts[e.moves_zero])
-        for e in catalogue().values()
-        if e.moves_zero == "at once" or (e.moves_zero == "steadily" and min(r.t_s for r in later) > began_s)
-    }
+    names = {e.moves_zero: e.name for e in catalogue().values() if e.moves_zero is not None}
+    step, drift = names["at once"], names["steadily"]
+    found = {step: _shift(before, later, held, at_rest, None)}
+    if min(r.t_s for r in later) <= began_s:
+        return found
+    alone, beyond = (_shift(before, later, held, at_rest, began_s, beyond_step=b) for b in (False, True))
+    found[drift] = alone
+    if beyond.chance < GOES_ON_P and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
+        # Not a step alone; which of the two there is, or both, only a sure drift tells.
+        found[step] = replace(found[step], sure=found[step].sure and not beyond.sure)
+        found[drift] = replace(beyond, sure=found[step].sure or beyond.sure, left_um2=found[step].left_um2)
+    return found
 
 
 def best_explained(shifts: Mapping[str, Shift]) -> tuple[str, ...]:
@@ -85,39 +102,52 @@ def _shift(
     held: Sequence[RecordOffset],
     at_rest: tuple[Sequence[RecordOffset], Sequence[RecordOffset]],
     began_s: float | None,
+    *,
+    beyond_step: bool = False,
 ) -> Shift:
     """The shift of ``later`` records against those ``before``: a drift from ``began_s`` on, or a step where None.
 
-    ``at_rest`` are the records at rest before and later.
+    ``at_rest`` are the records at rest before and later. ``beyond_step``: the drift beside a step of any size.
     """
-    amount, error, scatter, p = _fitted(before, later, began_s)
-    again, _, _, p_again = _fitted(before, held, began_s)
-    reach = max(abs(amount) * _shape(r, began_s) for r in later)
+    columns: list[Course] = [_stepped if began_s is None else _drifted(began_s), *([_stepped] if beyond_step else [])]
+    amounts, error, scatter, p = _fitted(before, later, columns)
+    again, _, _, p_again = _fitted(before, held, columns)
+    moved = [abs(amounts[0] * columns[0](r)) for r in later]
+    reach = max(moved) - (min(moved) if beyond_step else 0.0)
     was = float(np.mean([r.mean_um for r in at_rest[0]]))
     seen_at_rest = all(
-        abs(r.mean_um - was - (e := amount * _shape(r, began_s))) < np.hypot(AT_REST * e, 3 * scatter)
+        abs(r.mean_um - was - (e := sum(a * of(r) for a, of in zip(amounts, columns, strict=True))))
+        < np.hypot(AT_REST * e, 3 * scatter)
         for r in at_rest[1]
     )
-    sure = seen_at_rest and p < ALL_P and p_again < HELD_OUT_P and amount * again > 0 and reach > LEAST_SHIFT * scatter
-    freedom = len(before) + len(later) - 2
-    return Shift(amount, float(t_distribution.isf(0.025, freedom)) * error, bool(sure), scatter**2 * freedom)
+    found_again = p_again < HELD_OUT_P and amounts[0] * again[0] > 0
+    sure = seen_at_rest and p < ALL_P and found_again and reach > LEAST_SHIFT * scatter
+    freedom = max(len(before) + len(later) - 1 - len(columns), 1)
+    half = float(t_distribution.isf(0.025, freedom)) * error
+    return Shift(amounts[0], half, bool(sure), scatter**2 * freedom, p)
 
 
-def _shape(record: RecordOffset, began_s: float | None) -> float:
-    """What multiplies the amount at a later record: 1 for a step, the seconds of drift otherwise."""
-    return 1.0 if began_s is None else record.t_s - began_s
+def _stepped(record: RecordOffset) -> float:
+    """What multiplies a step at a later record."""
+    return 1.0
+
+
+def _drifted(began_s: float) -> Course:
+    """What multiplies a drift from ``began_s`` on at a later record: the seconds since."""
+    return lambda record: record.t_s - began_s
 
 
 def _fitted(
-    before: Sequence[RecordOffset], after: Sequence[RecordOffset], began_s: float | None
-) -> tuple[float, float, float, float]:
-    """Amount, standard error, scatter of the records about the fit, and probability of as much by chance."""
-    shape = [0.0] * len(before) + [_shape(r, began_s) for r in after]
-    design: Samples = np.stack([np.ones(len(shape)), np.array(shape)], axis=1)
+    before: Sequence[RecordOffset], after: Sequence[RecordOffset], columns: Sequence[Course]
+) -> tuple[list[float], float, float, float]:
+    """Amount of each course, and of the first its standard error, the scatter of the records about the fit, and the
+    probability of as much by chance."""
+    shapes = [[0.0] * len(before) + [course(r) for r in after] for course in columns]
+    design: Samples = np.stack([np.ones(len(before) + len(after)), *map(np.array, shapes)], axis=1)
     y = np.array([r.mean_um for r in (*before, *after)])
     amounts, *_ = np.linalg.lstsq(design, y, rcond=None)
-    freedom = max(len(y) - 2, 1)
+    freedom = max(len(y) - design.shape[1], 1)
     scatter = float(np.sqrt(np.sum((y - design @ amounts) ** 2) / freedom))
     error = scatter * float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1]))
     p = 2 * float(t_distribution.sf(abs(amounts[1]) / max(error, 1e-15), freedom))
-    return float(amounts[1]), error, scatter, p
+    return amounts[1:].tolist(), error, scatter, p
