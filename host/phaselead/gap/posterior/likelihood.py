@@ -49,8 +49,9 @@ from phaselead.record import Samples
 
 LIKE_RIVALS = 0.1
 """Share of an effect, root of the squares, that its equation may miss and that looks like others which the catalogue
-says it is confused with, all together. A prior of the size of that misfit, chosen and not
-measured: it lies within the 2 to 20 % that models of hysteresis, creep and modes are taken to leave."""
+says it is confused with, and that their equations may miss and looks like it, all together. A prior of the size of that
+misfit, chosen and not measured: it lies within the 2 to 20 % that models of hysteresis, creep and modes are taken to
+leave."""
 STEPS, LEAST_GAIN, DAMPINGS = 8, 0.05, 5
 """Of a fit at most, the gain in log units that ends it, and how many dampings a step tries."""
 
@@ -106,24 +107,25 @@ class Likelihood:
 
     def with_misfit_of(self, entries: Sequence[SizedEffect]) -> Likelihood:
         """The same, where what the equations of some effects miss may look like the known ones that they are confused
-        with."""
+        with, and, since one of those may be what is there, what its equation misses like the effect itself."""
         shared = list(self.shared)
         for i, (effect, _) in enumerate(entries):
             size = self._size_um(entries, i)
-            rivals = [(rival, self._size_um([rival], 0)) for rival in self.known if confused(effect, rival[0])]
-            seen = [(rival, of_rival) for rival, of_rival in rivals if of_rival > 0]
-            like_rivals = [self._like(run, seen) for run in self.runs]
-            in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_rivals, strict=True)))
+            rivals = [rival for rival in self.known if confused(effect, rival[0])]
+            alike = [(one, self._size_um([one], 0)) for one in (*rivals, *([entries[i]] if rivals else []))]
+            seen = [(one, um) for one, um in alike if um > 0]
+            like_them = [self._like(run, seen) for run in self.runs]
+            in_all = np.sqrt(sum(_squares(run, like) for run, like in zip(self.runs, like_them, strict=True)))
             if in_all > 0:
-                for j, like in enumerate(like_rivals):
+                for j, like in enumerate(like_them):
                     shared[j] = np.concatenate([shared[j], LIKE_RIVALS * size / in_all * like], axis=1)
         return replace(self, shared=tuple(shared))
 
     @staticmethod
-    def _like(run: BlockedRun, rivals: Sequence[tuple[SizedEffect, float]]) -> Samples:
+    def _like(run: BlockedRun, alike: Sequence[tuple[SizedEffect, float]]) -> Samples:
         """Coefficients (n - 1, k) of all that some effects may take, one prior deviation of a parameter each, for 1 um
         of what each adds."""
-        each = [run.simulated([r]).of_tangents(len(r[0].parameters)) * fault_deviations(r) / um for r, um in rivals]
+        each = [run.simulated([e]).of_tangents(len(e[0].parameters)) * fault_deviations(e) / um for e, um in alike]
         return np.concatenate([np.zeros((run.rows - 1, 0)), *each], axis=1)
 
     def _size_um(self, entries: Sequence[SizedEffect], index: int) -> float:
