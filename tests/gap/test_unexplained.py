@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from phaselead.gap.findings import GapSize
+from phaselead.gap.generic_model import FOLDS, columns_of, moments_of
 from phaselead.gap.goodness_of_fit import too_little_described
 from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.records import GapRun
@@ -140,3 +141,16 @@ def test_names_are_not_vouched_for_where_more_is_left_than_their_equations_may_m
 
 def test_what_may_be_chance_withdraws_no_name():
     assert not too_little_described(Unexplained(0.5, 0.6), GapSize(1.0, 1.0, 0.1))
+
+
+@pytest.mark.parametrize(("count", "whole"), [(3, False), (4, True), (9, True)])
+def test_a_column_is_believed_when_it_predicts_other_records(count, whole):
+    """A part of a record is told by the rest of it, also by columns that mislead in any other: a mode beside loops that
+    a model had a little wrong was called nothing."""
+    runs = part(outsiders.mode, range(count))
+    columns = columns_of([r.run for r in runs])
+    found = moments_of(columns, [r.run for r in runs], [r.error_um for r in runs])
+    each = [moments_of(columns, [r.run], [r.error_um]).power.sum() for r in runs]
+    by_record = [sum(each[fold::FOLDS]) for fold in range(FOLDS)]
+    assert found.power.sum() == pytest.approx(sum(each))
+    assert (found.power == pytest.approx(by_record)) is whole

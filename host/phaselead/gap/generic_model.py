@@ -2,7 +2,7 @@
 
 It is linear in its columns: averages of the voltage over past windows, modes at every frequency, plays, bends, and
 products of the position that a linear model predicts. The ridge of each kind of column (Hoerl and Kennard 1970) is
-chosen by leaving out quarters of the records that it is fitted to.
+chosen by leaving out a quarter of the records that it is fitted to: it is to predict others.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ SPEED_TIMES_s = (0.003, 0.03, 0.3, 3.0)
 POWER_LAGS = 6
 """Windows of past powers of the position: what a spring that hardens does comes late."""
 FOLDS = 4
-"""Parts of every record that are left out in turn."""
+"""That are left out in turn: whole records, or parts of every record where there are fewer. A part of a record is
+predicted from the rest of it also by columns that say nothing of any other record."""
 RIDGES = tuple(10.0**e for e in range(-6, 3))
 """Tried for all columns: precision of an amount's prior, as a share of what the records say of it at most."""
 NO_AMOUNT = 1e9
@@ -192,16 +193,16 @@ def moments_of(columns: Columns, runs: Sequence[GapRun], targets: Sequence[Sampl
     kinds, found = np.zeros(0, dtype=np.intp), []
     for i, (run, target) in enumerate(zip(runs, targets, strict=True)):
         made, kinds = columns.of(run)
-        found.append(_by_fold(made, target - target.mean(), i))
+        found.append(_by_fold(made, target - target.mean(), i, FOLDS if len(runs) < FOLDS else 1))
     squares, along, power = (np.sum(part, axis=0) for part in zip(*found, strict=True))
     return Moments(kinds, squares, along, power)
 
 
-def _by_fold(columns: NDArray[np.float32], target: Samples, shift: int) -> tuple[Samples, Samples, Samples]:
-    """Moments of one run: its quarters go to different folds, the first to fold ``shift``."""
+def _by_fold(columns: NDArray[np.float32], target: Samples, shift: int, parts: int) -> tuple[Samples, Samples, Samples]:
+    """Moments of one run: its ``parts`` go to different folds, the first to fold ``shift``."""
     k = columns.shape[1]
     squares, along, power = np.zeros((FOLDS, k, k)), np.zeros((FOLDS, k)), np.zeros(FOLDS)
-    edges = np.linspace(0, len(target), FOLDS + 1).astype(int).tolist()
+    edges = np.linspace(0, len(target), parts + 1).astype(int).tolist()
     for part, (start, stop) in enumerate(pairwise(edges)):
         fold = (part + shift) % FOLDS
         power[fold] = float(target[start:stop] @ target[start:stop])
