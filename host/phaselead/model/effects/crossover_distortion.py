@@ -79,6 +79,7 @@ EFFECT = Effect(
     alone_as="backlash",
     compensation="None: it takes an amplifier with more quiescent current, or a faster loop.",
     apply=apply,
+    fitted_with_modes=True,
     picture=Picture("loop", {"width_V": 2.0, "tau_s": 5e-3}),
     virtual=virtual,
     repeatable=True,
