@@ -79,7 +79,7 @@ def test_another_level_shows_softening(records, weak, tmp_path):
         "-o", tmp_path / "next.toml", "--json", tmp_path / "gap.json",
     )  # fmt: skip
     found = json.loads((tmp_path / "gap.json").read_text())
-    assert {"softening"} <= {e["name"] for e in found["effects"]} <= {"softening", "dead_band"}
+    assert {"softening"} <= {e["name"] for e in found["effects"]} <= {"softening", "crossover_distortion"}
     softening = next(e["params"] for e in found["effects"] if e["name"] == "softening")
     assert softening["exponent"]["ci95"] == [0.5, 2.0]  # two levels fix a line, whatever the power
     assert "is not determined" in said
@@ -90,10 +90,12 @@ def test_another_level_shows_softening(records, weak, tmp_path):
     }
     assert set(after) == set(BAR)
     assert all(after[level] < bar for level, bar in BAR.items())
-    assert after["0.099"] < 5.15
-    assert after["0.3"] < 3.75
-    widths = [
-        e.params["width_V"] for a in load_stage(tmp_path / "next.toml").axes.values() for e in a.effects
-        if e.name == "dead_band"
+    assert after["0.099"] < 4.2
+    assert after["0.3"] < 3.6
+    amplifiers = [
+        e.params for a in load_stage(tmp_path / "next.toml").axes.values() for e in a.effects
+        if e.name == "crossover_distortion"
     ]  # fmt: skip
-    assert widths == pytest.approx([3e-3] * 3, rel=0.2)  # of one size at every actuator
+    assert len(amplifiers) == 3
+    for name, typical in (("width_V", 0.0245), ("tau_s", 8.3e-5)):  # three of one type
+        assert [a[name] for a in amplifiers] == pytest.approx([typical] * 3, rel=0.15)

@@ -45,6 +45,7 @@ def sizes(name):
         "load_change": {"mass": 0.5},
         "rate_dependence": {"growth": 0.03, "stribeck": 0.02, "coulomb": 0.03},
         "dead_band": {"width_V": 0.1},
+        "crossover_distortion": {"width_V": 0.3, "tau_s": 5e-3},
         "stiffness_nonlinearity": {"square": 0.02, "cube": -0.03},
         "sensor_lowpass": {"tau_s": 1e-3},
         "amplifier_lowpass": {"tau_s": 1e-3},

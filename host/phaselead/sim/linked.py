@@ -18,6 +18,7 @@ from phaselead.model import AxisModel, CheckedParameters, Place, Stage, VirtualA
 from phaselead.sim.structures import (
     BACKLASH,
     CLIP,
+    CROSSOVER,
     DEADZONES,
     FADING,
     FRICTION,
@@ -96,6 +97,9 @@ class LinkedParts(VirtualAxis):
 
     def slack(self, half: float) -> None:
         self._link(lambda: _link(BACKLASH, half))
+
+    def crossover(self, half: float, tau_s: float) -> None:
+        self._link(lambda: _link(CROSSOVER, half, tau_s))
 
     def level_gain(self, kappa: float, tau_s: float, about_mean: float, exponent: float) -> None:
         self._link(lambda: _link(SOFTENING, kappa, self.range_um, tau_s, about_mean, exponent))

@@ -6,7 +6,7 @@ import ctypes
 
 POLES, NUMBERS, PLAYS, DEADZONES, FADING, LINKS, SENSOR_LINKS, HUM_LINES, TOP_BITS = 48, 6, 192, 32, 16, 16, 4, 3, 8
 """Bounds of the kernel, as in link.h, linked.h and surroundings.h."""
-POLES_SUM, SLEW, CLIP, OPERATOR, SOFTENING, BACKLASH, FRICTION, STIFFNESS = range(1, 9)
+POLES_SUM, SLEW, CLIP, OPERATOR, SOFTENING, BACKLASH, FRICTION, STIFFNESS, CROSSOVER = range(1, 10)
 """enum link_kind."""
 
 

@@ -39,7 +39,8 @@ def test_without_effects_it_is_the_time_view_to_the_last_bit():
 def test_physical_order():
     """Each stage sees what comes before it and nothing of what comes after."""
     order = (
-        *("dac_nonlinearity", "delay", "slew_limit", "amplifier_lowpass", "saturation", "charge_leakage", "dead_band"),
+        *("dac_nonlinearity", "delay", "crossover_distortion", "slew_limit", "amplifier_lowpass", "saturation"),
+        *("charge_leakage", "dead_band"),
         *("hysteresis", "fading_hysteresis", "asymmetric_hysteresis", "rate_dependence", "softening", "creep"),
         *("backlash", "resonance"),
         *(

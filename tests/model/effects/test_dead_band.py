@@ -59,7 +59,11 @@ def test_it_bends_the_position_modes_included(square, cube):
 
 def test_what_stands_for_an_effect_on_one_axis_is_in_the_catalogue():
     stand_ins = {e.name: e.alone_as for e in catalogue().values() if e.alone_as is not None}
-    assert stand_ins == {"dead_band": "backlash", "stiffness_nonlinearity": "sensor_nonlinearity"}
+    assert stand_ins == {
+        "crossover_distortion": "backlash",
+        "dead_band": "backlash",
+        "stiffness_nonlinearity": "sensor_nonlinearity",
+    }
     assert all(name in catalogue() for name in stand_ins.values())
 
 

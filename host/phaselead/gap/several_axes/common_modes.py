@@ -106,10 +106,15 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Progress) -> 
     return found
 
 
+def fitted_parameters(effect: Effect) -> tuple[Parameter, ...]:
+    """What is fitted of an effect in front of the modes: its first size and its shapes. Those of softening are tried
+    one by one, since its level is slow."""
+    return effect.sizes[:1] if effect.shared_modes == "level" else (*effect.sizes[:1], *effect.shapes)
+
+
 @dataclass(frozen=True)
 class _InFront:
-    """What is fitted in front of the modes: softening of every actuator, and by their first size the effects
-    ``others``."""
+    """What is fitted in front of the modes: softening of every actuator, and the effects ``others``."""
 
     axes: tuple[str, ...]
     others: tuple[Effect, ...]
@@ -118,18 +123,27 @@ class _InFront:
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """In the order of the values."""
+        """Softening first."""
         return (effect_of("level"), *self.others)
 
+    @property
+    def first_values(self) -> Samples:
+        """From which a fit begins: nothing softens, everything else is as is typical."""
+        found = [0.0 if e.shared_modes == "level" else p.typical for e in self.effects for p in fitted_parameters(e)]
+        return np.repeat(found, len(self.axes))
+
     def entries(self, values: Sequence[float]) -> dict[str, list[Entry]]:
-        """The effects of every axis for ``values``: the first size of each effect, axis by axis. How softening moves
-        the modes is left to their fit."""
+        """The effects of every axis for ``values``: each fitted parameter of each effect in turn, axis by axis. How
+        softening moves the modes is left to their fit."""
         found: dict[str, list[Entry]] = {axis: [] for axis in self.axes}
         shapes = {"tau_s": self.tau_s, "exponent": self.exponent}
-        for effect, of_axes in zip(self.effects, np.reshape(values, (-1, len(self.axes))), strict=True):
+        by_parameter = iter(np.reshape(values, (-1, len(self.axes))).tolist())
+        for effect in self.effects:
             given = shapes if effect.shared_modes == "level" else {}
-            for axis, value in zip(self.axes, of_axes.tolist(), strict=True):
-                found[axis].append((effect, effect.complete({**given, effect.sizes[0].name: value})))
+            of_axes = {p.name: next(by_parameter) for p in fitted_parameters(effect)}
+            for i, axis in enumerate(self.axes):
+                own = {name: values[i] for name, values in of_axes.items()}
+                found[axis].append((effect, effect.complete({**given, **own})))
         return found
 
     def shaping(self, records: Sequence[JointRecord], values: Samples) -> Shaping:
@@ -144,8 +158,8 @@ class _InFront:
                 known[key] = [s.drive(self.entries(at.tolist())) for s in records]
             return known[key]
 
-        sizes = [effect.sizes[0] for effect in self.effects]
-        rows = [(SIZE_STEP * p.typical, p.low, p.high) for p in sizes for _ in self.axes]
+        fitted = [p for effect in self.effects for p in fitted_parameters(effect)]
+        rows = [(SIZE_STEP * p.typical, p.low, p.high) for p in fitted for _ in self.axes]
         steps, low, high = np.array(rows, dtype=np.float64).T
         return Shaping(drives, values, steps, low, high)
 
@@ -156,7 +170,7 @@ def fit_softening(
     """The modes of ``start``, with poles and gains that follow the level of the actuators, and with the effects
     ``others`` in front of them."""
     front = _InFront(train[0].axes, tuple(others))
-    values = np.zeros(len(front.effects) * len(front.axes))
+    values = front.first_values
     shift = np.zeros(len(start.model.poles), dtype=complex)
 
     def fitted(

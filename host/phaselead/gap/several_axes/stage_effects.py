@@ -9,7 +9,7 @@ import numpy as np
 
 from phaselead.gap.adopt import stage_file_entry
 from phaselead.gap.findings import TWO_SIDED_95, Estimate, Estimates, NamedEffect
-from phaselead.gap.several_axes.common_modes import CommonModes
+from phaselead.gap.several_axes.common_modes import CommonModes, fitted_parameters
 from phaselead.model import AxisModel, Effect, Params, TimeView, rest_position_um
 from phaselead.record import Samples
 
@@ -60,12 +60,14 @@ def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[st
 def in_front(fit: CommonModes, axis: int) -> dict[str, dict[str, Estimate | Estimates]]:
     """The effects between one actuator and the modes by name: softening, and what was fitted beside it."""
     found: dict[str, dict[str, Estimate | Estimates]] = {}
-    for i, (effect, params) in enumerate(list(fit.entries.values())[axis]):
-        index = i * len(fit.entries) + axis
-        value, std = float(fit.fit.values[index]), float(fit.fit.value_std[index])
-        size, low = effect.sizes[0], value - TWO_SIDED_95 * std
-        bounded = max(low, size.low), min(value + TWO_SIDED_95 * std, size.high)
-        found[effect.name] = {size.name: (value, size.unit, bounded)}
+    index = axis
+    for effect, params in list(fit.entries.values())[axis]:
+        found[effect.name] = {}
+        for p in fitted_parameters(effect):
+            value, std = float(fit.fit.values[index]), float(fit.fit.value_std[index])
+            bounded = max(value - TWO_SIDED_95 * std, p.low), min(value + TWO_SIDED_95 * std, p.high)
+            found[effect.name][p.name] = (value, p.unit, bounded)
+            index += len(fit.entries)
         if effect.shared_modes == "level":
             found[effect.name] |= _level_shapes(fit, effect, params) | _shifts(fit, axis)
     return found

@@ -46,7 +46,6 @@ EFFECT = Effect(
     alone_as="backlash",
     compensation="None: its inverse is a jump by the width at each reversal, which no amplifier follows.",
     apply=apply,
-    fitted_with_modes=True,
     picture=Picture("loop", {"width_V": 1.0}),
     virtual=virtual,
     repeatable=True,

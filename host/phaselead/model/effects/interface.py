@@ -243,7 +243,8 @@ class Effect:
     shared_modes: ModePart | None = None
     """Which part of the modes that the axes of a stage share it describes, if any."""
     fitted_with_modes: bool = False
-    """Whether it is fitted together with modes that axes share and their softening, by its first size, on each axis."""
+    """Whether it is fitted together with modes that axes share and their softening, on each axis: its first size, and
+    its shapes."""
     absorbed_by_modes: bool = False
     """Whether modes fitted to axes that move together take it up, so that such records cannot show it."""
     hard_to_tell_from: tuple[str, ...] = ()

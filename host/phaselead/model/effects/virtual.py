@@ -83,6 +83,10 @@ class VirtualAxis:
         """A play: follow no closer than ``half``."""
         _refuse()
 
+    def crossover(self, half: float, tau_s: float) -> None:
+        """y = x - tau dz/dt, z = d - v: v is a play of d no closer than ``half``, tau dd/dt = x - v."""
+        _refuse()
+
     def level_gain(self, kappa: float, tau_s: float, about_mean: float, exponent: float) -> None:
         """y = x + kappa X z sqrt(e)^exponent, tau de/dt = z^2 - e, z = x / X less ``about_mean`` times its mean over
         tau."""

@@ -95,6 +95,7 @@ bool link_make(struct link *link, const struct link_parameters *from, struct ope
     link->operator = operator;
     link->step_s = step_s;
     link->rest = link->in = link->out = rest;
+    link->drive = link->held = rest;
     switch (from->kind) {
     case LINK_POLES_SUM:
         return from->poles <= LINK_POLES && poles_make(link);
@@ -108,7 +109,7 @@ bool link_make(struct link *link, const struct link_parameters *from, struct ope
     default:
         for (int i = 0; i < LINK_SUBSTEPS; i++)
             link->recent[i] = rest;
-        return from->kind <= LINK_STIFFNESS;
+        return from->kind <= LINK_STIFFNESS || (from->kind == LINK_CROSSOVER && from->number[1] > 0);
     }
 }
 
@@ -151,6 +152,24 @@ static double friction_step(struct link *link, double x)
     return x - 0.5 * n[0] * link->drag;
 }
 
+/* What goes in less tau times the rate at which the drive leaves what is held. The loop is a lag of the drive while
+ * that is held, and of what is held while it follows; a substep that begins in one and ends in the other is cut there.
+ */
+static double crossover_step(struct link *link, double x)
+{
+    const double *n = link->with->number;
+    double aim = 0.5 * (x + link->in), off = link->drive - link->held, left = link->step_s;
+    double drive = link->drive + (aim - link->held) * left / n[1];
+    double edge = aim > link->held ? n[0] : -n[0];
+    if (fabs(drive - link->held) > n[0]) {
+        left -= (link->held + edge - link->drive) / (aim - link->held) * n[1];
+        link->held = aim + (link->held - aim) * exp(-left / n[1]);
+        drive = link->held + edge;
+    }
+    link->drive = drive;
+    return aim - n[1] * (drive - link->held - off) / link->step_s;
+}
+
 double link_step(struct link *link, double x)
 {
     const double *n = link->with->number;
@@ -175,6 +194,9 @@ double link_step(struct link *link, double x)
         break;
     case LINK_FRICTION:
         link->out = friction_step(link, x);
+        break;
+    case LINK_CROSSOVER:
+        link->out = crossover_step(link, x);
         break;
     default: /* LINK_STIFFNESS, as link_make() has seen to */
         link->out = x + x * (x / n[0]) * (n[1] + n[2] * (x / n[0]));

@@ -24,6 +24,7 @@ enum link_kind {
     LINK_BACKLASH,      /* number[0]: half the slack */
     LINK_FRICTION,      /* X, path to turn, onset in X/s, openings: growth per decade, loss to sliding, at any rate */
     LINK_STIFFNESS,     /* X, added at the whole range, of it: in proportion to the square and to the cube */
+    LINK_CROSSOVER,     /* half the dead zone, tau of the loop around it */
 };
 
 struct link_parameters {
@@ -56,6 +57,7 @@ struct link {
     double state_re[LINK_POLES], state_im[LINK_POLES]; /* of LINK_POLES_SUM */
     double decay_re[LINK_POLES], decay_im[LINK_POLES], behind_re[LINK_POLES], behind_im[LINK_POLES];
     double mean, level;                 /* of LINK_SOFTENING */
+    double drive, held;                 /* of LINK_CROSSOVER: into the dead zone, and out of it */
     double recent[LINK_SUBSTEPS], drag; /* of LINK_FRICTION: what went in over the last tick, and the friction */
     unsigned now;
 };
