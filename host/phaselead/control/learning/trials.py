@@ -109,7 +109,15 @@ def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
         raise BadInput(f"{trials} trials: give one or more")
     for axis, waveform in waveforms.items():
         if not waveform.periodic:
-            raise BadInput(f"{axis}: a move is driven once and cannot be learned; write it as a period (file:...@1Hz)")
+            raise BadInput(f"{axis}: what is driven once does not repeat; {_again_and_again(waveform)} does")
+
+
+def _again_and_again(waveform: Waveform) -> str:
+    """How the same is written as a path that repeats."""
+    if waveform.played_as == "points":
+        return f"path:FILE@{waveform.f_Hz:.6g}Hz, the file over and over,"
+    way = abs(waveform.offset + waveform.swing) or 10.0
+    return f"staircase:{way:g}{waveform.unit}/1@1Hz, there and back with a rest at both ends,"
 
 
 def _about(own: Gains, asked: Gains) -> str:
