@@ -202,6 +202,6 @@ bool axis_leave(struct axis_config *config, const struct axis_model *model, stru
                                  .enter_turn64 = config->leave_turn64,
                                  .enter_ticks = config->leave_ticks};
     axis_begin(config, model, state, &hold, axis_wait_ticks(config, model));
-    state->path.running = 0;
+    state->path.running = state->path.wait_ticks = 0; /* it stands: what is queued behind it waits for the join alone */
     return true;
 }

@@ -1,6 +1,7 @@
 """Learning: the error of what is learned shrinks, what does not repeat is left alone, a table is for one path only."""
 
 import json
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from one_mode_model import AXIS, STAGE, VIEW
 
+import phaselead as pl
 from phaselead.control.feedback_loop import local_gains, open_loop, pid_response
 from phaselead.control.gains import design_gains
 from phaselead.control.kept_runs import KeptRuns
@@ -291,6 +293,8 @@ def test_a_damaged_table_is_refused(tmp_path):
     ("wave", "mode", "stage", "trials", "said"),
     [
         ("sine:30um@20Hz", "pid", STAGE, 3, "mode pid is not learned in"),
+        ("goto:50um", "inverse", STAGE, 3, "staircase:50um/1@1Hz, there and back"),
+        ("step:-5um", "inverse", STAGE, 3, "staircase:5um/1@1Hz"),
         ("goto:30um", "inverse+pid", STAGE, 3, "driven once"),
         ("sine:30um@20Hz", "inverse+pid", None, 3, "--model"),
         ("sine:30um@20Hz", "inverse+pid", STAGE, 0, "one or more"),
@@ -303,6 +307,18 @@ def test_what_cannot_be_learned_is_refused_before_anything_moves(wave, mode, sta
         with pytest.raises(BadInput, match=said):
             learn(device, {"x": parse_wave(wave)}, mode, stage=stage, gains=GAINS, trials=trials)
         assert device.status().state == "parked"
+
+
+def test_what_a_refusal_of_a_single_drive_names_is_learned(tmp_path):
+    """It said to write a move as a period, not how."""
+    path = tmp_path / "scan.csv"
+    path.write_text("t_s,x_um\n0,0\n0.05,10\n0.1,0\n")
+    with pl.connect() as dev:
+        for wave in ("goto:10um", f"path:{path}"):
+            with pytest.raises(BadInput, match="driven once") as refusal:
+                dev.learn(wave, model=STAGE, trials=1)
+            named = re.search("repeat; (.+?),", str(refusal.value))[1].replace("FILE", str(path))
+            assert len(dev.learn(named, model=STAGE, trials=1).trials) == 2
 
 
 def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tmp_path):

@@ -104,6 +104,24 @@ def test_moves_queue_behind_each_other(dev):
     assert abs(dev.x.where().x_um - 20) < 0.2
 
 
+def test_a_move_begins_in_the_tick_that_was_asked_for(dev):
+    dev.x.move(10)
+    tick = dev.where().tick
+    dev.move(x=60, duration=0.05, begin_tick=tick + 2000, wait=False)
+    dev.move(x=20, duration=0.05, begin_tick=tick + 6000, wait=False)
+    seen = []
+    while (now := dev.where()).tick < tick + 8000:
+        seen.append((now.tick - tick, now.x.reference_um))
+        dev.device.session.pump(64)
+    assert {um for at, um in seen if at < 2000} == {10}
+    assert {um for at, um in seen if 2300 < at < 6000} == {60}
+    assert {um for at, um in seen if at > 6400} == {20}
+    moved = dev.move(x=40, duration=0.05, begin_tick=dev.where().tick + 2000)
+    assert 0.05 <= moved.axes["x"].settled_s < 0.2
+    with pytest.raises(pl.DeviceRefused, match="begin_tick has passed"):
+        dev.move(x=60, begin_tick=5)
+
+
 def test_hold_stops_a_move(dev):
     dev.x.move(10)
     dev.x.move(150, duration=0.5, wait=False)

@@ -34,6 +34,19 @@ def test_a_path_goes_on_until_it_is_held_and_moves_go_on_from_there():
         assert dev.where().state == "running"
 
 
+def test_a_path_that_has_ended_moves_no_more():
+    """In a mode that looks ahead it was said to move for ever, and a move after it never began."""
+    with pl.connect() as dev:
+        dev.upload(pl.load("sim://xyz250"))
+        dev.play(x="sine:20um@5Hz", y="sine:20um@5Hz", z="sine:20um@5Hz", mode="inverse+pid", duration=0.5)
+        dev.device.wait(1)
+        assert not dev.where().x.moving
+        moved = dev.move(x=30, wait=False)
+        dev.device.wait(0.5)
+        assert moved.axes["x"].to_um == 30
+        assert abs(dev.where().x.x_um - 30) < 0.2
+
+
 def test_what_cannot_be_driven_is_refused_before_anything_moves():
     with pl.connect() as dev:
         for wave, mode in (("sine:60um@5Hz", "open"), ("sine:5V@5Hz", "pid"), ("sine:60um@5Hz", "inverse")):

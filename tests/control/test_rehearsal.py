@@ -13,6 +13,7 @@ from phaselead.device.device import Device
 from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, TableView, TimeView
 from phaselead.model.stage_file import Stage
+from phaselead.sim import virtual_stage
 from phaselead.waveforms.catalogue import parse_wave
 
 AXIS = AxisModel(
@@ -50,6 +51,43 @@ def test_what_the_stage_can_do_is_let_through(wave, mode):
     rehearse({"x": parse_wave(wave)}, mode, STAGE, GAINS)
 
 
+@pytest.mark.parametrize(
+    ("wave", "mode"), [("sine:60um@5Hz", "pid"), ("sine:30um@50Hz", "inverse"), ("goto:60um", "pid")]
+)
+def test_what_the_rehearsal_says_of_the_error_comes_true(tmp_path, wave, mode):
+    """It said nothing of a path that it let through."""
+    virtual_stage(STAGE).save(tmp_path / "stage.toml")
+    told = []
+    with pl.connect(f"sim://{tmp_path}/stage.toml") as dev:
+        run = dev.track(wave, mode=mode, model=STAGE, gains=(0, 15, 1e-5), on_rehearsed=told.append)
+    (said,) = told
+    assert said["x"].max_um == pytest.approx(run.figures["max_um"], rel=0.1)
+    assert said["x"].rms_um == pytest.approx(run.figures["rms_um"], rel=0.1)
+    assert run.figures["predicted"] == vars(said["x"])
+    assert said["x"].sentence("x").startswith(f"x: on the model off by at most {said['x'].max_um:.3g} um (")
+
+
+def test_each_axis_is_said_and_of_a_long_path_that_it_is_of_its_begin():
+    stage = Stage(name="two", axes={"x": AXIS, "y": AXIS})
+    with pl.connect() as dev:
+        run = dev.track(x="sine:10um@5Hz", y="sine:5um@5Hz", mode="pid", gains=(0, 15, 1e-5), model=stage, duration=2.4)
+    by_axis = {axis: figures["predicted"] for axis, figures in run.of_axes()}
+    assert by_axis["x"]["max_um"] > by_axis["y"]["max_um"] > 0
+    assert by_axis["x"]["first_s"] == 2.0
+    assert (
+        rehearse({"x": parse_wave("sine:10um@5Hz")}, "pid", STAGE, GAINS, 2.4)["x"]
+        .sentence("x")
+        .endswith(", in its first 2 s")
+    )
+
+
+def test_learning_says_it_of_the_first_trial_alone():
+    told = []
+    with pl.connect() as dev:
+        dev.learn("sine:10um@50Hz", model=STAGE, gains=(0, 15, 1e-5), trials=1, on_rehearsed=told.append)
+    assert len(told) == 1
+
+
 def with_limits(**limits):
     return AXIS.model_copy(update={"limits": AXIS.limits.model_copy(update=limits)})
 
@@ -78,9 +116,9 @@ def test_what_the_tables_do_not_cover_does_not_work():
 
 def test_nothing_is_said_where_nothing_is_known():
     fast = {"x": parse_wave("sine:60um@300Hz")}
-    rehearse(fast, "pid", None, {})
-    rehearse(fast, "pid", Stage(name="bare", axes={"x": AxisModel()}), GAINS)
-    rehearse({"y": fast["x"]}, "pid", STAGE, {"y": GAINS["x"]})
+    assert rehearse(fast, "pid", None, {}) == {}
+    assert rehearse(fast, "pid", Stage(name="bare", axes={"x": AxisModel()}), GAINS) == {}
+    assert rehearse({"y": fast["x"]}, "pid", STAGE, {"y": GAINS["x"]}) == {}
 
 
 def test_refused_means_not_moved_and_force_goes_on():

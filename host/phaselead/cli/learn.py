@@ -17,7 +17,7 @@ from phaselead.cli.common import (
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
-from phaselead.cli.track import follows_option, gains_option
+from phaselead.cli.track import follows_option, gains_option, telling
 from phaselead.control import Follows, connect
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES
@@ -86,6 +86,7 @@ def learn(
             save=save_to,
             overwrite=overwriting(),
             on_progress=advance,
+            on_rehearsed=telling(json_to),
         )
     if output is not None:
         found.save(output, overwrite=overwriting())

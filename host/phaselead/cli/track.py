@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import click
 
@@ -15,6 +15,7 @@ from phaselead.cli.common import (
     port_option,
     progress,
     report_option,
+    tell,
     trigger_in_option,
     trigger_out_option,
     warn_of_gaps,
@@ -23,7 +24,16 @@ from phaselead.cli.common import (
 )
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, OutputFile, overwriting
-from phaselead.control import FOLLOWS, MODES, Follows, connect, load_learned, parse_outputs
+from phaselead.control import (
+    FOLLOWS,
+    MODES,
+    Follows,
+    OnRehearsed,
+    Predicted,
+    connect,
+    load_learned,
+    parse_outputs,
+)
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
 from phaselead.record import RUN_SUFFIXES
@@ -50,6 +60,16 @@ gains_option = click.option(
     metavar="paper|KP,KI,KD",
     help="V/um, V/(um s), V s/um; default: the stage file's, else designed for it; without one: paper.",
 )
+
+
+def telling(json_to: str | None) -> OnRehearsed:
+    """Says what the rehearsal says, before anything moves."""
+
+    def said(predicted: Mapping[str, Predicted]) -> None:
+        for axis, one in predicted.items():
+            tell(one.sentence(axis), json_to)
+
+    return said
 
 
 @top_level(order=70)
@@ -130,6 +150,7 @@ def track(
                     follows=follows or "true",
                     force=force,
                     on_progress=advance,
+                    on_rehearsed=telling(json_to),
                 )
         with progress(f"tracking {wave}", 1.0) as advance:
             run = device.track(
@@ -147,6 +168,7 @@ def track(
                 trigger_out=trigger_out,
                 trigger_in=trigger_in,
                 on_progress=advance,
+                on_rehearsed=telling(json_to),
             )
     warn_of_gaps(run.recording.facts())
     *parts, counted = run.tables()

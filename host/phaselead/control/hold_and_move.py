@@ -83,6 +83,7 @@ class HoldsAndMoves:
         force: bool = False,
         trigger_out: str | None = None,
         trigger_in: Quantity | None = None,
+        begin_tick: int = 0,
         on_planned: Callable[[Planned, Mapping[str, float | None]], None] | None = None,
     ) -> Moved:
         """Moves the axes together and holds them there; the next move begins where this one ended, without parking.
@@ -97,7 +98,8 @@ class HoldsAndMoves:
         Between two calls the device is kept alive; it parks when the session ends, or a second after the program was
         killed. ``trigger_out`` ("start", "target", "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves
         too, until another is given, or "none". ``trigger_in``: it begins at a rising edge of the trigger input, which
-        is waited for so many seconds.
+        is waited for so many seconds. ``begin_tick``: it begins in that tick of the device, which ``where().tick``
+        counts, 5000 a second; a move that is under way then is left by a join of 20 ms.
 
         The move runs on a model that is given first, unless ``rehearse`` is False or another move is under way;
         ``on_planned`` is given the plan and the seconds until each axis will have settled, before it starts.
@@ -126,7 +128,7 @@ class HoldsAndMoves:
         if pulses is not None:
             set_outputs(self.device, pulses)
         planned = _plan(mover, targets, duration, speed)
-        return mover.move(planned, predicted, wait=wait, edge_within_s=edge_within_s)
+        return mover.move(planned, predicted, wait=wait, edge_within_s=edge_within_s, begin_tick=begin_tick)
 
     def plan(
         self,

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, Unpack
 
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
-from phaselead.control.rehearsal import rehearse
+from phaselead.control.rehearsal import OnRehearsed, Predicted, rehearse
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
 from phaselead.control.tracking import Asked, run_recording, set_up, ticks_of, track
@@ -177,7 +177,7 @@ def track_to_file(
     on_progress: Progress | None = None,
     trigger_out: str | None = None,
     gains_given: bool = True,
-    on_rehearsed: Callable[[], None] | None = None,
+    on_rehearsed: OnRehearsed | None = None,
     **asked: Unpack[Asked],
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
@@ -185,15 +185,17 @@ def track_to_file(
     A run that ends in a fault is written too. One that does so on the model is refused before anything moves
     (``rehearse``), unless ``force`` is asked for. ``follows``: which position is to follow a path in micrometres.
     ``trigger_out``: as ``parse_outputs`` reads it. ``gains_given``: they are of somebody's choice for this run.
-    ``on_rehearsed`` is called once nothing is left that refuses it on the model, before anything moves.
+    ``on_rehearsed`` is called once nothing is left that refuses it on the model, before anything moves. What it is
+    given stands among the figures of the run too, as ``predicted``.
     """
     stage = asked.get("stage")
     pulses = parse_outputs(trigger_out, waveforms)
     waveforms = followed(waveforms, stage, follows, mode)
+    predicted: dict[str, Predicted] = {}
     if not asked.get("force"):
-        rehearse(waveforms, mode, stage, asked.get("gains") or {}, asked.get("duration_s"))
+        predicted = rehearse(waveforms, mode, stage, asked.get("gains") or {}, asked.get("duration_s"))
     if on_rehearsed is not None:
-        on_rehearsed()
+        on_rehearsed(predicted)
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
             run = track(device, waveforms, mode, on_progress=on_progress, sink=file.sink, pulses=pulses, **asked)
@@ -204,7 +206,7 @@ def track_to_file(
             _add(fault, output and _kept_in(output))
             raise
         file.write(run.capture, run.recording, run.true_um)
-    return run
+    return run.with_predicted({axis: vars(one) for axis, one in predicted.items()})
 
 
 def _add(fault: DeviceFault, *said: str | None) -> None:

@@ -317,14 +317,23 @@ class Mover:
         *,
         wait: bool = True,
         edge_within_s: float | None = None,
+        begin_tick: int = 0,
     ) -> Moved:
         """Makes a move, behind any that is under way; waits until all axes are on target, or a second after the move.
-        With ``edge_within_s`` it begins at an edge of the trigger input, which may take so long.
+        With ``edge_within_s`` it begins at an edge of the trigger input, which may take so long; with ``begin_tick``
+        in that tick of the device.
 
-        Raises DeviceRefused when a fault ends it, NoEdge when none has come: the axes hold where they were.
+        Raises DeviceRefused when the tick has passed or a fault ends it, NoEdge when none has come: the axes hold where
+        they were.
         """
-        segments = {axis: motion.move_segment(um, planned.duration_s) for axis, um in planned.target_um.items()}
-        tick = motion.queue(self.device, segments, at_trigger=edge_within_s is not None)
+        now = self.where().axes
+        joined = begin_tick > 0 and any(now[axis].moving for axis in planned.target_um)  # which may not have ended then
+        segments = {
+            axis: motion.move_segment(um, planned.duration_s, enter_s=STOP_S if joined else 0.0)
+            for axis, um in planned.target_um.items()
+        }
+        edge = edge_within_s is not None
+        tick = max(motion.queue(self.device, segments, at_trigger=edge, begin_tick=begin_tick), begin_tick)
         if edge_within_s is not None and wait:
             tick = self._wait_for_edge(tick, edge_within_s)
         axes = set(planned.target_um)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,36 +32,63 @@ LIMITED_SHARE = 0.1
 corners of a triangle that a stage can follow take a few per cent."""
 
 
+@dataclass(frozen=True)
+class Predicted:
+    """The error of one axis along its path on the model, over the same rows as the figures of a run."""
+
+    max_um: float
+    max_pct: float
+    rms_um: float
+    first_s: float | None
+    """It is of so much of the path's begin; None: of all of it."""
+
+    def sentence(self, axis: str) -> str:
+        """What will happen, in words; of a stage that is all that its model says."""
+        part = "" if self.first_s is None else f", in its first {self.first_s:g} s"
+        return f"{axis}: on the model off by at most {self.max_um:.3g} um ({self.max_pct:.2g} %){part}"
+
+
+OnRehearsed = Callable[[Mapping[str, Predicted]], None]
+"""Is given what the rehearsal says of each axis, nothing of paths without one, before anything moves."""
+
+
+class OnModel(NamedTuple):
+    """A run on the model: what goes wrong there, in words, and the errors of one that goes well."""
+
+    trouble: str | None
+    errors: dict[str, Predicted]
+
+
 def rehearse(
     waveforms: Mapping[str, Waveform],
     mode: str,
     stage: Stage | None,
     gains: Mapping[str, Gains],
     duration_s: float | None = None,
-) -> None:
-    """Runs the paths on the model for up to 2 s. Nothing is done in mode open, without a model of every axis, and for
-    models that the simulator cannot play.
+) -> dict[str, Predicted]:
+    """Runs the paths on the model for up to 2 s, and gives the error of each axis there. Nothing is done in mode open,
+    without a model of every axis, and for models that the simulator cannot play.
 
     Raises BadInput when the device would end in a fault, or its output be cut in a tenth of the ticks: the reason, and
     the nearest swing and frequency that work.
     """
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
-        return
+        return {}
     check_paths(waveforms, mode, stage)
     with _simulated(stage) as url:
         try:
-            said = _trouble(url, waveforms, mode, stage, gains, duration_s)
+            said, errors = _run_on(url, waveforms, mode, stage, gains, duration_s)
         except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
-            return
+            return {}
         if said is None:
-            return
+            return errors
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
         if "adc_rail" in said and (unseen := rests_unseen(stage.axes[axis])) is not None:
             raise BadInput(f"{axis}: on the model this {said}: {unseen}; or --force")
 
         def works(changed: Waveform) -> bool | None:
             try:
-                return _trouble(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s) is None
+                return _run_on(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s).trouble is None
             except (BadInput, DeviceRefused):
                 return None
 
@@ -80,7 +108,7 @@ def trouble_on_model(
     Raises BadInput or DeviceRefused where they cannot be played there.
     """
     with _simulated(stage) as url:
-        return _trouble(url, waveforms, mode, stage, gains, duration_s)
+        return _run_on(url, waveforms, mode, stage, gains, duration_s).trouble
 
 
 @contextmanager
@@ -110,28 +138,30 @@ def rests_unseen(model: AxisModel) -> str | None:
     )
 
 
-def _trouble(
+def _run_on(
     url: str,
     waveforms: Mapping[str, Waveform],
     mode: str,
     stage: Stage,
     gains: Mapping[str, Gains],
     duration_s: float | None,
-) -> str | None:
-    """What goes wrong on the run, in words; None where nothing does. Raises BadInput or DeviceRefused where it cannot
-    be played."""
-    seconds = min(duration_s or default_duration_s(waveforms), LONGEST_S)
+) -> OnModel:
+    """Raises BadInput or DeviceRefused where it cannot be played."""
+    asked_s = duration_s or default_duration_s(waveforms)
+    seconds = min(asked_s, LONGEST_S)
     try:
         with Device.open(url) as device:
             run = track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
     except DeviceFault as fault:
-        return f"ends in {str(fault).partition(' at tick')[0]}"
+        return OnModel(f"ends in {str(fault).partition(' at tick')[0]}", {})
     for axis in waveforms:
         share = _cut_share(run.capture, axis, converters(device_model(stage))[axis])
         shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
         if share > LIMITED_SHARE and shows_a_mode:
-            return f"{CUT} in {share:.0%} of the ticks of axis {axis}"
-    return None
+            return OnModel(f"{CUT} in {share:.0%} of the ticks of axis {axis}", {})
+    first_s = LONGEST_S if seconds < asked_s else None
+    errors = {axis: Predicted(one["max_um"], one["max_pct"], one["rms_um"], first_s) for axis, one in run.of_axes()}
+    return OnModel(None, errors)
 
 
 def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:

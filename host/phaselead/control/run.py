@@ -76,6 +76,15 @@ class Run(SampledResult):
         counts = {name: len(times_s) for name, times_s in found.items()}
         return replace(self, figures=self.figures | {"triggers": counts}, triggers=found)
 
+    def with_predicted(self, predicted: Mapping[str, Mapping[str, Any]]) -> Run:
+        """With what the rehearsal said of each axis among its figures, as ``predicted``."""
+        of_axes = ((axis, one) for axis, one in self.of_axes() if axis in predicted)
+        figures = {axis: one | {"predicted": dict(predicted[axis])} for axis, one in of_axes}
+        if not figures:
+            return self
+        whole = {"axes": self.figures["axes"] | figures} if "axes" in self.figures else next(iter(figures.values()))
+        return replace(self, figures=self.figures | whole)
+
     @property
     def t_s(self) -> Samples:
         """Times, shape (n,); 0 is the first tick of the path."""

@@ -13,6 +13,7 @@ from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.playing import Plays
+from phaselead.control.rehearsal import OnRehearsed, Predicted
 from phaselead.control.run import Run
 from phaselead.control.tracking import check_paths, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows, followed
@@ -49,6 +50,7 @@ class Runs(Plays):
         trigger_out: str | None = None,
         trigger_in: Quantity | None = None,
         on_progress: Progress | None = None,
+        on_rehearsed: OnRehearsed | None = None,
     ) -> Run:
         """Drives along a path, records every tick, parks, and judges: error = reference - measured position.
 
@@ -72,9 +74,10 @@ class Runs(Plays):
         step has settled), joined by commas; "y:line" of another axis. ``run.triggers`` has the pulses. ``trigger_in``:
         the path begins at a rising edge of the trigger input, which is waited for so many seconds.
 
-        The path runs on the model first, in the simulator. Raises BadInput for a path that mode, limits or model do not
-        allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was
-        recorded) when the device latches a fault.
+        The path runs on the model first, in the simulator; ``on_rehearsed`` is given, before anything moves, the error
+        of each axis there, which is ``predicted`` among the figures. Raises BadInput for a path that mode, limits or
+        model do not allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was recorded) when the
+        device latches a fault.
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         known = load_learned(learned) if isinstance(learned, str | os.PathLike) else learned
@@ -90,6 +93,12 @@ class Runs(Plays):
         given, stage = stage, stage if known is None else known.model_played(stage)
         unknown = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
         said = unknown + _said_against(waveforms, mode, chosen, stage, held, force=force)
+
+        def rehearsed(predicted: Mapping[str, Predicted]) -> None:
+            _warn(said, above=5)
+            if on_rehearsed is not None:
+                on_rehearsed(predicted)
+
         run = track_to_file(
             self.device,
             waveforms,
@@ -103,7 +112,7 @@ class Runs(Plays):
             on_progress=on_progress,
             trigger_out=trigger_out,
             gains_given=gains is not None,
-            on_rehearsed=lambda: _warn(said, above=5),
+            on_rehearsed=rehearsed,
             edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
         )
         if given is not None and stage is not given:
@@ -128,6 +137,7 @@ class Runs(Plays):
         save: str | os.PathLike[str] | None = None,
         overwrite: bool = False,
         on_progress: Progress | None = None,
+        on_rehearsed: OnRehearsed | None = None,
     ) -> Learned:
         """Drives along a periodic path up to ``trials`` times, each time corrected by the error that repeats; keeps the
         best. Give the result to ``track(learned=...)``, or ``save`` it.
@@ -137,8 +147,9 @@ class Runs(Plays):
         period to period, in the end to a loop against drift alone, and the result keeps them. Where the first trial
         shows that the modes have moved, the result comes with the inverse of where they are. The error is against the
         path that was asked for; every trial runs on the model first, but for one that only the device holds, whose
-        modes cannot be read back. ``save`` is a folder that keeps the run of every trial; one that holds recordings is
-        written over only with ``overwrite``. Raises BadInput as ``track`` does, and for a move.
+        modes cannot be read back. ``on_rehearsed`` as for ``track``, of the path before anything is learned. ``save``
+        is a folder that keeps the run of every trial; one that holds recordings is written over only with
+        ``overwrite``. Raises BadInput as ``track`` does, and for a move.
         """
         waveforms = _as_tables(given_waves(wave, axis, {"x": x, "y": y, "z": z}))
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
@@ -157,6 +168,7 @@ class Runs(Plays):
             turn_down=gains is None,
             kept=KeptRuns(save, overwrite=overwrite),
             on_progress=on_progress,
+            on_rehearsed=on_rehearsed,
         )
         return replace(found, wave=wave_text(wave, x, y, z))
 

@@ -1980,7 +1980,7 @@ class QueueRequest(Command[QueueReply]):
     NUMBER: ClassVar[int] = 0x41
     REPLY: ClassVar[type[Any]] = QueueReply
     REFUSALS: ClassVar[dict[int, str]] = {
-        Status.BAD_VALUE: "an axis not driven, or a path that begins elsewhere than the last ended; give it a join",
+        Status.BAD_VALUE: "an axis not driven, begin_tick has passed, or a path begins elsewhere: give it a join",
         Status.OUTSIDE_LIMITS: "outside the range of the axis, or faster than its limits; use a longer move or join",
         Status.BUSY: "the queue is full; wait until a path of it has begun",
         Status.WRONG_STATE: "nothing runs, or points of the path before are still to come",

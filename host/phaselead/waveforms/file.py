@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from phaselead.errors import BadInput
-from phaselead.waveforms.path_file import read_numbers
+from phaselead.waveforms.path_file import TIMES, read_numbers, unit_of_column
 from phaselead.waveforms.waveform import POINTS, Sampled, Shares
-from phaselead.waveforms.written import Unit, Written, short
+from phaselead.waveforms.written import Unit, Written
 
 SAME_PERIOD = 0.01
 """Relative difference up to which the times of a file agree with the frequency that was asked for: times are printed
 rounded, and uniform means within 1 % everywhere."""
-_COLUMN_UNITS: dict[str, Unit] = {"x_um": "um", "r_um": "um", "u_V": "V"}
 
 
 class OwnPath(NamedTuple):
@@ -97,31 +96,29 @@ def largest_difference(own: OwnPath, points: Shares) -> float:
 
 
 def read_period(path: str) -> tuple[float, float, Unit, OwnPath, tuple[float, float] | None]:
-    """One period from a file: a column of values, or times and values; a header may name them.
+    """One period from a file: a column of values, or times and values; a header may name them, with their units.
 
-    Lowest value, swing, unit, the path and, of a file with a column t_s, how long it takes without and with the way
-    from its last row back to its first, s.
+    Lowest value, swing, unit, the path and, of a file with a column of times, how long it takes without and with the
+    way from its last row back to its first, s.
     """
     source = f"waveform file {path}"
-    labels, rows = read_numbers(path, source, "one period", "one column of values, or times and values", 2)
+    layout = f"one column of values, or times and values; path:{path} drives a column an axis"
+    labels, rows = read_numbers(path, source, "one period", layout, 2)
     unit: Unit = "um"
+    values, timed = rows[:, -1], bool(labels) and labels[0] in TIMES
     if labels:
-        stranger = next((label for label in labels if label not in _COLUMN_UNITS and label != "t_s"), None)
-        if stranger is not None:
-            raise BadInput(f"{source}: column {short(stranger)} is none of t_s, x_um, r_um, u_V; rename it")
-        if labels[-1] == "t_s" or "t_s" in labels[1:] or (len(labels) == 2 and labels[0] != "t_s"):
-            raise BadInput(
-                f"{source}: its columns are {','.join(labels)}; expected t_s,x_um or t_s,u_V or one of them alone"
-            )
-        unit = _COLUMN_UNITS[labels[-1]]
+        if labels[-1] in TIMES or (len(labels) == 2 and not timed):
+            raise BadInput(f"{source}: its columns are {','.join(labels)}; one period is {layout}, as in t_s,x_um")
+        _, unit, scale = unit_of_column(labels[-1], source)
+        with np.errstate(over="ignore"):
+            values = values * scale
+    times = np.arange(len(rows), dtype=np.float64)
     if rows.shape[1] == 2:
-        times, values = rows[:, 0], rows[:, 1]
+        times = rows[:, 0] * (TIMES[labels[0]] if timed else 1.0)
         if (np.diff(times) <= 0).any():
             raise BadInput(
                 f"{source}: row {int(np.argmax(np.diff(times) <= 0)) + 2}: time does not advance; sort the rows"
             )
-    else:
-        times, values = np.arange(len(rows), dtype=np.float64), rows[:, 0]
     with np.errstate(over="ignore", invalid="ignore"):
         period = times[-1] - times[0] + (times[-1] - times[0]) / (len(times) - 1)
         swing = float(np.ptp(values))
@@ -131,5 +128,5 @@ def read_period(path: str) -> tuple[float, float, Unit, OwnPath, tuple[float, fl
         raise BadInput(f"{source}: its values are all {values[0]:g}; use goto to hold a position")
     lowest = float(values.min())
     shares = (np.append(values, values[0]) - lowest) / swing
-    own_s = (float(times[-1] - times[0]), float(period)) if "t_s" in labels else None
+    own_s = (float(times[-1] - times[0]), float(period)) if timed else None
     return lowest, swing, unit, OwnPath(np.append((times - times[0]) / period, 1.0), shares), own_s

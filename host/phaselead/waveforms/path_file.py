@@ -45,7 +45,7 @@ def read_columns(path: str) -> dict[str | None, Column]:
             raise BadInput(f"{source}: row {int(np.argmax(late)) + 2}: time does not advance; sort the rows")
     found: dict[str | None, Column] = {}
     for at in range(0 if times_s is None else 1, len(labels)):
-        axis, unit, scale = _named(labels[at], source)
+        axis, unit, scale = unit_of_column(labels[at], source)
         if axis in found:
             raise BadInput(f"{source}: two columns of axis {axis}; give it one")
         found[axis] = Column(times_s, rows[:, at] * scale, unit)
@@ -58,7 +58,11 @@ def read_columns(path: str) -> dict[str | None, Column]:
     return found
 
 
-def _named(label: str, source: str) -> tuple[str | None, Unit, float]:
+def unit_of_column(label: str, source: str) -> tuple[str | None, Unit, float]:
+    """Of a column named as ``y_nm``: its axis (None: any), the unit it is read into, and what its numbers are times.
+
+    Raises BadInput for any other name.
+    """
     match = _NAME.fullmatch(label)
     if match is None:
         raise BadInput(

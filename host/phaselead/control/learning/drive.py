@@ -15,7 +15,7 @@ from phaselead.control.learning.lines import Amplitudes, error_lines, rest_of, v
 from phaselead.control.learning.look import SETTLE_S, Look, line_count, trial_seconds
 from phaselead.control.learning.moved_modes import Moved, moved_modes, stage_with_modes_at
 from phaselead.control.learning.response import turns_of
-from phaselead.control.rehearsal import rehearse
+from phaselead.control.rehearsal import OnRehearsed, rehearse
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
 from phaselead.control.tracking import check_paths, run_recording, track
@@ -57,6 +57,8 @@ class Given:
     follows: Follows
     force: bool
     kept: KeptRuns
+    on_rehearsed: OnRehearsed | None = None
+    """Is given what the model says of the path before anything is learned."""
 
 
 class Drive:
@@ -137,9 +139,11 @@ class Drive:
         waves = self._waves(correction)
         if not self.given.force:
             try:
-                rehearse(waves, self.given.mode, self.stage, gains, self.seconds)
+                predicted = rehearse(waves, self.given.mode, self.stage, gains, self.seconds)
             except BadInput as error:
                 raise RefusedOnModel(str(error)) from None
+            if self.given.on_rehearsed is not None and not self.trials:
+                self.given.on_rehearsed(predicted)
         self._run = run = self._driven(waves, gains)
         look = self._judged(run, waves, correction, gains)
         figures = dict(run.of_axes())

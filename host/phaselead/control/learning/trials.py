@@ -26,6 +26,7 @@ from phaselead.control.learning.response import (
 )
 from phaselead.control.modes import INVERTS
 from phaselead.control.motion_limits import first_mode_Hz
+from phaselead.control.rehearsal import OnRehearsed
 from phaselead.control.tracking import check_paths, loop_warnings
 from phaselead.control.true_position import Follows
 from phaselead.device import Device, DeviceFault, device_model
@@ -54,6 +55,7 @@ def learn(
     turn_down: bool = False,
     kept: KeptRuns | None = None,
     on_progress: Progress | None = None,
+    on_rehearsed: OnRehearsed | None = None,
 ) -> Learned:
     """Drives the paths as they are, then up to ``trials`` times corrected by what was seen, and keeps the best.
 
@@ -62,8 +64,8 @@ def learn(
     voltage, so that it is the voltage that is learned. The error is against the path that was asked for. Every trial
     runs on the model first; ends early when what is left does not repeat, or no longer shrinks. ``turn_down``: from the
     first correction on with less of the gains, unless that leaves more of what does not repeat. ``kept`` takes every
-    trial's run. Without ``stage`` it learns with the model that the device holds, as far as that can be read back: its
-    modes cannot, so that nothing runs on it first.
+    trial's run, ``on_rehearsed`` what the model says of the first. Without ``stage`` it learns with the model that
+    the device holds, as far as that can be read back: its modes cannot, so that nothing runs on it first.
 
     Raises:
         BadInput: a path, mode or model that it is not for, or the first trial ends in a fault on the model.
@@ -91,6 +93,7 @@ def learn(
         follows=follows,
         force=force or stage is None,
         kept=kept or KeptRuns(None),
+        on_rehearsed=on_rehearsed,
     )
     less = turn_down and stage is not None
     found = _Course(given).run(trials, turn_down=less, on_progress=on_progress or (lambda share: None))
@@ -106,7 +109,15 @@ def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
         raise BadInput(f"{trials} trials: give one or more")
     for axis, waveform in waveforms.items():
         if not waveform.periodic:
-            raise BadInput(f"{axis}: a move is driven once and cannot be learned; write it as a period (file:...@1Hz)")
+            raise BadInput(f"{axis}: what is driven once does not repeat; {_again_and_again(waveform)} does")
+
+
+def _again_and_again(waveform: Waveform) -> str:
+    """How the same is written as a path that repeats."""
+    if waveform.played_as == "points":
+        return f"path:FILE@{waveform.f_Hz:.6g}Hz, the file over and over,"
+    way = abs(waveform.offset + waveform.swing) or 10.0
+    return f"staircase:{way:g}{waveform.unit}/1@1Hz, there and back with a rest at both ends,"
 
 
 def _about(own: Gains, asked: Gains) -> str:
