@@ -93,7 +93,7 @@ def test_a_page_of_nothing():
         candidates=(), traces=(), gap=GapSize(0.01, 0.01, 0.01), adopted=(), unexplained=None,
     )  # fmt: skip
     said = text(gap_page(still, STAGE, "model.toml"))
-    assert "Model and measurement agree within the noise and the known errors of the base model." in said
+    assert "Nothing was found that is not among the known errors of the base model." in said
     assert "There is no residual to locate." in said
     assert "The data call for no effect of the catalogue." in said
 

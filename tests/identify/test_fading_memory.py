@@ -9,6 +9,7 @@ import pytest
 from any_stage import NO_MODE, held_out, laboratory
 
 from phaselead.identify.fitting import fit
+from phaselead.identify.words import hysteresis_pct
 from phaselead.model.prediction import predict
 from phaselead.record.recording import AxisRecord
 
@@ -49,6 +50,15 @@ def test_a_memory_that_fades_is_told_from_plays(memory, most):
     assert "fading_hysteresis" in [effect.name for effect in stage.axis("x").effects]
     assert left_share(stage, held_out(truth, RATE_HZ)) < most
     assert "fading" in str(report.time["x"])
+    # The width that is told of is that of the whole loop: it was that of the plays beside, 2 of 13 %.
+    assert hysteresis_pct(stage.axis("x")) == pytest.approx(opening_pct(memory), rel=0.1)
+
+
+def opening_pct(memory):
+    """Of the steady loop over the whole span."""
+    way = np.linspace(0.0, 1.0, 500)
+    loop = memory(np.concatenate([way, way[::-1], way, way[::-1]]), 1.0)
+    return 100 * float(np.max(loop[1500:][::-1] - loop[1000:1500]) / np.ptp(loop[1000:]))
 
 
 def test_a_sensor_that_counts_backwards_shows_the_same_loops():

@@ -105,8 +105,8 @@ def headline(result: GapResult) -> str:
         said.append("Something remains that no effect of the catalogue explains.")
     where = cells_headline(result.where)
     if not said:
-        said.append("Model and measurement agree within the noise and the known errors of the base model.")
-    elif where:
+        said.append("Nothing was found that is not among the known errors of the base model.")
+    if where:
         said.append(f"{where}.")
     return " ".join(said)
 
