@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from phaselead.cli.common import HELD
 from phaselead.control.moving import Mover
 from phaselead.errors import DeviceRefused
 from phaselead.sim import built_in
@@ -133,6 +134,12 @@ def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):
         assert "phaselead park" in err
         assert phaselead("park")[0] == 0
         assert json.loads(phaselead("where", "--json", "-")[1])["state"] == "parked"
+        path = ("sine:20um+30um@5Hz", "--mode", "inverse+pid", "--model", str(model), "--duration", "0.4", "--hold")
+        status, out, _ = phaselead("track", *path)
+        assert (status, out.splitlines()[-1]) == (0, HELD)
+        figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
+        assert figures["to_um"] == pytest.approx(figures["from_um"] + 5)
+        assert phaselead("park")[0] == 0
     finally:
         served.terminate()
         served.wait()

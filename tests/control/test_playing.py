@@ -47,6 +47,29 @@ def test_a_path_that_has_ended_moves_no_more():
         assert abs(dev.where().x.x_um - 30) < 0.2
 
 
+def test_a_run_may_end_in_a_hold_that_moves_go_on_from():
+    """Parking is a choice; the axes of the model that were not driven do not stand in the way."""
+    with pl.connect() as dev:
+        run = dev.track(
+            "sine:20um+30um@5Hz", mode="inverse+pid", model=pl.load("sim://xyz250"), duration=0.6, hold=True
+        )
+        assert len(run.recording.t_s) == 3000
+        held = dev.where()
+        assert held.state == "running"
+        assert held.x.held
+        assert abs(held.x.x_um - 30) < 2
+        assert not held.y.held
+        there = dev.move(x="+5um").axes["x"]
+        assert there.to_um - there.from_um == pytest.approx(5)
+        assert abs(there.x_um - there.to_um) < 0.1
+        with pytest.raises(pl.DeviceRefused, match="held"):
+            dev.track("sine:20um@5Hz", mode="inverse+pid")
+        dev.park()
+        with pytest.raises(pl.BadInput, match="mode open holds no position"):
+            dev.track("sine:2V@5Hz", mode="open", hold=True)
+        assert dev.where().state == "parked"
+
+
 def test_what_cannot_be_driven_is_refused_before_anything_moves():
     with pl.connect() as dev:
         for wave, mode in (("sine:60um@5Hz", "open"), ("sine:5V@5Hz", "pid"), ("sine:60um@5Hz", "inverse")):

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 SHORTEST_S = 0.0004
 
+HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
+
 
 class Seconds(click.ParamType[float]):
     """A time: 5, 5s, 500ms or 2min."""
@@ -152,6 +154,11 @@ def forgotten(port: str, what: str, *, flash: bool = False) -> list[str]:
         return []
     kept = f"--port '{port}{'&' if '?' in port else '?'}state=flash.bin' keeps its flash, " if flash else ""
     return [f"the virtual stage has ended, and {what} with it: {kept}`phaselead sim --pty` serves a stage that stays"]
+
+
+def still_held(port: str) -> str:
+    """The line after a command that leaves axes held at this port."""
+    return next(iter(forgotten(port, "what it holds")), HELD)
 
 
 def warn_of_gaps(facts: Mapping[str, Any]) -> None:

@@ -14,10 +14,10 @@ from phaselead.cli.common import (
     emit,
     emit_result,
     force_option,
-    forgotten,
     json_option,
     port_option,
     show,
+    still_held,
     trigger_in_option,
     trigger_out_option,
     warnings_said,
@@ -28,12 +28,6 @@ from phaselead.cli.track import gains_option
 from phaselead.control import MODES, Controller, Planned, connect, parse_targets
 from phaselead.errors import BadInput
 from phaselead.model import load_stage
-
-HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
-
-
-def _after(device: Controller) -> str:
-    return next(iter(forgotten(device.device.session.name, "what it holds")), HELD)
 
 
 @contextmanager
@@ -114,7 +108,11 @@ def move(
         )
         if not park_after:
             device.leave_running(model_path)
-        emit(moved.as_dict(), json_to, [*moved.tables(), "parked" if park_after else _after(device)])
+        emit(
+            moved.as_dict(),
+            json_to,
+            [*moved.tables(), "parked" if park_after else still_held(device.device.session.name)],
+        )
 
 
 @top_level(order=74)
@@ -129,7 +127,7 @@ def hold(port: str, json_to: str | None) -> None:
     with connect(port, resume=True) as device:
         found = device.hold()
         device.leave_running(None)
-        emit(found.as_dict(), json_to, [*found.tables(), _after(device)])
+        emit(found.as_dict(), json_to, [*found.tables(), still_held(device.device.session.name)])
 
 
 @top_level(order=76)

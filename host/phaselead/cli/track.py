@@ -15,6 +15,7 @@ from phaselead.cli.common import (
     port_option,
     progress,
     report_option,
+    still_held,
     tell,
     trigger_in_option,
     trigger_out_option,
@@ -105,6 +106,7 @@ def telling(json_to: str | None) -> OnRehearsed:
 )
 @trigger_out_option
 @trigger_in_option
+@click.option("--hold", is_flag=True, help="Hold where the path ends instead of parking.")
 @axes_option
 @report_option
 @json_option
@@ -123,6 +125,7 @@ def track(
     output: str | None,
     trigger_out: str | None,
     trigger_in: float | None,
+    hold: bool,
     axes: str | None,
     report: str | None,
     json_to: str | None,
@@ -167,12 +170,16 @@ def track(
                 overwrite=overwriting(),
                 trigger_out=trigger_out,
                 trigger_in=trigger_in,
+                hold=hold,
                 on_progress=advance,
                 on_rehearsed=telling(json_to),
             )
+            if hold:
+                device.leave_running(model_path)
+        held = [still_held(device.device.session.name)] if hold else []
     warn_of_gaps(run.recording.facts())
     *parts, counted = run.tables()
     trial_tables = known.tables() if known is not None and trials else []
     learned = {"learned": known.as_dict()} if known is not None else {}
     said = f"{counted}; wrote {output}" if output else counted
-    emit(run.figures | learned, json_to, [*trial_tables, *parts, said, *write_page(run, report)])
+    emit(run.figures | learned, json_to, [*trial_tables, *parts, said, *held, *write_page(run, report)])

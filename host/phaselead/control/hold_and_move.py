@@ -261,7 +261,9 @@ class HoldsAndMoves:
         force: bool = False,
     ) -> Mover:
         stage = self.model if model is None else as_stage(model)
-        axes = "".join(sorted(set(named) | (set(stage.axes) if stage is not None else set()))) or "x"
+        held = self._mover.gains if self._mover.gains and self._mover.where().state == "running" else None
+        with_them = set(stage.axes if stage is not None else ()) if held is None else set(held)
+        axes = "".join(sorted(set(named) | with_them)) or "x"
         for line in self._mover.choose(axes, stage, mode, gains, force=force):
             warnings.warn(line, stacklevel=4)
         self.model = stage

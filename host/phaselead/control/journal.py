@@ -178,6 +178,7 @@ def track_to_file(
     trigger_out: str | None = None,
     gains_given: bool = True,
     on_rehearsed: OnRehearsed | None = None,
+    park: bool = True,
     **asked: Unpack[Asked],
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
@@ -198,7 +199,9 @@ def track_to_file(
         on_rehearsed(predicted)
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
-            run = track(device, waveforms, mode, on_progress=on_progress, sink=file.sink, pulses=pulses, **asked)
+            run = track(
+                device, waveforms, mode, on_progress=on_progress, sink=file.sink, pulses=pulses, park=park, **asked
+            )
         except DeviceFault as fault:
             recording = run_recording(fault.capture, mode, stage, pulses)
             file.write(fault.capture, recording)

@@ -17,7 +17,7 @@ from phaselead.control.true_position import Follows, followed
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves
 from phaselead.device import Live, motion
 from phaselead.errors import DeviceRefused
-from phaselead.model import Stage, StageLike, as_stage
+from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.waveforms import Waveform
 
@@ -116,10 +116,15 @@ def play_on(
         rehearse(paths, mode, stage, chosen, duration_s)
     endless = duration_s is None
     set_up(device, paths, mode, stage=stage, gains=chosen, duration_s=duration_s, endless=endless, force=force)
-    mover.stage, mover.known, mover.mode, mover.gains = stage, known, mode, chosen
-    for axis in chosen:
-        motion.set_motion(device, axis, mover.limits(axis), mover.window(axis), WINDOW_S)
+    hold_on(mover, stage, known, mode, chosen)
     if state == "parked":
         device.arm()
     device.start("".join(sorted(waveforms)))
     return [*warnings, *path_warnings(paths)]
+
+
+def hold_on(mover: Mover, stage: Stage | None, known: Stage | None, mode: str, gains: Mapping[str, Gains]) -> None:
+    """The axes with ``gains`` are held by ``mover`` from now on, under the model ``known`` of them."""
+    mover.stage, mover.known, mover.mode, mover.gains = stage, known, mode, dict(gains)
+    for axis in gains:
+        motion.set_motion(mover.device, axis, mover.limits(axis), mover.window(axis), WINDOW_S)

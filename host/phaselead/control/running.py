@@ -12,13 +12,14 @@ from phaselead.control.held import held_sha256, held_stage, held_warning, unknow
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import Learned, learn, load_learned
-from phaselead.control.playing import Plays
+from phaselead.control.playing import Plays, hold_on
 from phaselead.control.rehearsal import OnRehearsed, Predicted
 from phaselead.control.run import Run
 from phaselead.control.tracking import check_paths, loop_warnings, path_warnings
 from phaselead.control.true_position import Follows, followed
 from phaselead.control.wave_arguments import WaveLike, WavesLike, given_waves, wave_text
 from phaselead.device import device_model
+from phaselead.errors import BadInput
 from phaselead.model import Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, Quantity, quantity
 from phaselead.record import RUN_SUFFIXES, Recording, check_output, file_sha256, parse_axes
@@ -49,6 +50,7 @@ class Runs(Plays):
         overwrite: bool = False,
         trigger_out: str | None = None,
         trigger_in: Quantity | None = None,
+        hold: bool = False,
         on_progress: Progress | None = None,
         on_rehearsed: OnRehearsed | None = None,
     ) -> Run:
@@ -72,7 +74,8 @@ class Runs(Plays):
         ``overwrite``. ``trigger_out`` says where the three trigger outputs pulse, the first one first: "start",
         "frame", "line", "pixel=256" (a line), "pixel=2ms", "pixel=0.5um" ("+0.5um": on the way up alone), "target" (a
         step has settled), joined by commas; "y:line" of another axis. ``run.triggers`` has the pulses. ``trigger_in``:
-        the path begins at a rising edge of the trigger input, which is waited for so many seconds.
+        the path begins at a rising edge of the trigger input, which is waited for so many seconds. ``hold`` holds the
+        axes where the path ends, for moves to go on from there, instead of parking; not in mode open.
 
         The path runs on the model first, in the simulator; ``on_rehearsed`` is given, before anything moves, the error
         of each axis there, which is ``predicted`` among the figures. Raises BadInput for a path that mode, limits or
@@ -91,6 +94,8 @@ class Runs(Plays):
             sha256 = held_sha256(self.device) if stage is None else stage.sha256
             waveforms = known.waveforms(_as_tables(waveforms), sha256, mode, chosen, follows)
         given, stage = stage, stage if known is None else known.model_played(stage)
+        if hold:
+            _refuse_to_hold(mode, own_modes=stage is not given)
         unknown = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
         said = unknown + _said_against(waveforms, mode, chosen, stage, held, force=force)
 
@@ -114,7 +119,12 @@ class Runs(Plays):
             gains_given=gains is not None,
             on_rehearsed=rehearsed,
             edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
+            park=not hold,
         )
+        if hold:
+            hold_on(self._mover, stage, stage or held, mode, chosen)
+            self._alive.begin()
+            self.model = stage or self.model
         if given is not None and stage is not given:
             self.device.upload_if_other(device_model(given))
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
@@ -200,6 +210,15 @@ class Runs(Plays):
             on_progress=on_progress,
         )
         return _named(recording, path or wave_text(drive) or f"{letters} at rest")
+
+
+def _refuse_to_hold(mode: str, *, own_modes: bool) -> None:
+    """Where a path has no end to be held at. ``own_modes``: it is played by another model than the given one, which
+    comes back when it is parked."""
+    if mode == "open":
+        raise BadInput("mode open holds no position: leave out hold, or choose another mode")
+    if own_modes:
+        raise BadInput("this learned table comes with modes of its own and ends parked: leave out hold")
 
 
 def _said_against(

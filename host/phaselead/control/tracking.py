@@ -144,10 +144,11 @@ def track(
     on_progress: Callable[[float], None] | None = None,
     sink: Callable[[bytes], None] | None = None,
     pulses: Sequence[Pulses] | None = None,
+    park: bool = True,
     **asked: Unpack[Asked],
 ) -> Run:
-    """Runs the paths of all axes together from the same tick and parks at the end. Each is entered from where its axis
-    stands before it begins, and left where it ends, without a kick.
+    """Runs the paths of all axes together from the same tick. Each is entered from where its axis stands before it
+    begins, and left where it ends, without a kick. In the end the device is parked or, if not ``park``, holds there.
 
     ``asked``: see there. ``on_progress`` is given the fraction done; ``sink`` every chunk as it came off the line, for
     a journal. ``pulses``: what the trigger outputs do.
@@ -172,6 +173,7 @@ def track(
         ticks,
         axes="".join(sorted(waveforms)),
         channels=channels_of_run(len(waveforms), pulses),
+        park=park,
         lead_ticks=ready.lead_ticks,
         tail_ticks=ready.tail_ticks,
         edge=ready.edge,
