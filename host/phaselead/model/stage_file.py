@@ -150,7 +150,7 @@ class Stage(Result, Part):
         """The steady loop of every axis over the voltages it was fitted on, without the adopted effects."""
         return stage_figure(self.axes)
 
-    def save(self, path: str | Path, *, overwrite: bool = True) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes a commented stage file, whole or not at all. Raises BadInput where it exists and ``overwrite`` is
         False, OSError where it cannot be written."""
         save_stage(path, self, overwrite=overwrite)

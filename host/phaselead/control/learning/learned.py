@@ -227,7 +227,7 @@ class Learned(Result):
         added = {axis: path.played_um - path.wanted_um for axis, path in self.paths.items()}
         return learning_figure(errors, self.best.number, added)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Writes the table as HDF5, whole or not at all."""
         import h5py  # slow to load, needed here only
 
