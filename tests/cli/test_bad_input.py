@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+import phaselead as pl
 from phaselead.device.capture import DeviceFault, capture
 from phaselead.device.flash import check_before_upload
 from phaselead.errors import BadInput, DeviceRefused
@@ -189,6 +190,24 @@ def test_export_does_not_write_over_a_file_unasked(run, tmp_path):
     assert_one_line(run("log", "export", path, there), 2, "exists")
     assert there.read_text() == "mine"
     assert run("log", "export", path, there, "--overwrite").status == 0
+
+
+def test_an_export_of_a_window_holds_the_window(run, tmp_path):
+    """It began with the rows that only warm up a memory: of @0.5:1 it was 0 to 1 s."""
+    path = write(tmp_path / "record.csv", sine_rows())
+    assert run("log", "export", f"{path}@0.5:1", tmp_path / "part.csv", "--json", "-").json["samples"] == 500
+    assert run("log", "info", tmp_path / "part.csv", "--json", "-").json["from_s"] == 0.5
+    pl.export(f"{path}@0.5:1", tmp_path / "here.csv")
+    assert (tmp_path / "here.csv").read_bytes() == (tmp_path / "part.csv").read_bytes()
+
+
+def test_a_minus_is_no_file(run, tmp_path, monkeypatch):
+    """predict -o - wrote a file of this name."""
+    path = write(tmp_path / "record.csv", sine_rows())
+    pl.load("sim://xyz250").save(tmp_path / "any.toml")
+    monkeypatch.chdir(tmp_path)
+    assert_one_line(run("predict", "--model", tmp_path / "any.toml", path, "-o", "-"), 2, "give a file name")
+    assert not Path("-").exists()
 
 
 def test_an_output_folder_that_is_missing_is_told_before_anything_moves(run, stage_file, tmp_path):

@@ -149,10 +149,11 @@ def export(
     rate: str | None,
     json_to: str | None,
 ) -> None:
-    """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet."""
+    """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet. Of REC@FROM:TO the rows of the window alone."""
     from phaselead.record import export as export_recording
+    from phaselead.record import scored_alone
 
-    (recording,) = read_recordings([recording_path], column_map, rate)
+    recording = scored_alone(*read_recordings([recording_path], column_map, rate))
     export_recording(recording, output, overwrite=overwriting())
     emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
 

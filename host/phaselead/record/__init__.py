@@ -16,7 +16,7 @@ from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.plausible import doubts_about
-from phaselead.record.read import read_recording, split_argument
+from phaselead.record.read import read_recording, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
 
@@ -61,6 +61,7 @@ __all__ = [
     "refuse_clipped",
     "refuse_gapped",
     "require_walkable",
+    "scored_alone",
     "slow_gain",
     "split_argument",
     "write_csv",
