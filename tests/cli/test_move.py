@@ -52,6 +52,25 @@ def test_a_speed_has_its_unit_or_none(run, model):
     assert lasts_s[0] == pytest.approx(1.875 * 50 / 500, rel=0.01)
 
 
+def test_a_speed_and_a_duration_must_agree(run, model):
+    """Both were taken, and the speed won: 1.1 s where 1 s was asked for."""
+    words = ("move", "x=60um", "--speed", "100", "--model", model, "--json", "-")
+    refused = run(*words, "--duration", "1")
+    assert refused.status == 2
+    assert "at its highest takes 1.1" in refused.err
+    assert "not 1 s: give duration or speed" in refused.err
+    alone = run(*words).json["axes"]["x"]["duration_s"]
+    assert run(*words, "--duration", f"{alone:.3f}").status == 0
+
+
+@pytest.mark.parametrize("words", [("--duration", "1e9"), ("--speed", "0.0001")])
+def test_a_move_of_years_is_refused_at_once(run, model, words):
+    """It was tried on the model for hours, without a word."""
+    refused = run("move", "x=60um", *words, "--model", model)
+    assert refused.status == 2
+    assert "give it at most 3600 s, or a higher speed" in refused.err
+
+
 def test_without_a_model_it_moves_slowly_under_feedback(run):
     (figures,) = run("move", "x=20um", "--json", "-").json["axes"].values()
     assert figures["duration_s"] == pytest.approx(0.0375, abs=0.001)

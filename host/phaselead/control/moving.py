@@ -44,6 +44,10 @@ STOP_S = 0.02
 STOP_ACCELERATION, STOP_JERK = 3.75, 30.0
 """Of a join of T seconds from a steady v to the place half a join ahead, in v/T and v/T^2; its velocity is
 up to 1.18 v."""
+LONGEST_S = 3600.0
+"""Of a move: one that takes longer is a slip, and would be tried on its model first without a word."""
+SAME_TIME = 0.01
+"""Share by which a duration and a speed that are both given may differ."""
 SETTLE_S = 1.0
 """How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
 
@@ -298,12 +302,19 @@ class Mover:
             if not speed_um_per_s > 0:
                 raise BadInput(f"a speed of {speed_um_per_s:g} um/s: give one above 0")
             seconds = max(PEAK_SPEED * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
+            if duration_s is not None and abs(seconds - duration_s) > SAME_TIME * duration_s:
+                raise BadInput(
+                    f"a speed of {speed_um_per_s:g} um/s at its highest takes {seconds:.4g} s, not {duration_s:g} s: "
+                    "give duration or speed"
+                )
         if seconds is None:
             usual = (usual_duration_s(way[a], self.limits(a), self.model(a), self.mode) for a in targets)
             seconds = max(usual)
         else:
             slowest = max(targets, key=lambda axis: self.limits(axis).shortest_s(way[axis]))
             refuse_too_fast(slowest, way[slowest], seconds, self.model(slowest))
+        if seconds > LONGEST_S:
+            raise BadInput(f"a move of {seconds:.4g} s: give it at most {LONGEST_S:g} s, or a higher speed")
         planned = Planned(start, target, seconds)
         for axis, path in planned.paths().items():
             check_path(axis, path, self.mode, _model(self.known, axis))
