@@ -9,6 +9,7 @@ from typing import Any, Unpack
 
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import rehearse
+from phaselead.control.room import refuse_without_room
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
 from phaselead.control.tracking import Asked, run_recording, set_up, ticks_of, track
@@ -188,6 +189,7 @@ def track_to_file(
     ``on_rehearsed`` is called once nothing is left that refuses it on the model, before anything moves.
     """
     stage = asked.get("stage")
+    refuse_without_room(asked.get("duration_s"), len(waveforms), output, in_memory=True)
     pulses = parse_outputs(trigger_out, waveforms)
     waveforms = followed(waveforms, stage, follows, mode)
     if not asked.get("force"):
@@ -232,6 +234,7 @@ def record_to_file(
     ``stage`` has limits and calibration; it is uploaded before anything is played. ``duration_s`` is by default ten
     periods, or 1 s when only listening.
     """
+    refuse_without_room(duration_s, len(axis if waveforms is None else waveforms), output, in_memory=False)
     with run_file(output, device, "open", stage, driven=waveforms is not None) as file:
         if waveforms is None:
             axes, ticks, lead_ticks, tail_ticks = axis, listening_ticks(duration_s), 0, 0
@@ -284,6 +287,7 @@ def record_open_loop(
         return track_to_file(
             device, waveforms, "open", output=None, stage=stage, duration_s=duration_s, on_progress=on_progress
         ).recording
+    refuse_without_room(duration_s, len(axis), output, in_memory=True)
     ticks = listening_ticks(duration_s)
     progress = None if on_progress is None else lambda done: on_progress(done / ticks)
     return recording_of(device.capture(ticks, axes=axis, start=False, park=False, progress=progress))
