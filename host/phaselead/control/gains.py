@@ -18,6 +18,7 @@ from phaselead.control.feedback_loop import (
     pid_response,
     plant_response,
 )
+from phaselead.control.modes import HAS_FEEDBACK
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, SmallSignal, Stage, small_signal
 
@@ -48,6 +49,18 @@ def gains_of(given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | N
     if isinstance(own, tuple | list):
         own = ",".join(repr(float(number)) for number in own)
     return parse_gains(own, stage, axis)
+
+
+def gains_in_mode(
+    mode: str, given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | None, axis: str
+) -> Gains:
+    """``gains_of``; of a mode without feedback, which uses none, zeros where none can be designed."""
+    try:
+        return gains_of(given, stage, axis)
+    except BadInput:
+        if given is not None or mode in HAS_FEEDBACK:
+            raise
+    return Gains(kp_V_per_um=0.0, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
 
 
 def parse_gains(text: str | None, stage: Stage | None, axis: str) -> Gains:
@@ -86,7 +99,7 @@ def design_gains(axis: str, model: AxisModel) -> Gains:
     try:
         plant = small_signal(model)
     except BadInput as error:
-        raise BadInput(f"{axis}: no gains can be designed: {error}; or give --gains") from None
+        raise BadInput(f"{axis}: no gains can be designed: {error}") from None
     return _designed(plant)
 
 
@@ -174,11 +187,15 @@ def describe_unseen(stage: Stage, highest_Hz: float) -> list[str]:
 
 def lacking_gains(stage: Stage) -> list[str]:
     """One line for each axis without gains of its own, and what makes some."""
-    return [
-        f"axis {name}: no gains, since the records show no mode to design them for: `phaselead tune` measures some"
-        for name, model in stage.axes.items()
-        if model.gains is None
-    ]
+    return [f"axis {name}: no gains, since {_why_none(m)}" for name, m in stage.axes.items() if m.gains is None]
+
+
+def _why_none(model: AxisModel) -> str:
+    try:
+        small_signal(model)
+    except BadInput as error:
+        return str(error)
+    return "the records show no mode to design them for: `phaselead tune` measures some"
 
 
 def check_loop(axis: str, model: AxisModel, gains: Gains, *, force: bool = False) -> str | None:

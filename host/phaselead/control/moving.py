@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
 from phaselead.control.held import held_stage, held_warning, unknown_warning
 from phaselead.control.modes import NEEDS_MODEL
 from phaselead.control.motion_limits import (
@@ -219,7 +219,7 @@ class Mover:
             )
         if chosen in NEEDS_MODEL and known is None:
             raise BadInput(f"mode {chosen} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
-        own = {axis: gains_of(gains, known, axis) for axis in axes}
+        own = {axis: gains_in_mode(chosen, gains, known, axis) for axis in axes}
         for axis in axes:
             check_path(axis, _hold(now, axis), chosen, _model(known, axis))
         warnings = unknown_warning(self.device, known, chosen, gains_given=gains is not None)
@@ -277,7 +277,7 @@ class Mover:
     def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:
         """Goes on with axes that are held already; their gains are taken for the usual ones."""
         self.stage, self.known, self.mode = stage, stage or held_stage(self.device, axes), mode
-        self.gains = {axis: gains_of(None, self.known, axis) for axis in axes}
+        self.gains = {axis: gains_in_mode(mode, None, self.known, axis) for axis in axes}
 
     # ---------------------------------------------------------------- moving
 

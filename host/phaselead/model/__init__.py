@@ -49,7 +49,7 @@ from phaselead.model.effects import (
 )
 from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
-from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
+from phaselead.model.inverse import BACKWARDS, KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
@@ -79,6 +79,7 @@ from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
 __all__ = [
+    "BACKWARDS",
     "HOLD_S",
     "KNOTS",
     "LATCH_S",
