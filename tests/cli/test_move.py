@@ -88,6 +88,8 @@ def test_without_a_model_it_moves_slowly_under_feedback(run):
         (("x=50um", "--window", "nan"), "'nan' is no number"),
         (("w=50um",), "no axis w"),
         (("x=5V",), "takes micrometres"),
+        (("x=5",), "'5' has no unit: use um; write it"),
+        (("x=1um", "--mode", "pid", "--gains", "lots"), "gains 'lots': write paper"),
         (("x=50um", "--mode", "inverse"), "needs a model"),
         (("x=1um", "--mode", "pid", "--gains", "1,2"), "KP,KI,KD"),
     ],
@@ -119,8 +121,10 @@ def test_warnings_come_before_the_motion(run, model, monkeypatch):
 def test_where_and_hold_have_json(run):
     where = run("where", "--json", "-").json
     assert (where["state"], where["axes"]["x"]["held"]) == ("parked", False)
+    assert [where["axes"]["x"][name] for name in ("target_um", "reference_um")] == [None, None]  # was 0.0
     hold = run("hold", "--json", "-").json
     assert (hold["state"], hold["axes"]["x"]["held"]) == ("running", True)
+    assert hold["axes"]["x"]["target_um"] == pytest.approx(0, abs=0.2)
 
 
 def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):

@@ -80,11 +80,11 @@ def parse_gains(text: str | None, stage: Stage | None, axis: str) -> Gains:
         kp, ki, kd = (float(part) for part in text.split(","))
     except ValueError:
         raise BadInput(
-            f"--gains {text!r}: write paper, or KP,KI,KD in V/um, V/(um s), V s/um, e.g. 0.017,8.62,2.33e-5"
+            f"gains {text!r}: write paper, or KP,KI,KD in V/um, V/(um s), V s/um, e.g. 0.017,8.62,2.33e-5"
         ) from None
     if not all(math.isfinite(gain) and gain >= 0 for gain in (kp, ki, kd)):
         raise BadInput(
-            f"--gains {text!r}: gains must be finite and not negative; the loop's sign is fixed in the firmware"
+            f"gains {text!r}: they must be finite and not negative; the loop's sign is fixed in the firmware"
         )
     return Gains(kp_V_per_um=kp, ki_V_per_um_s=ki, kd_V_s_per_um=kd, derivative_filter_Hz=None)
 
