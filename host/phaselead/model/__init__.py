@@ -61,7 +61,7 @@ from phaselead.model.operator import (
     rest_position_um,
     turned_view,
 )
-from phaselead.model.prediction import predict
+from phaselead.model.prediction import driven_far_beyond, predict
 from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -130,6 +130,7 @@ __all__ = [
     "compensation",
     "coupling",
     "derived_sizes",
+    "driven_far_beyond",
     "effect",
     "effect_of_fading",
     "effect_of_lag",

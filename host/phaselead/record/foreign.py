@@ -193,6 +193,8 @@ def _decoded(path: str) -> str:
     content = Path(path).read_bytes()
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16")
+    if b"\0" in content:
+        raise BadInput(f"{path}: is neither text nor .npy, .npz, .mat or HDF5; give a file of columns of numbers")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
