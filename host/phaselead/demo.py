@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
@@ -41,9 +42,18 @@ def run_demo(
         BadInput: ``out`` holds a demo already and ``overwrite`` is False, or is no folder that can be written to.
         PhaseleadError: a step failed, or a recording did not replay bit for bit.
     """
+    made = not Path(out).exists()
     folder = _own_folder(Path(out), overwrite)
-    step = on_progress or (lambda fraction: None)
+    try:
+        return _run(folder, say, on_progress or (lambda fraction: None))
+    except BaseException:
+        if made:
+            with suppress(OSError):  # something is in it
+                folder.rmdir()
+        raise
 
+
+def _run(folder: Path, say: Say, step: Callable[[float], None]) -> Path:
     with Device.open(PORT) as device:
         identified = identify_device(device, "xyz", lambda done: step(0.6 * done))
         build_id = device.hello.build_id.hex()

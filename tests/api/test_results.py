@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,21 @@ def test_a_run_is_saved_so_that_it_replays(results: dict[str, Any], tmp_path: Pa
     assert pl.replay(tmp_path / "run.h5")
     with pytest.raises(pl.BadInput, match="exists"):
         results["closed"].save(tmp_path / "run.h5", overwrite=False)
+
+
+def test_nothing_is_written_over_unless_asked_for(
+    results: dict[str, Any], fitted: pl.FitResult, tmp_path: Path
+) -> None:
+    """Every save wrote over what was there, while the commands and pl.export refuse."""
+    mine = tmp_path / "mine.h5"
+    mine.write_text("mine")
+    for write in (results["closed"].save, fitted.save, fitted.model.save, partial(pl.write_report, fitted)):
+        with pytest.raises(pl.BadInput, match="exists already") as refused:
+            write(mine)
+        assert "overwrite=True" in str(refused.value)
+    assert mine.read_text() == "mine"
+    fitted.save(mine, overwrite=True)
+    assert pl.load(mine) == fitted.model
 
 
 def test_a_model_is_taken_however_it_is_given(fitted: pl.FitResult, records: pl.Recordings, tmp_path: Path) -> None:

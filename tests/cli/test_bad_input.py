@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+import phaselead as pl
 from phaselead.device.capture import DeviceFault, capture
 from phaselead.device.flash import check_before_upload
 from phaselead.errors import BadInput, DeviceRefused
@@ -189,6 +190,70 @@ def test_export_does_not_write_over_a_file_unasked(run, tmp_path):
     assert_one_line(run("log", "export", path, there), 2, "exists")
     assert there.read_text() == "mine"
     assert run("log", "export", path, there, "--overwrite").status == 0
+
+
+def test_an_export_of_a_window_holds_the_window(run, tmp_path):
+    """It began with the rows that only warm up a memory: of @0.5:1 it was 0 to 1 s."""
+    path = write(tmp_path / "record.csv", sine_rows())
+    assert run("log", "export", f"{path}@0.5:1", tmp_path / "part.csv", "--json", "-").json["samples"] == 500
+    assert run("log", "info", tmp_path / "part.csv", "--json", "-").json["from_s"] == 0.5
+    pl.export(f"{path}@0.5:1", tmp_path / "here.csv")
+    assert (tmp_path / "here.csv").read_bytes() == (tmp_path / "part.csv").read_bytes()
+
+
+def test_the_same_recording_twice_is_refused(run, tmp_path):
+    """It counted twice. Two windows of it are two recordings."""
+    path = write(tmp_path / "record.csv", sine_rows())
+    copy = write(tmp_path / "copy.csv", sine_rows())
+    for twice in ((path, path), (path, copy), (f"{path}@0.2:1", f"{path}@0.2:1")):
+        assert_one_line(run("fit", *twice, "-o", tmp_path / "s.toml"), 2, "holds the same as")
+    assert run("fit", f"{path}@:1", f"{path}@1:", "-o", tmp_path / "s.toml").status == 0
+
+
+def test_the_model_of_another_stage_is_warned_of(run, tmp_path):
+    path = write(tmp_path / "record.csv", sine_rows())
+    assert run("fit", path, "-o", tmp_path / "s.toml").status == 0
+    rows = sine_rows()
+    for factor, warned in ((1.2, False), (15, True)):
+        other = write(tmp_path / f"{factor}.csv", rows * (1, factor, 1))
+        for words in (("verify",), ("predict", "-o", tmp_path / f"p{factor}.csv")):
+            outcome = run(*words, "--model", tmp_path / "s.toml", other)
+            assert outcome.status == 0
+            assert ("is driven with 0..75 V, its model was fitted on 0..5 V" in outcome.err) is warned
+
+
+def test_metres_are_doubted_as_nanometres_are(run, tmp_path):
+    """A column x_um in metres was fitted without a word, one in nanometres with a warning."""
+    for factor in (1e3, 1e-6):
+        path = write(tmp_path / "record.csv", sine_rows() * (1, 1, factor))
+        outcome = run("fit", path, "-o", tmp_path / f"{factor}.toml")
+        assert "factor" in outcome.out + outcome.err
+
+
+def test_a_picture_is_no_file_of_columns(run, tmp_path):
+    """Its bytes were quoted."""
+    path = tmp_path / "error.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\n1 2 3\n4 5 6\n")
+    assert_one_line(run("log", "import", path), 2, "neither text nor .npy")
+
+
+@pytest.mark.parametrize("words", [("status",), ("gap", "next", "gap.json", "-o", "more.h5")])
+def test_an_empty_port_is_refused(run, words, monkeypatch):
+    """An unset variable of a script drove the virtual stage."""
+    assert_one_line(run(*words, "--port", ""), 2, "--port is empty")
+
+
+def test_frozen_and_refit_exclude_each_other(run, tmp_path):
+    assert_one_line(run("gap", "--frozen", "--refit", "--model", "m.toml"), 2, "give one of them")
+
+
+def test_a_minus_is_no_file(run, tmp_path, monkeypatch):
+    """predict -o - wrote a file of this name."""
+    path = write(tmp_path / "record.csv", sine_rows())
+    pl.load("sim://xyz250").save(tmp_path / "any.toml")
+    monkeypatch.chdir(tmp_path)
+    assert_one_line(run("predict", "--model", tmp_path / "any.toml", path, "-o", "-"), 2, "give a file name")
+    assert not Path("-").exists()
 
 
 def test_an_output_folder_that_is_missing_is_told_before_anything_moves(run, stage_file, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,18 @@ def test_what_it_says_of_a_device_parses(folder, monkeypatch):
             command, words = command.get_command(None, words[0]), words[1:]
         assert program == "phaselead"
         command.make_context(name, words)
+
+
+def test_an_interrupted_demo_leaves_no_empty_folder(tmp_path, monkeypatch):
+    def interrupted(*_arguments, **_named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(import_module("phaselead.demo"), "identify_device", interrupted)
+    for folder, left in ((tmp_path / "new", False), (tmp_path / "mine", True)):
+        if left:
+            folder.mkdir()
+        assert CliRunner().invoke(main, ["demo", "--out", str(folder)]).exit_code == 130
+        assert folder.exists() is left
 
 
 def test_an_earlier_demo_is_not_written_over(folder):

@@ -286,7 +286,7 @@ def test_no_creep_leaves_the_hold_out(run, tmp_path, monkeypatch):
     outcome = run("identify", "-o", tmp_path / "s.toml", *SMALL, "--report", tmp_path / "s.html")
     assert outcome.status == 0
     assert (held, creep_of(pl.load(tmp_path / "s.toml"))) == ([], [])
-    assert "was identified without" in (tmp_path / "s.html").read_text()
+    assert "No creep is known of this model" in (tmp_path / "s.html").read_text()
 
 
 @pytest.mark.parametrize("words", [("--no-creep",), (), ("--axis", "x,y,z")])
@@ -316,6 +316,32 @@ def test_a_duration_leaves_the_sines_their_time(run, tmp_path, monkeypatch):
     assert "--no-creep" in outcome.err
     assert run("identify", "-o", tmp_path / "t.toml", *CREEPING, "--duration", "100s").status == 0
     assert len(held) == 1
+
+
+def test_what_is_kept_is_counted_on_disk(run, tmp_path, monkeypatch):
+    """It counted what this session had looked at: fewer while it resumed, none at its beginning."""
+    output = tmp_path / "s.toml"
+    with monkeypatch.context() as patch:
+        failing(patch, KeyboardInterrupt(), after=4)
+        run("identify", "-o", output, *SMALL)
+    monkeypatch.setattr(Device, "read_model", lambda device: (_ for _ in ()).throw(KeyboardInterrupt()))
+    ended = run("identify", "-o", output, *SMALL, "--resume")
+    assert f"4 of {RECORDS} records are kept in {output}.records: go on with --resume" in ended.err
+
+
+def test_records_that_were_refused_are_not_to_be_resumed(run, tmp_path, monkeypatch):
+    """--resume was named, and read the same clipped records again, for ever."""
+
+    def refused(*_arguments, **_named):
+        raise BadInput("x-3V-10Hz: the position of axis x is clipped at 80 um")
+
+    output = tmp_path / "s.toml"
+    monkeypatch.setattr(experiments, "fit", refused)
+    ended = run("identify", "-o", output, *SMALL)
+    assert "go on with --resume" not in ended.err
+    assert f"all {RECORDS} records are kept in {output}.records" in ended.err
+    assert "measured again once its file is deleted, all with --overwrite" in ended.err
+    assert (tmp_path / "s.toml.records" / "x-3V-10Hz.h5").exists()
 
 
 def test_an_interrupt_in_the_hold_says_how_to_go_on(run, tmp_path, monkeypatch):

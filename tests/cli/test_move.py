@@ -53,6 +53,25 @@ def test_a_speed_has_its_unit_or_none(run, model):
     assert lasts_s[0] == pytest.approx(1.875 * 50 / 500, rel=0.01)
 
 
+def test_a_speed_and_a_duration_must_agree(run, model):
+    """Both were taken, and the speed won: 1.1 s where 1 s was asked for."""
+    words = ("move", "x=60um", "--speed", "100", "--model", model, "--json", "-")
+    refused = run(*words, "--duration", "1")
+    assert refused.status == 2
+    assert "at its highest takes 1.1" in refused.err
+    assert "not 1 s: give duration or speed" in refused.err
+    alone = run(*words).json["axes"]["x"]["duration_s"]
+    assert run(*words, "--duration", f"{alone:.3f}").status == 0
+
+
+@pytest.mark.parametrize("words", [("--duration", "1e9"), ("--speed", "0.0001")])
+def test_a_move_of_years_is_refused_at_once(run, model, words):
+    """It was tried on the model for hours, without a word."""
+    refused = run("move", "x=60um", *words, "--model", model)
+    assert refused.status == 2
+    assert "give it at most 3600 s, or a higher speed" in refused.err
+
+
 def test_without_a_model_it_moves_slowly_under_feedback(run):
     (figures,) = run("move", "x=20um", "--json", "-").json["axes"].values()
     assert figures["duration_s"] == pytest.approx(0.0375, abs=0.001)
@@ -70,6 +89,8 @@ def test_without_a_model_it_moves_slowly_under_feedback(run):
         (("x=50um", "--window", "nan"), "'nan' is no number"),
         (("w=50um",), "no axis w"),
         (("x=5V",), "takes micrometres"),
+        (("x=5",), "'5' has no unit: use um; write it"),
+        (("x=1um", "--mode", "pid", "--gains", "lots"), "gains 'lots': write paper"),
         (("x=50um", "--mode", "inverse"), "needs a model"),
         (("x=1um", "--mode", "pid", "--gains", "1,2"), "KP,KI,KD"),
     ],
@@ -101,8 +122,10 @@ def test_warnings_come_before_the_motion(run, model, monkeypatch):
 def test_where_and_hold_have_json(run):
     where = run("where", "--json", "-").json
     assert (where["state"], where["axes"]["x"]["held"]) == ("parked", False)
+    assert [where["axes"]["x"][name] for name in ("target_um", "reference_um")] == [None, None]  # was 0.0
     hold = run("hold", "--json", "-").json
     assert (hold["state"], hold["axes"]["x"]["held"]) == ("running", True)
+    assert hold["axes"]["x"]["target_um"] == pytest.approx(0, abs=0.2)
 
 
 def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):

@@ -36,7 +36,7 @@ def test_axes_move_together_by_a_model(tmp_path):
     with PhaseleadStage(model=tmp_path / "stage.toml") as stage:
         stage.move(x=30)
         stage.move(x=20)
-        assert stage.controller.status().modes[0] == "inverse_pid"
+        assert stage.controller.status().modes[0] == "inverse+pid"
         assert abs(stage.x.position_um - 20) < 0.3
 
 

@@ -7,6 +7,7 @@ from typing import Any, get_args
 from hypothesis import strategies as st
 
 from phaselead.model.axis import Actuator, AdoptedEffect, AdoptedStatus, AxisModel, Gains, Limits, Sensor, TimeView
+from phaselead.model.effects import effect
 from phaselead.model.stage_file import DataSource, Provenance, Stage
 from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 
@@ -103,17 +104,18 @@ def table_views(draw: st.DrawFn, device: bool = False) -> TableView:
 
 @st.composite
 def effects(draw: st.DrawFn) -> AdoptedEffect:
-    params: dict[str, Any] = draw(
-        st.dictionaries(
-            st.text(min_size=1, max_size=6), number | st.lists(number, min_size=1, max_size=3).map(tuple), max_size=3
-        )
-    )
+    name = draw(st.sampled_from(["creep", "resonance", "mains_hum"]))
+    of_name = {p.name: st.floats(p.low, p.high) for p in effect(name).parameters}
+    params: dict[str, Any] = {
+        key: draw(value | st.lists(value, min_size=1, max_size=3).map(tuple))
+        for key, value in of_name.items()
+        if draw(st.booleans())
+    }
     ci95 = {
         name: tuple((v - 1, v + 1) for v in value) if isinstance(value, tuple) else (value - 1, value)
         for name, value in params.items()
         if draw(st.booleans())
     }
-    name = draw(st.sampled_from(["creep", "resonance", "mains_hum"]))
     status = draw(st.sampled_from(get_args(AdoptedStatus)))
     return AdoptedEffect(name=name, status=status, params=params, ci95=ci95, share=draw(st.none() | st.floats(0, 1)))
 

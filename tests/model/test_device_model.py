@@ -107,6 +107,7 @@ def test_what_the_device_holds_it_holds_exactly(view: TableView) -> None:
         ({"sensor": Sensor(bits=12)}, "axes.y.sensor.bits = 12"),
         ({"sensor": Sensor(x_max_um=40000)}, "axes.y.sensor.x_max_um = 40000 does not fit the device: it holds at most 32768"),
         ({"sensor": Sensor(x_min_um=1000, x_max_um=1010)}, "axes.y.sensor: its span 1000..1010 um is too far from 0 um"),
+        ({"table": table(a_um_per_V=(0.0625, 0, 0))}, "divide the recorded ones by the amplifier's gain and fit again"),
         ({"table": table(a_um_per_V=(9000.0, 0, 0))}, "axes.y.table.a_um_per_V: the gain reaches 9000 um/V, the device holds 0.126..4096"),
         ({"table": table(a_um_per_V=(0.1, 0, 0))}, "the gain reaches 0.1 um/V"),
         ({"table": table(a_um_per_V=(4000.0, 0, 0))}, "the range reaches 4e+04 um"),

@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phaselead.errors import BadInput
-from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.effects import catalogue
 from phaselead.model.stage_file import Stage, load_stage, parse_stage, save_stage, stage_text
 from phaselead.model.table import XU_LI_2010
 from phaselead.model.validation_errors import explained
@@ -279,3 +280,43 @@ def test_a_stage_with_one_more_effect():
     assert_one_line(str(unknown.value))
     with pytest.raises(BadInput, match="has no axis q"):
         before.with_effect("amplifier_lowpass", "q", tau_s=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "said"),
+    [
+        ("load_change", {"mas": 0.2}, "params.mas is no parameter of load_change; it has mass"),
+        ("load_change", {"mass": -3}, "params.mass = -3 is out of range; load_change takes -0.5..3 (of moving mass)"),
+        ("creep", {"gamma": 5}, "params.gamma = 5 is out of range; creep takes -0.2..0.2 (per decade)"),
+        (
+            "amplifier_lowpass",
+            {"tau_s": -1e-3},
+            "params.tau_s = -0.001 is out of range; amplifier_lowpass takes at least 0 (s)",
+        ),
+        ("resonance", {"f_Hz": [200, -1], "zeta": [0.1, 0.1]}, "params.f_Hz = -1 is out of range"),
+    ],
+)
+def test_effects_are_refused_at_once_with_parameters_that_make_no_sense(name, params, said):
+    """They were saved, loaded, and met by the first command that drives the stage, or by none."""
+    before = example_stage()
+    with pytest.raises(BadInput, match=re.escape(said)) as refused:
+        before.with_effect(name, **params)
+    assert_one_line(str(refused.value))
+    effects = (AdoptedEffect(name=name, params=params),)
+    text = stage_text(Stage(name="s", axes={"x": before.axis("x").model_copy(update={"effects": effects})}))
+    with pytest.raises(BadInput, match=re.escape(f"s.toml: axes.x.effects[0].{said}")) as refused:
+        parse_stage(text, "s.toml")
+    assert_one_line(str(refused.value))
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_what_a_search_may_find_is_taken(name):
+    """Both bounds, and a bound that a logarithmic scale misses by its rounding."""
+    known = catalogue()[name]
+    for params in ({p.name: p.low for p in known.parameters}, {p.name: p.high * (1 + 1e-15) for p in known.parameters}):
+        example_stage().with_effect(name, **params)
+
+
+def test_modes_and_lags_are_taken_wherever_a_fit_finds_them():
+    example_stage().with_effect("resonance", f_Hz=[4.0, 7000.0], zeta=[0.9, 0.001], c=[3.0, -2.0])
+    example_stage().with_effect("amplifier_lowpass", tau_s=0.05)

@@ -67,6 +67,15 @@ def test_text_of_any_form(tmp_path, name, delimiter, comma):
     same(pl.import_recordings(tmp_path / "rig.txt").recordings[0])
 
 
+def test_a_decimal_comma_below_rows_of_whole_numbers(tmp_path):
+    """Of a record that begins at rest: 0;0;0 has no comma, and every number below it was taken for none."""
+    path = tmp_path / "rig.csv"
+    path.write_text("t_s;u_V;x_um\n0;0;0\n" + "".join(f"0,{i:03};{i},5;{2 * i},25\n" for i in range(1, 40)))
+    (recording,) = pl.import_recordings(path).recordings
+    assert recording.t_s[-1] == 0.039
+    assert recording.x_um[1] == 2.25
+
+
 def _scientific(delimiter: str, comma: bool, columns: list[np.ndarray]) -> str:
     lines = (delimiter.join(f"{value:.12e}" for value in row) for row in np.column_stack(columns))
     return "\n".join(line.replace(".", ",") if comma else line for line in lines) + "\n"

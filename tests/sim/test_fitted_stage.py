@@ -18,7 +18,7 @@ SWING_V, F_HZ = 6.0, 40.0
 def late_s(played: Stage, model: Stage, folder) -> float:
     """By how much later than ``model`` predicts, the file of ``played`` answers a sine."""
     path = folder / "played.toml"
-    played.save(path)
+    played.save(path, overwrite=True)
     with pl.connect(f"sim://{path}") as dev:
         record = dev.record(f"sine:{SWING_V}V@{F_HZ}Hz", duration=0.5)
     x, expected = record.axes["x"].x_um, predict(model, record).axes["x"].x_um

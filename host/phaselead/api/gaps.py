@@ -105,7 +105,7 @@ def write_report(
     path: str | os.PathLike[str],
     *,
     model_name: str = "",
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Writes the page of a result: of a gap where, what, why not the runner-up, before and after; of a fit, a
     verification, a run or what was learned its figures and tables. One file, no network.

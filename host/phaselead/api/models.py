@@ -61,9 +61,10 @@ def fit(
     from phaselead.identify import FitResult
     from phaselead.identify import fit as fit_stage
     from phaselead.model import as_stage
-    from phaselead.record import gather
+    from phaselead.record import gather, refuse_twice
 
     found = gather(records, map, rate)
+    refuse_twice(found)
     stage, report = fit_stage(found, base, name=name, parent=None if parent is None else as_stage(parent))
     return FitResult(with_gains(stage), report, found)
 

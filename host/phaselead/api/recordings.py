@@ -115,7 +115,7 @@ def export(
     overwrite: bool = False,
 ) -> None:
     """Writes a recording as the suffix says: .csv, .h5, .mat or .parquet. ``record``: a recording, a run or a file;
-    ``map`` and ``rate`` as for ``read``.
+    ``map`` and ``rate`` as for ``read``. Of a file with a window, ``"rec.csv@5:7"``, its rows are written alone.
 
     Raises BadInput for another suffix, for several recordings, and where the file exists and ``overwrite`` is False.
 
@@ -128,9 +128,12 @@ def export(
     <BLANKLINE>
     """
     from phaselead.record import export as export_recording
-    from phaselead.record import gather_one
+    from phaselead.record import gather_one, scored_alone
 
-    export_recording(gather_one(record, map, rate), path, overwrite=overwrite)
+    recording = gather_one(record, map, rate)
+    if isinstance(record, (str, os.PathLike)):
+        recording = scored_alone(recording)
+    export_recording(recording, path, overwrite=overwrite)
 
 
 def recover(journal: str | os.PathLike[str], output: str | os.PathLike[str], *, overwrite: bool = False) -> Recording:

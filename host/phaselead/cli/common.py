@@ -49,9 +49,18 @@ class Seconds(click.ParamType[float]):
 
 SECONDS = Seconds()
 
+
+def named_port(_context: click.Context, _option: click.Parameter, port: str) -> str:
+    """A port that has a name. Raises BadInput."""
+    if not port.strip():
+        raise BadInput("--port is empty; name one, `phaselead ports` lists them, or leave it out for the virtual stage")
+    return port
+
+
 port_option = click.option(
     "--port",
     default=DEFAULT_PORT,
+    callback=named_port,
     envvar=PORT_VARIABLE,
     show_default=True,
     show_envvar=True,

@@ -7,10 +7,11 @@ from typing import Any
 
 import click
 
-from phaselead.cli.common import json_option, map_option, rate_option, report_option, yes_option
+from phaselead.cli.common import json_option, map_option, named_port, rate_option, report_option, yes_option
 from phaselead.cli.gap_campaign import campaign
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, RECORD, OutputFile
+from phaselead.errors import BadInput
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
 
 # One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
@@ -26,6 +27,8 @@ class GapGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and args[0] in self.commands:
             return super().parse_args(ctx, args)
+        if {"--frozen", "--refit"} <= set(args):
+            raise BadInput("--frozen keeps the base, --refit fits it anew: give one of them")
         return super().parse_args(ctx, spread(args))
 
 
@@ -83,7 +86,9 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 
 @gap.command("next")
 @click.argument("gap_json", metavar="gap.json", type=INPUT)
-@click.option("--port", default=DEFAULT_PORT, envvar=PORT_VARIABLE, show_default=True, help="The device.")
+@click.option(
+    "--port", default=DEFAULT_PORT, envvar=PORT_VARIABLE, callback=named_port, show_default=True, help="The device."
+)
 @click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
 @click.option(
     "--model", "model_path", metavar="M", type=INPUT, help="Stage file with limits and calibration; uploaded first."

@@ -20,6 +20,7 @@ from phaselead.cli.common import (
     progress,
     rate_option,
     read_recordings,
+    tell,
     warn_of_gaps,
 )
 from phaselead.cli.listing import top_level
@@ -47,11 +48,13 @@ def record(
     port: str, drive: str | None, duration: float | None, output: str, axes: str | None, json_to: str | None
 ) -> None:
     """Record what the device does, open loop; needs no model."""
-    from phaselead.control import record_to_file
+    from phaselead.control import record_to_file, said_of_disk
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
     waveforms = parse_waves(drive, axes) if drive else None
+    if said := said_of_disk(duration, len(waveforms or axes or "x")):
+        tell(said, json_to)
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
         facts = record_to_file(device, waveforms, axes or "x", output=output, duration_s=duration, on_progress=advance)
     warn_of_gaps(facts)
@@ -149,10 +152,11 @@ def export(
     rate: str | None,
     json_to: str | None,
 ) -> None:
-    """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet."""
+    """Convert a recording: OUT ends in .csv, .h5, .mat or .parquet. Of REC@FROM:TO the rows of the window alone."""
     from phaselead.record import export as export_recording
+    from phaselead.record import scored_alone
 
-    (recording,) = read_recordings([recording_path], column_map, rate)
+    recording = scored_alone(*read_recordings([recording_path], column_map, rate))
     export_recording(recording, output, overwrite=overwriting())
     emit_pairs({"output": output, "samples": len(recording.t_s)}, json_to)
 

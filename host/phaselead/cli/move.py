@@ -54,7 +54,7 @@ def _held_if_refused(device: Controller) -> Iterator[None]:
 @click.option(
     "--duration", metavar="S", type=SECONDS, callback=checked_duration, help="How long the move takes: 1, 1s, 50ms."
 )
-@click.option("--speed", metavar="UM_PER_S", help="Its highest speed: 500, 500um/s, 0.5mm/s.")
+@click.option("--speed", metavar="UM_PER_S", help="Its highest speed, instead: 500, 500um/s, 0.5mm/s.")
 @click.option("--window", metavar="UM", help="On target is what stays within so much of it: 0.05, 50nm.")
 @click.option("--park", "park_after", is_flag=True, help="Park after the move instead of holding.")
 @trigger_out_option

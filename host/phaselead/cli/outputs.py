@@ -46,10 +46,11 @@ class InputRecord(InputFile):
 
 
 class OutputFile(NamedFile):
-    """What a command writes. ``suffixes`` are those of the format that is written; none: any."""
+    """What a command writes. ``suffixes`` are those of the format that is written; none: any. ``stdout``: whether "-"
+    is the standard output."""
 
-    def __init__(self, *suffixes: str) -> None:
-        self.suffixes = suffixes
+    def __init__(self, *suffixes: str, stdout: bool = False) -> None:
+        self.suffixes, self.stdout = suffixes, stdout
 
 
 INPUT, RECORD = InputFile(), InputRecord()
@@ -71,7 +72,11 @@ def json_option(command: F) -> F:
         callback=lambda context, _option, given: context.meta.update({OVERWRITE: given}),
     )
     figures = click.option(
-        "--json", "json_to", metavar="F", type=OutputFile(), help="Also write the figures as JSON to F; - is stdout."
+        "--json",
+        "json_to",
+        metavar="F",
+        type=OutputFile(stdout=True),
+        help="Also write the figures as JSON to F; - is stdout.",
     )
     return cast(F, figures(over(looked_at)))
 
@@ -96,8 +101,10 @@ def check_named(context: click.Context) -> None:
     inputs = [kind.file_of(path) for kind, path in given if isinstance(kind, InputFile)]
     written: set[str] = set()
     for kind, path in given:
-        if not isinstance(kind, OutputFile) or path == "-":
+        if not isinstance(kind, OutputFile) or (path == "-" and kind.stdout):
             continue
+        if path == "-":
+            raise BadInput("-: only --json writes to the standard output with it; give a file name")
         check_output(path, suffixes=kind.suffixes, inputs=inputs, overwrite=overwriting())
         place = os.path.realpath(path)
         if place in written and not is_special(path):

@@ -24,6 +24,7 @@ from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.modes import MODES
 from phaselead.control.moving import Moved, Planned, best_mode
 from phaselead.control.rehearsal import OnRehearsed, Predicted
+from phaselead.control.room import said_of_disk
 from phaselead.control.run import Run
 from phaselead.control.targets import parse_targets
 from phaselead.control.tracking import assumed_limits, loop_warnings, path_warnings, track
@@ -70,6 +71,7 @@ __all__ = [
     "record_open_loop",
     "record_to_file",
     "recover_run",
+    "said_of_disk",
     "track",
     "track_to_file",
     "tracking_error",

@@ -18,6 +18,7 @@ from phaselead.control.feedback_loop import (
     pid_response,
     plant_response,
 )
+from phaselead.control.modes import HAS_FEEDBACK
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, Gains, SmallSignal, Stage, small_signal
 
@@ -50,6 +51,18 @@ def gains_of(given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | N
     return parse_gains(own, stage, axis)
 
 
+def gains_in_mode(
+    mode: str, given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | None, axis: str
+) -> Gains:
+    """``gains_of``; of a mode without feedback, which uses none, zeros where none can be designed."""
+    try:
+        return gains_of(given, stage, axis)
+    except BadInput:
+        if given is not None or mode in HAS_FEEDBACK:
+            raise
+    return Gains(kp_V_per_um=0.0, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
+
+
 def parse_gains(text: str | None, stage: Stage | None, axis: str) -> Gains:
     """Gains for one axis: "paper"; "KP,KI,KD" in V/um, V/(um s), V s/um; None: the stage file's, else those designed
     for its model. The paper's where nothing is known of the axis: no stage file, or one without a time view of it.
@@ -67,11 +80,11 @@ def parse_gains(text: str | None, stage: Stage | None, axis: str) -> Gains:
         kp, ki, kd = (float(part) for part in text.split(","))
     except ValueError:
         raise BadInput(
-            f"--gains {text!r}: write paper, or KP,KI,KD in V/um, V/(um s), V s/um, e.g. 0.017,8.62,2.33e-5"
+            f"gains {text!r}: write paper, or KP,KI,KD in V/um, V/(um s), V s/um, e.g. 0.017,8.62,2.33e-5"
         ) from None
     if not all(math.isfinite(gain) and gain >= 0 for gain in (kp, ki, kd)):
         raise BadInput(
-            f"--gains {text!r}: gains must be finite and not negative; the loop's sign is fixed in the firmware"
+            f"gains {text!r}: they must be finite and not negative; the loop's sign is fixed in the firmware"
         )
     return Gains(kp_V_per_um=kp, ki_V_per_um_s=ki, kd_V_s_per_um=kd, derivative_filter_Hz=None)
 
@@ -86,7 +99,7 @@ def design_gains(axis: str, model: AxisModel) -> Gains:
     try:
         plant = small_signal(model)
     except BadInput as error:
-        raise BadInput(f"{axis}: no gains can be designed: {error}; or give --gains") from None
+        raise BadInput(f"{axis}: no gains can be designed: {error}") from None
     return _designed(plant)
 
 
@@ -174,11 +187,15 @@ def describe_unseen(stage: Stage, highest_Hz: float) -> list[str]:
 
 def lacking_gains(stage: Stage) -> list[str]:
     """One line for each axis without gains of its own, and what makes some."""
-    return [
-        f"axis {name}: no gains, since the records show no mode to design them for: `phaselead tune` measures some"
-        for name, model in stage.axes.items()
-        if model.gains is None
-    ]
+    return [f"axis {name}: no gains, since {_why_none(m)}" for name, m in stage.axes.items() if m.gains is None]
+
+
+def _why_none(model: AxisModel) -> str:
+    try:
+        small_signal(model)
+    except BadInput as error:
+        return str(error)
+    return "the records show no mode to design them for: `phaselead tune` measures some"
 
 
 def check_loop(axis: str, model: AxisModel, gains: Gains, *, force: bool = False) -> str | None:

@@ -9,6 +9,7 @@ from typing import Any, Unpack
 
 from phaselead.control.converting import ANSWERED, RECEIVED, convert
 from phaselead.control.rehearsal import OnRehearsed, Predicted, rehearse
+from phaselead.control.room import refuse_without_room
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
 from phaselead.control.tracking import Asked, run_recording, set_up, ticks_of, track
@@ -190,6 +191,7 @@ def track_to_file(
     given stands among the figures of the run too, as ``predicted``.
     """
     stage = asked.get("stage")
+    refuse_without_room(asked.get("duration_s"), len(waveforms), output, in_memory=True)
     pulses = parse_outputs(trigger_out, waveforms)
     waveforms = followed(waveforms, stage, follows, mode)
     predicted: dict[str, Predicted] = {}
@@ -237,6 +239,7 @@ def record_to_file(
     ``stage`` has limits and calibration; it is uploaded before anything is played. ``duration_s`` is by default ten
     periods, or 1 s when only listening.
     """
+    refuse_without_room(duration_s, len(axis if waveforms is None else waveforms), output, in_memory=False)
     with run_file(output, device, "open", stage, driven=waveforms is not None) as file:
         if waveforms is None:
             axes, ticks, lead_ticks, tail_ticks = axis, listening_ticks(duration_s), 0, 0
@@ -289,6 +292,7 @@ def record_open_loop(
         return track_to_file(
             device, waveforms, "open", output=None, stage=stage, duration_s=duration_s, on_progress=on_progress
         ).recording
+    refuse_without_room(duration_s, len(axis), output, in_memory=True)
     ticks = listening_ticks(duration_s)
     progress = None if on_progress is None else lambda done: on_progress(done / ticks)
     return recording_of(device.capture(ticks, axes=axis, start=False, park=False, progress=progress))

@@ -27,7 +27,7 @@ class KeptRuns:
             return Source(name, run.recording.samples_sha256)
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / f"{name}.h5"
-        run.save(path)
+        run.save(path, overwrite=True)  # a folder that holds recordings was refused before
         return Source(str(path), file_sha256(path))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
 from phaselead.control.held import held_stage, held_warning, unknown_warning
 from phaselead.control.modes import NEEDS_MODEL
 from phaselead.control.motion_limits import (
@@ -44,6 +44,10 @@ STOP_S = 0.02
 STOP_ACCELERATION, STOP_JERK = 3.75, 30.0
 """Of a join of T seconds from a steady v to the place half a join ahead, in v/T and v/T^2; its velocity is
 up to 1.18 v."""
+LONGEST_S = 3600.0
+"""Of a move: one that takes longer is a slip, and would be tried on its model first without a word."""
+SAME_TIME = 0.01
+"""Share by which a duration and a speed that are both given may differ."""
 SETTLE_S = 1.0
 """How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
 
@@ -215,7 +219,7 @@ class Mover:
             )
         if chosen in NEEDS_MODEL and known is None:
             raise BadInput(f"mode {chosen} needs a model: --model STAGE.toml (`phaselead identify` makes one)")
-        own = {axis: gains_of(gains, known, axis) for axis in axes}
+        own = {axis: gains_in_mode(chosen, gains, known, axis) for axis in axes}
         for axis in axes:
             check_path(axis, _hold(now, axis), chosen, _model(known, axis))
         warnings = unknown_warning(self.device, known, chosen, gains_given=gains is not None)
@@ -273,7 +277,7 @@ class Mover:
     def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:
         """Goes on with axes that are held already; their gains are taken for the usual ones."""
         self.stage, self.known, self.mode = stage, stage or held_stage(self.device, axes), mode
-        self.gains = {axis: gains_of(None, self.known, axis) for axis in axes}
+        self.gains = {axis: gains_in_mode(mode, None, self.known, axis) for axis in axes}
 
     # ---------------------------------------------------------------- moving
 
@@ -298,12 +302,19 @@ class Mover:
             if not speed_um_per_s > 0:
                 raise BadInput(f"a speed of {speed_um_per_s:g} um/s: give one above 0")
             seconds = max(PEAK_SPEED * max(way.values()) / speed_um_per_s, 1 / TICK_HZ)
+            if duration_s is not None and abs(seconds - duration_s) > SAME_TIME * duration_s:
+                raise BadInput(
+                    f"a speed of {speed_um_per_s:g} um/s at its highest takes {seconds:.4g} s, not {duration_s:g} s: "
+                    "give duration or speed"
+                )
         if seconds is None:
             usual = (usual_duration_s(way[a], self.limits(a), self.model(a), self.mode) for a in targets)
             seconds = max(usual)
         else:
             slowest = max(targets, key=lambda axis: self.limits(axis).shortest_s(way[axis]))
             refuse_too_fast(slowest, way[slowest], seconds, self.model(slowest))
+        if seconds > LONGEST_S:
+            raise BadInput(f"a move of {seconds:.4g} s: give it at most {LONGEST_S:g} s, or a higher speed")
         planned = Planned(start, target, seconds)
         for axis, path in planned.paths().items():
             check_path(axis, path, self.mode, _model(self.known, axis))

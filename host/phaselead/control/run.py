@@ -138,7 +138,7 @@ class Run(SampledResult):
 
         return tracking_figure(self.recording, self.meant_um)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Writes .h5 with all that a replay needs, or .csv, .mat or .parquet with the columns alone.
 
         Raises BadInput for another suffix, and where the file exists and ``overwrite`` is False.

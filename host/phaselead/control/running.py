@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from phaselead.control.gains import GainsLike, gains_of
+from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
 from phaselead.control.held import held_sha256, held_stage, held_warning, unknown_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
@@ -88,7 +88,7 @@ class Runs(Plays):
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output, overwrite)
         held = held_stage(self.device) if stage is None else None
-        chosen = {name: gains_of(gains, stage or held, name) for name in waveforms}
+        chosen = {name: gains_in_mode(mode, gains, stage or held, name) for name in waveforms}
         if known is not None:
             chosen = chosen if gains is not None else known.gains()
             sha256 = held_sha256(self.device) if stage is None else stage.sha256

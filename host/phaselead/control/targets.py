@@ -25,7 +25,7 @@ def parse_target(value: float | str) -> Target:
             raise BadInput(f"target {value}: give a place in um")
         return Target(float(value), False)
     text = value.strip()
-    number, unit = Written(text, text, EXAMPLE, "target").level(text)
+    number, unit = Written(text, text, EXAMPLE, "target", "um").level(text)
     if unit != "um":
         raise BadInput(f"target {text!r}: a move takes micrometres, as in {EXAMPLE}")
     return Target(number, text[:1] in ("+", "-"))

@@ -37,7 +37,7 @@ from phaselead.device import (
     wire,
 )
 from phaselead.errors import BadInput, DeviceRefused
-from phaselead.model import AxisModel, Gains, Stage, compensation, stage_text
+from phaselead.model import BACKWARDS, AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
 from phaselead.waveforms import POINTS, Curve, Goto, RepeatedAsSensed, Replaced, Waveform, refuse_out_of_range
@@ -84,6 +84,8 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
     """Refuses a path outside the limits, the sensor's span, the identified rectangle or what the inverse can reach."""
     refuse_without_period(axis, waveform, mode)
     if mode in USES_TABLES and model.table is None:
+        if inverse_refusal(model, axis) == BACKWARDS:
+            raise BadInput(f"{axis}: mode {mode} needs a position that rises: {BACKWARDS}, or use mode open")
         other = _beyond_tables(axis, waveform, mode, model)
         raise BadInput(f"{axis}: mode {mode} needs the stage file's table view; identify it, {other}")
     try:
@@ -113,7 +115,8 @@ def _beyond_tables(axis: str, waveform: Waveform, mode: str, model: AxisModel) -
 def _refuse_without_inverse(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> None:
     reason = inverse_refusal(model, axis)
     if reason is not None:
-        raise BadInput(f"{axis}: mode {mode} needs an inverse of the model: {reason}; or use mode pid")
+        other = ", or use mode open" if reason == BACKWARDS else "; or use mode pid"
+        raise BadInput(f"{axis}: mode {mode} needs an inverse of the model: {reason}{other}")
     low_um, high_um = compensation(model).reach_um
     if not low_um <= waveform.lowest <= waveform.highest <= high_um:
         raise BadInput(

@@ -279,9 +279,14 @@ def _refuse_beyond_tables(table: TableView, key: str) -> None:
     swings = [low, high] + ([-a1 / (2 * a2)] if a2 and low < -a1 / (2 * a2) < high else [])
     for gain in (float(table.gain(swing)) for swing in swings):
         if not GAIN_um_per_V[0] <= gain <= GAIN_um_per_V[1]:
+            amplified = (
+                "are its voltages those behind the amplifier? A stage file has the control volts in front of it: "
+                "divide the recorded ones by the amplifier's gain and fit again, or "
+            )
             raise BadInput(
                 f"{key}.a_um_per_V: the gain reaches {gain:.4g} um/V, the device holds "
-                f"{GAIN_um_per_V[0]:g}..{GAIN_um_per_V[1]:g} um/V; narrow swing_V or check the unit"
+                f"{GAIN_um_per_V[0]:g}..{GAIN_um_per_V[1]:g} um/V; {amplified if gain < GAIN_um_per_V[0] else ''}"
+                "narrow swing_V or check the unit"
             )
     if table.range_um[1] >= LARGEST_RANGE_um:
         raise BadInput(

@@ -84,9 +84,12 @@ class Where(Result):
             raise AttributeError(name) from None
 
     def as_dict(self) -> dict[str, Any]:
-        """As ``phaselead where --json`` writes it: figures by axis."""
+        """As ``phaselead where --json`` writes it: figures by axis. An axis that is not held has no target (None)."""
         names = ("x_um", "u_V", "reference_um", "target_um", "held", "on_target", "moving", "queued", "dry")
         found = {axis: {name: getattr(one, name) for name in names} for axis, one in self.axes.items()}
+        for axis, one in self.axes.items():
+            if not one.held:
+                found[axis] |= {"reference_um": None, "target_um": None}
         return {"tick": self.tick, "state": self.state, "fault": self.fault, "axes": found}
 
     @property

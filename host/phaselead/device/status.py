@@ -15,7 +15,8 @@ NO_AXIS = 255
 
 @dataclass(frozen=True)
 class DeviceStatus(Result):
-    """STATUS in words; prints as a table. Axis letters stand for masks; tuples are x, y, z."""
+    """STATUS in words; prints as a table. Axis letters stand for masks; tuples are x, y, z. Modes
+    are called as a user writes them: inverse+pid."""
 
     tick: int
     state: str
@@ -44,7 +45,7 @@ class DeviceStatus(Result):
             fault_tick=r.fault_tick,
             running_axes=axes_of(r.running_axes),
             at_rest=axes_of(r.at_rest),
-            modes=tuple(name_of(wire.Mode, mode) for mode in r.modes),
+            modes=tuple(name_of(wire.Mode, mode).replace("_", "+") for mode in r.modes),
             adc_codes=r.adc_codes,
             dac_codes=r.dac_codes,
             saturations=r.saturations,

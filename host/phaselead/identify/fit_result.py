@@ -126,7 +126,7 @@ class FitResult(Result):
         _, source, axis = max(left)
         return known[source], axis
 
-    def save(self, path: str | Path, *, overwrite: bool = True) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the model's stage file, whole or not at all. Raises BadInput where it exists and ``overwrite`` is
         False, OSError where it cannot be written."""
         self.model.save(path, overwrite=overwrite)

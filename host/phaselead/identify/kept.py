@@ -117,13 +117,23 @@ def keeping(
     try:
         yield kept
     except (PhaseleadError, KeyboardInterrupt, OSError) as error:
-        if kept.names:
-            _add(error, f"{len(kept.names)} of {len(names)} records are kept in {kept.folder}: go on with --resume")
+        if (there_now := sum(kept.path(name).exists() for name in names)) > 0:
+            _add(error, _how_to_go_on(error, there_now, len(names), kept.folder))
         else:
             kept.discard()
         raise
     if only_until_done:
         kept.discard()
+
+
+def _how_to_go_on(error: BaseException, there: int, wanted: int, folder: Path) -> str:
+    """What is on disk and what to do: where every record is there and one was refused, --resume reads the same one."""
+    if there == wanted and isinstance(error, BadInput):
+        return (
+            f"all {there} records are kept in {folder}, and --resume reads them as they are: a record that was refused "
+            "is measured again once its file is deleted, all with --overwrite"
+        )
+    return f"{there} of {wanted} records are kept in {folder}: go on with --resume"
 
 
 def _add(error: BaseException, line: str) -> None:

@@ -123,7 +123,7 @@ def axis_run(recording: Recording, axis: str) -> AxisRun:
         raise BadInput(f"{source}: holds values that are not numbers; cut those rows or record again")
     scored = recording.scored
     if len(u[scored]) < 16:
-        raise BadInput(f"{source}: {len(u[scored])} rows are too few to fit anything to; record at least 16")
+        raise BadInput(f"{source}: {len(u[scored])} rows are too few to judge; at least 16 are needed")
     if np.ptp(u[scored]) < STILL_V:
         raise BadInput(f"{source}: the voltage of {axis} is constant where it is scored; choose rows where it moves")
     if np.ptp(x[scored]) == 0:

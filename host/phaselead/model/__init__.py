@@ -49,7 +49,7 @@ from phaselead.model.effects import (
 )
 from phaselead.model.fading import ALIKE as PLAYS_ALIKE
 from phaselead.model.fading import state_after
-from phaselead.model.inverse import KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
+from phaselead.model.inverse import BACKWARDS, KNOTS, PLAYS, SECTIONS, TERMS, Compensation, compensation, coupling
 from phaselead.model.linearised import SmallSignal, small_signal
 from phaselead.model.loop_filter import SECTIONS_IN_LOOP, LoopFilter
 from phaselead.model.operator import (
@@ -61,7 +61,7 @@ from phaselead.model.operator import (
     rest_position_um,
     turned_view,
 )
-from phaselead.model.prediction import predict
+from phaselead.model.prediction import driven_far_beyond, predict
 from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -79,6 +79,7 @@ from phaselead.model.table import XU_LI_2010, TablePoint, TableView
 from phaselead.model.validation_errors import explained
 
 __all__ = [
+    "BACKWARDS",
     "HOLD_S",
     "KNOTS",
     "LATCH_S",
@@ -129,6 +130,7 @@ __all__ = [
     "compensation",
     "coupling",
     "derived_sizes",
+    "driven_far_beyond",
     "effect",
     "effect_of_fading",
     "effect_of_lag",

@@ -23,6 +23,9 @@ LARGEST_THRESHOLD_V = 64.0
 """Of a play."""
 FASTEST_CREEP_s = 0.0007
 """Shortest time constant: the device's filter coefficient for creep, tick over time constant, is at most about 1/4."""
+BACKWARDS = (
+    "its sensor counts backwards, and the signs of loop and inverse are fixed in the firmware; swap its polarity"
+)
 LEAST_SLOPE = 2.0**-10
 """um/V; flatter than this the device does not invert."""
 
@@ -56,6 +59,8 @@ def compensation(axis: AxisModel) -> Compensation:
     view = in_time_view(axis, partly=True).time
     assert view is not None
     view = _in_order(view)
+    if view.gain_um_per_V < 0 and max(view.play_w_um_per_V, default=0.0) <= 0:
+        raise BadInput(BACKWARDS)
     least, at_V = _least_slope(view, axis.limits)
     if least < LEAST_SLOPE:
         raise BadInput(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from phaselead.errors import BadInput
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.effects import Mode, effect, rewritten
-from phaselead.model.inverse import in_time_view
+from phaselead.model.inverse import BACKWARDS, in_time_view
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def small_signal(axis: AxisModel) -> SmallSignal:
         raise BadInput("it has no time view; fit or identify it")
     low, high = slopes_um_per_V(view)
     if high <= 0:
-        raise BadInput("its sensor counts backwards, and the loop's sign is fixed in the firmware; swap its polarity")
+        raise BadInput(BACKWARDS)
     entries = rewritten([(effect(e.name), effect(e.name).complete(e.params)) for e in axis.effects])
     modes = tuple(mode for e, params in entries if e.modes is not None for mode in e.modes(params) if mode[0] != 0)
     lags = tuple(e.lag_in_loop_s(params) for e, params in entries if e.lag_in_loop_s is not None)

@@ -12,6 +12,9 @@ from phaselead.model.effects import Entry, Place, effect_of_shares
 from phaselead.model.stage_file import Stage
 from phaselead.record import AXES, AxisRecord, Recording, refuse_gapped
 
+FAR_BEYOND = 0.5
+"""Of the span of voltages that a model was fitted on."""
+
 
 def predict(stage: Stage, recording: Recording) -> Recording:
     """The same times and voltages with the predicted positions, from rest at 0 V before the first row.
@@ -35,6 +38,24 @@ def predict(stage: Stage, recording: Recording) -> Recording:
         x = chain.with_others(others).run(_seen(stage, name, others))
         axes[name] = AxisRecord(recording.axes[name].u_V, x)
     return replace(recording, axes=axes, meta={})
+
+
+def driven_far_beyond(stage: Stage, recordings: Iterable[Recording]) -> list[str]:
+    """One line for each axis of a recording whose voltages are beyond those that its model was fitted on by more than
+    half of their span: it is probably the model of another stage, or of voltages in another unit."""
+    found = []
+    for recording in recordings:
+        for name, driven in recording.axes.items():
+            view = stage.axes[name].time if name in stage.axes else None
+            if view is None or driven.u_V is None or not len(driven.u_V):
+                continue
+            (low_V, high_V), least_V, most_V = view.u_range_V, float(driven.u_V.min()), float(driven.u_V.max())
+            if max(low_V - least_V, most_V - high_V) > FAR_BEYOND * (high_V - low_V):
+                found.append(
+                    f"{recording.source}: axis {name} is driven with {least_V:.4g}..{most_V:.4g} V, its model was "
+                    f"fitted on {low_V:.4g}..{high_V:.4g} V: is it the model of this stage?"
+                )
+    return found
 
 
 def time_view_of(stage: Stage, axis: str) -> TimeView:

@@ -23,7 +23,7 @@ from phaselead.model.effects import catalogue
 from phaselead.model.fields import Matrix3, Part
 from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
-from phaselead.model.validation_errors import explain, explained, fault
+from phaselead.model.validation_errors import explain, explained, fault, key_path
 from phaselead.record import AXES, Recording, write_text
 from phaselead.result import Result, Table, pairs_table
 from phaselead.version import VERSION as PROGRAM_VERSION
@@ -150,7 +150,7 @@ class Stage(Result, Part):
         """The steady loop of every axis over the voltages it was fitted on, without the adopted effects."""
         return stage_figure(self.axes)
 
-    def save(self, path: str | Path, *, overwrite: bool = True) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes a commented stage file, whole or not at all. Raises BadInput where it exists and ``overwrite`` is
         False, OSError where it cannot be written."""
         save_stage(path, self, overwrite=overwrite)
@@ -170,7 +170,8 @@ class Stage(Result, Part):
     def with_effect(self, name: str, axis: str = "x", **params: float | Sequence[float]) -> Self:
         """A copy in which this axis has one more effect of the catalogue, so that a virtual stage can be changed.
 
-        Raises BadInput for an axis that the stage lacks and an effect that is not known.
+        Raises BadInput for an axis that the stage lacks, and for an effect, a parameter or a value that is not in the
+        catalogue.
 
         >>> import phaselead as pl
         >>> pl.load("sim://xyz250").with_effect("amplifier_lowpass", tau_s=5e-4).save("changed.toml")
@@ -181,7 +182,9 @@ class Stage(Result, Part):
         with explained(f"effect {name} of {self.name}"):
             effect = AdoptedEffect.model_validate({"name": name, "params": params})
             after = before.model_copy(update={"effects": (*before.effects, effect)})
-            return type(self).model_validate(dict(self) | {"axes": {**self.axes, axis: after}})
+            changed = type(self).model_validate(dict(self) | {"axes": {**self.axes, axis: after}})
+        _refuse_parameters(f"effect {name} of {self.name}", effect, "params")
+        return changed
 
 
 def load_stage(path: str | Path) -> Stage:
@@ -218,9 +221,21 @@ def parse_stage(text: str, source: str = "stage") -> Stage:
             f"{VERSION}); update phaselead"
         )
     try:
-        return Stage.model_validate(content)
+        stage = Stage.model_validate(content)
     except ValidationError as error:
         raise BadInput(f"{source}: {explain(error, Stage)}") from None
+    for axis, model in stage.axes.items():
+        for i, adopted in enumerate(model.effects):
+            _refuse_parameters(source, adopted, f"axes.{axis}.effects[{i}].params")
+    return stage
+
+
+def _refuse_parameters(source: str, adopted: AdoptedEffect, key: str) -> None:
+    """Raises BadInput for a parameter that the effect has not, and for a value outside its range."""
+    known = catalogue()[adopted.name]
+    for name, value in adopted.params.items():
+        if (wrong := known.fault_of(name, value)) is not None:
+            raise BadInput(f"{source}: {key_path((key, name))} {wrong}")
 
 
 def save_stage(path: str | Path, stage: Stage, *, overwrite: bool = True) -> None:

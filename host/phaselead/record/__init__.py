@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.bounded import require_walkable
-from phaselead.record.checks import refuse_clipped, refuse_gapped
+from phaselead.record.checks import refuse_clipped, refuse_gapped, refuse_twice
 from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
 from phaselead.record.digest import Source, file_sha256
 from phaselead.record.direction import counts_backwards, slow_gain
@@ -16,7 +16,7 @@ from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.plausible import doubts_about
-from phaselead.record.read import read_recording, split_argument
+from phaselead.record.read import read_recording, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
 
@@ -60,7 +60,9 @@ __all__ = [
     "read_recording",
     "refuse_clipped",
     "refuse_gapped",
+    "refuse_twice",
     "require_walkable",
+    "scored_alone",
     "slow_gain",
     "split_argument",
     "write_csv",

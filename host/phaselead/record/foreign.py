@@ -160,12 +160,12 @@ def _text_table(path: str) -> ForeignTable:
     lines = _decoded(path).splitlines()
     start, delimiter = _first_row(path, lines)
     first = _split(lines[start], delimiter)
-    comma = delimiter != "," and any("," in field for field in first)
+    comma = delimiter != "," and any("," in line for line in lines[start:] if not _is_comment(line))
     assumed = [f"values separated by {_DELIMITERS[delimiter]}" + (", decimals written with a comma" if comma else "")]
     labels, units = _heading(lines[:start], delimiter, len(first))
     rows = []
     for i, line in enumerate(lines[start:], start + 1):
-        if not line.strip() or line.lstrip()[0] in "#%":
+        if not line.strip() or _is_comment(line):
             continue
         fields = _split(line, delimiter)
         if len(fields) < len(first):
@@ -185,10 +185,16 @@ def _text_table(path: str) -> ForeignTable:
 _DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
 
 
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(("#", "%"))
+
+
 def _decoded(path: str) -> str:
     content = Path(path).read_bytes()
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16")
+    if b"\0" in content:
+        raise BadInput(f"{path}: is neither text nor .npy, .npz, .mat or HDF5; give a file of columns of numbers")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phaselead.record.guess import roughness
+from phaselead.record.guess import METRES_BELOW, roughness
 from phaselead.record.recording import Recording
 
 MOST_TRAVEL_um = 1e4
@@ -33,6 +33,11 @@ def doubts_about(recording: Recording) -> list[str]:
             found.append(
                 f"{recording.source}: axis {axis} moves by {travel_um:.3g} um, which no piezo stage does: is the "
                 "factor of its column right?"
+            )
+        elif x_um is not None and u_V is not None and 0 < travel_um < METRES_BELOW < float(np.ptp(u_V)):
+            found.append(
+                f"{recording.source}: axis {axis} moves by {travel_um:.3g} um, less than a nanometre: is it in metres? "
+                "Map it with its factor, x_um=COLUMN*1e6"
             )
         if u_V is None or x_um is None or record.r_um is not None or not np.ptp(u_V) > 0:
             continue

@@ -6,7 +6,6 @@ import hashlib
 import math
 import os
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 
 from phaselead.errors import BadInput
@@ -115,13 +114,18 @@ def windowed(recording: Recording, window: Window) -> Recording:
             f"{recording.source}: {max(stop - first, 0)} rows lie in the window; "
             f"the recording runs from {t[0]:g} to {t[-1]:g} s, choose FROM:TO inside"
         )
-    trigger = None if recording.trigger is None else recording.trigger[:stop]
-    axes = _cut(recording.axes, stop)
-    return replace(recording, t_s=t[:stop], axes=axes, trigger=trigger, scored=slice(first, stop))
+    return replace(_cut(recording, slice(0, stop)), scored=slice(first, stop))
 
 
-def _cut(axes: Mapping[str, AxisRecord], stop: int) -> dict[str, AxisRecord]:
-    def head(values: Samples | None) -> Samples | None:
-        return None if values is None else values[:stop]
+def scored_alone(recording: Recording) -> Recording:
+    """The scored rows without those before them, as an export of a window has them."""
+    return replace(_cut(recording, recording.scored), scored=slice(None))
 
-    return {name: AxisRecord(head(axis.u_V), head(axis.x_um), head(axis.r_um)) for name, axis in axes.items()}
+
+def _cut(recording: Recording, rows: slice) -> Recording:
+    def part(values: Samples | None) -> Samples | None:
+        return None if values is None else values[rows]
+
+    axes = {name: AxisRecord(part(a.u_V), part(a.x_um), part(a.r_um)) for name, a in recording.axes.items()}
+    trigger = None if recording.trigger is None else recording.trigger[rows]
+    return replace(recording, t_s=recording.t_s[rows], axes=axes, trigger=trigger)

@@ -81,7 +81,7 @@ def _(result: FitResult) -> str:
 
 def _parts_of_axes(result: FitResult) -> list[Part]:
     noise, creep = noise_figure(result), creep_figure(result)
-    none = ["This model was identified without: `phaselead identify` holds each axis and fits its creep."]
+    none = ["No creep is known of this model: `phaselead identify` holds each axis and fits its creep."]
     return [
         Part(
             "How does it answer each frequency?", (), (), bode_figure(result),

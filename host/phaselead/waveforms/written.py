@@ -24,12 +24,14 @@ _LEVELS = re.compile(rf"\s*([+-]?{_NUMBER}\s*[A-Za-zµμ]*)\s*(?:([+-]\s*{_NUMBE
 
 @dataclass(frozen=True)
 class Written:
-    """``text`` is the whole waveform, ``rest`` what follows its colon, ``example`` one that would do."""
+    """``text`` is the whole waveform, ``rest`` what follows its colon, ``example`` one that would do, ``takes`` the
+    units."""
 
     text: str
     rest: str
     example: str
     what: str = "waveform"
+    takes: str = "um or V"
 
     def refusal(self, what: str, example: str | None = None) -> BadInput:
         """The one line that says what is wrong and shows how to write it."""
@@ -72,7 +74,7 @@ class Written:
             raise self.refusal(f"{short(quantity)} is no number with a unit")
         if match[2] not in _UNITS:
             what = f"has the unit {short(match[2])}" if match[2] else f"{short(quantity)} has no unit"
-            raise self.refusal(f"{what}: use um or V")
+            raise self.refusal(f"{what}: use {self.takes}")
         unit, scale = _UNITS[match[2]]
         value = float(match[1]) * scale
         if not math.isfinite(value):

@@ -142,9 +142,7 @@ class Learned(Result):
         for axis, own in self.gains().items():
             if axis in gains and gains[axis].model_dump(exclude={"origin"}) != own.model_dump(exclude={"origin"}):
                 written = f"{own.kp_V_per_um:g},{own.ki_V_per_um_s:g},{own.kd_V_s_per_um:g}"
-                raise BadInput(
-                    f"{axis}: the learned table is for the gains {written}; leave out --gains, or learn again"
-                )
+                raise BadInput(f"{axis}: the learned table is for the gains {written}; leave out gains, or learn again")
         if set(wanted) != set(self.paths):
             has, asked = ("".join(sorted(axes)) for axes in (self.paths, wanted))
             raise BadInput(f"the learned table is for {has}, the path for {asked}; learn the path that is to be driven")
@@ -227,7 +225,7 @@ class Learned(Result):
         added = {axis: path.played_um - path.wanted_um for axis, path in self.paths.items()}
         return learning_figure(errors, self.best.number, added)
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Writes the table as HDF5, whole or not at all."""
         import h5py  # slow to load, needed here only
 

@@ -198,7 +198,9 @@ class _Course:
             steps = {axis: next_step(base.error[axis], self._response[axis], share) for axis in self._wanted}
             if not any(step.change.any() for step in steps.values()):
                 return End(
-                    f"ended after trial {number - 1}: what is left does not repeat, or cannot be corrected", base
+                    f"nothing more to learn after trial {number - 1}: what is left does not repeat, or cannot be "
+                    "corrected",
+                    base,
                 )
             correction = {axis: base.correction[axis] + step.change for axis, step in steps.items()}
             try:
@@ -346,7 +348,8 @@ class _Course:
         """With how much of it the best trial was driven, where that is not all."""
         assert self._drive.best is not None
         return "".join(
-            f"; {axis} keeps {_about(own, self._given.gains[axis])}: what repeats is learned, and less shakes it less"
+            f"; {axis} keeps {_about(own, self._given.gains[axis])}: what repeats is learned, and less feedback adds "
+            "less noise"
             for axis, own in self._drive.best.gains.items()
             if own != self._given.gains[axis]
         )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phaselead.control.feedback_loop import plant_response
 from phaselead.errors import BadInput
-from phaselead.model import HOLD_S, SmallSignal
+from phaselead.model import BACKWARDS, HOLD_S, SmallSignal
 from phaselead.record import Samples
 
 Response = NDArray[np.complex128]
@@ -63,7 +63,7 @@ def fit_plant(f_Hz: Samples, measured: Response, deviation: Samples) -> FittedPl
     Raises BadInput for a response that falls with the voltage, or that no such plant has.
     """
     if np.median(measured[: max(3, len(f_Hz) // 20)].real) <= 0:
-        raise BadInput("its sensor counts backwards, and the loop's sign is fixed in the firmware; swap its polarity")
+        raise BadInput(BACKWARDS)
     weight = 1 / np.hypot(deviation, LEAST_DEVIATION)
     from_the_lines = [_first_mode(f_Hz, measured)]
     best, starts = None, [from_the_lines]

@@ -93,7 +93,7 @@ class Tuned(Result):
         """L on the measured lines, at the measured gain, (m,)."""
         return np.asarray(self.measured.gain * pid_response(self.gains, self.measured.f_Hz))
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Writes the stage file with the new gains. Raises BadInput where it exists and ``overwrite`` is False."""
         save_stage(os.fspath(path), self.model, overwrite=overwrite)
 

@@ -3,6 +3,7 @@ and what else the engine asks of it: how it is simulated, how it is undone, what
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -349,6 +350,26 @@ class Effect:
         if set(given) & set(self.accepts):
             return given
         return {**self.fixed, **{p.name: p.left_out for p in self.parameters}, **given}
+
+    @property
+    def has_free_sizes(self) -> bool:
+        """Whether fits write it that know physical bounds alone: its ranges are those of a search, not of stages."""
+        writers = (self.from_modes, self.from_fading, self.from_shares, self.lag_s, self.shared_modes)
+        return self.fitted_with_modes or any(writer is not None for writer in writers)
+
+    def fault_of(self, name: str, value: Value) -> str | None:
+        """What is wrong with a value that is given for one of its parameters; None where it may be."""
+        found = next((p for p in self.parameters if p.name == name), None)
+        if found is None:
+            return None if name in self.accepts else f"is no parameter of {self.name}; it has {self._known()}"
+        low, high = found.low, found.high
+        if self.has_free_sizes:
+            low, high = 0.0 if low >= 0 else -math.inf, math.inf
+        for one in value if isinstance(value, Sequence) else (value,):
+            if not low <= one <= high and not math.isclose(one, low) and not math.isclose(one, high):
+                bounds = f"at least {low:g}" if high == math.inf else f"{low:g}..{high:g}"
+                return f"= {one:g} is out of range; {self.name} takes {bounds} ({found.unit})"
+        return None
 
     def _known(self) -> str:
         return ", ".join([p.name for p in self.parameters] + [f"({name})" for name in self.accepts])
