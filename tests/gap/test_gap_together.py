@@ -16,7 +16,7 @@ from shared_structure import F_HZ, Structure
 from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.gap.run import run_gap
-from phaselead.gap.several_axes.search import has_common_modes
+from phaselead.gap.several_axes.base_modes import has_common_modes
 from phaselead.identify.fitting import fit
 from phaselead.model.axis import AdoptedEffect
 from phaselead.model.prediction import predict

@@ -46,6 +46,7 @@ UNEXPLAINED = 0.02
 """Share of the power before that may remain above the floor; with more the verdict is unknown."""
 ABSORBED = "modes that are fitted to axes moving together absorb it"
 ONE_LEVEL = "all training records have one level of drive; add records at another level"
+HELD = "held as the model has them, with its gains, coupling and softening"
 NOT_LOOKED_FOR = "not looked for in records in which several axes move at once; drive one axis at a time"
 
 
@@ -112,11 +113,11 @@ def axis_results(
     found: StageFit, runs: Mapping[str, Sequence[GapRun]], holdout: Sequence[Recording], seed: int
 ) -> list[AxisResult]:
     """One result per axis; messages about the whole stage go with the first."""
-    gains = own_gains(found.fit)
+    gains = [None] * len(found.axes) if found.fit.held else own_gains(found.fit).tolist()
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
     unsure = {a: _not_vouched_for(found, i, _taken(found, a, named[a])) for i, a in enumerate(found.axes)}
     adopted = {
-        a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]), set(unsure[a]))
+        a: adopted_axis(found.models[a], gains[i], _adopted(found, i, named[a]), set(unsure[a]))
         for i, a in enumerate(found.axes)
     }
     after = predict_held_out(
@@ -173,8 +174,9 @@ def _named(found: StageFit, axis: int) -> list[NamedEffect]:
 
 
 def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """The named effects, those that the stage had, with their new values, and what the modes were fitted behind."""
-    known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    """The named effects, those that the stage had, with their new values unless they are held, and what the modes were
+    fitted behind."""
+    known = set() if found.fit.held else {e.name for e in found.stage.axes[found.axes[axis]].effects}
     names = {one.name for one in named} | known | set(in_front(found.fit, axis) if found.softens else ())
     return [one for one in _effects(found, axis) if one.name in names]
 
@@ -229,7 +231,7 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     return [
         Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit, axis)
         for one in found.others
-        if one.axis == axis and one.effect.name not in taken and not one.effect.absorbed_by_modes
+        if one.axis == axis and one.effect.name not in taken and (found.fit.held or not one.effect.absorbed_by_modes)
     ]
 
 
@@ -246,7 +248,8 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
         softening = entry.shared_modes == "level"
         if name in tested or (softening and found.softening is not None):
             continue
-        reasons[name] = ONE_LEVEL if softening else ABSORBED if entry.absorbed_by_modes else NOT_LOOKED_FOR
+        absorbed = entry.absorbed_by_modes and not found.fit.held
+        reasons[name] = ONE_LEVEL if softening else ABSORBED if absorbed else NOT_LOOKED_FOR
     return reasons
 
 
@@ -289,7 +292,8 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
             for held in (found.before, after)
         )
         lines.append(f"held out at {level} V rms: {was:.3g} % of the output's rms before, {now:.3g} % after")
-    return [*lines, f"{len(found.fit.model.poles)} modes common to all axes", *_undetermined(found)]
+    modes = f"{len(found.fit.model.poles)} modes common to all axes"
+    return [*lines, f"{modes}, {HELD}" if found.fit.held else modes, *_undetermined(found)]
 
 
 def _undetermined(found: StageFit) -> list[str]:
