@@ -48,6 +48,8 @@ class CommonModes:
     """Interval in which the power of the level may lie; None without softening."""
     given: Entries = field(default_factory=dict)
     """By axis: the first of the ``entries``, which the base has and no fit changes."""
+    front: InFront | None = None
+    """What was fitted in front of the modes; None without anything."""
     held: bool = False
     """Whether the modes are those of the base, as it has them."""
 
@@ -144,7 +146,7 @@ def fit_softening(
     fit = powers[front.exponent]
     entries = front.entries(fit.values.tolist())
     taus_s = _between(tried, effect_of("level").parameter("tau_s"))
-    return replace(start, fit=fit, entries=entries, taus_s=taus_s, exponents=exponents)
+    return replace(start, fit=fit, front=front, entries=entries, taus_s=taus_s, exponents=exponents)
 
 
 def _fit_others(train: Sequence[JointRecord], start: CommonModes, front: InFront, report: Progress) -> CommonModes:
@@ -153,7 +155,7 @@ def _fit_others(train: Sequence[JointRecord], start: CommonModes, front: InFront
     fit = fit_modes(
         start.model.poles, shaping, split=start.split, most_steps=SOFT_STEPS, held=start.model, report=report
     )
-    return replace(start, fit=fit, entries=front.entries(fit.values.tolist()))
+    return replace(start, fit=fit, front=front, entries=front.entries(fit.values.tolist()))
 
 
 def _with_exponent(

@@ -31,6 +31,7 @@ from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
 from phaselead.gap.several_axes.joint_records import JointRecord, effect_of
 from phaselead.gap.several_axes.other_effects import EffectScore
+from phaselead.gap.several_axes.rivals import Tie
 from phaselead.gap.several_axes.stage_effects import (
     adopted_axis,
     coupling_params,
@@ -66,6 +67,8 @@ class StageFit:
     held: Sequence[JointRecord]
     names: tuple[str, ...]
     """Of the effects that may be named."""
+    ties: Sequence[Tie] = ()
+    """Effects in front of the modes that the records cannot tell apart."""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -74,14 +77,14 @@ class StageFit:
 
     @property
     def softens(self) -> bool:
-        """Whether softening was adopted."""
+        """Whether softening was adopted, or what was put in its place."""
         return self.softening is not None and self.softening.pays
 
     def without(self, name: str, axis: int) -> CommonModes:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
         part = catalogue()[name].shared_modes
-        if part == "level" or catalogue()[name].fitted_with_modes:
+        if part is None or part == "level":
             of_axes = self.axes if part == "level" else (self.axes[axis],)
             none = {a: [_taken_out(e, p, name, a in of_axes) for e, p in ep] for a, ep in self.fit.entries.items()}
             kept = model if part != "level" else replace(model, drop=None)
@@ -112,10 +115,10 @@ def _columns(inputs: int, axis: int, modes: int) -> slice:
 def axis_results(
     found: StageFit, runs: Mapping[str, Sequence[GapRun]], holdout: Sequence[Recording], seed: int
 ) -> list[AxisResult]:
-    """One result per axis; messages about the whole stage go with the first."""
+    """One result per axis; messages about the whole stage, and its ties, go with the first."""
     gains = [None] * len(found.axes) if found.fit.held else own_gains(found.fit).tolist()
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
-    unsure = {a: _not_vouched_for(found, i, _taken(found, a, named[a])) for i, a in enumerate(found.axes)}
+    unsure = {a: _not_vouched_for(found, i, {one.name for one in named[a]}) for i, a in enumerate(found.axes)}
     adopted = {
         a: adopted_axis(found.models[a], gains[i], _adopted(found, i, named[a]), set(unsure[a]))
         for i, a in enumerate(found.axes)
@@ -124,6 +127,7 @@ def axis_results(
         found.stage.model_copy(update={"axes": {**found.stage.axes, **adopted}}), holdout, found.axes
     )
     messages = _messages(found, after)
+    ties = [tie.names for tie in found.ties]
     results = []
     for i, a in enumerate(found.axes):
         gap = _gap(found, after, i)
@@ -137,7 +141,7 @@ def axis_results(
         missing = left > UNEXPLAINED * gap.before**2 or (predictable.something_missing and not named[a])
         results.append(
             AxisResult(
-                a, adopted[a], named[a], [], missing, excluded, untestable,
+                a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,
                 _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held), None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
                 [
@@ -152,8 +156,9 @@ def axis_results(
 
 
 def _taken(found: StageFit, axis: str, named: Sequence[NamedEffect]) -> set[str]:
-    """What is named on an axis, and what the stage had."""
-    return {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
+    """What is named on an axis or in a tie, and what the stage had."""
+    names = {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
+    return names | {name for tie in found.ties for name in tie.names}
 
 
 def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
@@ -167,8 +172,9 @@ def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplai
 
 
 def _named(found: StageFit, axis: int) -> list[NamedEffect]:
-    """Effects that the stage lacked and that improve the held-out records, largest share first."""
+    """Effects that the stage lacked and that improve the held-out records, largest share first; none of a tie."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    known |= {name for tie in found.ties for name in tie.names}
     candidates = [one for one in _effects(found, axis) if one.name not in known]
     return sorted((one for one in candidates if one.share > 0), key=lambda one: -one.share)
 
@@ -235,9 +241,16 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     ]
 
 
-def _not_vouched_for(found: StageFit, axis: int, taken: set[str]) -> list[str]:
-    """The effects that the modes were fitted behind and that are not among ``taken``."""
-    return [name for name in in_front(found.fit, axis) if name not in taken] if found.softens else []
+def _not_vouched_for(found: StageFit, axis: int, named: set[str]) -> list[str]:
+    """The effects that the modes were fitted behind and that neither are ``named`` nor were in the stage."""
+    known = named | {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    return [name for name in in_front(found.fit, axis) if name not in known] if found.softens else []
+
+
+def named_in_front(found: StageFit) -> list[str]:
+    """Names, on any axis, of what was fitted in front of the modes, softening first."""
+    of_axes = [one.name for i in range(len(found.axes)) for one in _named(found, i)]
+    return [name for name in in_front(found.fit, 0) if name in of_axes] if found.softens else []
 
 
 def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:

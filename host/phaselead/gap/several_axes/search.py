@@ -9,6 +9,7 @@ the catalogue shows what else there could be. Every name must improve the predic
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
@@ -25,9 +26,10 @@ from phaselead.gap.several_axes.joint_records import (
     response_groups,
 )
 from phaselead.gap.several_axes.other_effects import score_other_effects
-from phaselead.gap.several_axes.results import StageFit, axis_results
+from phaselead.gap.several_axes.results import StageFit, axis_results, named_in_front
+from phaselead.gap.several_axes.rivals import contest, rivals_of
 from phaselead.identify import frequency_response
-from phaselead.model import AxisModel, Effect, Stage
+from phaselead.model import AxisModel, Effect, Stage, catalogue
 from phaselead.record import Recording
 
 LEAST_ERROR = 0.1
@@ -88,7 +90,20 @@ def search_together(
     report(0.95)
     allowed = tuple(e.name for e in effects)
     findings = StageFit(stage, models, modes, softening, others, before, train, held_out, allowed)
-    return axis_results(findings, runs, holdout, seed)
+    return axis_results(_with_rivals(findings, linear, effects), runs, holdout, seed)
+
+
+def _with_rivals(found: StageFit, linear: CommonModes, effects: Sequence[Effect]) -> StageFit:
+    """What was found after what was named in front of the modes has met its rivals."""
+    fit, ties = found.fit, []
+    for effect in [catalogue()[name] for name in named_in_front(found)]:
+        untried = [e for e in effects if not _has(found.models, e)]
+        taken = [e.name for e in fit.front.effects] if fit.front is not None else []
+        fit, tie = contest(found.train, found.held, linear, fit, effect, rivals_of(effect, fit, untried, taken))
+        ties += [tie] if tie is not None else []
+    if fit is found.fit:
+        return replace(found, ties=ties)
+    return replace(found, fit=fit, ties=ties, others=score_other_effects(found.train, fit, effects))
 
 
 def _has(axes: Mapping[str, AxisModel], effect: Effect) -> bool:
