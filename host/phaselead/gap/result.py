@@ -231,8 +231,9 @@ def _experiment_text(e: NextExperiment) -> str:
     low, high = e.band
     band = f"{low:.3g} Hz" if low == high else f"{low:.3g}..{high:.4g} Hz"
     waveform = f"the waveform of {e.source} again" if e.source else e.waveform
+    together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and "," in e.axis else ""
     text = (
-        f"next: {waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
+        f"next: {waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
         f"{e.seconds:.3g} s; predicted log odds {e.separation:.3g}"
     )
     return f"{text}; no voltage tells them apart; that takes {e.needs_sensor}" if e.needs_sensor else text
@@ -252,8 +253,9 @@ def _experiment(experiment: NextExperiment | None) -> dict[str, Any] | None:
     if experiment is None:
         return None
     values = dict(vars(experiment))
-    if experiment.points is None:
-        del values["source"], values["points"]
+    for name in ("source", "points"):
+        if values[name] is None:
+            del values[name]
     values["band"] = list(experiment.band)
     values["separation"] = experiment.separation if math.isfinite(experiment.separation) else None
     return values

@@ -50,6 +50,8 @@ class CommonModes:
     """By axis: the first of the ``entries``, which the base has and no fit changes."""
     front: InFront | None = None
     """What was fitted in front of the modes; None without anything."""
+    other_powers: tuple[CommonModes, ...] = ()
+    """The same under the least and the largest power of the level that were tried."""
     held: bool = False
     """Whether the modes are those of the base, as it has them."""
 
@@ -146,7 +148,14 @@ def fit_softening(
     fit = powers[front.exponent]
     entries = front.entries(fit.values.tolist())
     taus_s = _between(tried, effect_of("level").parameter("tau_s"))
-    return replace(start, fit=fit, front=front, entries=entries, taus_s=taus_s, exponents=exponents)
+    found = replace(start, fit=fit, front=front, entries=entries, taus_s=taus_s, exponents=exponents)
+    return replace(found, other_powers=tuple(_under_power(found, front, powers[p], p) for p in EXPONENTS))
+
+
+def _under_power(found: CommonModes, front: InFront, fit: ModalFit, exponent: float) -> CommonModes:
+    """The softened modes as they were fitted under another power of the level."""
+    other = replace(front, exponent=exponent)
+    return replace(found, fit=fit, front=other, entries=other.entries(fit.values.tolist()))
 
 
 def _fit_others(train: Sequence[JointRecord], start: CommonModes, front: InFront, report: Progress) -> CommonModes:

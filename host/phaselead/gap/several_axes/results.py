@@ -21,6 +21,7 @@ from phaselead.gap.findings import (
     Estimates,
     GapSize,
     NamedEffect,
+    NextExperiment,
     Trace,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
@@ -80,6 +81,12 @@ class StageFit:
         """Whether softening was adopted, or what was put in its place."""
         return self.softening is not None and self.softening.pays
 
+    @property
+    def exponent_open(self) -> bool:
+        """Whether the levels of the training records leave the power of the level open by which softening grows."""
+        power = effect_of("level").parameter("exponent")
+        return self.softens and self.fit.exponents == (power.low, power.high)
+
     def without(self, name: str, axis: int) -> CommonModes:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
@@ -113,9 +120,13 @@ def _columns(inputs: int, axis: int, modes: int) -> slice:
 
 
 def axis_results(
-    found: StageFit, runs: Mapping[str, Sequence[GapRun]], holdout: Sequence[Recording], seed: int
+    found: StageFit,
+    runs: Mapping[str, Sequence[GapRun]],
+    holdout: Sequence[Recording],
+    seed: int,
+    proposal: NextExperiment | None,
 ) -> list[AxisResult]:
-    """One result per axis; messages about the whole stage, and its ties, go with the first."""
+    """One result per axis; messages about the whole stage, its ties and the experiment for them go with the first."""
     gains = [None] * len(found.axes) if found.fit.held else own_gains(found.fit).tolist()
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
     unsure = {a: _not_vouched_for(found, i, {one.name for one in named[a]}) for i, a in enumerate(found.axes)}
@@ -142,7 +153,8 @@ def axis_results(
         results.append(
             AxisResult(
                 a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,
-                _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held), None,
+                _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held),
+                proposal if i == 0 else None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
                 [
                     *(Adopted(one.name, a, NAMED) for one in named[a]),
@@ -312,7 +324,7 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
 def _undetermined(found: StageFit) -> list[str]:
     """What the levels of the training records leave open."""
     power = effect_of("level").parameter("exponent")
-    if not found.softens or found.fit.exponents != (power.low, power.high):
+    if not found.exponent_open:
         return []
     return [
         f"the power of the level by which softening grows is not determined: {power.low:g} to {power.high:g} fit these "

@@ -25,6 +25,7 @@ from phaselead.gap.several_axes.joint_records import (
     level_groups,
     response_groups,
 )
+from phaselead.gap.several_axes.next_record import propose_together
 from phaselead.gap.several_axes.other_effects import score_other_effects
 from phaselead.gap.several_axes.results import StageFit, axis_results, named_in_front
 from phaselead.gap.several_axes.rivals import contest, rivals_of
@@ -90,7 +91,8 @@ def search_together(
     report(0.95)
     allowed = tuple(e.name for e in effects)
     findings = StageFit(stage, models, modes, softening, others, before, train, held_out, allowed)
-    return axis_results(_with_rivals(findings, linear, effects), runs, holdout, seed)
+    findings = _with_rivals(findings, linear, effects)
+    return axis_results(findings, runs, holdout, seed, propose_together(findings))
 
 
 def _with_rivals(found: StageFit, linear: CommonModes, effects: Sequence[Effect]) -> StageFit:
