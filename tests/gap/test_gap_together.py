@@ -22,7 +22,6 @@ from phaselead.model.axis import AdoptedEffect
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage, parse_stage, save_stage, stage_text
 
-
 NOISE_um = 9.0
 """That hides with what power of the level the structure softens."""
 
@@ -142,3 +141,12 @@ def test_a_determined_power_asks_for_no_record(one_level):
     levels = (1.0, 2.0, 3.0)
     train, held = ([r for v in levels for r in structure.experiments(n, v, f"{n}-{v:g}-")] for n in (3, 2))
     assert run_gap(one_level[3].stage, train, held).next_experiment is None
+
+
+def test_a_bound_says_of_which_axis_it_is(one_level):
+    result = one_level[3]
+    bounds = result.as_json()["excluded"]
+    assert list(bounds[0]) == ["name", "axis", "upper_95", "unit"]
+    assert {b["axis"] for b in bounds} == {"x", "y", "z"}
+    assert len({(b["name"], b["axis"]) for b in bounds}) == len(bounds)
+    assert all(f"{b['name']} ({b['axis']}) < " in " ".join(str(result).split()) for b in bounds)
