@@ -130,3 +130,10 @@ def test_where_something_unknown_remains_the_terminal_says_which_record_would_sh
     assert "vibration" in said("named")
     assert catalogue()["vibration"].reveals not in said("named")
     assert catalogue()["vibration"].reveals in said("named", "unknown")
+
+
+def test_a_bound_of_a_single_axis_names_none():
+    found = result()
+    assert [b["axis"] for b in found.as_json()["excluded"]] == [None, "y"]
+    assert "creep < 0.002" in str(found)
+    assert "softening (y) < 0.2" in str(found)

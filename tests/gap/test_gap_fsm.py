@@ -83,6 +83,10 @@ def test_another_level_shows_softening(records, weak, tmp_path):
     softening = next(e["params"] for e in found["effects"] if e["name"] == "softening")
     assert softening["exponent"]["ci95"] == [0.5, 2.0]  # two levels fix a line, whatever the power
     assert "is not determined" in said
+    assert found["ties"] == []
+    proposed = found["next_experiment"]
+    assert (proposed["axis"], proposed["needs_sensor"]) == ("x,y,z", None)
+    assert proposed["level"] == pytest.approx(1.32, rel=0.1)  # between 0.87 and 2.2 V peak-to-peak
     after = {
         words[3]: float(words[-3])
         for words in (line.split() for line in said.splitlines())

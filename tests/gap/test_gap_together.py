@@ -16,11 +16,14 @@ from shared_structure import F_HZ, Structure
 from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.gap.run import run_gap
-from phaselead.gap.several_axes.search import has_common_modes
+from phaselead.gap.several_axes.base_modes import has_common_modes
 from phaselead.identify.fitting import fit
 from phaselead.model.axis import AdoptedEffect
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage, parse_stage, save_stage, stage_text
+
+NOISE_um = 9.0
+"""That hides with what power of the level the structure softens."""
 
 
 def searched(softening: float, levels: tuple[float, ...], start: Stage | None = None):
@@ -107,3 +110,43 @@ def test_the_simulator_says_that_it_has_no_shared_modes(one_level, tmp_path):
     said = CliRunner().invoke(main, ["status", "--port", f"sim://{tmp_path / 'modes.toml'}"])
     assert said.exit_code == 2
     assert "modes that the axes share" in said.stderr
+
+
+def test_an_undetermined_power_of_the_level_has_a_record_that_would_tell(tmp_path):
+    """Two levels fix a line whatever the power, as far as noise shows: a level between them would tell. gap next
+    cannot play it."""
+    structure = Structure(7, softening=0.006, noise_um=NOISE_um)
+    train, held = ([r for v in (1.0, 3.0) for r in structure.experiments(n, v, f"{n}-{v:g}-")] for n in (3, 2))
+    result = run_gap(fit(train, base="linear")[0], train, held)
+    exponent = next(e for e in result.effects if e.name == "softening").params["exponent"]
+    proposed = result.as_json()["next_experiment"]
+    assert exponent[2] == (0.5, 2.0)
+    assert not result.ties
+    assert (proposed["waveform"], proposed["axis"], proposed["needs_sensor"]) == ("multisine", "x,y,z", None)
+    played = sorted(float(np.max([np.ptp(a.u_V) for a in r.axes.values()])) for r in train)
+    assert played[2] < 0.8 * proposed["level"]
+    assert proposed["level"] < 0.8 * played[3]
+    assert proposed["band"] == pytest.approx([2000 / 1024, 900], rel=0.01)
+    assert proposed["separation"] > 20
+    result.save_json(tmp_path / "gap.json")
+    said = CliRunner().invoke(main, ["gap", "next", str(tmp_path / "gap.json"), "-o", str(tmp_path / "more.h5")])
+    assert said.exit_code == 2
+    assert "drives x,y,z at once" in said.stderr
+    assert said.stderr.count("\n") == 1
+    assert "on x, y, z at once" in str(result)
+
+
+def test_a_determined_power_asks_for_no_record(one_level):
+    structure = Structure(7, softening=0.006)
+    levels = (1.0, 2.0, 3.0)
+    train, held = ([r for v in levels for r in structure.experiments(n, v, f"{n}-{v:g}-")] for n in (3, 2))
+    assert run_gap(one_level[3].stage, train, held).next_experiment is None
+
+
+def test_a_bound_says_of_which_axis_it_is(one_level):
+    result = one_level[3]
+    bounds = result.as_json()["excluded"]
+    assert list(bounds[0]) == ["name", "axis", "upper_95", "unit"]
+    assert {b["axis"] for b in bounds} == {"x", "y", "z"}
+    assert len({(b["name"], b["axis"]) for b in bounds}) == len(bounds)
+    assert all(f"{b['name']} ({b['axis']}) < " in " ".join(str(result).split()) for b in bounds)

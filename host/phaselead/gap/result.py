@@ -110,7 +110,9 @@ class GapResult(Result):
             "effects": [_effect(effect, self.sizes_of(effect)) for effect in self.effects],
             "adopted": [vars(one) for one in self.adopted],
             "ties": [list(tie) for tie in self.ties],
-            "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit} for b in self.excluded],
+            "excluded": [
+                {"name": b.name, "axis": b.axis, "upper_95": b.upper_95, "unit": b.unit} for b in self.excluded
+            ],
             "untestable": list(self.untestable),
             "where": [{"by": c.by, "cell": c.cell, "share": c.share} for c in self.where],
             "gap": {
@@ -196,7 +198,7 @@ class GapResult(Result):
     def _repr_html_(self) -> str:
         """What is printed, and below it the largest cells of the residual and every bound."""
         cells = tuple((c.by, c.cell, f"{100 * c.share:.0f} %") for c in self.where[:MOST_CELLS])
-        bounds = tuple((b.name, f"{b.upper_95:.2g}", unit_of(b.unit)) for b in self.excluded)
+        bounds = tuple((_with_axis(b), f"{b.upper_95:.2g}", unit_of(b.unit)) for b in self.excluded)
         below = (
             Table(("where", "cell", "share of the unexplained power"), cells),
             Table(("not named", "at most (95 %)", "unit"), bounds),
@@ -221,18 +223,26 @@ def _bounds(excluded: Sequence[Bound]) -> list[str]:
     """The bounds in two lines: effects that are not there, and effects that may be there but are no larger."""
     found = []
     for said, sure in (("not there", True), ("may be there, but not larger", False)):
-        below = [f"{b.name} < {b.upper_95:.2g} {unit_of(b.unit)}".strip() for b in excluded if excludes(b) == sure]
+        below = [
+            f"{_with_axis(b)} < {b.upper_95:.2g} {unit_of(b.unit)}".strip() for b in excluded if excludes(b) == sure
+        ]
         if below:
             found.append(f"{said}: {', '.join(below)}")
     return found
+
+
+def _with_axis(bound: Bound) -> str:
+    """The name of a bounded effect, with its axis where there are several."""
+    return f"{bound.name} ({bound.axis})" if bound.axis else bound.name
 
 
 def _experiment_text(e: NextExperiment) -> str:
     low, high = e.band
     band = f"{low:.3g} Hz" if low == high else f"{low:.3g}..{high:.4g} Hz"
     waveform = f"the waveform of {e.source} again" if e.source else e.waveform
+    together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and "," in e.axis else ""
     text = (
-        f"next: {waveform}, {e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
+        f"next: {waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
         f"{e.seconds:.3g} s; predicted log odds {e.separation:.3g}"
     )
     return f"{text}; no voltage tells them apart; that takes {e.needs_sensor}" if e.needs_sensor else text
@@ -252,8 +262,9 @@ def _experiment(experiment: NextExperiment | None) -> dict[str, Any] | None:
     if experiment is None:
         return None
     values = dict(vars(experiment))
-    if experiment.points is None:
-        del values["source"], values["points"]
+    for name in ("source", "points"):
+        if values[name] is None:
+            del values[name]
     values["band"] = list(experiment.band)
     values["separation"] = experiment.separation if math.isfinite(experiment.separation) else None
     return values

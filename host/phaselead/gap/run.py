@@ -53,7 +53,7 @@ def run_gap(
     doubts = scale_doubts(stage, runs)
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
-    results = search_together(stage, runs, holdout, reference, effects, seed, report)
+    results = search_together(stage, runs, holdout, reference, effects, frozen, seed, report)
     if results is None:
         results = _each_axis(stage, runs, effects, held, seed, report)
     report(1.0)

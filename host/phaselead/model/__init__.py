@@ -44,6 +44,7 @@ from phaselead.model.effects import (
     resonant,
     second_order_residual,
     shares,
+    state_weights,
     states,
     states_and_slopes,
 )
@@ -160,6 +161,7 @@ __all__ = [
     "small_signal",
     "stage_text",
     "state_after",
+    "state_weights",
     "states",
     "states_and_slopes",
     "steady_loop",

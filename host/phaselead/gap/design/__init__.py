@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design.next_experiment import propose
+from phaselead.gap.design.next_experiment import propose, sensor_for
 from phaselead.gap.design.proposal import (
     excitation_of,
     modes_crossed_Hz,
@@ -20,4 +20,5 @@ __all__ = [
     "read_proposal",
     "records_that_show",
     "run_proposal",
+    "sensor_for",
 ]

@@ -37,7 +37,7 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
         ties, proposed = content["ties"], content["next_experiment"]
     except (KeyError, TypeError):
         raise BadInput(f"{path}: is no gap.json; make one with phaselead gap --json") from None
-    if not ties:
+    if not ties and proposed is None:
         raise BadInput(f"{path}: holds no tie, so there is no experiment to run{_what_would_tell(content)}")
     if proposed is None:
         raise BadInput(f"{path}: proposes no experiment for its tie; record other waveforms, levels and biases")
@@ -45,6 +45,11 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
         raise BadInput(f"{path}: its next_experiment is damaged; make gap.json anew with phaselead gap --json")
     if proposed.get("needs_sensor"):
         raise BadInput(f"{path}: no voltage tells the members of the tie apart; it takes {proposed['needs_sensor']}")
+    if "," in str(proposed.get("axis")):
+        raise BadInput(
+            f"{path}: its experiment drives {proposed['axis']} at once, and gap next drives one axis; play a file with "
+            "a column of volts an axis: phaselead log record --drive path:FILE"
+        )
     return proposed
 
 

@@ -10,7 +10,7 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
-from phaselead.gap.posterior.sets import Fit, names_of
+from phaselead.gap.posterior.sets import Fit, confused, names_of
 from phaselead.gap.posterior.verdict import Claim, Judgement, judge
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Forecast",
     "Judgement",
     "Likelihood",
+    "confused",
     "intervals",
     "intervals_alone",
     "judge",

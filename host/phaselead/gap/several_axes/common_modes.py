@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.gap.search import Progress
+from phaselead.gap.several_axes.in_front import FIRST_TAU_s, InFront, no_shaping
 from phaselead.gap.several_axes.joint_records import Entries, JointRecord, effect_of, level_groups, response_groups
 from phaselead.identify import (
-    Drive,
     ModalFit,
     ModalModel,
-    Shaping,
     common_poles,
     fit_modes,
     frequency_response,
 )
-from phaselead.model import Complex, Effect, Entry, Parameter
+from phaselead.model import Complex, Effect, Parameter
 from phaselead.record import Samples
 
 SAME_POLE = 0.03
@@ -29,11 +28,8 @@ MOST_ADDED_DAMPING = 0.1
 """Largest damping ratio of a mode that only records of a weaker level show."""
 TAUS_s = (0.1, 0.3, 1.0, 3.0)
 """Memories of the level that are tried."""
-FIRST_TAU_s = 0.3
 EXPONENTS = (0.5, 2.0)
 """Powers of the level that are tried beside Rayleigh's 1."""
-SIZE_STEP = 0.02
-"""Of the typical size, for derivatives."""
 STEPS, SOFT_STEPS, LAST_STEPS, EXPONENT_STEPS = 10, 20, 6, 4
 """Most steps of a fit of the modes, of one with softening, of a last refinement, and under another exponent."""
 
@@ -50,6 +46,14 @@ class CommonModes:
     """Interval in which the memory of the level may lie; None without softening."""
     exponents: tuple[float, float] | None = None
     """Interval in which the power of the level may lie; None without softening."""
+    given: Entries = field(default_factory=dict)
+    """By axis: the first of the ``entries``, which the base has and no fit changes."""
+    front: InFront | None = None
+    """What was fitted in front of the modes; None without anything."""
+    other_powers: tuple[CommonModes, ...] = ()
+    """The same under the least and the largest power of the level that were tried."""
+    held: bool = False
+    """Whether the modes are those of the base, as it has them."""
 
     @property
     def model(self) -> ModalModel:
@@ -59,13 +63,6 @@ class CommonModes:
     def answer(self, record: JointRecord) -> Samples:
         """Predicted displacement from rest (n + 1, axes) in um."""
         return self.model.answer(record.drive(self.entries))
-
-
-def no_shaping(records: Sequence[JointRecord], entries: Entries) -> Shaping:
-    """The drives of records for a fit that leaves them as they are."""
-    none = np.zeros(0)
-    drives = [record.drive(entries) for record in records]
-    return Shaping(lambda _: drives, none, none, none, none)
 
 
 def fit_linear(train: Sequence[JointRecord], report: Progress) -> tuple[CommonModes, CommonModes]:
@@ -106,75 +103,20 @@ def _poles_of_all(groups: Sequence[Sequence[JointRecord]], report: Progress) -> 
     return found
 
 
-def fitted_parameters(effect: Effect) -> tuple[Parameter, ...]:
-    """What is fitted of an effect in front of the modes: its first size and its shapes. Those of softening are tried
-    one by one, since its level is slow."""
-    return effect.sizes[:1] if effect.shared_modes == "level" else (*effect.sizes[:1], *effect.shapes)
-
-
-@dataclass(frozen=True)
-class _InFront:
-    """What is fitted in front of the modes: softening of every actuator, and the effects ``others``."""
-
-    axes: tuple[str, ...]
-    others: tuple[Effect, ...]
-    tau_s: float = FIRST_TAU_s
-    exponent: float = 1.0
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """Softening first."""
-        return (effect_of("level"), *self.others)
-
-    @property
-    def first_values(self) -> Samples:
-        """From which a fit begins: nothing softens, everything else is as is typical."""
-        found = [0.0 if e.shared_modes == "level" else p.typical for e in self.effects for p in fitted_parameters(e)]
-        return np.repeat(found, len(self.axes))
-
-    def entries(self, values: Sequence[float]) -> dict[str, list[Entry]]:
-        """The effects of every axis for ``values``: each fitted parameter of each effect in turn, axis by axis. How
-        softening moves the modes is left to their fit."""
-        found: dict[str, list[Entry]] = {axis: [] for axis in self.axes}
-        shapes = {"tau_s": self.tau_s, "exponent": self.exponent}
-        by_parameter = iter(np.reshape(values, (-1, len(self.axes))).tolist())
-        for effect in self.effects:
-            given = shapes if effect.shared_modes == "level" else {}
-            of_axes = {p.name: next(by_parameter) for p in fitted_parameters(effect)}
-            for i, axis in enumerate(self.axes):
-                own = {name: values[i] for name, values in of_axes.items()}
-                found[axis].append((effect, effect.complete({**given, **own})))
-        return found
-
-    def shaping(self, records: Sequence[JointRecord], values: Samples) -> Shaping:
-        """The drives of records as a function of the values, from ``values`` on; the last two results are kept."""
-        known: dict[bytes, list[Drive]] = {}
-
-        def drives(at: Samples) -> Sequence[Drive]:
-            key = at.tobytes()
-            if key not in known:
-                while len(known) > 1:
-                    del known[next(iter(known))]
-                known[key] = [s.drive(self.entries(at.tolist())) for s in records]
-            return known[key]
-
-        fitted = [p for effect in self.effects for p in fitted_parameters(effect)]
-        rows = [(SIZE_STEP * p.typical, p.low, p.high) for p in fitted for _ in self.axes]
-        steps, low, high = np.array(rows, dtype=np.float64).T
-        return Shaping(drives, values, steps, low, high)
-
-
 def fit_softening(
     train: Sequence[JointRecord], start: CommonModes, others: Sequence[Effect], report: Progress
 ) -> CommonModes:
     """The modes of ``start``, with poles and gains that follow the level of the actuators, and with the effects
-    ``others`` in front of them."""
-    front = _InFront(train[0].axes, tuple(others))
+    ``others`` in front of them. Held modes stay as they are, and so does softening that they have."""
+    front = InFront(train[0].axes, tuple(others), softens=not start.given, given=start.given)
+    held = start.model if start.held else None
+    if start.given:
+        return _fit_others(train, start, front, report)
     values = front.first_values
     shift = np.zeros(len(start.model.poles), dtype=complex)
 
     def fitted(
-        front: _InFront, poles: Complex, shift: Complex, values: Samples, steps: int, weights: Samples | None = None
+        front: InFront, poles: Complex, shift: Complex, values: Samples, steps: int, weights: Samples | None = None
     ) -> ModalFit:
         return fit_modes(
             poles,
@@ -183,6 +125,7 @@ def fit_softening(
             split=start.split,
             most_steps=steps,
             weights=weights,
+            held=held,
             report=(lambda s: report(0.6 * s)) if steps == SOFT_STEPS else None,
         )
 
@@ -195,7 +138,7 @@ def fit_softening(
     report(0.75)
     powers = {front.exponent: best}
     for exponent in EXPONENTS:
-        begin = _with_exponent(train, front, best, start.split, exponent)
+        begin = _with_exponent(train, front, best, start.split, exponent, start.held)
         powers[exponent] = fitted(replace(front, exponent=exponent), *begin, EXPONENT_STEPS, best.weights)
     left = {exponent: _squares_left(train, fit, replace(front, exponent=exponent)) for exponent, fit in powers.items()}
     exponents = _between(left, effect_of("level").parameter("exponent"))
@@ -204,26 +147,44 @@ def fit_softening(
     report(1.0)
     fit = powers[front.exponent]
     entries = front.entries(fit.values.tolist())
-    return CommonModes(fit, entries, start.split, _between(tried, effect_of("level").parameter("tau_s")), exponents)
+    taus_s = _between(tried, effect_of("level").parameter("tau_s"))
+    found = replace(start, fit=fit, front=front, entries=entries, taus_s=taus_s, exponents=exponents)
+    return replace(found, other_powers=tuple(_under_power(found, front, powers[p], p) for p in EXPONENTS))
+
+
+def _under_power(found: CommonModes, front: InFront, fit: ModalFit, exponent: float) -> CommonModes:
+    """The softened modes as they were fitted under another power of the level."""
+    other = replace(front, exponent=exponent)
+    return replace(found, fit=fit, front=other, entries=other.entries(fit.values.tolist()))
+
+
+def _fit_others(train: Sequence[JointRecord], start: CommonModes, front: InFront, report: Progress) -> CommonModes:
+    """Held modes with softening of their own, and what is fitted beside it."""
+    shaping = front.shaping(train, front.first_values)
+    fit = fit_modes(
+        start.model.poles, shaping, split=start.split, most_steps=SOFT_STEPS, held=start.model, report=report
+    )
+    return replace(start, fit=fit, front=front, entries=front.entries(fit.values.tolist()))
 
 
 def _with_exponent(
-    train: Sequence[JointRecord], front: _InFront, fit: ModalFit, split: Samples, exponent: float
+    train: Sequence[JointRecord], front: InFront, fit: ModalFit, split: Samples, exponent: float, held: bool
 ) -> tuple[Complex, Complex, Samples]:
-    """Poles, shifts and values that at the weakest and at the strongest level are the same under another exponent."""
+    """Poles, shifts and values that at the weakest and at the strongest level are the same under another exponent;
+    where poles are ``held`` at the strongest alone."""
     assert fit.shift is not None
     own = np.eye(len(front.axes))
     of_shift, of_gain = (
         [_extreme_levels(train, f, fit, of) for f in (front, replace(front, exponent=exponent))] for of in (split, own)
     )
-    base, rise = _matched(of_shift[0], of_shift[1], -fit.shift)
+    base, rise = _matched(of_shift[0], of_shift[1], -fit.shift, held)
     values = fit.values.copy()
-    _, values[: len(own)] = _matched(of_gain[0], of_gain[1], values[: len(own)])
+    _, values[: len(own)] = _matched(of_gain[0], of_gain[1], values[: len(own)], held)
     return fit.model.poles * base, -rise, values
 
 
 def _extreme_levels(
-    train: Sequence[JointRecord], front: _InFront, fit: ModalFit, split: Samples
+    train: Sequence[JointRecord], front: InFront, fit: ModalFit, split: Samples
 ) -> tuple[Samples, Samples]:
     """Mean levels (k,) of the weakest record and of the strongest, of which each counts ``split`` (k, axes)."""
     drives = front.shaping(train, fit.values).drives(fit.values)
@@ -232,17 +193,19 @@ def _extreme_levels(
 
 
 def _matched(
-    was: tuple[Samples, Samples], now: tuple[Samples, Samples], rise: NDArray[Any]
+    was: tuple[Samples, Samples], now: tuple[Samples, Samples], rise: NDArray[Any], held: bool
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """``base`` and its relative rise per level for which base (1 + rise level) is what 1 + ``rise`` level was, at the
-    levels ``was`` and ``now``."""
+    levels ``was`` and ``now``; where the base is ``held``, 1, at the higher level alone."""
+    if held:
+        return np.ones(len(rise)), rise * was[1] / now[1]
     at_low, at_high = 1 + rise * was[0], 1 + rise * was[1]
     slope = (at_high - at_low) / (now[1] - now[0])
     base = at_low - slope * now[0]
     return base, slope / base
 
 
-def _squares_left(train: Sequence[JointRecord], fit: ModalFit, front: _InFront) -> float:
+def _squares_left(train: Sequence[JointRecord], fit: ModalFit, front: InFront) -> float:
     """Weighted squares of the residual with these shapes of the level and everything else as fitted."""
     total = 0.0
     for drive, weight in zip(front.shaping(train, fit.values).drives(fit.values), fit.weights, strict=True):

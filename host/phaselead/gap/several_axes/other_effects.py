@@ -41,8 +41,9 @@ def _in_front_of_mechanics(effects: Sequence[Effect]) -> list[Effect]:
 
 
 def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects: Sequence[Effect]) -> list[EffectScore]:
-    """Score of every effect on every axis, best first. Those that the modes can imitate are left out."""
-    records = _spread(train)
+    """Score of every effect on every axis, best first. Those that the modes can imitate are left out, unless the modes
+    are held."""
+    records = spread(train)
     weights = np.array([w for s, w in zip(train, fit.fit.weights, strict=True) if s in records])
     groups = _few(regressor_groups(_in_front_of_mechanics(effects), records[0].step_s, _longest_s(records)))
     columns = [
@@ -51,7 +52,9 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
     if not columns:
         return []
     drives = [record.drive(fit.entries) for record in records]
-    found = score_test(fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns))
+    found = score_test(
+        fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns), held=fit.held
+    )
     best: dict[tuple[str, int], EffectScore] = {}
     for (group, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):
         key = (group.effect.name, j)
@@ -63,7 +66,7 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
     return sorted(best.values(), key=lambda s: -s.share)
 
 
-def _spread(train: Sequence[JointRecord]) -> list[JointRecord]:
+def spread(train: Sequence[JointRecord]) -> list[JointRecord]:
     """A few records over all levels."""
     ranked = sorted(train, key=lambda s: s.level_V)
     chosen = np.unique(np.linspace(0, len(ranked) - 1, min(MOST_RECORDS, len(ranked))).round().astype(int))

@@ -21,6 +21,7 @@ from phaselead.gap.findings import (
     Estimates,
     GapSize,
     NamedEffect,
+    NextExperiment,
     Trace,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
@@ -31,6 +32,7 @@ from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
 from phaselead.gap.several_axes.joint_records import JointRecord, effect_of
 from phaselead.gap.several_axes.other_effects import EffectScore
+from phaselead.gap.several_axes.rivals import Tie
 from phaselead.gap.several_axes.stage_effects import (
     adopted_axis,
     coupling_params,
@@ -46,6 +48,7 @@ UNEXPLAINED = 0.02
 """Share of the power before that may remain above the floor; with more the verdict is unknown."""
 ABSORBED = "modes that are fitted to axes moving together absorb it"
 ONE_LEVEL = "all training records have one level of drive; add records at another level"
+HELD = "held as the model has them, with its gains, coupling and softening"
 NOT_LOOKED_FOR = "not looked for in records in which several axes move at once; drive one axis at a time"
 
 
@@ -65,6 +68,8 @@ class StageFit:
     held: Sequence[JointRecord]
     names: tuple[str, ...]
     """Of the effects that may be named."""
+    ties: Sequence[Tie] = ()
+    """Effects in front of the modes that the records cannot tell apart."""
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -73,14 +78,20 @@ class StageFit:
 
     @property
     def softens(self) -> bool:
-        """Whether softening was adopted."""
+        """Whether softening was adopted, or what was put in its place."""
         return self.softening is not None and self.softening.pays
+
+    @property
+    def exponent_open(self) -> bool:
+        """Whether the levels of the training records leave the power of the level open by which softening grows."""
+        power = effect_of("level").parameter("exponent")
+        return self.softens and self.fit.exponents == (power.low, power.high)
 
     def without(self, name: str, axis: int) -> CommonModes:
         """The fit with one effect taken out at one axis; softening is taken out at all."""
         model, inputs = self.fit.model, self.fit.model.inputs
         part = catalogue()[name].shared_modes
-        if part == "level" or catalogue()[name].fitted_with_modes:
+        if part is None or part == "level":
             of_axes = self.axes if part == "level" else (self.axes[axis],)
             none = {a: [_taken_out(e, p, name, a in of_axes) for e, p in ep] for a, ep in self.fit.entries.items()}
             kept = model if part != "level" else replace(model, drop=None)
@@ -109,20 +120,25 @@ def _columns(inputs: int, axis: int, modes: int) -> slice:
 
 
 def axis_results(
-    found: StageFit, runs: Mapping[str, Sequence[GapRun]], holdout: Sequence[Recording], seed: int
+    found: StageFit,
+    runs: Mapping[str, Sequence[GapRun]],
+    holdout: Sequence[Recording],
+    seed: int,
+    proposal: NextExperiment | None,
 ) -> list[AxisResult]:
-    """One result per axis; messages about the whole stage go with the first."""
-    gains = own_gains(found.fit)
+    """One result per axis; messages about the whole stage, its ties and the experiment for them go with the first."""
+    gains = [None] * len(found.axes) if found.fit.held else own_gains(found.fit).tolist()
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
-    unsure = {a: _not_vouched_for(found, i, _taken(found, a, named[a])) for i, a in enumerate(found.axes)}
+    unsure = {a: _not_vouched_for(found, i, {one.name for one in named[a]}) for i, a in enumerate(found.axes)}
     adopted = {
-        a: adopted_axis(found.models[a], float(gains[i]), _adopted(found, i, named[a]), set(unsure[a]))
+        a: adopted_axis(found.models[a], gains[i], _adopted(found, i, named[a]), set(unsure[a]))
         for i, a in enumerate(found.axes)
     }
     after = predict_held_out(
         found.stage.model_copy(update={"axes": {**found.stage.axes, **adopted}}), holdout, found.axes
     )
     messages = _messages(found, after)
+    ties = [tie.names for tie in found.ties]
     results = []
     for i, a in enumerate(found.axes):
         gap = _gap(found, after, i)
@@ -136,8 +152,9 @@ def axis_results(
         missing = left > UNEXPLAINED * gap.before**2 or (predictable.something_missing and not named[a])
         results.append(
             AxisResult(
-                a, adopted[a], named[a], [], missing, excluded, untestable,
-                _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held), None,
+                a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,
+                _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held),
+                proposal if i == 0 else None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
                 [
                     *(Adopted(one.name, a, NAMED) for one in named[a]),
@@ -151,8 +168,9 @@ def axis_results(
 
 
 def _taken(found: StageFit, axis: str, named: Sequence[NamedEffect]) -> set[str]:
-    """What is named on an axis, and what the stage had."""
-    return {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
+    """What is named on an axis or in a tie, and what the stage had."""
+    names = {one.name for one in named} | {e.name for e in found.stage.axes[axis].effects}
+    return names | {name for tie in found.ties for name in tie.names}
 
 
 def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
@@ -166,15 +184,17 @@ def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplai
 
 
 def _named(found: StageFit, axis: int) -> list[NamedEffect]:
-    """Effects that the stage lacked and that improve the held-out records, largest share first."""
+    """Effects that the stage lacked and that improve the held-out records, largest share first; none of a tie."""
     known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    known |= {name for tie in found.ties for name in tie.names}
     candidates = [one for one in _effects(found, axis) if one.name not in known]
     return sorted((one for one in candidates if one.share > 0), key=lambda one: -one.share)
 
 
 def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """The named effects, those that the stage had, with their new values, and what the modes were fitted behind."""
-    known = {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    """The named effects, those that the stage had, with their new values unless they are held, and what the modes were
+    fitted behind."""
+    known = set() if found.fit.held else {e.name for e in found.stage.axes[found.axes[axis]].effects}
     names = {one.name for one in named} | known | set(in_front(found.fit, axis) if found.softens else ())
     return [one for one in _effects(found, axis) if one.name in names]
 
@@ -229,13 +249,20 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     return [
         Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit, axis)
         for one in found.others
-        if one.axis == axis and one.effect.name not in taken and not one.effect.absorbed_by_modes
+        if one.axis == axis and one.effect.name not in taken and (found.fit.held or not one.effect.absorbed_by_modes)
     ]
 
 
-def _not_vouched_for(found: StageFit, axis: int, taken: set[str]) -> list[str]:
-    """The effects that the modes were fitted behind and that are not among ``taken``."""
-    return [name for name in in_front(found.fit, axis) if name not in taken] if found.softens else []
+def _not_vouched_for(found: StageFit, axis: int, named: set[str]) -> list[str]:
+    """The effects that the modes were fitted behind and that neither are ``named`` nor were in the stage."""
+    known = named | {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    return [name for name in in_front(found.fit, axis) if name not in known] if found.softens else []
+
+
+def named_in_front(found: StageFit) -> list[str]:
+    """Names, on any axis, of what was fitted in front of the modes, softening first."""
+    of_axes = [one.name for i in range(len(found.axes)) for one in _named(found, i)]
+    return [name for name in in_front(found.fit, 0) if name in of_axes] if found.softens else []
 
 
 def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
@@ -246,7 +273,8 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
         softening = entry.shared_modes == "level"
         if name in tested or (softening and found.softening is not None):
             continue
-        reasons[name] = ONE_LEVEL if softening else ABSORBED if entry.absorbed_by_modes else NOT_LOOKED_FOR
+        absorbed = entry.absorbed_by_modes and not found.fit.held
+        reasons[name] = ONE_LEVEL if softening else ABSORBED if absorbed else NOT_LOOKED_FOR
     return reasons
 
 
@@ -289,13 +317,14 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
             for held in (found.before, after)
         )
         lines.append(f"held out at {level} V rms: {was:.3g} % of the output's rms before, {now:.3g} % after")
-    return [*lines, f"{len(found.fit.model.poles)} modes common to all axes", *_undetermined(found)]
+    modes = f"{len(found.fit.model.poles)} modes common to all axes"
+    return [*lines, f"{modes}, {HELD}" if found.fit.held else modes, *_undetermined(found)]
 
 
 def _undetermined(found: StageFit) -> list[str]:
     """What the levels of the training records leave open."""
     power = effect_of("level").parameter("exponent")
-    if not found.softens or found.fit.exponents != (power.low, power.high):
+    if not found.exponent_open:
         return []
     return [
         f"the power of the level by which softening grows is not determined: {power.low:g} to {power.high:g} fit these "

@@ -9,11 +9,13 @@ the catalogue shows what else there could be. Every name must improve the predic
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from phaselead.errors import BadInput
 from phaselead.gap.axis import AxisResult
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.search import Progress
+from phaselead.gap.several_axes.base_modes import has_common_modes, modes_as_they_are
 from phaselead.gap.several_axes.common_modes import CommonModes, fit_linear, fit_softening
 from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, predict_held_out
 from phaselead.gap.several_axes.joint_records import (
@@ -23,10 +25,12 @@ from phaselead.gap.several_axes.joint_records import (
     level_groups,
     response_groups,
 )
+from phaselead.gap.several_axes.next_record import propose_together
 from phaselead.gap.several_axes.other_effects import score_other_effects
-from phaselead.gap.several_axes.results import StageFit, axis_results
+from phaselead.gap.several_axes.results import StageFit, axis_results, named_in_front
+from phaselead.gap.several_axes.rivals import contest, rivals_of
 from phaselead.identify import frequency_response
-from phaselead.model import AxisModel, Effect, Stage
+from phaselead.model import AxisModel, Effect, Stage, catalogue
 from phaselead.record import Recording
 
 LEAST_ERROR = 0.1
@@ -35,6 +39,10 @@ KNOWN_ERROR = 0.5
 """Error on reference records, as a share of that on held-out ones, from which on nothing new is missing."""
 LOWEST_LINES = 8
 """Of the frequency response, whose mean stands for the static gain."""
+NOTHING_TO_FREEZE = (
+    "--frozen: the model has no modes that its axes share, and modes fitted to axes that move together carry its "
+    "static gains: give --refit, then freeze what that makes"
+)
 
 
 def search_together(
@@ -43,12 +51,15 @@ def search_together(
     holdout: Sequence[Recording],
     reference: Sequence[Recording],
     effects: Sequence[Effect],
+    frozen: bool | None,
     seed: int,
     report: Progress,
 ) -> list[AxisResult] | None:
     """One result per axis, or None where the axes do not move together or nothing is missing that they share.
 
-    ``effects`` may be named; ``report`` is called with the share of the work that is done.
+    ``effects`` may be named; ``frozen``: whether the modes of the stage stay as they are, by default where there are
+    reference records; ``report`` is called with the share of the work that is done. Raises BadInput for a stage that is
+    to be kept but has no modes that its axes share.
     """
     names = {e.name for e in effects}
     records = _moving_together(stage, runs)
@@ -57,28 +68,49 @@ def search_together(
     before = predict_held_out(stage, holdout, list(runs))
     if not _lacks_modes(stage, before, reference):
         return None
-    models = _with_static_gains(stage, _of(records, "train"))
+    if frozen and not has_common_modes(stage):
+        raise BadInput(NOTHING_TO_FREEZE)
+    held = has_common_modes(stage) and (bool(reference) if frozen is None else frozen)
+    axes = {a: stage.axes[a] for a in runs}
+    models = axes if held else _with_static_gains(stage, _of(records, "train"))
     records = joint_records(models, runs) if models is not None else None
     if models is None or records is None:
         return None
-    train, held = _of(records, "train"), _of(records, "holdout")
-    strongest, linear = fit_linear(train, lambda share: report(0.35 * share))
+    train, held_out = _of(records, "train"), _of(records, "holdout")
+    if held:
+        strongest = linear = modes_as_they_are(stage, train)
+    else:
+        strongest, linear = fit_linear(train, lambda share: report(0.35 * share))
     softened = None
-    if effect_of("level").name in names and len(level_groups(train)) > 1:
-        beside = [e for e in effects if e.fitted_with_modes]
+    beside = [e for e in effects if e.fitted_with_modes and not _has(axes, e)]
+    soften = effect_of("level").name in names and not linear.given
+    if (soften or (linear.given and beside)) and len(level_groups(train)) > 1:
         softened = fit_softening(train, strongest, beside, lambda share: report(0.35 + 0.5 * share))
-    modes, softening = _better(linear, softened, held)
+    modes, softening = _better(linear, softened, held_out)
     others = score_other_effects(train, modes, effects)
     report(0.95)
     allowed = tuple(e.name for e in effects)
-    findings = StageFit(stage, models, modes, softening, others, before, train, held, allowed)
-    return axis_results(findings, runs, holdout, seed)
+    findings = StageFit(stage, models, modes, softening, others, before, train, held_out, allowed)
+    findings = _with_rivals(findings, linear, effects)
+    return axis_results(findings, runs, holdout, seed, propose_together(findings))
 
 
-def has_common_modes(stage: Stage) -> bool:
-    """Whether an axis has adopted modes that the axes share."""
-    own_path = effect_of("own path").name
-    return any(e.name == own_path and "velocity" in e.params for a in stage.axes.values() for e in a.effects)
+def _with_rivals(found: StageFit, linear: CommonModes, effects: Sequence[Effect]) -> StageFit:
+    """What was found after what was named in front of the modes has met its rivals."""
+    fit, ties = found.fit, []
+    for effect in [catalogue()[name] for name in named_in_front(found)]:
+        untried = [e for e in effects if not _has(found.models, e)]
+        taken = [e.name for e in fit.front.effects] if fit.front is not None else []
+        fit, tie = contest(found.train, found.held, linear, fit, effect, rivals_of(effect, fit, untried, taken))
+        ties += [tie] if tie is not None else []
+    if fit is found.fit:
+        return replace(found, ties=ties)
+    return replace(found, fit=fit, ties=ties, others=score_other_effects(found.train, fit, effects))
+
+
+def _has(axes: Mapping[str, AxisModel], effect: Effect) -> bool:
+    """Whether an axis has adopted the effect, which then stays as it is."""
+    return any(e.name == effect.name for axis in axes.values() for e in axis.effects)
 
 
 def _moving_together(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> list[JointRecord] | None:

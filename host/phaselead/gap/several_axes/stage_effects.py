@@ -9,7 +9,8 @@ import numpy as np
 
 from phaselead.gap.adopt import stage_file_entry
 from phaselead.gap.findings import TWO_SIDED_95, Estimate, Estimates, NamedEffect
-from phaselead.gap.several_axes.common_modes import CommonModes, fitted_parameters
+from phaselead.gap.several_axes.common_modes import CommonModes
+from phaselead.gap.several_axes.in_front import fitted_parameters
 from phaselead.model import AxisModel, Effect, Params, TimeView, rest_position_um
 from phaselead.record import Samples
 
@@ -58,10 +59,11 @@ def coupling_params(fit: CommonModes, axis: int, axes: Sequence[str]) -> dict[st
 
 
 def in_front(fit: CommonModes, axis: int) -> dict[str, dict[str, Estimate | Estimates]]:
-    """The effects between one actuator and the modes by name: softening, and what was fitted beside it."""
+    """The effects that were fitted between one actuator and the modes, by name: softening, and what is beside it."""
     found: dict[str, dict[str, Estimate | Estimates]] = {}
     index = axis
-    for effect, params in list(fit.entries.values())[axis]:
+    name, entries = list(fit.entries.items())[axis] if fit.entries else ("", [])
+    for effect, params in entries[len(fit.given.get(name, ())) :]:
         found[effect.name] = {}
         for p in fitted_parameters(effect):
             value, std = float(fit.fit.values[index]), float(fit.fit.value_std[index])
@@ -111,17 +113,17 @@ def _with_intervals(values: Samples, std: Samples, unit: str) -> Estimates:
 
 
 def adopted_axis(
-    model: AxisModel, gain: float, found: Sequence[NamedEffect], provisional: AbstractSet[str]
+    model: AxisModel, gain: float | None, found: Sequence[NamedEffect], provisional: AbstractSet[str]
 ) -> AxisModel:
-    """The axis with its base scaled by ``gain``, and the effects in place of those of the same name; ``provisional``
-    are the names that are not vouched for."""
+    """The axis with its base scaled by ``gain``, None for as it is, and the effects in place of those of the same name;
+    ``provisional`` are the names that are not vouched for."""
     view = model.time
     assert view is not None
     names = {one.name for one in found}
     kept = [e for e in model.effects if e.name not in names]
     new = [stage_file_entry(one, "provisional" if one.name in provisional else "named") for one in found]
     effects = (*kept, *new)
-    return model.model_copy(update={"time": _scaled(view, gain), "effects": effects})
+    return model.model_copy(update={"time": view if gain is None else _scaled(view, gain), "effects": effects})
 
 
 def _scaled(view: TimeView, gain: float) -> TimeView:

@@ -10,8 +10,9 @@ from phaselead.identify.modal.frequency_domain import (
 )
 from phaselead.identify.modal.model import Drive, ModalModel
 from phaselead.identify.modal.one_axis import FittedModes, fit_straight, fit_together
+from phaselead.identify.modal.scoring import score_test
 from phaselead.identify.modal.shown_modes import measured_response
-from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes, score_test
+from phaselead.identify.modal.time_domain import Drives, ModalFit, Shaping, fit_modes
 
 __all__ = [
     "Drive",

@@ -37,8 +37,6 @@ SHARES_RIDGE = 1e-10
 """Of the mean diagonal: keeps shares that the records cannot tell apart from dividing by zero."""
 GUARD = 1e-12
 """Of the largest diagonal element: the same for poles, shifts and shaping."""
-POWERLESS = 1e-4
-"""A change of the pushes whose squares poles and shares take up but for this share cannot be told from them."""
 FIRST_LEFT = 0.05
 """Share of its output that a model is expected to leave before anything is fitted."""
 
@@ -81,25 +79,34 @@ class ModalFit:
 
 
 @dataclass(frozen=True)
-class _Point:
-    """Everything a step changes."""
+class Point:
+    """Everything a step changes, and what stays."""
 
     poles: Complex
     shift: Complex | None
     values: Samples
     split: Samples
     """(m, inputs): whose level moves a pole how much."""
+    held: ModalModel | None = None
+    """The model whose poles and shares stay, and where ``shift`` is None the fall of its poles too; None: all move."""
 
     @property
     def drop(self) -> Complex | None:
-        return None if self.shift is None else self.shift[:, None] * self.split
+        if self.shift is None:
+            return None if self.held is None else self.held.drop
+        return np.asarray(self.shift[:, None] * self.split)
+
+    @property
+    def fixed(self) -> int:
+        """How many of the parameters of the normal equations stay, the first ones."""
+        return 0 if self.held is None else 2 * len(self.poles)
 
 
 @dataclass(frozen=True)
 class _Fitted:
     """A point of the search: everything that follows from it, and the damping of the next step."""
 
-    point: _Point
+    point: Point
     drives: Sequence[Drive]
     model: ModalModel
     squares: float
@@ -111,7 +118,7 @@ class _Fitted:
 
 
 @dataclass(frozen=True)
-class _Normal:
+class Normal:
     """Normal equations of the nonlinear parameters (k,), the shares being free to follow."""
 
     matrix: Samples
@@ -130,23 +137,24 @@ def fit_modes(
     split: Samples | None = None,
     most_steps: int = 12,
     weights: Samples | None = None,
+    held: ModalModel | None = None,
     report: Callable[[float], None] | None = None,
 ) -> ModalFit:
     """Fit from ``poles`` (m,), and from ``shift`` (m,) where poles may fall with the levels.
 
     ``split`` (m, inputs), rows of sum 1: whose level moves a pole; by default all alike. ``weights`` (records,): of
-    their squares; by default estimated on the way.
+    their squares; by default estimated on the way. ``held``: a model of these poles that stays as it is, so that only
+    ``shift`` and what shapes the pushes are fitted; every record then counts by its output, since where a held model
+    errs is not known beforehand.
     """
     drives = shaping.drives(shaping.values)
     inputs = drives[0].push_um.shape[1]
     even = np.full((len(poles), inputs), 1 / inputs)
-    point = _Point(poles, shift, shaping.values.copy(), even if split is None else split)
+    point = Point(poles, shift, shaping.values.copy(), even if split is None else split, held)
     start = _fitted(point, drives, _first_weights(drives) if weights is None else weights, FIRST_DAMPING)
 
     def reweighed(at: _Fitted, step: int) -> _Fitted:
-        if weights is not None or step not in REWEIGHED:
-            return at
-        return _fitted(at.point, at.drives, 1 / np.maximum(at.by_record / at.weights, 1e-30), at.damping)
+        return at if weights is not None or held is not None or step not in REWEIGHED else _reweighed(at)
 
     found = descend(
         start,
@@ -158,14 +166,20 @@ def fit_modes(
         reweighed=reweighed,
         report=report,
     )
+    found = found if held is None else _reweighed(found)
     return _result(found, _normal_of(found, shaping))
+
+
+def _reweighed(at: _Fitted) -> _Fitted:
+    """The same with every record weighed by what is left of it."""
+    return _fitted(at.point, at.drives, 1 / np.maximum(at.by_record / at.weights, 1e-30), at.damping)
 
 
 def _first_weights(drives: Sequence[Drive]) -> Samples:
     return np.array([1 / (FIRST_LEFT**2 * float(np.mean(np.var(d.x_um[d.rows], axis=0)))) for d in drives])
 
 
-def _centred(columns: Samples, rows: slice, weight: float) -> Samples:
+def centred(columns: Samples, rows: slice, weight: float) -> Samples:
     return _weighted(columns[rows].copy(), weight)
 
 
@@ -176,16 +190,19 @@ def _weighted(columns: Samples, weight: float) -> Samples:
     return columns
 
 
-def _fitted(point: _Point, drives: Sequence[Drive], weights: Samples, damping: float) -> _Fitted:
+def _fitted(point: Point, drives: Sequence[Drive], weights: Samples, damping: float) -> _Fitted:
     """The point with the best shares."""
     inputs = drives[0].push_um.shape[1]
     parts = []
     for drive, weight in zip(drives, weights, strict=True):
         columns = _weighted(drive.scored(point.poles, point.drop), weight)
-        x = _centred(drive.x_um, drive.rows, weight)
+        x = centred(drive.x_um, drive.rows, weight)
         parts.append((columns.T @ columns, columns.T @ x, float(np.sum(x**2)), x.size))
-    normal = np.sum([p[0] for p in parts], axis=0)
-    best = np.asarray(np.linalg.solve(ridged(normal, SHARES_RIDGE), np.sum([p[1] for p in parts], axis=0)))
+    if point.held is not None:
+        best = point.held.weights
+    else:
+        normal = np.sum([p[0] for p in parts], axis=0)
+        best = np.asarray(np.linalg.solve(ridged(normal, SHARES_RIDGE), np.sum([p[1] for p in parts], axis=0)))
     squares = np.array([p[2] - 2 * np.sum(best * p[1]) + np.sum(best * (p[0] @ best)) for p in parts])
     squares = np.maximum(squares, 1e-30)
     model = ModalModel(point.poles, best, inputs, point.drop)
@@ -193,30 +210,31 @@ def _fitted(point: _Point, drives: Sequence[Drive], weights: Samples, damping: f
     return _Fitted(point, drives, model, float(squares.sum()) + _prior(point, drives), by_record, weights, damping)
 
 
-def _prior_scale(point: _Point, drives: Sequence[Drive]) -> Samples:
+def _prior_scale(point: Point, drives: Sequence[Drive]) -> Samples:
     """(m,): one over the standard deviation of a shift."""
     largest = np.max([d.mean_level(point.split) for d in drives], axis=0)
     return np.asarray(largest / SHIFT_STD)
 
 
-def _prior(point: _Point, drives: Sequence[Drive]) -> float:
+def _prior(point: Point, drives: Sequence[Drive]) -> float:
     """What the shifts add to the squares."""
     if point.shift is None:
         return 0.0
     return float(np.sum(np.abs(point.shift * _prior_scale(point, drives)) ** 2))
 
 
-def _normal(
-    point: _Point, model: ModalModel, drives: Sequence[Drive], weights: Samples, changes: Changes, count: int
-) -> _Normal:
-    """Normal equations of poles, shifts and ``count`` changes of the pushes, with the shares eliminated."""
+def normal_equations(
+    point: Point, model: ModalModel, drives: Sequence[Drive], weights: Samples, changes: Changes, count: int
+) -> Normal:
+    """Normal equations of poles, shifts and ``count`` changes of the pushes, with the shares eliminated; where the
+    model is held, its shares stay."""
     outputs, basis = model.weights.shape[1], len(model.weights)
-    size = _poles_size(point) + count
+    size = poles_size(point) + count
     own, cross = np.zeros((basis, basis)), np.zeros((outputs, basis, size))
     inner, records = np.zeros((size, size)), []
     for d, (drive, weight) in enumerate(zip(drives, weights, strict=True)):
         columns = _weighted(drive.scored(point.poles, point.drop, slopes=True), weight)
-        residual = _centred(drive.x_um, drive.rows, weight) - columns[:, :basis] @ model.weights
+        residual = centred(drive.x_um, drive.rows, weight) - columns[:, :basis] @ model.weights
         gram, products = columns.T @ columns, columns.T @ residual
         own += gram[:basis, :basis]
         shaped = _shaped(model, drive, changes(d), weight)
@@ -228,7 +246,7 @@ def _normal(
             mixed = slopes.T @ extra[basis:]
             inner += np.block([[slopes.T @ behind[basis:], mixed], [mixed.T, shaped[i].T @ shaped[i]]])
             records.append((i, products[:basis, i], slopes.T @ products[basis:, i], shaped[i].T @ residual[:, i]))
-    inverse = np.linalg.inv(ridged(own, SHARES_RIDGE))
+    inverse = np.linalg.inv(ridged(own, SHARES_RIDGE)) if point.held is None else np.zeros_like(own)
     taken = [inverse @ c for c in cross]
     matrix = inner - np.sum([c.T @ t for c, t in zip(cross, taken, strict=True)], axis=0)
     scores = np.array([np.concatenate([b, c]) - taken[i].T @ a for i, a, b, c in records])
@@ -238,14 +256,14 @@ def _normal(
         at = 2 * len(point.poles)
         matrix[at : 2 * at, at : 2 * at] += np.diag(scale)
         slope[at : 2 * at] -= scale * point.shift.view(np.float64)
-    return _Normal(matrix, slope, scores, np.sqrt(np.diag(inverse)))
+    return Normal(matrix, slope, scores, np.sqrt(np.diag(inverse)))
 
 
-def _poles_size(point: _Point) -> int:
+def poles_size(point: Point) -> int:
     return 2 * len(point.poles) * (1 if point.shift is None else 2)
 
 
-def _pole_map(point: _Point, model: ModalModel, drive: Drive, output: int) -> Samples:
+def _pole_map(point: Point, model: ModalModel, drive: Drive, output: int) -> Samples:
     """(inputs 2m, poles and shifts): slopes of the states as they act at one output."""
     m, inputs = len(point.poles), model.inputs
     rho = model.residues[output, :, 0::2] - 1j * model.residues[output, :, 1::2]  # (inputs, m)
@@ -262,7 +280,7 @@ def _pole_map(point: _Point, model: ModalModel, drive: Drive, output: int) -> Sa
     return found.reshape(inputs * m * 2, len(turns) * m * 2)
 
 
-def _changes_of(shaping: Shaping, drives: Sequence[Drive], point: _Point) -> Changes:
+def _changes_of(shaping: Shaping, drives: Sequence[Drive], point: Point) -> Changes:
     """Derivatives of the pushes in the values that shape them."""
     moved = []
     for k, step in enumerate(shaping.steps):
@@ -277,38 +295,40 @@ def _shaped(model: ModalModel, drive: Drive, changes: Sequence[Samples], weight:
     scored = len(range(*drive.rows.indices(len(drive.x_um))))
     found = np.zeros((model.weights.shape[1], scored, len(changes)))
     for k, change in enumerate(changes):
-        found[:, :, k] = _centred(model.moved_by(change, drive), drive.rows, weight).T
+        found[:, :, k] = centred(model.moved_by(change, drive), drive.rows, weight).T
     return list(found)
 
 
-def _normal_of(at: _Fitted, shaping: Shaping) -> _Normal:
+def _normal_of(at: _Fitted, shaping: Shaping) -> Normal:
     changes = _changes_of(shaping, at.drives, at.point)
-    return _normal(at.point, at.model, at.drives, at.weights, changes, len(shaping.values))
+    return normal_equations(at.point, at.model, at.drives, at.weights, changes, len(shaping.values))
 
 
 def _trials(at: _Fitted, shaping: Shaping) -> Iterator[_Fitted]:
     """Points a damped Gauss-Newton step away, ever more damped."""
-    normal, damping = _normal_of(at, shaping), at.damping
-    scale = np.diag(normal.matrix)
+    normal, damping, fixed = _normal_of(at, shaping), at.damping, at.point.fixed
+    matrix = normal.matrix[fixed:, fixed:]
+    scale = np.diag(matrix)
     guard = GUARD * scale.max() * np.eye(len(scale))
     highest = LEVEL_MARGIN * max((float(d.level.max()) for d in at.drives if d.level is not None), default=0)
     while damping < MOST_DAMPING:
-        change = np.linalg.solve(normal.matrix + damping * np.diag(scale) + guard, normal.slope)
+        change = np.zeros(len(normal.slope))
+        change[fixed:] = np.linalg.solve(matrix + damping * np.diag(scale) + guard, normal.slope[fixed:])
         after = _moved(at.point, change, shaping, highest)
         bolder = max(damping / BOLDER, LEAST_DAMPING)
         yield _fitted(after, shaping.drives(after.values), at.weights, bolder)
         damping *= CALMER
 
 
-def _moved(point: _Point, change: Samples, shaping: Shaping, highest: float) -> _Point:
+def _moved(point: Point, change: Samples, shaping: Shaping, highest: float) -> Point:
     m = len(point.poles)
     turn = np.ascontiguousarray(change[: 2 * m]).view(np.complex128)
     turn = turn / np.maximum(1.0, np.abs(turn) / LARGEST_POLE_STEP)
     shift = point.shift
     if shift is not None:
         shift = shift + np.ascontiguousarray(change[2 * m : 4 * m]).view(np.complex128)
-    values = np.clip(point.values + change[_poles_size(point) :], shaping.low, shaping.high)
-    poles = stable(point.poles + np.abs(point.poles) * turn)
+    values = np.clip(point.values + change[poles_size(point) :], shaping.low, shaping.high)
+    poles = stable(point.poles + np.abs(point.poles) * turn) if point.held is None else point.poles
     if shift is not None:
         shift = stable_shift(poles, shift, highest)
     return replace(point, poles=poles, shift=shift, values=values)
@@ -332,16 +352,17 @@ def stable_shift(p: Complex, shift: Complex, level: float) -> Complex:
     return shift
 
 
-def _result(at: _Fitted, normal: _Normal) -> ModalFit:
+def _result(at: _Fitted, normal: Normal) -> ModalFit:
     """Standard deviations: the larger of what white residuals give and of the scatter of the scores between records
     and outputs (White 1980)."""
-    point = at.point
-    inverse = _inverse(normal.matrix)
+    point, fixed = at.point, at.point.fixed
+    inverse = np.zeros_like(normal.matrix)
+    inverse[fixed:, fixed:] = inverse_of(normal.matrix[fixed:, fixed:])
     influence = normal.scores @ inverse
     white, scattered = np.diag(inverse), (influence**2).sum(axis=0)
     std, m = np.sqrt(np.maximum(np.maximum(white, scattered), 0.0)), len(point.poles)
     coloured = np.sqrt(max(1.0, float(np.median(scattered[: 2 * m] / np.maximum(white[: 2 * m], 1e-300)))))
-    end = _poles_size(point)
+    end = poles_size(point)
     return ModalFit(
         model=at.model,
         shift=point.shift,
@@ -355,43 +376,7 @@ def _result(at: _Fitted, normal: _Normal) -> ModalFit:
     )
 
 
-def _inverse(matrix: Samples) -> Samples:
-    guard = GUARD * float(np.diag(matrix).max()) * np.eye(len(matrix))
+def inverse_of(matrix: Samples) -> Samples:
+    """The inverse of a normal matrix (k, k), guarded."""
+    guard = GUARD * float(np.diag(matrix).max(initial=0.0)) * np.eye(len(matrix))
     return np.asarray(np.linalg.inv(matrix + guard))
-
-
-@dataclass(frozen=True)
-class ScoreTest:
-    """Per change of the pushes (changes,): its best amount, the standard deviation of that, and the share of the
-    squares that it would explain."""
-
-    amounts: Samples
-    std: Samples
-    share: Samples
-
-
-def score_test(
-    fit: ModalFit, split: Samples, drives: Sequence[Drive], weights: Samples, changes: Changes, count: int
-) -> ScoreTest:
-    """Score test of changes of the pushes, each by itself, poles and shares being free to follow."""
-    point = _Point(fit.model.poles, fit.shift, np.zeros(0), split)
-    normal = _normal(point, fit.model, drives, weights, changes, count)
-    at = _poles_size(point)
-    cross = normal.matrix[:at, at:]
-    taken = _inverse(normal.matrix[:at, :at]) @ cross
-    power = np.diag(normal.matrix[at:, at:]) - np.sum(cross * taken, axis=0)
-    scores = normal.scores[:, at:] - normal.scores[:, :at] @ taken
-    slope = normal.slope[at:] - taken.T @ normal.slope[:at]
-    seen = power > POWERLESS * np.maximum(np.diag(normal.matrix[at:, at:]), 1e-300)
-    power = np.where(seen, power, np.inf)
-    amounts = slope / power
-    variance = np.maximum(1.0, (scores**2).sum(axis=0) / power) / power
-    squares = _squares(fit.model, drives, weights)
-    return ScoreTest(amounts, np.where(seen, np.sqrt(variance), np.inf), slope * amounts / squares)
-
-
-def _squares(model: ModalModel, drives: Sequence[Drive], weights: Samples) -> float:
-    total = 0.0
-    for drive, weight in zip(drives, weights, strict=True):
-        total += float(np.sum(_centred(drive.x_um - model.answer(drive), drive.rows, weight) ** 2))
-    return total

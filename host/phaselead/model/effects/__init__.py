@@ -21,7 +21,7 @@ from phaselead.model.effects.filters import (
     second_order_residual,
 )
 from phaselead.model.effects.interface import Effect, Entry, ModePart, Params, Signal, rewritten
-from phaselead.model.effects.mode_bank import Complex, modes_of, shares, states, states_and_slopes
+from phaselead.model.effects.mode_bank import Complex, modes_of, shares, state_weights, states, states_and_slopes
 from phaselead.model.effects.parameters import CheckedParameters, Parameter, Value
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.softening import push_level
@@ -61,6 +61,7 @@ __all__ = [
     "rewritten",
     "second_order_residual",
     "shares",
+    "state_weights",
     "states",
     "states_and_slopes",
 ]
