@@ -54,7 +54,7 @@ def test_measured_can_follow_instead(run, stage_file):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("learn", "goto:30um"), ("driven once", "file:")),
+        (("learn", "goto:30um"), ("driven once", "staircase:30um")),
         (("learn", "sine:30um@50Hz", "-o", "learned.csv"), ("must end in .h5",)),
         (("learn", "sine:30um@50Hz", "-o", "/no/such/learned.h5"), ("/no/such",)),
         (("learn", "sine:30um@50Hz", "--report", "/no/such/page.html"), ("/no/such",)),

@@ -19,7 +19,7 @@ STAGE = Stage(
 
 @pytest.fixture(name="dev")
 def _dev(tmp_path):
-    STAGE.save(tmp_path / "stage.toml")
+    STAGE.save(tmp_path / "stage.toml", overwrite=True)
     with pl.connect(f"sim://{tmp_path / 'stage.toml'}") as dev:
         yield dev
 

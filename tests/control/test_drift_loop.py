@@ -100,7 +100,7 @@ def stage():
 
 
 def learned(stage, folder, **options) -> Learned:
-    stage.save(folder / "stage.toml")
+    stage.save(folder / "stage.toml", overwrite=True)
     with Device.open(f"sim://{folder / 'stage.toml'}?seed=31") as device:
         wave = {"x": parse_wave("sine:30um@50Hz")}
         return learn(device, wave, stage=STAGE, gains=GAINS, trials=10, turn_down=True, **options)

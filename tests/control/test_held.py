@@ -23,7 +23,7 @@ STAGE = Stage(name="stiff", axes={"x": AXIS})
 def dev(tmp_path):
     """A new session on a device that holds the model of ``STAGE``, on that stage."""
     path = tmp_path / "stiff.toml"
-    STAGE.save(path)
+    STAGE.save(path, overwrite=True)
     with pl.connect(f"sim://{path}") as device:
         device.device.upload(device_model(STAGE))
         assert device.model is None

@@ -66,7 +66,7 @@ def test_coupled_axes_begin_away_from_0_V_without_a_step(mode, tmp_path):
     }
     coupling = ((1.0, 0.03, -0.02), (0.04, 1.0, 0.03), (-0.02, 0.05, 1.0))
     stage = STAGE.model_copy(update={"axes": axes, "cross_coupling": coupling})
-    stage.save(tmp_path / "coupled.toml")
+    stage.save(tmp_path / "coupled.toml", overwrite=True)
     gains = {axis: gains_of(None, stage, axis) for axis in "xyz"}
     with Device.open(f"sim://{tmp_path / 'coupled.toml'}") as device:
         waves = {axis: parse_wave("sine:10um+100um@5Hz") for axis in "xyz"}

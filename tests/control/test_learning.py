@@ -178,7 +178,7 @@ def learned():
 @pytest.fixture(scope="module")
 def outcome(learned, tmp_path_factory):
     path = tmp_path_factory.mktemp("stage") / "stage.toml"
-    learned.save(path)
+    learned.save(path, overwrite=True)
     with Device.open(f"sim://{path}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
         run = track(
@@ -208,7 +208,7 @@ def test_what_is_kept_only_gets_better(outcome):
 
 def test_a_table_is_read_as_it_was_written(outcome, tmp_path):
     found, _ = outcome
-    found.save(tmp_path / "learned.h5")
+    found.save(tmp_path / "learned.h5", overwrite=True)
     again = load_learned(tmp_path / "learned.h5")
     assert json.dumps(again.as_dict()) == json.dumps(found.as_dict())
     one, two = (table.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS)["x"] for table in (found, again))
@@ -282,7 +282,7 @@ def test_another_file_is_refused(content, said, tmp_path):
 def test_a_damaged_table_is_refused(tmp_path):
     import h5py
 
-    TABLE.save(tmp_path / "learned.h5")
+    TABLE.save(tmp_path / "learned.h5", overwrite=True)
     with h5py.File(tmp_path / "learned.h5", "r+") as file:
         file["x"].attrs["f_Hz"] = np.nan
     with pytest.raises(BadInput, match="no table of this version"):
@@ -330,7 +330,7 @@ def test_a_later_fault_ends_it_with_the_best_trial_kept(monkeypatch, learned, tm
         runs.append(track(*arguments, **options))
         return runs[-1]
 
-    learned.save(tmp_path / "stage.toml")
+    learned.save(tmp_path / "stage.toml", overwrite=True)
     monkeypatch.setattr(drive, "track", driven)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=5)
@@ -374,7 +374,7 @@ def test_a_table_without_gain_or_from_before_says_so():
 def test_a_response_that_the_model_has_wrong_is_found_out(monkeypatch, learned, tmp_path):
     """At the model's mode, which the stage has 5 % lower, a path comes out turned round."""
     monkeypatch.setattr(Moved, "surely", False)  # else its inverse is put right
-    learned.save(tmp_path / "stage.toml")
+    learned.save(tmp_path / "stage.toml", overwrite=True)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": parse_wave("sine:5um@200Hz")}, stage=STAGE, gains=GAINS, trials=6)
     assert found.trials[1].probed_lines["x"] > 0
@@ -382,7 +382,7 @@ def test_a_response_that_the_model_has_wrong_is_found_out(monkeypatch, learned, 
 
 
 def test_a_trial_that_is_worse_leaves_no_trace(monkeypatch, learned, tmp_path):
-    learned.save(tmp_path / "stage.toml")
+    learned.save(tmp_path / "stage.toml", overwrite=True)
     tables = []
     for trials in (1, 2):
         runs = []
@@ -399,7 +399,7 @@ def test_a_trial_that_is_worse_leaves_no_trace(monkeypatch, learned, tmp_path):
 
 
 def test_a_correction_larger_than_allowed_is_not_driven(monkeypatch, learned, tmp_path):
-    learned.save(tmp_path / "stage.toml")
+    learned.save(tmp_path / "stage.toml", overwrite=True)
     monkeypatch.setattr(drive, "LARGEST_CORRECTION", 1e-4)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=3)
@@ -437,7 +437,7 @@ def test_an_error_of_another_loop_is_that_of_its_sensitivity():
 
 def test_gains_of_one_kind_alone_are_learned_with(learned, tmp_path):
     """Without an integral part the share of the feedback was a division by zero, after all trials were driven."""
-    learned.save(tmp_path / "stage.toml")
+    learned.save(tmp_path / "stage.toml", overwrite=True)
     proportional = Gains(kp_V_per_um=0.0005, ki_V_per_um_s=0.0, kd_V_s_per_um=0.0)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         gains = {"x": proportional}
@@ -467,7 +467,7 @@ def test_what_is_left_without_its_lines_has_none():
 
 def learned_with(learned, folder, trials=4, **options):
     path = folder / "stage.toml"
-    learned.save(path)
+    learned.save(path, overwrite=True)
     with Device.open(f"sim://{path}") as device:
         return learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=trials, turn_down=True, **options)
 
@@ -554,7 +554,7 @@ def test_half_of_a_step_is_tried_where_the_model_refuses_all_of_it(monkeypatch, 
         rehearses(waves, *arguments)
 
     monkeypatch.setattr(drive, "rehearse", once_refused)
-    learned.save(tmp_path / "stage.toml")
+    learned.save(tmp_path / "stage.toml", overwrite=True)
     with Device.open(f"sim://{tmp_path / 'stage.toml'}") as device:
         found = learn(device, {"x": SINE}, stage=STAGE, gains=GAINS, trials=2)
     assert len(found.trials) == 3

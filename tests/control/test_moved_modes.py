@@ -101,7 +101,7 @@ def url(tmp_path_factory):
     mode = AdoptedEffect(name="resonance", params={"f_Hz": 180.0, "zeta": 0.02})
     lag = AdoptedEffect(name="sensor_lowpass", params={"corner_Hz": 2000.0})
     path = tmp_path_factory.mktemp("stage") / "stage.toml"
-    Stage(name="stage", axes={"x": AxisModel(time=view, effects=(mode, lag))}).save(path)
+    Stage(name="stage", axes={"x": AxisModel(time=view, effects=(mode, lag))}).save(path, overwrite=True)
     return f"sim://{path}?seed=21"
 
 
@@ -125,7 +125,7 @@ def test_a_path_at_a_mode_that_has_moved_is_learned(table):
 
 
 def test_the_table_is_played_with_the_inverse_it_was_learned_with(url, table, tmp_path):
-    table.save(tmp_path / "learned.h5")
+    table.save(tmp_path / "learned.h5", overwrite=True)
     again = load_learned(tmp_path / "learned.h5")
     assert again.paths["x"].modes == table.paths["x"].modes
     with pl.connect(url) as device:
@@ -201,7 +201,7 @@ def test_a_fault_with_the_new_inverse_keeps_what_there_was(monkeypatch, url):
 def test_a_table_of_before_has_the_modes_of_its_model(table, tmp_path):
     import h5py
 
-    table.save(tmp_path / "learned.h5")
+    table.save(tmp_path / "learned.h5", overwrite=True)
     with h5py.File(tmp_path / "learned.h5", "r+") as file:
         file.attrs["version"] = 1
         del file["x"].attrs["modes"]

@@ -56,7 +56,7 @@ def test_what_the_stage_can_do_is_let_through(wave, mode):
 )
 def test_what_the_rehearsal_says_of_the_error_comes_true(tmp_path, wave, mode):
     """It said nothing of a path that it let through."""
-    virtual_stage(STAGE).save(tmp_path / "stage.toml")
+    virtual_stage(STAGE).save(tmp_path / "stage.toml", overwrite=True)
     told = []
     with pl.connect(f"sim://{tmp_path}/stage.toml") as dev:
         run = dev.track(wave, mode=mode, model=STAGE, gains=(0, 15, 1e-5), on_rehearsed=told.append)

@@ -66,7 +66,7 @@ def test_larger_paths_and_slower_outputs_are_rounded_more(swing_um, slew_V_per_s
 
 def driven(asked, folder):
     path = folder / "stage.toml"
-    virtual_stage(STAGE).save(path)
+    virtual_stage(STAGE).save(path, overwrite=True)
     with Device.open(f"sim://{path}") as device:
         return track(device, {"x": asked}, "inverse", stage=STAGE, duration_s=0.4, force=True)
 

@@ -29,7 +29,7 @@ def two_modes(tmp_path, f_Hz):
     mode = next(effect for effect in x.effects if effect.name == "resonance")
     second = mode.model_copy(update={"params": {"f_Hz": float(f_Hz), "zeta": 0.02}})
     axes = stage.axes | {"x": x.model_copy(update={"effects": (*x.effects, second), "sensor": SENSOR})}
-    stage.model_copy(update={"axes": axes}).save(tmp_path / "two.toml")
+    stage.model_copy(update={"axes": axes}).save(tmp_path / "two.toml", overwrite=True)
     return f"sim://{tmp_path / 'two.toml'}"
 
 

@@ -88,7 +88,7 @@ def test_pulses_are_exported_row_by_row(tmp_path, suffix):
     """A table without them was of no use beside the frames of a camera."""
     with pl.connect() as dev:
         run = dev.track(RASTER, mode="pid", duration=0.8, trigger_out="frame,line,pixel=64")
-    run.save(tmp_path / "raster.h5")
+    run.save(tmp_path / "raster.h5", overwrite=True)
     export(pl.read(tmp_path / "raster.h5@0:0.4")[0], tmp_path / f"out.{suffix}")
     trigger = column_of(tmp_path / f"out.{suffix}")
     assert trigger.shape == (2000,)
@@ -116,7 +116,7 @@ def column_of(path):
 
 def test_without_outputs_there_is_no_such_column(tmp_path):
     with pl.connect() as dev:
-        dev.track("sine:20um@5Hz", mode="pid", duration=0.2).save(tmp_path / "plain.csv")
+        dev.track("sine:20um@5Hz", mode="pid", duration=0.2).save(tmp_path / "plain.csv", overwrite=True)
     assert (tmp_path / "plain.csv").read_text().splitlines()[0] == "t_s,u_V,x_um,r_um"
 
 

@@ -85,7 +85,7 @@ def test_figures_are_of_the_path_as_it_was_written():
 def test_the_true_position_is_kept_beside_the_measured_one(tmp_path):
     with Device.open("sim://xyz250") as device:
         run = track(device, {"x": parse_wave("sine:60um@20Hz")}, "pid", gains=GAINS)
-    run.save(tmp_path / "run.h5")
+    run.save(tmp_path / "run.h5", overwrite=True)
     kept = read_hdf5(tmp_path / "run.h5").device["true_um"]["x"]
     assert (kept == run.true_um["x"]).all()
     assert 0 < np.abs(kept - run.x_um).max() < 1

@@ -501,7 +501,7 @@ def test_it_prints_saves_and_draws(tuned: pl.Tuned, tmp_path) -> None:  # type: 
     (modes,) = (line for line in str(tuned).splitlines() if line.startswith("modes"))
     assert modes.split()[1:3] == ["200", "Hz"]
     assert modes.count("zeta") == 1
-    tuned.save(tmp_path / "tuned.toml")
+    tuned.save(tmp_path / "tuned.toml", overwrite=True)
     assert pl.load(tmp_path / "tuned.toml").axis("x").gains == tuned.gains
     pl.write_report(tuned, tmp_path / "page.html")
     assert "Has the loop its margin?" in (tmp_path / "page.html").read_text()
