@@ -201,15 +201,6 @@ def test_an_export_of_a_window_holds_the_window(run, tmp_path):
     assert (tmp_path / "here.csv").read_bytes() == (tmp_path / "part.csv").read_bytes()
 
 
-def test_the_same_recording_twice_is_refused(run, tmp_path):
-    """It counted twice. Two windows of it are two recordings."""
-    path = write(tmp_path / "record.csv", sine_rows())
-    copy = write(tmp_path / "copy.csv", sine_rows())
-    for twice in ((path, path), (path, copy), (f"{path}@0.2:1", f"{path}@0.2:1")):
-        assert_one_line(run("fit", *twice, "-o", tmp_path / "s.toml"), 2, "holds the same as")
-    assert run("fit", f"{path}@:1", f"{path}@1:", "-o", tmp_path / "s.toml").status == 0
-
-
 def test_the_model_of_another_stage_is_warned_of(run, tmp_path):
     path = write(tmp_path / "record.csv", sine_rows())
     assert run("fit", path, "-o", tmp_path / "s.toml").status == 0

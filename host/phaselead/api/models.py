@@ -61,10 +61,9 @@ def fit(
     from phaselead.identify import FitResult
     from phaselead.identify import fit as fit_stage
     from phaselead.model import as_stage
-    from phaselead.record import gather, refuse_twice
+    from phaselead.record import gather
 
     found = gather(records, map, rate)
-    refuse_twice(found)
     stage, report = fit_stage(found, base, name=name, parent=None if parent is None else as_stage(parent))
     return FitResult(with_gains(stage), report, found)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_special, write_text, write_texts
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.bounded import require_walkable
-from phaselead.record.checks import refuse_clipped, refuse_gapped, refuse_twice
+from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
 from phaselead.record.digest import Source, file_sha256
 from phaselead.record.direction import counts_backwards, slow_gain
@@ -60,7 +60,6 @@ __all__ = [
     "read_recording",
     "refuse_clipped",
     "refuse_gapped",
-    "refuse_twice",
     "require_walkable",
     "scored_alone",
     "slow_gain",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,18 +75,6 @@ def refuse_gapped(recording: Recording) -> None:
     if count:
         places = f"{count} place{'s' if count > 1 else ''}"
         raise BadInput(f"{recording.source}: has gaps in {places} (samples lost on the line); record it again")
-
-
-def refuse_twice(recordings: Sequence[Recording]) -> None:
-    """Refuse the same rows of the same file given twice: they would count twice."""
-    seen: dict[tuple[str, int, int | None], str] = {}
-    for one in recordings:
-        if not one.sha256:
-            continue
-        rows = (one.sha256, len(one.t_s), one.scored.start)
-        if rows in seen:
-            raise BadInput(f"{one.source}: holds the same as {seen[rows]}; give each recording once")
-        seen[rows] = one.source
 
 
 def refuse_clipped(recording: Recording) -> None:
