@@ -131,10 +131,13 @@ enum wire_status command_wave_commit(struct device *device, const struct request
         return WIRE_STATUS_BAD_VALUE;
     if (crc32(0, (const uint8_t *)device->waves_q30[commit.axis], sizeof device->waves_q30[0]) != commit.crc)
         return WIRE_STATUS_CRC_MISMATCH;
+    if (!path_check_learned_with(device, commit.model_crc))
+        return WIRE_STATUS_LEARNED_FOR_OTHER;
     const uint32_t steepest_q30 = motion_steepest_q30(device->waves_q30[commit.axis]);
     device_lock(device);
     answer->tick = device->control.tick;
     device->wave_steepest_q30[commit.axis] = steepest_q30;
+    device->wave_for[commit.axis] = (struct learned_for){commit.model_crc, commit.path_crc};
     device->wave_mask |= 1u << commit.axis;
     device_link_models(device);
     device_unlock(device);

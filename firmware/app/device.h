@@ -88,6 +88,11 @@ struct device_port {
     uint8_t build_id[20];
 };
 
+/* What the points of a waveform were learned with, as in WAVE_COMMIT; 0: they are for any model, or any path. */
+struct learned_for {
+    uint32_t model_crc, path_crc;
+};
+
 struct device {
     struct control control;
     struct device_port port;
@@ -110,6 +115,7 @@ struct device {
     struct axis_config idle[AXES];    /* what axes begin with: device_make_idle(). No tick reads them */
     struct axis_model model_of[AXES]; /* what a tick works with: device_link_models() */
     uint32_t wave_mask;               /* axes with a whole waveform */
+    struct learned_for wave_for[AXES];
     int32_t waves_q30[AXES][WAVE_POINTS];
     uint32_t wave_steepest_q30[AXES];
     struct motion_bounds motion_limits[AXES]; /* of what is queued */

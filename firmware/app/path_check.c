@@ -1,5 +1,6 @@
 #include "app/path_check.h"
 
+#include "app/crc32.h"
 #include "app/points.h"
 #include "core/fixed.h"
 
@@ -125,12 +126,39 @@ static uint64_t per_join_turn64(uint32_t ticks)
     return ticks > 1 ? UINT64_MAX / ticks + 1 : UINT64_MAX;
 }
 
+/* As WAVE_COMMIT's `path_crc` says. */
+static uint32_t path_crc(enum axis_mode mode, const struct path_config *path)
+{
+    const uint8_t mode_byte = (uint8_t)mode;
+    uint32_t crc = crc32(0, &mode_byte, sizeof mode_byte);
+    crc = crc32(crc, (const uint8_t *)&path->swing, sizeof path->swing);
+    crc = crc32(crc, (const uint8_t *)&path->offset, sizeof path->offset);
+    return crc32(crc, (const uint8_t *)&path->step_turn64, sizeof path->step_turn64);
+}
+
+bool path_check_learned_with(const struct device *device, uint32_t model_crc)
+{
+    const struct model_slot *slot = model_store_active(&device->models);
+    return model_crc == 0 || (slot && slot->crc == model_crc);
+}
+
+/* What was learned is right for one model and one path alone. */
+static bool is_learned_for(const struct device *device, unsigned axis, const struct path_config *path)
+{
+    const struct learned_for *learned = &device->wave_for[axis];
+    if (!path_check_learned_with(device, learned->model_crc))
+        return false;
+    return learned->path_crc == 0 || learned->path_crc == path_crc(device->control.config[axis].mode, path);
+}
+
 enum wire_status path_check(const struct device *device, unsigned axis, struct segment *segment)
 {
     if (device->control.config[axis].mode == AXIS_IDLE)
         return WIRE_STATUS_MODE_UNSUPPORTED; /* the path's unit depends on the mode */
     if (!path_is_sane(&segment->path) || (segment->path.kind == PATH_WAVE && !device_wave_q30(device, axis)))
         return WIRE_STATUS_BAD_VALUE;
+    if (segment->path.kind == PATH_WAVE && !is_learned_for(device, axis, &segment->path))
+        return WIRE_STATUS_LEARNED_FOR_OTHER;
     segment->point = (struct feedforward_point){0, 0};
     segment->enter_turn64 = per_join_turn64(segment->enter_ticks);
     segment->leave_turn64 = per_join_turn64(segment->leave_ticks);

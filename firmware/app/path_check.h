@@ -8,6 +8,9 @@
 /* Fills in the point of the tables and the steps of the joins. Not ok: the axis cannot use it. */
 enum wire_status path_check(const struct device *device, unsigned axis, struct segment *segment);
 
+/* Whether the model that the device holds is the one, of this CRC, that a waveform was learned with; 0: any is. */
+bool path_check_learned_with(const struct device *device, uint32_t model_crc);
+
 /* The values of a path that comes after one with these. */
 struct path_span path_check_span(const struct path_config *path, const struct path_span *here);
 

@@ -28,6 +28,7 @@ static void begin(struct device *device, unsigned axis, const struct points_ring
     control->points[axis].steepest_q30 = steepest_q30;
     control->queue[axis].dry = 0;
     device->wave_steepest_q30[axis] = steepest_q30;
+    device->wave_for[axis] = (struct learned_for){0, 0};
     device->wave_mask |= 1u << axis;
     if (path->kind == PATH_WAVE) { /* what it was to play is gone */
         memset(path, 0, sizeof *path);

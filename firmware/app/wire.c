@@ -87,7 +87,7 @@ static const struct {
     {"set_path", {17, 17, false}, 0x89},
     {"wave_chunk", {3, 3, true}, 0x0A},
     {"wave_chunk", {9, 9, false}, 0x8A},
-    {"wave_commit", {5, 5, false}, 0x0B},
+    {"wave_commit", {5, 13, false}, 0x0B},
     {"wave_commit", {9, 9, false}, 0x8B},
     {"model_begin", {8, 8, false}, 0x0C},
     {"model_begin", {9, 9, false}, 0x8C},
@@ -773,7 +773,9 @@ int32_t wire_pack_wave_commit_request(const struct wire_wave_commit_request *fro
     if (capacity < WIRE_WAVE_COMMIT_REQUEST_SIZE)
         return -1;
     out = put_u8(out, from->axis);
-    put_u32(out, from->crc);
+    out = put_u32(out, from->crc);
+    out = put_u32(out, from->model_crc);
+    put_u32(out, from->path_crc);
     return WIRE_WAVE_COMMIT_REQUEST_SIZE;
 }
 
@@ -783,6 +785,8 @@ bool wire_unpack_wave_commit_request(struct wire_wave_commit_request *to, const 
         return false;
     to->axis = get_u8(&in);
     to->crc = get_u32(&in);
+    to->model_crc = get_u32(&in);
+    to->path_crc = get_u32(&in);
     return true;
 }
 

@@ -11,7 +11,7 @@
 /* Sizes in bytes; *_SIZE of a message or record is that of its fixed part on the line. */
 #define WIRE_FINGERPRINT 0xD1C20CFCu
 #define WIRE_VERSION 2
-#define WIRE_REVISION 4
+#define WIRE_REVISION 5
 #define WIRE_MAX_PAYLOAD 1152
 #define WIRE_HEADER_SIZE 11
 #define WIRE_CRC_SIZE 4
@@ -121,8 +121,9 @@ enum wire_status {
     WIRE_STATUS_BUSY = 15,
     WIRE_STATUS_MODE_UNSUPPORTED = 16,
     WIRE_STATUS_LIMITS_LOST = 17,
+    WIRE_STATUS_LEARNED_FOR_OTHER = 18,
 };
-#define WIRE_STATUS_COUNT 18
+#define WIRE_STATUS_COUNT 19
 
 /* Why the device stopped; each is described in docs/faults.md */
 enum wire_fault {
@@ -511,10 +512,12 @@ struct wire_wave_chunk_request {
 };
 
 /* 0x0B: Checks the CRC-32 over all 1024 points and makes them the axis' waveform */
-#define WIRE_WAVE_COMMIT_REQUEST_SIZE 5
+#define WIRE_WAVE_COMMIT_REQUEST_SIZE 13
 struct wire_wave_commit_request {
     uint8_t axis;
     uint32_t crc;
+    uint32_t model_crc; /* of the model that these points were learned with; 0: they are for any */
+    uint32_t path_crc; /* of the path they were learned for: CRC-32 over the axis' mode (u8) and swing, offset and step_turn64 as SET_PATH and QUEUE have them; 0: they are for any */
 };
 
 /* 0x0C: Opens a model transaction; an earlier unfinished one is dropped */

@@ -1,5 +1,6 @@
 """What SET_AXIS, SET_PATH and the waveform commands take, and the words in which they refuse the rest."""
 
+import struct
 from zlib import crc32
 
 import numpy as np
@@ -196,11 +197,11 @@ def test_paths_of_several_axes_begin_together_and_end_as_asked(bench):
 # -------------------------------------------------------------------------------- waveforms
 
 
-def send_wave(bench, points, axis=0, chunk=256):
+def send_wave(bench, points, axis=0, chunk=256, model_crc=0, path_crc=0):
     data = np.asarray(points, "<i4").tobytes()
     for at in range(0, len(data), 4 * chunk):
         bench.ok(wire.WaveChunkRequest(axis, at // 4, data[at : at + 4 * chunk]))
-    return bench.status_of(wire.WaveCommitRequest(axis, crc32(data)))
+    return bench.status_of(wire.WaveCommitRequest(axis, crc32(data), model_crc, path_crc))
 
 
 def test_a_waveform_is_played_point_by_point(bench):
@@ -246,6 +247,74 @@ def test_bad_waveforms_are_refused(bench):
     assert chunk(0, 1023, word) == wire.Status.OK
     assert bench.status_of(wire.WaveCommitRequest(0, 1)) == wire.Status.CRC_MISMATCH
     assert bench.status_of(wire.WaveCommitRequest(3, 1)) == wire.Status.BAD_VALUE
+
+
+STEP = 2**64 // 1000  # 5 Hz
+LEARNED = {"swing": 20 * UM, "offset": 5 * UM, "step": STEP}
+
+
+def learned_for(mode, path):
+    return crc32(struct.pack("<BiiQ", mode, path["swing"], path["offset"], path["step"]))
+
+
+@pytest.fixture
+def learned(modelled):
+    """Points of a path in mode inverse, learned with the model that is there."""
+    model_crc = modelled.status().model_crc
+    assert send_wave(modelled, np.zeros(1024), 0, 256, model_crc, learned_for(2, LEARNED)) == wire.Status.OK
+    return modelled
+
+
+@pytest.mark.parametrize(
+    ("mode", "other", "status"),
+    [
+        (wire.Mode.PID, {}, wire.Status.OK),
+        (wire.Mode.PID, {"ticks": 77}, wire.Status.OK),
+        (wire.Mode.FF_PID, {}, wire.Status.LEARNED_FOR_OTHER),
+        (wire.Mode.PID, {"swing": 20 * UM + 1}, wire.Status.LEARNED_FOR_OTHER),
+        (wire.Mode.PID, {"offset": 5 * UM - 1}, wire.Status.LEARNED_FOR_OTHER),
+        (wire.Mode.PID, {"step": STEP + 1}, wire.Status.LEARNED_FOR_OTHER),
+        (wire.Mode.PID, {"step": STEP + 2**40}, wire.Status.LEARNED_FOR_OTHER),
+        (wire.Mode.FF_PID, {"path": wire.PathKind.SINE}, wire.Status.OK),
+    ],
+)
+def test_what_was_learned_is_played_for_its_path_and_mode_alone(learned, mode, other, status):
+    assert refusal(learned, mode, **{"path": wire.PathKind.WAVE} | LEARNED | other) == status
+
+
+def test_what_was_learned_is_queued_for_its_path_alone(learned):
+    assert learned.set_axis(0, wire.Mode.PID) == wire.Status.OK
+    assert learned.set_path(0, path=wire.PathKind.HOLD) == wire.Status.OK
+    learned.ok(wire.ArmRequest(0))
+    learned.ok(wire.StartRequest(1))
+    nothing = wire.Segment(0, 0, 0, 0, 0, 0, 0, 0)
+    for more, status in ((1, wire.Status.LEARNED_FOR_OTHER), (0, wire.Status.OK)):
+        path = wire.Segment(wire.PathKind.WAVE, 0, LEARNED["swing"] + more, LEARNED["offset"], STEP, 0, 5000, 5000)
+        assert learned.status_of(wire.QueueRequest(1, 0, 0, (path, nothing, nothing), 0)) == status
+
+
+def test_what_was_learned_with_a_model_goes_with_it(learned):
+    other = model(hash_byte=7)
+    assert learned.upload(other).status == wire.Status.OK
+    assert refusal(learned, wire.Mode.PID, path=wire.PathKind.WAVE, **LEARNED) == wire.Status.LEARNED_FOR_OTHER
+    assert learned.upload(model()).status == wire.Status.OK
+    assert refusal(learned, wire.Mode.PID, path=wire.PathKind.WAVE, **LEARNED) == wire.Status.OK
+
+
+def test_what_was_learned_with_another_model_is_refused_and_leaves_no_waveform(bench):
+    assert send_wave(bench, np.zeros(1024), model_crc=5) == wire.Status.LEARNED_FOR_OTHER
+    assert refusal(bench, wire.Mode.OPEN, path=wire.PathKind.WAVE) == wire.Status.BAD_VALUE
+
+
+def test_points_that_come_later_are_for_any_path(learned):
+    assert send_wave(learned, np.zeros(1024)) == wire.Status.OK
+    assert refusal(learned, wire.Mode.FF_PID, path=wire.PathKind.WAVE, **LEARNED | {"step": 2 * STEP}) == wire.Status.OK
+    assert send_wave(learned, np.zeros(1024), path_crc=5) == wire.Status.OK
+    assert refusal(learned, wire.Mode.PID, path=wire.PathKind.WAVE, **LEARNED) == wire.Status.LEARNED_FOR_OTHER
+    learned.ok(wire.PointsBeginRequest(1, 0, 0, (ONE, 0, 0)))
+    learned.ok(wire.PointsRequest(1, 0, 0, bytes(4 * 200)))
+    ring = {"path": wire.PathKind.WAVE, "swing": UM, "offset": 0, "step": 2**54}
+    assert learned.set_path(0, **ring) == wire.Status.OK
 
 
 def test_snapshots_stay_inside_their_region(bench):

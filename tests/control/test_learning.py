@@ -33,7 +33,8 @@ from phaselead.control.learning.response import (
     turns_of,
 )
 from phaselead.control.learning.trials import learn
-from phaselead.control.tracking import track
+from phaselead.control.tracking import send_axis, track
+from phaselead.device import Refused, device_model
 from phaselead.device.capture import DeviceFault
 from phaselead.device.device import Device
 from phaselead.errors import BadInput
@@ -196,6 +197,30 @@ def test_what_is_learned_is_several_times_better(outcome):
     off_um = SINE.value(run.t_s) - run.true_um["x"]
     assert run.figures["true"]["max_um"] == np.abs(off_um[-1000:]).max()
     assert run.figures["true"]["max_um"] < 0.003 * SINE.swing
+
+
+def test_the_device_itself_plays_it_for_its_path_mode_and_model_alone(outcome, learned, tmp_path):
+    """Whatever host asks: the table's identity is with its points."""
+    found, _ = outcome
+    played = found.waveforms({"x": SINE}, STAGE.sha256, found.mode, GAINS)["x"]
+    asked = {"swing": played.swing, "offset": played.offset, "f_Hz": played.f_Hz}
+    learned.save(tmp_path / "stage.toml")
+
+    def refused(mode=found.mode, **other):
+        device.set_axis("x", mode)
+        with pytest.raises(Refused, match="for another model, mode or path"):
+            device.set_path("x", "wave", **asked | other)
+
+    with Device.open(f"sim://{tmp_path}/stage.toml") as device:
+        device.upload_if_other(device_model(STAGE))
+        send_axis(device, "x", played, found.mode, GAINS["x"], 0)
+        refused(swing=played.swing + 0.001)
+        refused(f_Hz=played.f_Hz * 1.0001)
+        refused(mode="pid")
+        device.set_axis("x", found.mode)
+        device.set_path("x", "wave", **asked)
+        device.upload_if_other(device_model(STAGE.model_copy(update={"name": "another"})))
+        refused()
 
 
 def test_what_is_kept_only_gets_better(outcome):

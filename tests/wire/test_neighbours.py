@@ -28,22 +28,22 @@ ADDED = {
     'request = [{ name = "ticks", type = "u32" }]': 'request = [{ name = "ticks", type = "u32" }, '
     '{ name = "grace", type = "u16", since = 1 }]',
     'wait for one" },\n]\n\n[[commands]]\nname = "arm"': 'wait for one" },\n'
-    '  { name = "uptime_s", type = "u32", since = 5 },\n]\n\n[[commands]]\nname = "arm"',
+    '  { name = "uptime_s", type = "u32", since = 6 },\n]\n\n[[commands]]\nname = "arm"',
     'mask of the axes whose paths it begins" },\n]': 'mask of the axes whose paths it begins" },\n'
-    '  { name = "severity", type = "u8", since = 5 },\n]',
+    '  { name = "severity", type = "u8", since = 6 },\n]',
     "path_done = 3, trigger = 4 }\nsince = { trigger = 4 }": "path_done = 3, trigger = 4, warmed_up = 5 }\n"
-    "since = { trigger = 4, warmed_up = 5 }",
+    "since = { trigger = 4, warmed_up = 6 }",
 }
 COMMAND = """
 [[commands]]
 name = "echo"
 number = 0x60
-since = 5
+since = 6
 doc = "Sends a word back"
 request = [{ name = "word", type = "u32" }]
 reply = [{ name = "word", type = "u32" }]
 """
-AHEAD = 5
+AHEAD = 6
 HANDLER = """
 #include "app/command.h"
 enum wire_status command_echo(struct device *device, const struct request *request, struct answer *answer)

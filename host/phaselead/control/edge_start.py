@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from phaselead.control.feeding import send_points
 from phaselead.device import AXES, TICK_HZ, Device, EdgeWait, PointFeeder, motion, path_request, wire
 from phaselead.errors import BadInput
 from phaselead.model import Gains
@@ -35,8 +36,7 @@ def start_at_edge(
     for axis, waveform in waveforms.items():
         own = gains.get(axis)
         device.set_axis(axis, mode, **(own.sent() if own is not None else {}))
-        if waveform.points is not None:
-            device.upload_wave(axis, waveform.points)
+        send_points(device, axis, waveform)
         path = _path(AXES.index(axis), waveform, ticks, feeder, mode == "open")
         motion.hold_from_start(device, axis, enter_s, wire.PathKind(path.path))
         if waveform.played_as == "move":

@@ -1,4 +1,4 @@
-"""Paths that are longer than the device's memory: their points are sent while it plays them."""
+"""Points of paths: of those that the device's memory holds before, of longer ones while it plays them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from phaselead.control.modes import USES_TABLES
 from phaselead.device import TICK_HZ, Device, PointFeeder, wire
 from phaselead.errors import BadInput
 from phaselead.model import Gains
-from phaselead.waveforms import Streamed, Waveform
+from phaselead.waveforms import Replaced, Streamed, Waveform
 
 LONGEST_PREVIEW_TICKS = 1024
 """What the device looks ahead at most."""
@@ -57,6 +57,16 @@ def point_feeder(
         length_ticks=min([ticks, *ends.values()]),
         tail_ticks=max(round(left_s[axis] * TICK_HZ) for axis in fed) + 2 * LONGEST_PREVIEW_TICKS,
     )
+
+
+def send_points(device: Device, axis: str, waveform: Waveform) -> None:
+    """The points of an axis whose path is a waveform; what was learned goes with what it was learned for."""
+    if waveform.points is None:
+        return
+    if isinstance(waveform, Replaced) and waveform.learned:
+        device.upload_learned(axis, waveform.points, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz)
+    else:
+        device.upload_wave(axis, waveform.points)
 
 
 def send_fed(

@@ -9,7 +9,7 @@ import numpy as np
 
 from phaselead.control.edge_start import start_at_edge
 from phaselead.control.errors import tracking_error
-from phaselead.control.feeding import point_feeder, refuse_endless, refuse_without_period, send_fed
+from phaselead.control.feeding import point_feeder, refuse_endless, refuse_without_period, send_fed, send_points
 from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
 from phaselead.control.joins import enter_s, quiet_s
@@ -348,8 +348,7 @@ def _or_else(waveform: Waveform) -> str:
 def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
     """Sends mode, gains, waveform and path of one axis to the device."""
     device.set_axis(axis, mode, **(gains.sent() if gains is not None else {}))
-    if waveform.points is not None:
-        device.upload_wave(axis, waveform.points)
+    send_points(device, axis, waveform)
     length = ticks if waveform.path_s is None else round(waveform.path_s * TICK_HZ)
     device.set_path(
         axis, waveform.played_as, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz, ticks=length

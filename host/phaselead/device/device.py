@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import struct
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -37,6 +38,8 @@ from phaselead.serial_ports import BAUD, open_port
 
 MODEL_IN_INFO_SINCE = 3
 """Revision of the wire. An older device tells it at the beginning of a session alone."""
+LEARNED_SINCE = 5
+"""Revision of the wire from which a device knows what a waveform was learned for."""
 RETRY_S = 0.2
 """How often a port that has gone away is looked for."""
 
@@ -306,6 +309,22 @@ class Device:
 
     def upload_wave(self, axis: str, points: NDArray[np.float64]) -> None:
         """One period of a waveform, 1024 points of 0 .. 1 of the swing; while parked. It is read back."""
+        self._send_wave(axis, points, 0, 0)
+
+    def upload_learned(
+        self, axis: str, points: NDArray[np.float64], *, swing: float, offset: float, f_Hz: float
+    ) -> None:
+        """The same of points that were learned for this path, um, in the mode that is set, with the model that the
+        device holds: it refuses them for every other path, mode or model, whoever asks. One whose firmware is of before
+        revision 5 of the wire leaves that to its host."""
+        if self.hello.wire_revision < LEARNED_SINCE:
+            return self.upload_wave(axis, points)
+        path = path_request(axis_index(axis), wire.PathKind.WAVE, swing, offset, f_Hz, 0, volts=False)
+        own = struct.pack("<BiiQ", self._modes[axis], path.swing, path.offset, path.step_turn64)
+        self._send_wave(axis, points, self.session.request(wire.StatusRequest()).model_crc, crc32(own))
+        return None
+
+    def _send_wave(self, axis: str, points: NDArray[np.float64], model_crc: int, path_crc: int) -> None:
         index, data = axis_index(axis), wave_points(points)
 
         def send(at: int, length: int, waits_s: Sequence[float]) -> tuple[int, int]:
@@ -313,7 +332,7 @@ class Device:
             return at + length, len(data)
 
         self.session.transfer(send)
-        self.session.request(wire.WaveCommitRequest(index, crc32(data)))
+        self.session.request(wire.WaveCommitRequest(index, crc32(data), model_crc, path_crc))
         if read_region(self.session, wire.Region(wire.Region.WAVE_X + index)) != data:
             raise LinkError(f"the waveform read back from axis {axis} differs from the one sent; try again")
 

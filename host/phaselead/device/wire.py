@@ -15,7 +15,7 @@ from phaselead.errors import LinkError
 
 FINGERPRINT = 0xD1C20CFC
 VERSION = 2
-REVISION = 4
+REVISION = 5
 """Of the version: what was added to it, which one that speaks an earlier revision does not know."""
 MAX_PAYLOAD = 1152
 REPLY_BIT = 0x80
@@ -186,6 +186,7 @@ class Status(IntEnum):
     BUSY = 15
     MODE_UNSUPPORTED = 16
     LIMITS_LOST = 17
+    LEARNED_FOR_OTHER = 18
 
 
 class Fault(IntEnum):
@@ -1307,19 +1308,33 @@ class WaveCommitRequest(Command[WaveCommitReply]):
     NAME: ClassVar[str] = "wave_commit"
     NUMBER: ClassVar[int] = 0x0B
     REPLY: ClassVar[type[Any]] = WaveCommitReply
-    SIZE: ClassVar[int] = 5
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BI")
+    SIZE: ClassVar[int] = 13
+    LEAST: ClassVar[int | None] = 5
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BIII")
     axis: int
     crc: int
+    model_crc: int = 0
+    """of the model that these points were learned with; 0: they are for any."""
+    path_crc: int = 0
+    """of the path they were learned for: CRC-32 over the axis' mode (u8) and swing, offset and step_turn64 as
+    SET_PATH and QUEUE have them; 0: they are for any.
+    """
 
     def pack(self) -> bytes:
-        return _pack(WaveCommitRequest.NAME, WaveCommitRequest.LAYOUT, self.axis, self.crc)
+        return _pack(
+            WaveCommitRequest.NAME,
+            WaveCommitRequest.LAYOUT,
+            self.axis,
+            self.crc,
+            self.model_crc,
+            self.path_crc,
+        )
 
     @classmethod
     def unpack(cls, payload: bytes) -> WaveCommitRequest:
         payload = cls.fitted(payload)
         v = cls.LAYOUT.unpack_from(payload)
-        return cls(v[0], v[1])
+        return cls(v[0], v[1], v[2], v[3])
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,7 +82,12 @@ class Replaced(Sampled):
     @property
     def judged_apart(self) -> bool:
         """What is late as the sensor is may be judged by what is played, what was learned may not."""
-        return self.trial_s is not None or self.rounding_s > 0 or self.wanted.judged_apart
+        return self.learned or self.rounding_s > 0 or self.wanted.judged_apart
+
+    @property
+    def learned(self) -> bool:
+        """What is played was learned, so it is for one model, mode and path."""
+        return self.trial_s is not None
 
     @property
     def unplayed(self) -> float:
