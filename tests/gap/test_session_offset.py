@@ -59,6 +59,13 @@ def test_a_drift_that_has_begun_before_is_no_step(seed, scatter_um, sign):
     assert abs(shifts["thermal_drift"].amount - 2 * sign * scatter_um) < 4 * shifts["thermal_drift"].half
 
 
+def test_a_sure_drift_stays_sure_beside_a_step_against_it():
+    """The step, of six deviations, makes the drift likelier beside it than alone, and is itself not sure."""
+    found = [best_explained(session_shifts(*records(-0.3, 0.02, 0.05, seed))) for seed in range(200)]
+    assert set(found) <= {("thermal_drift",), ()}
+    assert found.count(("thermal_drift",)) >= 0.85 * len(found)
+
+
 @settings(max_examples=300)
 @given(st.integers(0, 10**6))
 def test_scatter_is_neither(seed):

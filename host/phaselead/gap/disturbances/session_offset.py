@@ -83,7 +83,8 @@ def session_shifts(
     if beyond.chance < GOES_ON_P and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
         found[step] = replace(found[step], sure=found[step].sure and not beyond.sure)
-        found[drift] = replace(beyond, sure=found[step].sure or beyond.sure, left_um2=found[step].left_um2)
+        sure = alone.sure or found[step].sure or beyond.sure
+        found[drift] = replace(beyond, sure=sure, left_um2=found[step].left_um2)
     return found
 
 
