@@ -214,6 +214,8 @@ def test_gap(tmp_path: Path) -> None:
     pl.write_report(result, tmp_path / "here.html")
     result.save_json(tmp_path / "gap.json")
     assert json.loads((tmp_path / "gap.json").read_text()) == printed
+    with pytest.raises(pl.BadInput, match="exists"):
+        result.save_json(tmp_path / "gap.json")
     shows_itself(result)
 
 

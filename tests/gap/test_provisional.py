@@ -174,6 +174,8 @@ def test_what_is_adopted_is_in_no_other_list(status, axis):
         result(), verdicts=("unknown",), excluded=bounds, untestable=("creep", "gain_change"), ties=(),
         adopted=tuple(Adopted(name, axis, status) for name in ("hysteresis", "creep")),
     )  # fmt: skip
+    found = replace(found, untestable_why={"creep": "too short", "gain_change": "nothing to compare with"})
     written = found.as_json()
     assert [b["name"] for b in written["excluded"]] == ["delay"]
     assert written["untestable"] == ["gain_change"]
+    assert written["untestable_why"] == {"gain_change": "nothing to compare with"}

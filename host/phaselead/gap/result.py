@@ -114,6 +114,7 @@ class GapResult(Result):
                 {"name": b.name, "axis": b.axis, "upper_95": b.upper_95, "unit": b.unit} for b in self.excluded
             ],
             "untestable": list(self.untestable),
+            "untestable_why": {name: self.untestable_why.get(name, "") for name in self.untestable},
             "where": [{"by": c.by, "cell": c.cell, "share": c.share} for c in self.where],
             "gap": {
                 "before": self.gap.before,
@@ -205,9 +206,9 @@ class GapResult(Result):
         )
         return super()._repr_html_() + "".join(table.html() for table in below if table.rows)
 
-    def save_json(self, path: str | os.PathLike[str]) -> None:
-        """Writes gap.json."""
-        write_text(os.fspath(path), json_text(self.as_json()))
+    def save_json(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Writes gap.json, whole or not at all. Raises BadInput where the file exists, unless ``overwrite``."""
+        write_text(os.fspath(path), json_text(self.as_json()), overwrite=overwrite)
 
     def plot(self) -> Figure:
         """What the model left of the held-out record it missed most, before and after; and the cells it lies in."""
