@@ -24,7 +24,7 @@ from phaselead.control.voltage_rate import voltage_rate
 from phaselead.errors import BadInput
 from phaselead.model import Gains
 from phaselead.model.stage_file import Stage
-from phaselead.sim import virtual_stage
+from phaselead.sim import built_in, virtual_stage
 from phaselead.waveforms import Rounded, parse_wave
 
 SLEW_V_per_s = AXIS.limits.slew_V_per_s
@@ -165,6 +165,24 @@ def test_a_jump_is_refused_in_every_kind_of_path_and_nothing_has_moved(tmp_path,
         assert np.ptp(dev.device.status().dac_codes) == 0
     slower_Hz = float(re.search(r"at ([\d.]+) Hz", str(caught.value))[1])
     assert accepted(parse_wave(f"{kind}:{rows}@{0.99 * slower_Hz}Hz"))
+
+
+def test_corners_that_no_rounding_helps_are_refused_unless_forced(tmp_path):
+    """Six strokes of 40 um, back to back, at nearly all that the slew limit lets a stage of 85 Hz."""
+    stage = built_in("x500").model_copy(update={"cross_coupling": None})
+    turns_s = 0.5 + np.arange(7) * 0.00203
+    wave = streamed(tmp_path, [0, *turns_s, 1], [50, 50, 90, 50, 90, 50, 90, 50, 50])
+    asked = followed({"x": wave}, stage, "true", "inverse")
+    with pytest.raises(BadInput, match=r"ask for \d+ V/s at 0\.5\d* s, the output does .*; or --force") as caught:
+        rehearse(asked, "inverse", stage, {})
+    times = float(re.search(r"or ([\d.]+) times as long as a whole", str(caught.value))[1])
+    assert beyond_slew(wave.scaled(time=times), stage.axes["x"], "inverse") is None
+    with pl.connect("sim://x500") as dev:
+        with pytest.raises(BadInput, match="rounding them does not help"):
+            dev.track(wave, mode="inverse", model=stage)
+        assert dev.device.status().state == "parked"
+        with pytest.warns(UserWarning, match="left by up to"):
+            assert dev.track(wave, mode="inverse", model=stage, force=True).figures["max_um"] > 1
 
 
 def test_moves_volts_and_squares_have_rules_of_their_own():

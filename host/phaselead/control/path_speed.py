@@ -57,8 +57,8 @@ def refuse_voltage_too_fast(axis: str, path: Waveform, model: AxisModel, mode: s
     where = "" if asked.periodic else f" at {at_s:.4g} s"
     slower = _slower(asked, lambda tried: beyond_slew(tried, model, mode, PATH_ROOM) is None)
     raise BadInput(
-        f"{axis}: on the model it asks for {rate:.0f} V/s{where}, its corners rounded, and the output does "
-        f"{model.limits.slew_V_per_s:g} V/s; {slower}; or --force"
+        f"{axis}: on the model its corners ask for {rate:.0f} V/s{where}, the output does "
+        f"{model.limits.slew_V_per_s:g} V/s, and rounding them does not help; {slower}; or --force"
     )
 
 
