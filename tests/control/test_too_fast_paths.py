@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.control.motion_limits import motion_limits, refuse_path_too_fast
+from phaselead.control.motion_limits import motion_limits
+from phaselead.control.path_speed import refuse_path_too_fast
 from phaselead.control.tracking import track
 from phaselead.device.device import Device
 from phaselead.errors import BadInput

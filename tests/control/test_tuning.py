@@ -483,7 +483,7 @@ def test_a_loop_that_runs_away_on_what_was_measured_is_never_closed(monkeypatch:
     [
         ({"peak": 7.0}, "a peak sensitivity of 7: choose 1.2 to 3"),
         ({"mode_shift": 0.9}, "modes 90 % up and down: choose 0 to 50 %"),
-        ({"level": 30.0}, "outside"),
+        ({"level": 30.0}, "a --level of up to"),
         ({"axis": "q"}, "q"),
     ],
 )

@@ -9,8 +9,8 @@ from phaselead.control.gains import UNSEEN_MODE
 from phaselead.control.modes import INVERTS
 from phaselead.device import Limits, MotionLimits
 from phaselead.errors import BadInput
-from phaselead.model import TICK_S, AxisModel, SmallSignal, compensation, small_signal
-from phaselead.waveforms import PEAK_SPEED, Waveform
+from phaselead.model import AxisModel, SmallSignal, compensation, small_signal
+from phaselead.waveforms import PEAK_SPEED
 
 UNKNOWN_um_per_s = 1000.0
 """Without a model: about what parking at 50 V/s does on a stage of 20 um/V."""
@@ -42,34 +42,15 @@ def motion_limits(model: AxisModel | None) -> MotionLimits:
     return MotionLimits(velocity, (limits.u_max_V - limits.u_min_V) * gain * squared, velocity * squared)
 
 
-def refuse_path_too_fast(axis: str, path: Waveform, model: AxisModel) -> None:
-    """Raises BadInput for a path in micrometres that asks within a tick for more than the whole slew limit of the
-    output. Without a model the stage is taken to go through all that its sensor sees in all that its output does.
-    Other paths of a stage that is known are rehearsed, which tells more, and moves have limits of their own."""
-    known = _plant(model) is not None
-    if path.unit == "V" or path.jumps or path.played_as == "move" or (known and path.played_as != "points"):
-        return
-    rate, at_s = path.fastest(TICK_S)
-    able = motion_limits(model).velocity_um_per_s if known else _nominal_um_per_s(model)
-    if rate <= able:
-        return
-    where = "" if path.periodic else f" at {at_s:.4g} s"
-    raise BadInput(
-        f"{axis}: it goes at {rate:.0f} um/s{where}; with the output's {model.limits.slew_V_per_s:g} V/s the stage "
-        f"does {able:.0f} um/s{'' if known else ', as far as is known without --model STAGE.toml'}; "
-        + ("lower swing or frequency" if path.periodic else "let it take longer there")
-    )
-
-
-def _nominal_um_per_s(model: AxisModel) -> float:
-    sensor, limits = model.sensor, model.limits
-    return limits.slew_V_per_s * (sensor.x_max_um - sensor.x_min_um) / (limits.u_max_V - limits.u_min_V)
-
-
 def first_mode_Hz(model: AxisModel) -> float | None:
     """Of the modes that feedback meets the lowest, Hz; None where the model shows none."""
     plant = _plant(model)
     return None if plant is None else min((f_Hz for _, f_Hz, _ in plant.modes), default=None)
+
+
+def tells_small_signal(model: AxisModel) -> bool:
+    """Whether limits come from the model itself."""
+    return _plant(model) is not None
 
 
 def _plant(model: AxisModel) -> SmallSignal | None:

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from phaselead.control.motion_limits import first_mode_Hz
+from phaselead.control.path_speed import hardest, refuse_voltage_too_fast
 from phaselead.control.tracking import check_paths, default_duration_s, track
 from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
 from phaselead.sim import virtual_stage
-from phaselead.waveforms import Goto, Waveform
+from phaselead.waveforms import Goto, Streamed, Waveform
 
 LONGEST_S = 2.0
 """Of a rehearsal. What is too fast, or runs away, shows within a few periods of a mode; faults take 0.1 s."""
@@ -40,11 +41,16 @@ class Predicted:
     max_pct: float
     rms_um: float
     first_s: float | None
-    """It is of so much of the path's begin; None: of all of it."""
+    """It is of so much of the path; None: of all of it."""
+    from_s: float = 0.0
+    """Where that begins."""
 
     def sentence(self, axis: str) -> str:
         """What will happen, in words; of a stage that is all that its model says."""
-        part = "" if self.first_s is None else f", in its first {self.first_s:g} s"
+        part = ""
+        if self.first_s is not None:
+            later = f" from {self.from_s:.4g} s on" if self.from_s > 0 else ""
+            part = f", in {'its first' if not later else 'the'} {self.first_s:g} s{later}"
         return f"{axis}: on the model off by at most {self.max_um:.3g} um ({self.max_pct:.2g} %){part}"
 
 
@@ -66,21 +72,27 @@ def rehearse(
     gains: Mapping[str, Gains],
     duration_s: float | None = None,
 ) -> dict[str, Predicted]:
-    """Runs the paths on the model for up to 2 s, and gives the error of each axis there. Nothing is done in mode open,
-    without a model of every axis, and for models that the simulator cannot play.
+    """Runs the paths on the model for up to 2 s, and gives the error of each axis there: their begin, or of paths that
+    are sent once what asks most of the output. Nothing is done in mode open, without a model of every axis, and for
+    models that the simulator cannot play.
 
     Raises BadInput when the device would end in a fault, or its output be cut in a tenth of the ticks: the reason, and
-    the nearest swing and frequency that work.
+    the nearest swing and frequency that work. So it does for a path that goes beyond the slew limit anywhere.
     """
     if mode == "open" or stage is None or any(_silent(stage, axis) for axis in waveforms):
         return {}
     check_paths(waveforms, mode, stage)
+    once, again = ({axis: one for axis, one in waveforms.items() if one.periodic is kind} for kind in (False, True))
+    for axis, waveform in once.items():  # it says where
+        refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
     with _simulated(stage) as url:
         try:
             said, errors = _run_on(url, waveforms, mode, stage, gains, duration_s)
         except (BadInput, DeviceRefused):  # the device itself will say so, of where the stage really stands
             return {}
         if said is None:
+            for axis, waveform in again.items():
+                refuse_voltage_too_fast(axis, waveform, stage.axes[axis], mode)
             return errors
         axis = next((name for name in waveforms if f"axis {name}" in said), next(iter(waveforms)))
         if "adc_rail" in said and (unseen := rests_unseen(stage.axes[axis])) is not None:
@@ -149,6 +161,15 @@ def _run_on(
     """Raises BadInput or DeviceRefused where it cannot be played."""
     asked_s = duration_s or default_duration_s(waveforms)
     seconds = min(asked_s, LONGEST_S)
+    begin_s = hardest_s(waveforms, stage, mode, asked_s)
+    waveforms = (
+        {
+            axis: one.part(begin_s, seconds) if isinstance(one, Streamed) and not one.periodic else one
+            for axis, one in waveforms.items()
+        }
+        if begin_s > 0
+        else waveforms
+    )
     try:
         with Device.open(url) as device:
             run = track(device, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, force=True)
@@ -160,8 +181,23 @@ def _run_on(
         if share > LIMITED_SHARE and shows_a_mode:
             return OnModel(f"{CUT} in {share:.0%} of the ticks of axis {axis}", {})
     first_s = LONGEST_S if seconds < asked_s else None
-    errors = {axis: Predicted(one["max_um"], one["max_pct"], one["rms_um"], first_s) for axis, one in run.of_axes()}
+    errors = {}
+    for axis, one in run.of_axes():
+        share = one["max_pct"]
+        if isinstance(waveforms[axis], Streamed):  # of the whole path, not of what the part goes
+            share = 100 * one["max_um"] / waveforms[axis].as_asked.swing
+        errors[axis] = Predicted(one["max_um"], share, one["rms_um"], first_s, begin_s)
     return OnModel(None, errors)
+
+
+def hardest_s(waveforms: Mapping[str, Waveform], stage: Stage, mode: str, asked_s: float) -> float:
+    """Where the 2 s begin that ask most of the output; 0 for paths that are not all sent once, and for shorter ones."""
+    longest_s = min(asked_s, *(one.duration_s for one in waveforms.values()))
+    if longest_s <= LONGEST_S or any(one.periodic or not isinstance(one, Streamed) for one in waveforms.values()):
+        return 0.0
+    asked = (hardest(one, stage.axes[axis], mode) for axis, one in waveforms.items())
+    at_s = max(asked)[1]
+    return float(np.clip(at_s - LONGEST_S / 2, 0.0, longest_s - LONGEST_S)) if at_s > LONGEST_S else 0.0
 
 
 def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:
@@ -178,12 +214,13 @@ def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:
 def _nearest(wave: Waveform, works: Callable[[Waveform], bool | None]) -> str:
     """The largest swing and the highest frequency that work, in words. ``works``: None where it cannot be played."""
     kept = replace(wave, asked=True) if isinstance(wave, Goto) else wave  # else all are at the usual speed
-    swing = _largest_share(lambda share: works(replace(wave, swing=wave.swing * share)))
-    speed = _largest_share(lambda share: works(replace(kept, f_Hz=wave.f_Hz * share)))
+    swing = _largest_share(lambda share: works(wave.scaled(swing=share)))
+    speed = _largest_share(lambda share: works(kept.scaled(time=1 / share)))
     ways = [f"a swing of up to {wave.swing * swing:.3g} {wave.unit}"] if swing else []
     if speed:
         slower = wave.f_Hz * speed
-        ways.append(f"up to {slower:.3g} Hz" if wave.periodic else f"a move of {1 / slower:.3g} s or longer")
+        what = "a length" if isinstance(wave, Streamed) else "a move"
+        ways.append(f"up to {slower:.3g} Hz" if wave.periodic else f"{what} of {1 / slower:.3g} s or longer")
     return f"{' or '.join(ways)} works there" if ways else "no smaller and no slower path works; choose other gains"
 
 

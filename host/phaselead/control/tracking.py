@@ -14,7 +14,8 @@ from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
 from phaselead.control.joins import enter_s, quiet_s
 from phaselead.control.modes import INVERTS, NEEDS_MODEL, USES_TABLES
-from phaselead.control.motion_limits import refuse_path_too_fast, refuse_too_fast
+from phaselead.control.motion_limits import refuse_too_fast
+from phaselead.control.path_speed import refuse_path_too_fast
 from phaselead.control.run import Run
 from phaselead.control.triggers import set_pulses
 from phaselead.control.true_position import TruePositions
@@ -40,7 +41,7 @@ from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import BACKWARDS, AxisModel, Gains, Stage, compensation, stage_text
 from phaselead.record import Recording, Samples
 from phaselead.sim import data_sheet
-from phaselead.waveforms import POINTS, Curve, Goto, RepeatedAsSensed, Replaced, Waveform, refuse_out_of_range
+from phaselead.waveforms import POINTS, Curve, Goto, RepeatedAsSensed, Replaced, Rounded, Waveform, refuse_out_of_range
 
 LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
@@ -92,7 +93,7 @@ def check_path(axis: str, waveform: Waveform, mode: str, model: AxisModel) -> No
         refuse_out_of_range(waveform, model)
     except BadInput as error:
         raise BadInput(f"{axis}: {error}") from None
-    refuse_path_too_fast(axis, waveform, model)
+    refuse_path_too_fast(axis, waveform, model, mode)
     if mode in USES_TABLES:
         try:
             refuse_out_of_range(waveform, model, table=True)
@@ -322,7 +323,7 @@ def path_warnings(waveforms: Mapping[str, Waveform]) -> list[str]:
 
 def _left(waveform: Waveform) -> str:
     by = f"left by up to {waveform.unplayed:.3g} {waveform.unit}, which counts as error"
-    if isinstance(waveform, Replaced | RepeatedAsSensed) and waveform.rounding_s > 0:
+    if isinstance(waveform, Replaced | RepeatedAsSensed | Rounded) and waveform.rounding_s > 0:
         return (
             f"the output is too slow for its corners, which are rounded over {2e3 * waveform.rounding_s:.2g} ms: the "
             f"path is {by}; those of a smaller or slower path are sharper"

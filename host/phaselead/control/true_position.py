@@ -11,7 +11,7 @@ from phaselead.control.rounding import rounding_s
 from phaselead.device import TICK_HZ, Capture, Device
 from phaselead.model import Stage, sensor_lag_s
 from phaselead.record import Recording, Samples
-from phaselead.waveforms import Repeated, RepeatedAsSensed, Replaced, Waveform
+from phaselead.waveforms import Repeated, RepeatedAsSensed, Replaced, Rounded, Streamed, Waveform
 
 
 @runtime_checkable
@@ -39,12 +39,16 @@ def followed(
         lag_s = _lag_s(stage, axis, waveform) if follows == "true" else 0.0
         rounded_s = rounding_s(stage, axis, waveform, mode)
         if lag_s > 0 or rounded_s > 0:
-            found[axis] = (
-                RepeatedAsSensed.of(waveform, lag_s, rounded_s)
-                if isinstance(waveform, Repeated)
-                else Replaced.as_sensed(waveform, lag_s, rounded_s)
-            )
+            found[axis] = _played(waveform, lag_s, rounded_s)
     return found
+
+
+def _played(waveform: Waveform, lag_s: float, rounded_s: float) -> Waveform:
+    if isinstance(waveform, Repeated):
+        return RepeatedAsSensed.of(waveform, lag_s, rounded_s)
+    if isinstance(waveform, Streamed):
+        return Rounded.of(waveform, rounded_s)
+    return Replaced.as_sensed(waveform, lag_s, rounded_s)
 
 
 def _lag_s(stage: Stage | None, axis: str, waveform: Waveform) -> float:

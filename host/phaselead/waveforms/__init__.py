@@ -10,6 +10,7 @@ from phaselead.waveforms.goto import PEAK_SPEED, SETTLE_S, Goto
 from phaselead.waveforms.limits import refuse_out_of_range
 from phaselead.waveforms.path import Repeated, Streamed, of_table
 from phaselead.waveforms.replaced import Replaced, mean_twice
+from phaselead.waveforms.rounded import Rounded
 from phaselead.waveforms.sine import Sine
 from phaselead.waveforms.triangle import Triangle
 from phaselead.waveforms.waveform import JUDGED_PERIODS, POINTS, Periodic, Sampled, Waveform
@@ -26,6 +27,7 @@ __all__ = [
     "Repeated",
     "RepeatedAsSensed",
     "Replaced",
+    "Rounded",
     "Sampled",
     "Sine",
     "Streamed",

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from phaselead.waveforms.path import AVERAGED, TICK_HZ, Repeated
+from phaselead.waveforms.rounded import FINE_HZ, mean_weights, parts
 from phaselead.waveforms.waveform import Shares, Waveform
 
-FINE_HZ = AVERAGED * TICK_HZ
-"""Of the values that a lag is worked out on."""
 WARM_UP = 40
 """Time constants of the lag: what was before them is worth less than a part in 10^17."""
-AT_ONCE = 1 << 18
-"""Values that are worked out together: a period may take hours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +40,18 @@ class RepeatedAsSensed(Repeated):
     def as_asked(self) -> Waveform:
         return self.wanted
 
+    def scaled(self, *, swing: float = 1.0, time: float = 1.0) -> Self:
+        return replace(super().scaled(swing=swing, time=time), wanted=self.wanted.scaled(swing=swing, time=time))
+
     @property
     def log2(self) -> int:
-        return self.wanted.log2
+        return 0 if self.rounding_s > 0 else self.wanted.log2  # a corner may lie between points that are far apart
 
     @cached_property
     def unplayed(self) -> float:
         left = self.wanted.unplayed
         if self.rounding_s > 0:
-            for first, count in _parts(0, math.ceil(self.duration_s * FINE_HZ)):
+            for first, count in parts(0, math.ceil(self.duration_s * FINE_HZ)):
                 asked = self._at((first + np.arange(count)) / FINE_HZ)
                 left = max(left, float(np.abs(self._played(first, count, 0.0) - asked).max()))
         return left
@@ -74,14 +73,14 @@ class RepeatedAsSensed(Repeated):
     def _mean(self) -> Shares:
         """Weights of the means: over a tick where the file has more rows than ticks, and over its corners."""
         over_tick = 1 / TICK_HZ if self.is_finer_than(1 / TICK_HZ) else 0.0
-        return np.convolve(_twice(over_tick), _twice(self.rounding_s))
+        return np.convolve(mean_weights(over_tick), mean_weights(self.rounding_s))
 
     def _late(self, t_s: Shares) -> Shares:
         """What the lag adds to what can be played, at times within a period, shape of ``t_s``."""
         place, late = np.atleast_1d(t_s) * FINE_HZ, np.zeros(np.size(t_s))
         if not place.size:
             return np.asarray(t_s, np.float64)
-        for first, count in _parts(math.floor(place.min()), math.floor(place.max()) + 2):
+        for first, count in parts(math.floor(place.min()), math.floor(place.max()) + 2):
             inside = (first <= place) & (place < first + count)
             added = self._played(first, count + 1, self.lag_s) - self._played(first, count + 1, 0.0)
             late[inside] = np.interp(place[inside] - first, np.arange(count + 1), added)
@@ -97,16 +96,3 @@ def behind_lag(values: Shares, lag_s: float) -> Shares:
     mean = -math.expm1(-step) / step
     late, _ = lfilter([1 - mean, mean - kept], [1.0, -kept], values, zi=[mean * values[0]])
     return np.asarray(late)
-
-
-def _twice(over_s: float) -> Shares:
-    """Weights of two means over so long, one after the other."""
-    half = math.floor(over_s * FINE_HZ)
-    weights = np.maximum(1 - np.abs(np.arange(-half, half + 1)) / max(over_s * FINE_HZ, 1.0), 0.0)
-    return np.asarray(weights / weights.sum())
-
-
-def _parts(begin: int, end: int) -> Iterator[tuple[int, int]]:
-    """First and count of each part."""
-    for first in range(begin, end, AT_ONCE):
-        yield first, min(AT_ONCE, end - first)

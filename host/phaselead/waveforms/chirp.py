@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -42,6 +42,10 @@ class Chirp(Curve):
             raise written.refusal(f"its swing {swing:g} {unit} must be above 0 (peak-to-peak)")
         cycles = int((low_Hz + high_Hz) / 2 * POINTS / POINTS_A_CYCLE / high_Hz)
         return cls(swing, offset, unit, (low_Hz + high_Hz) / (2 * cycles), low_Hz, high_Hz)
+
+    def scaled(self, *, swing: float = 1.0, time: float = 1.0) -> Self:
+        found = super().scaled(swing=swing, time=time)
+        return replace(found, low_Hz=self.low_Hz / time, high_Hz=self.high_Hz / time)
 
     def shape(self, turns: Shares) -> Shares:
         cycles = turns * (self.low_Hz + (self.high_Hz - self.low_Hz) / 2 * turns) / self.f_Hz

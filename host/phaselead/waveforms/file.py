@@ -38,7 +38,6 @@ class File(Sampled):
     own: OwnPath
 
     kind = "file"
-    jumps = True
     written = (("file:path.csv@10Hz", "the file is one period, ten times a second"),)
     order = 3
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Self
 
@@ -75,6 +75,17 @@ class Streamed(Waveform):
         ways = np.abs(self._at(begins_s + over_s) - self._at(begins_s))
         largest = int(np.argmax(ways))
         return float(ways[largest]) / over_s, max(float(begins_s[largest]), 0.0)
+
+    def scaled(self, *, swing: float = 1.0, time: float = 1.0) -> Self:
+        values = self.offset + (self.values - self.offset) * swing
+        return replace(super().scaled(swing=swing, time=time), times_s=self.times_s * time, values=values)
+
+    def part(self, begin_s: float, seconds: float) -> Streamed:
+        """So much of it, of a path that is driven once, as shares of the swing of the whole."""
+        end_s = min(begin_s + seconds, self.duration_s)
+        inside = (self.times_s > begin_s) & (self.times_s < end_s)
+        times_s = np.concatenate([[begin_s], self.times_s[inside], [end_s]])
+        return replace(self, f_Hz=1 / (end_s - begin_s), times_s=times_s - begin_s, values=self._at(times_s))
 
     @property
     def default_duration_s(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Literal, Self
 
@@ -44,7 +44,7 @@ class Waveform(ABC):
     """The path of the device that plays it; a "wave" is uploaded as ``points``, "points" come while it is played."""
     periodic: ClassVar[bool]
     jumps: ClassVar[bool] = False
-    """Whether it may be meant to go faster than a stage can."""
+    """Whether it is there for what a stage does that is asked for more than it can."""
 
     @classmethod
     @abstractmethod
@@ -131,6 +131,10 @@ class Waveform(ABC):
         path: 0)."""
         return self.steepest(), 0.0
 
+    def scaled(self, *, swing: float = 1.0, time: float = 1.0) -> Self:
+        """The same with so many times the swing, from the same offset, in so many times the time."""
+        return replace(self, swing=self.swing * swing, f_Hz=self.f_Hz / time)
+
     def judged_rows(self, rows: int, rate_Hz: float) -> slice:
         """The part of a record of ``rows`` samples that tracking figures are over."""
         return self.last_rows(JUDGED_PERIODS, rows, rate_Hz)
@@ -172,6 +176,16 @@ class Periodic(Waveform):
     @property
     def steepest_share(self) -> float:
         return float(np.abs(np.diff(self._closed())).max()) * POINTS
+
+    def fastest(self, over_s: float) -> tuple[float, float]:
+        if over_s * self.f_Hz * POINTS <= 1 or self.points is None:
+            return self.steepest(), 0.0
+        over = over_s * self.f_Hz * POINTS
+        begins = np.concatenate([np.arange(POINTS), np.arange(POINTS) - over])
+        first, last = (
+            np.interp(places % POINTS, np.arange(POINTS + 1), self._closed()) for places in (begins, begins + over)
+        )
+        return float(np.abs(last - first).max()) * abs(self.swing) / over_s, 0.0
 
     def _closed(self) -> Shares:
         """The points and the first one again, shape (1025,)."""

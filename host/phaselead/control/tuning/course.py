@@ -19,7 +19,7 @@ from phaselead.control.tuning.excitation import Grid, multisine
 from phaselead.control.tuning.measured_model import with_modes
 from phaselead.control.tuning.plant import FittedPlant, fit_plant, rings_elsewhere
 from phaselead.control.tuning.rehearsed import refuse_rehearsed
-from phaselead.control.tuning.response import Measured, Plan, measure
+from phaselead.control.tuning.response import REALISATIONS, Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
 from phaselead.control.tuning.shaping import Range, predicted, shape
 from phaselead.device import Device
@@ -84,6 +84,7 @@ def tune(
     level_V = usual_V if level_V is None else level_V
     if not level_V > 0:
         raise BadInput(f"a level of {level_V:g} V: give one above 0; {usual_V:g} V is usual")
+    _refuse_too_steep(axis, level_V, limits.slew_V_per_s)
     middle_V = (limits.u_min_V + limits.u_max_V) / 2 if middle_V is None else middle_V
     measured = _open_response(device, axis, parent, level_V, middle_V, kept, told)
     fitted = _fitted(axis, measured, parent)
@@ -157,6 +158,16 @@ def _refuse(peak: float, mode_shift: float, gain_share: float) -> None:
     for name, share in (("modes", mode_shift), ("gains", gain_share)):
         if not 0 <= share <= 0.5:
             raise BadInput(f"{name} {100 * share:g} % up and down: choose 0 to 50 %")
+
+
+def _refuse_too_steep(axis: str, level_V: float, slew_V_per_s: float) -> None:
+    waves = (multisine(plan.grid, 1.0, 0.0, "V", seed) for plan in (FINE, FAST) for seed in range(REALISATIONS))
+    steepest_per_s = max(wave.steepest() for wave in waves)
+    if level_V * steepest_per_s > slew_V_per_s:
+        raise BadInput(
+            f"{axis}: a level of {level_V:g} V needs {level_V * steepest_per_s:.4g} V/s, the slew limit is "
+            f"{slew_V_per_s:g} V/s; choose a --level of up to {math.floor(1e3 * slew_V_per_s / steepest_per_s):g} mV"
+        )
 
 
 def _known(device: Device, axis: str) -> Stage:

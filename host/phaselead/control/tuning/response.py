@@ -148,11 +148,14 @@ def measure(
 
 
 def _periods(values: Samples, plan: Plan) -> Spectra:
-    """Amplitudes by period and line, (p, n), rms; a drift over several periods is taken out."""
+    """Amplitudes by period and line, (p, n), rms; a drift over several periods is taken out: straight lines between the
+    means of periods, the first and the last of which go on to the ends."""
     n = plan.grid.ticks
     rows = values[: plan.periods * n].reshape(plan.periods, n)
-    centres = (np.arange(plan.periods) + 0.5) * n
-    drift = np.interp(np.arange(rows.size), centres, rows.mean(axis=1)).reshape(rows.shape)
+    means, centres = rows.mean(axis=1), (np.arange(plan.periods) + 0.5) * n
+    before, behind = 2 * means[0] - means[1], 2 * means[-1] - means[-2]
+    around = [centres[0] - n, *centres, centres[-1] + n]
+    drift = np.interp(np.arange(rows.size), around, [before, *means, behind]).reshape(rows.shape)
     return np.asarray(np.fft.rfft(rows - drift, axis=1) * np.sqrt(2) / n)
 
 
