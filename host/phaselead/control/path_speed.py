@@ -13,7 +13,7 @@ from phaselead.control.motion_limits import PATH_ROOM, motion_limits, tells_smal
 from phaselead.control.rounding import asked_rate, rounding_s
 from phaselead.errors import BadInput
 from phaselead.model import TICK_S, AxisModel, Stage
-from phaselead.waveforms import Curve, Waveform
+from phaselead.waveforms import Curve, Sampled, Waveform
 
 SLOWER = 1.05
 """From one try to the next, until a path is accepted; then halved down to a hundredth."""
@@ -117,7 +117,8 @@ def _slower(path: Waveform, accepted: Callable[[Waveform], bool]) -> str:
     if not path.periodic:
         return f"let it take longer there, or {times:g} times as long as a whole ({times * path.duration_s:.4g} s)"
     at = "" if isinstance(path, Curve) else f" (at {path.f_Hz / times:.3g} Hz)"
-    return f"lower swing or frequency: {times:g} times as slow{at} it works"
+    longer = "let its steepest part take longer, or " if isinstance(path, Sampled) else ""
+    return f"{longer}lower swing or frequency: {times:g} times as slow{at} it works"
 
 
 def times_slower(path: Waveform, accepted: Callable[[Waveform], bool]) -> float | None:
