@@ -12,7 +12,8 @@ from phaselead.control.held import held_stage
 from phaselead.control.keep_alive import KeepAlive
 from phaselead.control.motion_limits import motion_limits, reach_um
 from phaselead.control.move_rehearsal import rehearse_move
-from phaselead.control.moving import Moved, Mover, Planned, checked_window
+from phaselead.control.moved import Moved, Planned
+from phaselead.control.moving import Mover, checked_window
 from phaselead.control.targets import Target, parse_target
 from phaselead.control.triggers import parse_outputs
 from phaselead.device import (

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
 from phaselead.control.held import held_stage, held_warning, unknown_warning
@@ -18,6 +17,7 @@ from phaselead.control.motion_limits import (
     usual_duration_s,
     window_um,
 )
+from phaselead.control.moved import SETTLE_S, AxisMoved, Moved, Planned
 from phaselead.control.run_away import advice
 from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
@@ -35,7 +35,6 @@ from phaselead.device import (
 )
 from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.model import AxisModel, Gains, Stage
-from phaselead.result import Result, Table
 from phaselead.waveforms import PEAK_SPEED, Goto, Waveform
 
 ENGAGE_S = 0.05
@@ -49,95 +48,9 @@ LONGEST_S = 3600.0
 """Of a move: one that takes longer is a slip, and would be tried on its model first without a word."""
 SAME_TIME = 0.01
 """Share by which a duration and a speed that are both given may differ."""
-SETTLE_S = 1.0
-"""How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
 
 UNSTABLE = {"oscillation": "the loop is unstable", "adc_rail": "where the stage swung, the loop is unstable"}
 """By fault."""
-
-
-@dataclass(frozen=True)
-class AxisMoved:
-    """One axis of a move. Seconds are from its begin."""
-
-    from_um: float
-    to_um: float
-    duration_s: float
-    settled_s: float | None
-    """When it was within its window for good; None: it was not."""
-    predicted_s: float | None
-    """What the rehearsal on the model said; None without one."""
-    x_um: float
-    window_um: float
-
-
-@dataclass(frozen=True)
-class Moved(Result):
-    """A move that was made. Prints as a table."""
-
-    axes: Mapping[str, AxisMoved]
-    waited: bool = True
-    """For the axes to settle."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """As ``phaselead move --json`` writes it: figures by axis."""
-        return {"axes": {axis: dict(vars(one)) for axis, one in self.axes.items()}}
-
-    @property
-    def columns(self) -> dict[str, list[Any]]:
-        """One row an axis."""
-        rows = [{"axis": axis, **vars(one)} for axis, one in self.axes.items()]
-        return {name: [row[name] for row in rows] for name in rows[0]}
-
-    def tables(self) -> list[Table | str]:
-        headings = ("axis", "from (µm)", "to (µm)", "is at (µm)", "move (ms)", "settled (ms)", "window (µm)")
-        rows = tuple(
-            (
-                axis,
-                f"{one.from_um:.3f}",
-                f"{one.to_um:.3f}",
-                f"{one.x_um:.3f}",
-                f"{one.duration_s * 1e3:.1f}",
-                "not yet" if one.settled_s is None else f"{one.settled_s * 1e3:.1f}",
-                f"{one.window_um:.3f}",
-            )
-            for axis, one in self.axes.items()
-        )
-        return [Table(headings, rows), *self._unsettled()]
-
-    def _unsettled(self) -> list[str]:
-        """Of axes that have not settled although the model has."""
-        return [
-            f"{axis}: settled after {one.predicted_s * 1e3:.1f} ms on the model, not within {SETTLE_S:g} s of the move "
-            "on the stage: it is not what its model says; where it swings, `phaselead tune` measures the response and "
-            "shapes gains on it"
-            for axis, one in self.axes.items()
-            if one.predicted_s is not None and one.settled_s is None and self.waited
-        ]
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A move that may be made: where each axis starts and ends, and how long all of them take."""
-
-    start_um: Mapping[str, float]
-    target_um: Mapping[str, float]
-    duration_s: float
-
-    def paths(self) -> dict[str, Goto]:
-        """The same as paths."""
-        ends = ((axis, self.start_um[axis], target) for axis, target in self.target_um.items())
-        return {axis: Goto(target - start, start, "um", 1 / self.duration_s) for axis, start, target in ends}
-
-    def sentences(self, predicted: Mapping[str, float | None]) -> list[str]:
-        """What will happen, a line an axis; ``predicted`` as ``rehearse_move`` gives it: of a stage that is all that
-        its model says."""
-        return [
-            f"{axis}: {self.start_um[axis]:.3f} to {self.target_um[axis]:.3f} um in {self.duration_s * 1e3:.1f} ms, "
-            + "on the model settled "
-            + ("later than a second after it" if seconds is None else f"after {seconds * 1e3:.1f} ms")
-            for axis, seconds in predicted.items()
-        ]
 
 
 def checked_window(um: float | None) -> float | None:
