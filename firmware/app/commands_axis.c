@@ -103,7 +103,6 @@ static int32_t point_at(const uint8_t *data)
 enum wire_status command_wave_chunk(struct device *device, const struct request *request, struct answer *answer)
 {
     struct wire_wave_chunk_request chunk;
-    (void)answer;
     wire_unpack_wave_chunk_request(&chunk, request->payload, request->size);
     size_t points = chunk.data_size / sizeof(int32_t);
     if (chunk.axis >= AXES || points == 0 || chunk.data_size % sizeof(int32_t) != 0 || chunk.offset >= WAVE_POINTS ||
@@ -115,10 +114,16 @@ enum wire_status command_wave_chunk(struct device *device, const struct request 
             return WIRE_STATUS_BAD_VALUE;
     }
     device_lock(device);
-    device->wave_mask &= ~(1u << chunk.axis); /* incomplete until its commit */
-    device->control.points[chunk.axis].ring = POINTS_NO_RING;
-    device_link_models(device);
+    answer->tick = device->control.tick;
+    const bool used = is_in(points_waves_used(device), chunk.axis);
+    if (!used) {
+        device->wave_mask &= ~(1u << chunk.axis); /* incomplete until its commit: no path of it can begin meanwhile */
+        device->control.points[chunk.axis].ring = POINTS_NO_RING;
+        device_link_models(device);
+    }
     device_unlock(device);
+    if (used)
+        return WIRE_STATUS_BUSY;
     memcpy(&device->waves_q30[chunk.axis][chunk.offset], chunk.data, chunk.data_size);
     return WIRE_STATUS_OK;
 }
@@ -136,10 +141,13 @@ enum wire_status command_wave_commit(struct device *device, const struct request
     const uint32_t steepest_q30 = motion_steepest_q30(device->waves_q30[commit.axis]);
     device_lock(device);
     answer->tick = device->control.tick;
-    device->wave_steepest_q30[commit.axis] = steepest_q30;
-    device->wave_for[commit.axis] = (struct learned_for){commit.model_crc, commit.path_crc};
-    device->wave_mask |= 1u << commit.axis;
-    device_link_models(device);
+    const bool used = is_in(points_waves_used(device), commit.axis);
+    if (!used) {
+        device->wave_steepest_q30[commit.axis] = steepest_q30;
+        device->wave_for[commit.axis] = (struct learned_for){commit.model_crc, commit.path_crc};
+        device->wave_mask |= 1u << commit.axis;
+        device_link_models(device);
+    }
     device_unlock(device);
-    return WIRE_STATUS_OK;
+    return used ? WIRE_STATUS_BUSY : WIRE_STATUS_OK;
 }

@@ -19,10 +19,9 @@ enum wire_status command_points_begin(struct device *device, const struct reques
         .ring = POINTS_RING, .ticks_log2 = asked.ticks_log2, .first = asked.first, .next = asked.first};
     device_lock(device);
     answer->tick = device->control.tick;
-    for (unsigned axis = 0; axis < AXES; axis++)
-        if (is_in(asked.axis_mask, axis) && points_wave_is_used(device, axis))
-            status = WIRE_STATUS_BUSY;
-    if (status == WIRE_STATUS_OK)
+    if ((asked.axis_mask & points_waves_used(device)) != 0)
+        status = WIRE_STATUS_BUSY;
+    else
         points_begin(device, asked.axis_mask, &ring, asked.steepest_q30);
     device_unlock(device);
     return status;

@@ -6,7 +6,7 @@
 
 #define ONE_POINT_TURN64 ((uint64_t)1 << 54) /* 1024 points a turn */
 
-bool points_wave_is_used(const struct device *device, unsigned axis)
+static bool wave_is_used(const struct device *device, unsigned axis)
 {
     const struct control *control = &device->control;
     const struct join_state *join = &control->axis[axis].join;
@@ -17,6 +17,15 @@ bool points_wave_is_used(const struct device *device, unsigned axis)
     used = used || (join_is_under_way(join) && join->standing == 0 && join->path.kind == PATH_WAVE);
     for (unsigned i = 0; i < queue->count; i++)
         used = used || queue->ring[(queue->first + i) % SEGMENTS_QUEUED].path.kind == PATH_WAVE;
+    return used;
+}
+
+uint32_t points_waves_used(const struct device *device)
+{
+    uint32_t used = 0;
+#pragma GCC unroll 1 /* the flash is short of room */
+    for (unsigned axis = 0; axis < AXES; axis++)
+        used |= wave_is_used(device, axis) ? 1u << axis : 0;
     return used;
 }
 

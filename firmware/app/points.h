@@ -15,8 +15,8 @@
 void points_begin(struct device *device, uint32_t mask, const struct points_ring *ring,
                   const uint32_t steepest_q30[AXES]);
 
-/* The axis plays its waveform, leaves it, or has it in its queue. */
-bool points_wave_is_used(const struct device *device, unsigned axis);
+/* Axes that play their waveform, leave it, or have it in their queue. */
+uint32_t points_waves_used(const struct device *device);
 
 /* A path of the ring that is set or queued has the length that its points suffice for. Not ok: they do not suffice for
  * anything, or the path does not fit the ring. */

@@ -249,8 +249,8 @@ enum wire_transient_state {
     COMMAND(clear_fault, WIRE_CLEAR_FAULT, WIRE_ANY_STATE, false) \
     COMMAND(set_axis, WIRE_SET_AXIS, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
     COMMAND(set_path, WIRE_SET_PATH, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED, false) \
-    COMMAND(wave_chunk, WIRE_WAVE_CHUNK, 1u << WIRE_STATE_PARKED, true) \
-    COMMAND(wave_commit, WIRE_WAVE_COMMIT, 1u << WIRE_STATE_PARKED, true) \
+    COMMAND(wave_chunk, WIRE_WAVE_CHUNK, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
+    COMMAND(wave_commit, WIRE_WAVE_COMMIT, 1u << WIRE_STATE_PARKED | 1u << WIRE_STATE_ARMED | 1u << WIRE_STATE_RUNNING, true) \
     COMMAND(model_begin, WIRE_MODEL_BEGIN, 1u << WIRE_STATE_PARKED, true) \
     COMMAND(model_chunk, WIRE_MODEL_CHUNK, 1u << WIRE_STATE_PARKED, true) \
     COMMAND(model_commit, WIRE_MODEL_COMMIT, 1u << WIRE_STATE_PARKED, true) \
@@ -502,7 +502,7 @@ struct wire_set_path_reply {
     int32_t lead_turn32; /* phase lead, looked up; under inverse: the preview */
 };
 
-/* 0x0A: Writes points of an axis' periodic waveform; while parked. One period is 1024 points in q30 of the swing (0 .. 2^30) */
+/* 0x0A: Writes points of an axis' periodic waveform; also while another one of its paths goes on. One period is 1024 points in q30 of the swing (0 .. 2^30) */
 #define WIRE_WAVE_CHUNK_REQUEST_SIZE 3
 struct wire_wave_chunk_request {
     uint8_t axis;

@@ -1,5 +1,7 @@
 """Paths one after another: continuous in position, velocity and acceleration, within the limits, on the same tick."""
 
+from zlib import crc32
+
 import numpy as np
 import pytest
 from device_bench import UM, Bench, V, model, step_of
@@ -424,3 +426,78 @@ def test_joins_need_a_path_that_can_have_them(bench):
         bench.status_of(wire.SetJoinsRequest(0, HERE, 10, 10)) == wire.Status.BAD_VALUE
     )  # a sine begins at its offset
     assert bench.status_of(wire.MotionRequest(0, 0, 0, 0, -1, 0)) == wire.Status.BAD_VALUE
+
+
+# ---------------------------------------------------------------- a waveform that comes while the axis is held
+def points_of(seed):
+    return np.random.default_rng(seed).integers(0, 1 << 30, 1024, endpoint=True).astype("<i4").tobytes()
+
+
+def send(bench, data, axis=0):
+    """The statuses of a first chunk and of a commit, those between left out where it is refused."""
+    first = bench.status_of(wire.WaveChunkRequest(axis, 0, data[:1024]))
+    for at in range(1024, len(data), 1024):
+        if first == wire.Status.OK:
+            bench.ok(wire.WaveChunkRequest(axis, at // 4, data[at : at + 1024]))
+    return first, bench.status_of(wire.WaveCommitRequest(axis, crc32(data)))
+
+
+def wave_of(bench, axis=0):
+    """Its points as they are read back; none of one that is incomplete."""
+    region, data = wire.Region.WAVE_X + axis, b""
+    while (reply := bench.ok(wire.SnapshotReadRequest(region, len(data), 1024))).data:
+        data += reply.data
+    return data
+
+
+def wave(swing):
+    """A point a tick."""
+    return wire.Segment(wire.PathKind.WAVE, 0, swing, 0, 2**54, 0, 200, 200)
+
+
+def test_a_waveform_is_taken_while_the_axis_holds_or_plays_something_else():
+    bench = holding()
+    bench.ok(wire.StreamStopRequest())
+    bench.samples.clear()
+    first_tick = bench.ok(wire.StreamStartRequest(wire.Channel.REFERENCE, 1, 1)).tick
+    assert send(bench, points_of(1)) == (wire.Status.OK,) * 2
+    assert wave_of(bench) == points_of(1)
+    assert queue(bench, x=sine(V // 4, 0, 5, 0)) == wire.Status.OK
+    bench.run(300)
+    assert send(bench, points_of(2)) == (wire.Status.OK,) * 2
+    begin = bench.firmware.tick + 10
+    assert queue(bench, at_once=1, begin_tick=begin, x=wave(V // 8)) == wire.Status.OK
+    bench.run(1000)
+    played = np.frombuffer(points_of(2), "<i4")[:500] * (V // 8 / 2**30)
+    first = references(bench)["x"][begin + 200 - first_tick :][:500]
+    assert np.abs(first - played).max() <= 1
+
+
+def test_points_of_a_waveform_that_is_played_queued_or_left_are_not_written_over():
+    """Each is refused, and not a point has changed; once the axis holds it is taken."""
+    bench = holding()
+    assert send(bench, points_of(1)) == (wire.Status.OK,) * 2
+
+    def is_kept():
+        asked = wire.WaveChunkRequest(0, 0, points_of(2)[:1024]), wire.WaveCommitRequest(0, crc32(points_of(1)))
+        return {bench.status_of(one) for one in asked} == {wire.Status.BUSY} and wave_of(bench) == points_of(1)
+
+    assert queue(bench, begin_tick=bench.firmware.tick + 100, x=wave(V // 8)) == wire.Status.OK
+    assert is_kept()  # it waits
+    bench.run(400)
+    assert is_kept()  # it is played
+    assert send(bench, points_of(2), axis=1) == (wire.Status.OK,) * 2  # of another axis
+    assert queue(bench, at_once=1, x=hold(flags=HERE, enter=200)) == wire.Status.OK
+    bench.run(20)
+    assert is_kept()  # it is left
+    bench.run(200)
+    assert send(bench, points_of(2)) == (wire.Status.OK,) * 2
+    assert wave_of(bench) == points_of(2)
+
+
+def test_an_incomplete_waveform_cannot_be_queued():
+    bench = holding()
+    assert send(bench, points_of(1)) == (wire.Status.OK,) * 2
+    bench.ok(wire.WaveChunkRequest(0, 3, bytes(4)))
+    assert queue(bench, x=wave(V // 8)) == wire.Status.BAD_VALUE
+    assert wave_of(bench) == b""

@@ -128,45 +128,80 @@ def test_where_and_hold_have_json(run):
     assert hold["axes"]["x"]["target_um"] == pytest.approx(0, abs=0.2)
 
 
-def test_the_stage_stays_held_from_one_command_to_the_next(tmp_path, model):
-    """On a pseudo-terminal, in real time: one program after another, and what is refused moves nothing."""
+@pytest.fixture
+def phaselead(tmp_path):
+    """One program after another on a stage that stays, on a pseudo-terminal in real time: status, output and errors."""
     link = tmp_path / "stage"
     env = os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")}
 
-    def phaselead(*words):
+    def command(*words):
         command = [sys.executable, "-m", "phaselead", *words, "--port", str(link)]
         done = subprocess.run(command, capture_output=True, text=True, env=env, timeout=60)
         return done.returncode, done.stdout, done.stderr
 
-    command = [sys.executable, "-m", "phaselead", "sim", "--pty", "--link", str(link)]
-    served = subprocess.Popen(command, stdout=subprocess.PIPE, env=env)
+    serve = [sys.executable, "-m", "phaselead", "sim", "--pty", "--link", str(link)]
+    served = subprocess.Popen(serve, stdout=subprocess.PIPE, env=env)
     try:
         served.stdout.readline()
-        assert phaselead("move", "x=40um", "--model", str(model), "--duration", "0.05")[0] == 0
-        status, out, _ = phaselead("where", "--json", "-")
-        here = json.loads(out)
-        assert (status, here["state"], here["axes"]["x"]["on_target"]) == (0, "running", True)
-        for refused in (("x=60um", "--duration", "0.001"), ("x=400um",), ("x=400um", "--model", str(model))):
-            assert phaselead("move", *refused)[0] == 2
-        still = json.loads(phaselead("where", "--json", "-")[1])
-        assert (still["state"], still["axes"]["x"]["target_um"]) == ("running", 40)
-        figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
-        assert figures["to_um"] == 45
-        status, _, err = phaselead("info")
-        assert status != 0
-        assert "phaselead park" in err
-        assert phaselead("park")[0] == 0
-        assert json.loads(phaselead("where", "--json", "-")[1])["state"] == "parked"
-        path = ("sine:20um+30um@5Hz", "--mode", "inverse+pid", "--model", str(model), "--duration", "0.4", "--hold")
-        status, out, _ = phaselead("track", *path)
-        assert (status, out.splitlines()[-1]) == (0, HELD)
-        figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
-        assert figures["to_um"] == pytest.approx(figures["from_um"] + 5)
-        assert phaselead("park")[0] == 0
+        yield command
     finally:
         served.terminate()
         served.wait()
         served.stdout.close()
+
+
+def test_the_stage_stays_held_from_one_command_to_the_next(phaselead, model):
+    """What is refused moves nothing."""
+    assert phaselead("move", "x=40um", "--model", str(model), "--duration", "0.05")[0] == 0
+    status, out, _ = phaselead("where", "--json", "-")
+    here = json.loads(out)
+    assert (status, here["state"], here["axes"]["x"]["on_target"]) == (0, "running", True)
+    for refused in (("x=60um", "--duration", "0.001"), ("x=400um",), ("x=400um", "--model", str(model))):
+        assert phaselead("move", *refused)[0] == 2
+    still = json.loads(phaselead("where", "--json", "-")[1])
+    assert (still["state"], still["axes"]["x"]["target_um"]) == ("running", 40)
+    figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
+    assert figures["to_um"] == 45
+    status, _, err = phaselead("info")
+    assert status != 0
+    assert "phaselead park" in err
+    assert phaselead("park")[0] == 0
+    assert json.loads(phaselead("where", "--json", "-")[1])["state"] == "parked"
+    path = ("sine:20um+30um@5Hz", "--mode", "inverse+pid", "--model", str(model), "--duration", "0.4", "--hold")
+    status, out, _ = phaselead("track", *path)
+    assert (status, out.splitlines()[-1]) == (0, HELD)
+    figures = json.loads(phaselead("move", "x=+5um", "--json", "-")[1])["axes"]["x"]
+    assert figures["to_um"] == pytest.approx(figures["from_um"] + 5)
+    assert phaselead("park")[0] == 0
+
+
+def test_a_path_goes_on_from_where_a_command_left_the_stage_held(phaselead, model, tmp_path):
+    """What is refused leaves it there; the run can be replayed; in the end it is parked."""
+
+    def where():
+        found = json.loads(phaselead("where", "--json", "-")[1])
+        return found["state"], found["axes"]["x"]["target_um"]
+
+    run = str(tmp_path / "run.h5")
+    assert phaselead("move", "x=40um", "--model", str(model))[0] == 0
+    for words, said in (
+        (("sine:20um@5Hz", "--mode", "pid"), "held in mode inverse+pid; park"),
+        (("sine:20um@5Hz", "--learn", "1"), "begins at rest; `phaselead park`"),
+    ):
+        status, _, err = phaselead("track", *words)
+        assert (status in (2, 4), err.splitlines()[-1].startswith("phaselead: ")) == (True, True)
+        assert said in err
+        assert where() == ("running", 40)
+    path = ("triangle:20um+30um@5Hz", "--duration", "0.4", "--hold", "--model", str(model), "-o", run)
+    status, out, err = phaselead("track", *path)
+    assert (status, out.splitlines()[-1]) == (0, HELD), err
+    assert where()[0] == "running"
+    status, out, err = phaselead("track", "sine:20um+10um@5Hz", "--duration", "0.4", "--json", "-")
+    assert status == 0, err
+    assert json.loads(out)["mode"] == "inverse+pid"
+    assert where()[0] == "parked"
+    command = [sys.executable, "-m", "phaselead", "replay", run, "--json", "-"]
+    assert json.loads(subprocess.run(command, capture_output=True, text=True).stdout)["equal"]
 
 
 def test_an_interrupt_on_the_way_says_that_it_is_parked(run, monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 
 import phaselead as pl
 from phaselead.control import describe_unseen
-from phaselead.control.moving import AxisMoved, Moved
+from phaselead.control.moved import AxisMoved, Moved
 from phaselead.control.run_away import run_away, swinging_Hz
 from phaselead.device import explain_fault
 from phaselead.model import load_stage

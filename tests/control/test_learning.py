@@ -13,6 +13,7 @@ from one_mode_model import AXIS, STAGE, VIEW
 
 import phaselead as pl
 from phaselead.control.feedback_loop import local_gains, open_loop, pid_response
+from phaselead.control.feeding import send_points
 from phaselead.control.gains import design_gains
 from phaselead.control.kept_runs import KeptRuns
 from phaselead.control.learning import drive
@@ -33,7 +34,7 @@ from phaselead.control.learning.response import (
     turns_of,
 )
 from phaselead.control.learning.trials import learn
-from phaselead.control.tracking import send_axis, track
+from phaselead.control.tracking import track
 from phaselead.device import Refused, device_model
 from phaselead.device.capture import DeviceFault
 from phaselead.device.device import Device
@@ -213,7 +214,9 @@ def test_the_device_itself_plays_it_for_its_path_mode_and_model_alone(outcome, l
 
     with Device.open(f"sim://{tmp_path}/stage.toml") as device:
         device.upload_if_other(device_model(STAGE))
-        send_axis(device, "x", played, found.mode, GAINS["x"], 0)
+        device.set_axis("x", found.mode)
+        send_points(device, "x", played)
+        device.set_path("x", "wave", **asked)
         refused(swing=played.swing + 0.001)
         refused(f_Hz=played.f_Hz * 1.0001)
         refused(mode="pid")

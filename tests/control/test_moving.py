@@ -210,11 +210,11 @@ def test_what_cannot_be_is_refused_before_it_moves(dev, target, how, words):
     assert dev.where().state == "parked"
 
 
-def test_what_ends_a_held_axis_is_said_to_who_would_track(dev):
+def test_what_ends_a_held_axis_is_said_to_who_would_learn(dev):
     """It said that set_axis was refused, "not in this state"."""
     dev.move(x=20)
-    with pytest.raises(pl.DeviceRefused, match=r"held or driven; .*dev.park\(\)"):
-        dev.track("sine:20um@5Hz", mode="inverse+pid")
+    with pytest.raises(pl.DeviceRefused, match=r"held or driven, .*dev.park\(\)"):
+        dev.learn("sine:20um@5Hz", trials=1)
     assert dev.where().x.held
     dev.park()
     assert dev.track("sine:20um@5Hz", mode="inverse+pid", duration=0.2).figures["max_pct"] < 1

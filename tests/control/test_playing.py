@@ -27,11 +27,11 @@ def test_a_path_goes_on_until_it_is_held_and_moves_go_on_from_there():
         dev.hold()
         assert not dev.where().x.moving
         assert abs(dev.move(x=30).axes["x"].x_um - 30) < 1
-        with pytest.raises(pl.DeviceRefused, match="the device is running"):
-            dev.play("sine:20um@5Hz", mode="pid")
         dev.park()
         dev.play("sine:2V@5Hz", mode="open")
         assert dev.where().state == "running"
+        with pytest.raises(pl.DeviceRefused, match="the device is running, and holds no axis"):
+            dev.play("sine:3V@5Hz", mode="open")
 
 
 def test_a_path_that_has_ended_moves_no_more():
@@ -62,8 +62,6 @@ def test_a_run_may_end_in_a_hold_that_moves_go_on_from():
         there = dev.move(x="+5um").axes["x"]
         assert there.to_um - there.from_um == pytest.approx(5)
         assert abs(there.x_um - there.to_um) < 0.1
-        with pytest.raises(pl.DeviceRefused, match="held"):
-            dev.track("sine:20um@5Hz", mode="inverse+pid")
         dev.park()
         with pytest.raises(pl.BadInput, match="mode open holds no position"):
             dev.track("sine:2V@5Hz", mode="open", hold=True)

@@ -189,7 +189,7 @@ def test_without_an_edge_it_parks_says_so_and_leaves_nothing(tmp_path):
 
 
 def test_a_move_and_a_sine_cannot_begin_at_one_edge():
-    with pl.connect() as dev, pytest.raises(BadInput, match="cannot begin at the same one"):
+    with pl.connect() as dev, pytest.raises(BadInput, match="cannot begin in the same tick"):
         dev.track(x="goto:5um", y="sine:5um@5Hz", mode="pid", trigger_in=1)
 
 

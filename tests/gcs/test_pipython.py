@@ -156,6 +156,22 @@ def test_a_wave_without_cycles_goes_on_until_it_is_stopped(pi):
     assert near(pi.qPOS(), {"y": 12})
 
 
+def test_a_wave_parks_nobody(pi):
+    """The stage was parked first: all axes went to 0 V and back."""
+    pitools.startup(pi)
+    pi.MOV({"x": 40, "y": 30})
+    pitools.waitontarget(pi, polldelay=0)
+    pi.WAV_SIN_P(1, firstpoint=0, numpoints=500, append="X", center=250, amplitude=20, offset=30, seglength=500)
+    pi.WSL(1, 1)
+    pi.WGC(1, 0)
+    for _ in range(2):  # and again from where it was stopped
+        pi.WGO(1, 1)
+        assert near(pi.qPOS("y"), {"y": 30})
+        assert pi.qMOV("y")["y"] == 30
+        pi.WGO(1, 0)
+        assert near(pi.qPOS("y"), {"y": 30})
+
+
 def test_points_are_sent_in_bunches_and_read_back(pi):
     points = [10 + 5 * np.sin(0.1 * k) for k in range(63)]
     pitools.writewavepoints(pi, 3, points, bunchsize=10)

@@ -21,12 +21,13 @@ from phaselead.cli.output_level import quiet
 from phaselead.cli.outputs import json_option as json_option
 from phaselead.cli.outputs import overwriting
 from phaselead.cli.outputs import report_option as report_option
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, DeviceRefused
 from phaselead.quantity import IN_SECONDS, number
 from phaselead.result import Table, json_text, pairs_table
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE, is_virtual, keeps_flash
 
 if TYPE_CHECKING:
+    from phaselead.control import Controller
     from phaselead.record import Recording
 
 SHORTEST_S = 0.0004
@@ -163,6 +164,18 @@ def forgotten(port: str, what: str, *, flash: bool = False) -> list[str]:
         return []
     kept = f"--port '{port}{'&' if '?' in port else '?'}state=flash.bin' keeps its flash, " if flash else ""
     return [f"the virtual stage has ended, and {what} with it: {kept}`phaselead sim --pty` serves a stage that stays"]
+
+
+@contextmanager
+def held_if_refused(device: Controller) -> Iterator[None]:
+    """What an earlier command holds stays held where this one is refused."""
+    held = device.resumed
+    try:
+        yield
+    except (BadInput, DeviceRefused):
+        if held and device.where().state == "running":
+            device.leave_running()
+        raise
 
 
 def still_held(port: str) -> str:

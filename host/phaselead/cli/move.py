@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 
 import click
 
@@ -14,6 +13,7 @@ from phaselead.cli.common import (
     emit,
     emit_result,
     force_option,
+    held_if_refused,
     json_option,
     port_option,
     show,
@@ -25,21 +25,8 @@ from phaselead.cli.common import (
 from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT
 from phaselead.cli.track import gains_option
-from phaselead.control import MODES, Controller, Planned, connect, parse_targets
-from phaselead.errors import BadInput
+from phaselead.control import MODES, Planned, connect, parse_targets
 from phaselead.model import load_stage
-
-
-@contextmanager
-def _held_if_refused(device: Controller) -> Iterator[None]:
-    """What an earlier command holds stays held where this one is refused: nothing has moved."""
-    held = device.resumed
-    try:
-        yield
-    except BadInput:
-        if held:
-            device.leave_running()
-        raise
 
 
 @top_level(order=72)
@@ -90,7 +77,7 @@ def move(
         if json_to != "-":
             show({}, None, planned.sentences(predicted))
 
-    with connect(port, resume=True) as device, warnings_said(), _held_if_refused(device):
+    with connect(port, resume=True) as device, warnings_said(), held_if_refused(device):
         moved = device.move(
             x=targets.get("x"),
             y=targets.get("y"),

@@ -11,6 +11,7 @@ from phaselead.cli.common import (
     duration_option,
     emit,
     force_option,
+    held_if_refused,
     json_option,
     port_option,
     progress,
@@ -87,7 +88,7 @@ def telling(json_to: str | None) -> OnRehearsed:
 @click.option(
     "--mode",
     type=click.Choice(MODES),
-    help="Default: ff+pid; with --learn inverse+pid, with --learned the table's.",
+    help="Default: ff+pid, of held axes theirs; with --learn inverse+pid, with --learned the table's.",
 )
 @gains_option
 @follows_option
@@ -134,13 +135,15 @@ def track(
 
     WAVE: EVERY_KIND, sine:60um+20um@5Hz (20 to 80 um), or in volts
     for mode open: sine:5V@5Hz. Amplitudes are peak-to-peak. Several axes: x=sine:60um@5Hz,y=sine:30um@5Hz.
+
+    Axes that an earlier command holds go on from there, in the mode that they are held in.
     """
     parse_outputs(trigger_out, parse_waves(wave, axes))  # what is written wrong is told before the port is opened
     stage = load_stage(model_path) if model_path else None
     if table and trials:
         raise BadInput("--learned plays what was learned, --learn learns it: give one of them")
     known = load_learned(table) if table else None
-    with connect(port) as device, warnings_said():
+    with connect(port, resume=True) as device, warnings_said(), held_if_refused(device):
         if trials is not None:
             with progress(f"learning {wave}", 1.0) as advance:
                 known = device.learn(

@@ -22,7 +22,8 @@ from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.modes import MODES
-from phaselead.control.moving import Moved, Planned, best_mode
+from phaselead.control.moved import Moved, Planned
+from phaselead.control.moving import best_mode
 from phaselead.control.rehearsal import OnRehearsed, Predicted
 from phaselead.control.room import said_of_disk
 from phaselead.control.run import Run

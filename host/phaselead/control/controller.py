@@ -166,9 +166,7 @@ class Controller(Runs, Tunes, Supervision):
     def park(self) -> StatusInUnits:
         """Ramps every axis to its safe value, waits until it is there, and clears a latched fault."""
         self.device.park()
-        self._alive.end()
-        self._left = None
-        remember(self.device.session.name, None)
+        self.let_go()
         return status_in_units(self.device)
 
     def stop(self) -> int:

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from functools import partial
 
 from phaselead.control.modes import USES_TABLES
-from phaselead.device import TICK_HZ, Device, PointFeeder, wire
+from phaselead.device import TICK_HZ, Device, PointFeeder
 from phaselead.errors import BadInput
-from phaselead.model import Gains
 from phaselead.waveforms import Replaced, Streamed, Waveform
 
 LONGEST_PREVIEW_TICKS = 1024
@@ -67,13 +66,3 @@ def send_points(device: Device, axis: str, waveform: Waveform) -> None:
         device.upload_learned(axis, waveform.points, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz)
     else:
         device.upload_wave(axis, waveform.points)
-
-
-def send_fed(
-    device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, feeder: PointFeeder
-) -> None:
-    """Mode, gains and path of an axis whose points are there."""
-    device.set_axis(axis, mode, **(gains.sent() if gains is not None else {}))
-    device.set_path(
-        axis, wire.PathKind.WAVE, swing=waveform.swing, offset=waveform.offset, f_Hz=feeder.period_Hz, ticks=0
-    )

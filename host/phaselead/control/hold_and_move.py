@@ -12,7 +12,8 @@ from phaselead.control.held import held_stage
 from phaselead.control.keep_alive import KeepAlive
 from phaselead.control.motion_limits import motion_limits, reach_um
 from phaselead.control.move_rehearsal import rehearse_move
-from phaselead.control.moving import Moved, Mover, Planned, checked_window
+from phaselead.control.moved import Moved, Planned
+from phaselead.control.moving import Mover, checked_window
 from phaselead.control.targets import Target, parse_target
 from phaselead.control.triggers import parse_outputs
 from phaselead.device import (
@@ -164,7 +165,7 @@ class HoldsAndMoves:
         A device that is not moving yet is armed, and holds where it stands: ``axes`` ("xyz") and those of a model, else
         x; ``mode``, ``model`` and ``gains`` as for ``move``. Raises as ``move`` does.
         """
-        if not self._mover.gains or self._mover.where().state != "running":
+        if not self._mover.holds():
             self._choose(axes, mode, model, gains)
             self._engage()
         return self._mover.hold()
@@ -184,7 +185,7 @@ class HoldsAndMoves:
         >>> held.x.held
         True
         """
-        if not self._mover.gains or self._mover.where().state != "running":
+        if not self._mover.holds():
             raise DeviceRefused("no axis is held; gains are given with the first move, or with a path")
         for line in self._mover.change_gains(gains, force=force):
             warnings.warn(line, stacklevel=2)
@@ -239,6 +240,12 @@ class HoldsAndMoves:
         self._mover.take_up(left.axes, left.mode, self.model)
         self.device.take_over(left.axes, left.mode)
 
+    def let_go(self) -> None:
+        """The device is parked: nothing is held any more, nor left to a later program."""
+        self._alive.end()
+        self._left = None
+        remember(self.device.session.name, None)
+
     @property
     def resumed(self) -> bool:
         """Whether axes are held that a program before this one left held."""
@@ -261,7 +268,7 @@ class HoldsAndMoves:
         force: bool = False,
     ) -> Mover:
         stage = self.model if model is None else as_stage(model)
-        held = self._mover.gains if self._mover.gains and self._mover.where().state == "running" else None
+        held = self._mover.gains if self._mover.holds() else None
         with_them = set(stage.axes if stage is not None else ()) if held is None else set(held)
         axes = "".join(sorted(set(named) | with_them)) or "x"
         for line in self._mover.choose(axes, stage, mode, gains, force=force):

@@ -22,6 +22,15 @@ def quiet_s(model: AxisModel | None) -> float:
     return UNKNOWN_MODE_S if f_Hz is None else MODE_PERIODS / f_Hz
 
 
+Span = tuple[float, float]
+"""The lowest and the highest place of what an axis follows, um; of one that is held twice the same."""
+
+
+def enter_from_s(waveform: Waveform, span: Span, mode: str, model: AxisModel | None) -> float:
+    """Of the join to the path from anywhere between these places, in closed loop."""
+    return max(enter_s(waveform, Standing(0.0, um), mode, model) for um in span)
+
+
 def enter_s(waveform: Waveform, standing: Standing, mode: str, model: AxisModel | None) -> float:
     """Of the join from where the axis stands to the path. In mode open only where the path begins elsewhere."""
     first = float(waveform.value(0.0))

@@ -12,7 +12,7 @@ from phaselead.control.rehearsal import OnRehearsed, Predicted, rehearse
 from phaselead.control.room import refuse_without_room
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
-from phaselead.control.tracking import Asked, run_recording, set_up, ticks_of, track
+from phaselead.control.tracking import Asked, MakesWay, run_recording, set_up, ticks_of, track
 from phaselead.control.triggers import parse_outputs
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import (
@@ -123,13 +123,13 @@ class RunFile:
 
 def holds_run(journal_path: str, *, driven: bool) -> bool:
     """Whether a journal holds more than the talk before a run: samples and, if it drove, paths that started."""
-    reader, start = FrameReader(), wire.StartRequest.NUMBER | wire.REPLY_BIT
+    reader, begins = FrameReader(), {one.NUMBER | wire.REPLY_BIT for one in (wire.StartRequest, wire.QueueRequest)}
     sampled, started = False, not driven
     with JournalReader(journal_path) as journal:
         for kind, payload in journal:
             for body in reader.feed(payload) if kind == RECEIVED else ():
                 sampled = sampled or body[0] == wire.Samples.NUMBER
-                started = started or (body[0] == start and body[wire.HEADER.size] == wire.Status.OK)
+                started = started or (body[0] in begins and body[wire.HEADER.size] == wire.Status.OK)
                 if sampled and started:
                     return True
     return False
@@ -180,6 +180,7 @@ def track_to_file(
     gains_given: bool = True,
     on_rehearsed: OnRehearsed | None = None,
     park: bool = True,
+    going_on: MakesWay | None = None,
     **asked: Unpack[Asked],
 ) -> Run:
     """``track`` with its data written to ``output`` (None: kept nowhere), beside which a journal grows meanwhile.
@@ -202,7 +203,15 @@ def track_to_file(
     with run_file(output, device, mode, stage, driven=True) as file:
         try:
             run = track(
-                device, waveforms, mode, on_progress=on_progress, sink=file.sink, pulses=pulses, park=park, **asked
+                device,
+                waveforms,
+                mode,
+                on_progress=on_progress,
+                sink=file.sink,
+                pulses=pulses,
+                park=park,
+                going_on=going_on,
+                **asked,
             )
         except DeviceFault as fault:
             recording = run_recording(fault.capture, mode, stage, pulses)

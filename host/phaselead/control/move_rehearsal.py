@@ -5,7 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from phaselead.control.moving import Mover, Planned
+from phaselead.control.moved import Planned
+from phaselead.control.moving import Mover
 from phaselead.control.rehearsal import rests_unseen
 from phaselead.device import Device
 from phaselead.errors import BadInput, DeviceRefused

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
 from phaselead.control.held import held_stage, held_warning, unknown_warning
@@ -17,6 +17,7 @@ from phaselead.control.motion_limits import (
     usual_duration_s,
     window_um,
 )
+from phaselead.control.moved import SETTLE_S, AxisMoved, Moved, Planned
 from phaselead.control.run_away import advice
 from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
@@ -32,10 +33,9 @@ from phaselead.device import (
     read_limits,
     wire,
 )
-from phaselead.errors import BadInput, DeviceRefused
+from phaselead.errors import BadInput, DeviceRefused, LinkError
 from phaselead.model import AxisModel, Gains, Stage
-from phaselead.result import Result, Table
-from phaselead.waveforms import PEAK_SPEED, Goto
+from phaselead.waveforms import PEAK_SPEED, Goto, Waveform
 
 ENGAGE_S = 0.05
 """Of the join from the output there is to holding in closed loop."""
@@ -48,95 +48,9 @@ LONGEST_S = 3600.0
 """Of a move: one that takes longer is a slip, and would be tried on its model first without a word."""
 SAME_TIME = 0.01
 """Share by which a duration and a speed that are both given may differ."""
-SETTLE_S = 1.0
-"""How long an axis is waited for that does not come to its target; what creep leaves takes longer."""
 
 UNSTABLE = {"oscillation": "the loop is unstable", "adc_rail": "where the stage swung, the loop is unstable"}
 """By fault."""
-
-
-@dataclass(frozen=True)
-class AxisMoved:
-    """One axis of a move. Seconds are from its begin."""
-
-    from_um: float
-    to_um: float
-    duration_s: float
-    settled_s: float | None
-    """When it was within its window for good; None: it was not."""
-    predicted_s: float | None
-    """What the rehearsal on the model said; None without one."""
-    x_um: float
-    window_um: float
-
-
-@dataclass(frozen=True)
-class Moved(Result):
-    """A move that was made. Prints as a table."""
-
-    axes: Mapping[str, AxisMoved]
-    waited: bool = True
-    """For the axes to settle."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """As ``phaselead move --json`` writes it: figures by axis."""
-        return {"axes": {axis: dict(vars(one)) for axis, one in self.axes.items()}}
-
-    @property
-    def columns(self) -> dict[str, list[Any]]:
-        """One row an axis."""
-        rows = [{"axis": axis, **vars(one)} for axis, one in self.axes.items()]
-        return {name: [row[name] for row in rows] for name in rows[0]}
-
-    def tables(self) -> list[Table | str]:
-        headings = ("axis", "from (µm)", "to (µm)", "is at (µm)", "move (ms)", "settled (ms)", "window (µm)")
-        rows = tuple(
-            (
-                axis,
-                f"{one.from_um:.3f}",
-                f"{one.to_um:.3f}",
-                f"{one.x_um:.3f}",
-                f"{one.duration_s * 1e3:.1f}",
-                "not yet" if one.settled_s is None else f"{one.settled_s * 1e3:.1f}",
-                f"{one.window_um:.3f}",
-            )
-            for axis, one in self.axes.items()
-        )
-        return [Table(headings, rows), *self._unsettled()]
-
-    def _unsettled(self) -> list[str]:
-        """Of axes that have not settled although the model has."""
-        return [
-            f"{axis}: settled after {one.predicted_s * 1e3:.1f} ms on the model, not within {SETTLE_S:g} s of the move "
-            "on the stage: it is not what its model says; where it swings, `phaselead tune` measures the response and "
-            "shapes gains on it"
-            for axis, one in self.axes.items()
-            if one.predicted_s is not None and one.settled_s is None and self.waited
-        ]
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A move that may be made: where each axis starts and ends, and how long all of them take."""
-
-    start_um: Mapping[str, float]
-    target_um: Mapping[str, float]
-    duration_s: float
-
-    def paths(self) -> dict[str, Goto]:
-        """The same as paths."""
-        ends = ((axis, self.start_um[axis], target) for axis, target in self.target_um.items())
-        return {axis: Goto(target - start, start, "um", 1 / self.duration_s) for axis, start, target in ends}
-
-    def sentences(self, predicted: Mapping[str, float | None]) -> list[str]:
-        """What will happen, a line an axis; ``predicted`` as ``rehearse_move`` gives it: of a stage that is all that
-        its model says."""
-        return [
-            f"{axis}: {self.start_um[axis]:.3f} to {self.target_um[axis]:.3f} um in {self.duration_s * 1e3:.1f} ms, "
-            + "on the model settled "
-            + ("later than a second after it" if seconds is None else f"after {seconds * 1e3:.1f} ms")
-            for axis, seconds in predicted.items()
-        ]
 
 
 def checked_window(um: float | None) -> float | None:
@@ -161,6 +75,10 @@ class Mover:
     """They are of somebody's choice, not the stage file's or designed for its model."""
     window_um: float | None = None
     """How far off an axis may be that is on target; None: by its sensor's noise."""
+    playing: dict[str, Waveform] = field(default_factory=dict)
+    """Paths without an end that were begun and left running."""
+    entered_tick: int = 0
+    """In which the last of them had been entered."""
 
     @property
     def axes(self) -> str:
@@ -180,8 +98,7 @@ class Mover:
     def choose_window(self, um: float) -> None:
         """For every axis, from now on. Raises BadInput for one that no axis stays within."""
         self.window_um = checked_window(um)
-        if self.where().state == "running":
-            self._set_limits()
+        self._set_limits_if_running()
 
     def where(self) -> Where:
         """Where the axes are; also feeds the host timeout."""
@@ -206,7 +123,7 @@ class Mover:
         """
         now = self.where()
         if now.state == "running" and self.gains:
-            self._refuse_other(axes, mode, stage)
+            self.refuse_other(axes, mode, stage)
             return [] if gains is None else self.change_gains(gains, force=force)
         if now.state not in ("parked", "armed"):
             raise DeviceRefused(f"the device is {now.state}; `phaselead park` ends that")
@@ -234,6 +151,7 @@ class Mover:
         state = self.where().state
         if state == "running":
             return
+        self.forget_paths()
         if self.stage is not None:
             self.device.upload_if_other(device_model(self.stage))
         for axis, gain in self.gains.items():
@@ -246,21 +164,42 @@ class Mover:
         self._wait(2 * ENGAGE_S)
 
     def change_gains(self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False) -> list[str]:
-        """Gains of the axes that are held or follow a path, at once and without a bump. Returns what the model warns.
+        """Gains of the axes that are held or follow a path, at once and without a bump; given by axis, of those alone.
+        Returns what the model warns.
 
         Raises BadInput, and changes nothing, for a mode without feedback, and for a loop that the model cannot stand,
         unless ``force``.
         """
-        if not self.mode.endswith("pid"):
-            raise BadInput(f"mode {self.mode} has no feedback, so no gains; park, then choose {self.mode}+pid")
-        own = {axis: gains_of(gains, self.known, axis) for axis in self.gains}
-        warnings = loop_warnings(self.known, self.mode, own, force=force)
-        for axis, gain in own.items():
-            self.device.set_gains(axis, gain)
-        self.gains, self.gains_given = own, True
+        own, warnings = self.other_gains(gains, force=force)
+        self.take_gains(own)
         return warnings
 
-    def _refuse_other(self, axes: str, mode: str | None, stage: Stage | None) -> None:
+    def other_gains(
+        self, gains: GainsLike | Mapping[str, GainsLike], *, force: bool = False
+    ) -> tuple[dict[str, Gains], list[str]]:
+        """What ``change_gains`` would give the axes, and what the model says of it. Raises as that."""
+        if not self.mode.endswith("pid"):
+            raise BadInput(f"mode {self.mode} has no feedback, so no gains; park, then choose {self.mode}+pid")
+        kept = set(self.gains) - set(gains) if isinstance(gains, Mapping) else frozenset[str]()
+        own = {a: now if a in kept else gains_of(gains, self.known, a) for a, now in self.gains.items()}
+        return own, loop_warnings(self.known, self.mode, own, force=force)
+
+    def take_gains(self, gains: Mapping[str, Gains], *, given: bool = True) -> None:
+        """Gives the axes these gains, at once and without a bump; ``given``: somebody chose them."""
+        for axis, gain in gains.items():
+            self.device.set_gains(axis, gain)
+        self.gains, self.gains_given = dict(gains), given
+
+    def holds(self) -> bool:
+        """Whether axes are held now, or follow paths."""
+        return bool(self.gains) and self.where().state == "running"
+
+    def forget_paths(self) -> None:
+        """The axes begin anew: nothing plays."""
+        self.playing, self.entered_tick = {}, 0
+
+    def refuse_other(self, axes: str, mode: str | None, stage: Stage | None) -> None:
+        """Raises BadInput for another mode, axis or model than those that the axes are held by."""
         if mode is not None and mode != self.mode:
             raise BadInput(f"the axes are held in mode {self.mode}; park before you choose {mode}")
         if strangers := sorted(set(axes) - set(self.gains)):
@@ -345,6 +284,8 @@ class Mover:
         }
         edge = edge_within_s is not None
         tick = max(motion.queue(self.device, segments, at_trigger=edge, begin_tick=begin_tick), begin_tick)
+        for axis in segments:
+            self.playing.pop(axis, None)
         if edge_within_s is not None and wait:
             tick = self._wait_for_edge(tick, edge_within_s)
         axes = set(planned.target_um)
@@ -378,27 +319,45 @@ class Mover:
                 raise NoEdge(no_edge(within_s))
         return first_tick
 
-    def hold(self) -> Where:
-        """Stops every axis, drops what is queued, and holds.
+    def hold(self, axes: str = "") -> Where:
+        """Stops these axes (none: all), drops what is queued for them, and holds.
 
         The stop keeps the limits of acceleration and jerk. Where the axes are as fast as their limits allow it takes
         them up to a fifth faster for a moment, which the queue would refuse: its limits are lifted for this one.
         """
-        seconds = STOP_S
+        seconds, axes = STOP_S, axes or self.axes
         try:
-            self._queue_hold(seconds)
+            self._queue_hold(axes, seconds)
         except DeviceRefused:
-            seconds = max(stop_s(self.limits(axis)) for axis in self.gains)
-            self._set_limits(lifted=True)
-            try:
-                self._queue_hold(seconds)
-            finally:
-                self._set_limits()
+            seconds = max(stop_s(self.limits(axis)) for axis in axes)
+            with self.without_limits():
+                self._queue_hold(axes, seconds)
         self._wait(2 * seconds)
-        return self.where()
+        while any((found := self.where()).axes[axis].moving for axis in axes):  # a join before had to end first
+            self._next()
+        return found
 
-    def _queue_hold(self, seconds: float) -> None:
-        motion.queue(self.device, {axis: motion.hold_segment(seconds) for axis in self.gains}, at_once=True)
+    def _queue_hold(self, axes: str, seconds: float) -> None:
+        motion.queue(self.device, {axis: motion.hold_segment(seconds) for axis in axes}, at_once=True)
+        for axis in axes:
+            self.playing.pop(axis, None)
+
+    @contextmanager
+    def without_limits(self) -> Iterator[None]:
+        """What is queued meanwhile is not held against the limits of motion."""
+        self._set_limits(lifted=True)
+        try:
+            yield
+        except LinkError:
+            raise
+        except BaseException:
+            self._set_limits_if_running()
+            raise
+        self._set_limits_if_running()
+
+    def _set_limits_if_running(self) -> None:
+        if self.where().state == "running":
+            self._set_limits()
 
     def _set_limits(self, *, lifted: bool = False) -> None:
         for axis in self.gains:
@@ -422,8 +381,11 @@ class Mover:
         return f"; {UNSTABLE[fault]}: {advice(self.gains_given)}"
 
     def _wait(self, seconds: float) -> None:
-        end = self.where().tick + round(seconds * TICK_HZ)
-        while self._next().tick < end:
+        self.wait_until(self.where().tick + round(seconds * TICK_HZ))
+
+    def wait_until(self, tick: int) -> None:
+        """Until the device has come to this tick. Raises DeviceRefused for a fault."""
+        while self._next().tick < tick:
             pass
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from phaselead.control.gains import GainsLike, gains_in_mode, gains_of
+from phaselead.control.going_on import go_on
 from phaselead.control.held import held_sha256, held_stage, held_warning, unknown_warning
 from phaselead.control.journal import record_open_loop, track_to_file
 from phaselead.control.kept_runs import KeptRuns
@@ -77,6 +78,11 @@ class Runs(Plays):
         the path begins at a rising edge of the trigger input, which is waited for so many seconds. ``hold`` holds the
         axes where the path ends, for moves to go on from there, instead of parking; not in mode open.
 
+        Axes that are held, or follow a path (``move``, ``hold``, ``play``, ``hold=True``), go on from there without
+        parking and without a kick, in their mode and with their gains, unless others are given; those beside the path
+        stay as they are, and ``capture`` has them too. They are first brought to a hold where a waveform of points
+        gives way to another, or anything to a move, which does not begin in the same tick as another path.
+
         The path runs on the model first, in the simulator; ``on_rehearsed`` is given, before anything moves, the error
         of each axis there, which is ``predicted`` among the figures. Raises BadInput for a path that mode, limits or
         model do not allow or that ends in a fault there, DeviceFault (its ``capture`` holds what was recorded) when the
@@ -84,7 +90,7 @@ class Runs(Plays):
         """
         waveforms = given_waves(wave, axis, {"x": x, "y": y, "z": z})
         known = load_learned(learned) if isinstance(learned, str | os.PathLike) else learned
-        mode = mode or ("ff+pid" if known is None else known.mode)
+        mode = mode or (self._mode_now() if known is None else known.mode)
         stage = self._own_model(waveforms, mode) if model is None else as_stage(model)
         path = _output(output, overwrite)
         held = held_stage(self.device) if stage is None else None
@@ -96,8 +102,14 @@ class Runs(Plays):
         given, stage = stage, stage if known is None else known.model_played(stage)
         if hold:
             _refuse_to_hold(mode, own_modes=stage is not given)
-        unknown = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
-        said = unknown + _said_against(waveforms, mode, chosen, stage, held, force=force)
+        new_gains = chosen if known is not None and mode.endswith("pid") else gains
+        going_on = go_on(self._mover, waveforms, mode, stage, new_gains, force=force)
+        if going_on is None:
+            said = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
+            said += _said_against(waveforms, mode, chosen, stage, held, force=force)
+        else:
+            chosen = {name: going_on.gains[name] for name in waveforms}
+            said = going_on.said + _said_of_paths(waveforms, mode, stage, stage or held)
 
         def rehearsed(predicted: Mapping[str, Predicted]) -> None:
             _warn(said, above=5)
@@ -120,11 +132,15 @@ class Runs(Plays):
             on_rehearsed=rehearsed,
             edge_within_s=quantity("trigger_in", trigger_in, IN_SECONDS),
             park=not hold,
+            going_on=going_on,
         )
         if hold:
-            hold_on(self._mover, stage, stage or held, mode, chosen)
+            if going_on is None:
+                hold_on(self._mover, stage, stage or held, mode, chosen)
             self._alive.begin()
             self.model = stage or self.model
+        elif going_on is not None:
+            self.let_go()
         if given is not None and stage is not given:
             self.device.upload_if_other(device_model(given))
         recording = _named(run.recording, path or wave_text(wave, x, y, z))
@@ -231,11 +247,14 @@ def _said_against(
     force: bool,
 ) -> list[str]:
     """What there is to say of loop and path before anything moves. Raises BadInput for what is refused."""
-    known = stage or held
+    of_paths = _said_of_paths(waveforms, mode, stage, stage or held)
+    return [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force), *of_paths]
+
+
+def _said_of_paths(waveforms: Mapping[str, Waveform], mode: str, stage: Stage | None, known: Stage | None) -> list[str]:
     if known is None or set(waveforms) <= set(known.axes):
         check_paths(waveforms, mode, known)
-    said = [*held_warning(held, mode, gains), *loop_warnings(stage, mode, gains, force=force)]
-    return [*said, *path_warnings(followed(waveforms, stage, "measured", mode))]
+    return path_warnings(followed(waveforms, stage, "measured", mode))
 
 
 def _warn(said: Sequence[str], *, above: int) -> None:

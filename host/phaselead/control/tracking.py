@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, TypedDict, Unpack
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol, TypedDict, Unpack
 
 import numpy as np
 
-from phaselead.control.edge_start import start_at_edge
 from phaselead.control.errors import tracking_error
-from phaselead.control.feeding import point_feeder, refuse_endless, refuse_without_period, send_fed, send_points
+from phaselead.control.feeding import point_feeder, refuse_endless, refuse_without_period
 from phaselead.control.gains import check_loop
 from phaselead.control.held import held_stage
-from phaselead.control.joins import enter_s, quiet_s
+from phaselead.control.joins import Span, enter_from_s, enter_s, quiet_s
 from phaselead.control.modes import INVERTS, NEEDS_MODEL, USES_TABLES
 from phaselead.control.motion_limits import refuse_too_fast
+from phaselead.control.path_begin import PathsToBegin, give
 from phaselead.control.path_speed import refuse_path_too_fast
 from phaselead.control.run import Run
 from phaselead.control.triggers import set_pulses
@@ -25,14 +27,13 @@ from phaselead.device import (
     Capture,
     Channel,
     Device,
-    EdgeWait,
     PointFeeder,
     Pulses,
+    QueuedPaths,
     Refused,
     Standing,
     device_model,
     inverse_refusal,
-    motion,
     recording_of,
     standings,
     wire,
@@ -140,6 +141,18 @@ class Asked(TypedDict, total=False):
     """The paths begin at an edge of the trigger input, which is waited for so long."""
 
 
+class MakesWay(Protocol):
+    """Axes that are held, or follow paths: what has them make way for others."""
+
+    @property
+    def axes(self) -> str:
+        """Letters of all of them."""
+
+    def way_for(self, waveforms: Mapping[str, Waveform]) -> AbstractContextManager[Mapping[str, Span]]:
+        """While the paths are begun and run: where each axis may be when its path is queued. Where they are refused the
+        axes hold as they did."""
+
+
 def track(
     device: Device,
     waveforms: Mapping[str, Waveform],
@@ -149,43 +162,65 @@ def track(
     sink: Callable[[bytes], None] | None = None,
     pulses: Sequence[Pulses] | None = None,
     park: bool = True,
+    going_on: MakesWay | None = None,
     **asked: Unpack[Asked],
 ) -> Run:
     """Runs the paths of all axes together from the same tick. Each is entered from where its axis stands before it
     begins, and left where it ends, without a kick. In the end the device is parked or, if not ``park``, holds there.
 
     ``asked``: see there. ``on_progress`` is given the fraction done; ``sink`` every chunk as it came off the line, for
-    a journal. ``pulses``: what the trigger outputs do.
+    a journal. ``pulses``: what the trigger outputs do. ``going_on``: the axes are held, or follow paths, and go on from
+    there.
 
     Raises:
         BadInput: a path that the mode, the limits or the model do not allow, or gains that the model's loop cannot
             stand; nothing has moved.
         DeviceFault: the device latched a fault on the way; its ``capture`` holds what was recorded.
     """
-    try:
-        ready, stage = set_up(device, waveforms, mode, **asked), asked.get("stage")
-    except Refused as refusal:
-        if refusal.status != wire.Status.WRONG_STATE:
-            raise
-        raise DeviceRefused(
-            "the axes are held or driven; `phaselead park` (in Python dev.park()) ends that, a move goes on from there"
-        ) from None
+    with nullcontext() if going_on is None else going_on.way_for(waveforms) as spans_um:
+        try:
+            ready = set_up(device, waveforms, mode, spans_um=spans_um, **asked)
+        except Refused as refusal:
+            if refusal.status != wire.Status.WRONG_STATE:
+                raise
+            raise DeviceRefused(
+                "the axes are held or driven, and this begins at rest; `phaselead park` (in Python dev.park()) ends "
+                "that"
+            ) from None
+        beside = "" if going_on is None else going_on.axes
+        return _run(device, ready, mode, asked.get("stage"), beside, on_progress, sink, pulses, park=park)
+
+
+def _run(
+    device: Device,
+    ready: SetUp,
+    mode: str,
+    stage: Stage | None,
+    beside: str,
+    on_progress: Callable[[float], None] | None,
+    sink: Callable[[bytes], None] | None,
+    pulses: Sequence[Pulses] | None,
+    *,
+    park: bool,
+) -> Run:
+    """``beside``: axes that are driven too, and whose codes a replay needs."""
     waveforms, ticks = ready.waveforms, ready.ticks
+    axes = "".join(sorted(set(waveforms) | set(beside)))
     set_pulses(device, pulses, stage or held_stage(device, "".join(waveforms)) if pulses else None)
     true = TruePositions(device, ticks)
     capture = device.capture(
         ticks,
-        axes="".join(sorted(waveforms)),
-        channels=channels_of_run(len(waveforms), pulses),
+        axes=axes,
+        channels=channels_of_run(len(axes), pulses),
         park=park,
         lead_ticks=ready.lead_ticks,
         tail_ticks=ready.tail_ticks,
-        edge=ready.edge,
+        queued=ready.queued,
         progress=None if on_progress is None else lambda done: on_progress(done / ticks),
         sink=sink,
         feeder=ready.feeder,
     )
-    recording = run_recording(capture, mode, stage, pulses)
+    recording = run_recording(capture, mode, stage, pulses, axes="".join(waveforms))
     true_um = true.of(recording, capture)
     figures, judged_by = run_figures(recording, capture, waveforms, mode, true_um), meant_um(recording, waveforms)
     run = Run(recording, capture, figures, true_um, meant_um=judged_by)
@@ -212,8 +247,16 @@ class SetUp(NamedTuple):
     """Of the way out of them."""
     feeder: PointFeeder | None = None
     """Sends the points of paths that are longer than the device's memory."""
-    edge: EdgeWait | None = None
+    queued: QueuedPaths | None = None
     """What begins the paths, if it is not the start."""
+
+    def begin(self, device: Device) -> int:
+        """Begins them, and leaves them running: the tick in which they do. Raises Refused where they are refused."""
+        if self.queued is not None:
+            return self.queued.first_tick(device.session.request(self.queued.queue).tick)
+        if device.status().state == "parked":
+            device.arm()
+        return device.start("".join(sorted(self.waveforms)))
 
 
 def set_up(
@@ -227,54 +270,44 @@ def set_up(
     endless: bool = False,
     force: bool = False,
     edge_within_s: float | None = None,
+    spans_um: Mapping[str, Span] | None = None,
 ) -> SetUp:
     """Gives the device its paths; periodic ones go on until told otherwise where they are ``endless``, and begin at an
-    edge of the trigger input where that is waited for. Raises BadInput as ``track``."""
+    edge of the trigger input where that is waited for. ``spans_um``: the axes are held, or follow paths, and where each
+    may be then. Raises BadInput as ``track``."""
     known = stage or held_stage(device, "" if mode in NEEDS_MODEL else "".join(waveforms))
     check_paths(waveforms, mode, known)
     if endless:
         refuse_endless(waveforms)
     loop_warnings(stage, mode, gains or {}, force=force)
-    if stage is not None:
+    if stage is not None and spans_um is None:
         device.upload_if_other(device_model(stage))
     seconds = duration_s if duration_s is not None else default_duration_s(waveforms)
     ticks = ticks_of(seconds)
-    standing = standings(device)
+    standing = dict(standings(device))
+    for axis, span in (spans_um or {}).items():
+        standing[axis] = replace(standing[axis], x_um=span[0])
     waveforms = {axis: from_standing(axis, waveform, standing[axis], known) for axis, waveform in waveforms.items()}
     entered_s, left_s = {}, {}
     for axis, waveform in waveforms.items():
         model = None if known is None else known.axes.get(axis)
-        entered_s[axis] = enter_s(waveform, standing[axis], mode, model)
+        entered_s[axis] = (
+            enter_s(waveform, standing[axis], mode, model)
+            if spans_um is None
+            else enter_from_s(waveform, spans_um[axis], mode, model)
+        )
         left_s[axis] = quiet_s(model)
-        if edge_within_s is not None:  # nothing begins at once out of a hold
+        if edge_within_s is not None or spans_um is not None:  # nothing begins at once out of a hold
             entered_s[axis] = max(entered_s[axis], left_s[axis])
     lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
     feeder = None if endless else point_feeder(device, waveforms, ticks - lead_ticks, entered_s, left_s)
     if feeder is not None:
         feeder.begin()
     tail_ticks = round(2 * max(left_s.values()) * TICK_HZ)
-    if edge_within_s is not None:
-        edge = start_at_edge(
-            device,
-            waveforms,
-            mode,
-            gains or {},
-            ticks=ticks - lead_ticks,
-            enter_s=max(entered_s.values()),
-            leave_s=max(left_s.values()),
-            feeder=feeder,
-            within_s=edge_within_s,
-        )
-        return SetUp(dict(waveforms), ticks, lead_ticks, tail_ticks, feeder, edge)
-    for axis, waveform in waveforms.items():
-        own_gains, length = (gains or {}).get(axis), 0 if endless else ticks - lead_ticks
-        if feeder is not None and axis in feeder.points:
-            send_fed(device, axis, waveform, mode, own_gains, feeder)
-        else:
-            send_axis(device, axis, waveform, mode, own_gains, length)
-        leaves = waveform.periodic or waveform.played_as == "points"
-        motion.join_from_start(device, axis, entered_s[axis], left_s[axis] if leaves else 0.0)
-    return SetUp(dict(waveforms), ticks, lead_ticks, tail_ticks, feeder)
+    length = 0 if endless else ticks - lead_ticks
+    paths = PathsToBegin(waveforms, mode, gains or {}, length, entered_s, left_s, feeder)
+    queued = give(device, paths, held=spans_um is not None, edge_within_s=edge_within_s)
+    return SetUp(dict(waveforms), ticks, lead_ticks, tail_ticks, feeder, queued)
 
 
 def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *, force: bool = False) -> list[str]:
@@ -290,13 +323,19 @@ def loop_warnings(stage: Stage | None, mode: str, gains: Mapping[str, Gains], *,
 
 
 def run_recording(
-    capture: Capture, mode: str, stage: Stage | None, pulses: Sequence[Pulses] | None = None
+    capture: Capture,
+    mode: str,
+    stage: Stage | None,
+    pulses: Sequence[Pulses] | None = None,
+    *,
+    axes: str | None = None,
 ) -> Recording:
-    """The capture of a run in units, with the stage file it was driven by, and the names of its trigger outputs."""
+    """The capture of a run in units, with the stage file it was driven by, and the names of its trigger outputs.
+    ``axes``: of these alone; None: of all that were captured."""
     closed = frozenset(capture.axes) if mode != "open" else frozenset[str]()
     meta: dict[str, Any] = {"mode": mode, "stage": stage_text(stage) if stage is not None else ""}
     named = {"trigger_out": [one.name for one in pulses]} if pulses else {}
-    return recording_of(capture, closed_loop=closed, meta=meta | named)
+    return recording_of(capture, axes=axes, closed_loop=closed, meta=meta | named)
 
 
 def assumed_limits(device: Device) -> str | None:
@@ -344,16 +383,6 @@ def _how_fine(waveform: Waveform) -> str:
 
 def _or_else(waveform: Waveform) -> str:
     return "" if waveform.played_as == "points" else ", or let `track` stream it: path: instead of file:"
-
-
-def send_axis(device: Device, axis: str, waveform: Waveform, mode: str, gains: Gains | None, ticks: int) -> None:
-    """Sends mode, gains, waveform and path of one axis to the device."""
-    device.set_axis(axis, mode, **(gains.sent() if gains is not None else {}))
-    send_points(device, axis, waveform)
-    length = ticks if waveform.path_s is None else round(waveform.path_s * TICK_HZ)
-    device.set_path(
-        axis, waveform.played_as, swing=waveform.swing, offset=waveform.offset, f_Hz=waveform.f_Hz, ticks=length
-    )
 
 
 def from_standing(axis: str, waveform: Waveform, standing: Standing, stage: Stage | None) -> Waveform:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.device import motion, wire
-from phaselead.device.capture import DeviceFault, EdgeWait, NoEdge, RanDry, Spool, no_edge
+from phaselead.device.capture import DeviceFault, NoEdge, QueuedPaths, RanDry, Spool, no_edge
 from phaselead.device.device import Device
 from phaselead.device.encode_model import device_model, from_device_model, inverse_refusal
 from phaselead.device.explained_faults import FaultPage, explain_fault, fault_names
@@ -51,7 +51,6 @@ __all__ = [
     "Device",
     "DeviceFault",
     "DeviceStatus",
-    "EdgeWait",
     "FaultLog",
     "FaultPage",
     "FrameReader",
@@ -66,6 +65,7 @@ __all__ = [
     "NoEdge",
     "PointFeeder",
     "Pulses",
+    "QueuedPaths",
     "RanDry",
     "Refused",
     "SelfTest",

@@ -13,7 +13,7 @@ from phaselead.device import wire
 from phaselead.device.parking import fault_text, park_quietly, wait_parked
 from phaselead.device.points import PointFeeder
 from phaselead.device.quantities import TICK_HZ
-from phaselead.device.regions import read_model, read_region
+from phaselead.device.regions import read_model, read_region, read_wave
 from phaselead.device.session import Pending, Refused, Session
 from phaselead.device.stream import (
     ALL_CHANNELS,
@@ -73,13 +73,21 @@ class RanDry(DeviceFault):
 
 
 @dataclass(frozen=True)
-class EdgeWait:
-    """Paths that begin at an edge of the trigger input: ``queue`` is sent ``after_ticks`` after START, and the edge may
-    take ``within_s``."""
+class QueuedPaths:
+    """Paths that do not begin with a start: they are queued behind what their axes do."""
 
     queue: wire.QueueRequest
-    after_ticks: int
-    within_s: float
+    joined_ticks: int
+    """From when they are due to when they have been entered: their look ahead and the longest join."""
+    after_ticks: int | None = None
+    """The axes are started first, to hold where they stand, and the queue is sent so much later; None: they are held
+    already, or follow paths."""
+    within_s: float | None = None
+    """They wait for an edge of the trigger input, which may take so long; None: for none."""
+
+    def first_tick(self, queued_tick: int) -> int:
+        """In which paths begin that were queued in this tick and wait for nothing."""
+        return queued_tick + 1 + self.joined_ticks
 
 
 class NoEdge(DeviceRefused):
@@ -106,7 +114,7 @@ class Plan:
     park: bool = True
     model_crc: int = 0
     wave_axes: str = ""
-    """Axes whose waveform has to be read back for a replay."""
+    """Axes whose waveform has to be read back for a replay, where they have one."""
     spool: Spool | None = None
     """Takes samples and commands, which the capture then does not hold."""
     start_axes: str = ""
@@ -117,12 +125,17 @@ class Plan:
     """Run on after the record, before parking: the paths are being left."""
     feeder: PointFeeder | None = None
     """Sends what the paths still lack."""
-    edge: EdgeWait | None = None
-    """The paths that are started are holds; those to come begin at an edge of the trigger input."""
+    queued: QueuedPaths | None = None
+    """The paths, where they are not those that a start begins."""
 
     @property
     def axis_mask(self) -> int:
         return mask_of(self.axes)
+
+    @property
+    def is_held_before(self) -> bool:
+        """The axes are held, or follow paths, when it begins."""
+        return self.queued is not None and self.queued.after_ticks is None
 
 
 @dataclass
@@ -219,19 +232,29 @@ class _Run:
             if progress is not None:
                 progress(min(max(self.next_tick - from_tick, 0), end_tick - from_tick))
 
-    def wait_for_edge(self, edge: EdgeWait, started_tick: int) -> int:
-        """The tick in which the paths begin once an edge has come at the trigger input, or the last one when a fault
-        came first. Raises NoEdge."""
-        self.run_on(started_tick + edge.after_ticks)
-        if not self.faulted:
-            self.session.request(edge.queue)
+    def begin(self) -> int:
+        """Begins the paths: the tick in which they do, or the last one when a fault came first. Raises NoEdge."""
+        plan, queued = self.plan, self.plan.queued
+        if queued is None or queued.after_ticks is not None:
+            self.session.request(wire.ArmRequest(plan.model_crc))
+            started_tick = self.session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).first_tick
+            if queued is None:
+                return started_tick
+            assert queued.after_ticks is not None
+            self.run_on(started_tick + queued.after_ticks)
+        if self.faulted:
+            return self.next_tick
+        queued_tick = self.session.request(queued.queue).tick
+        return queued.first_tick(queued_tick) if queued.within_s is None else self._wait_for_edge(queued.within_s)
+
+    def _wait_for_edge(self, within_s: float) -> int:
         self.status, self.pending = None, None  # of before the paths were queued
-        end_s = self.clock_s + edge.within_s
+        end_s = self.clock_s + within_s
         while not self.faulted:
             if self.status is not None and self.status.first_tick:
                 return self.status.first_tick
             if self.clock_s > end_s:
-                raise NoEdge(no_edge(edge.within_s))
+                raise NoEdge(no_edge(within_s))
             self.pump(self.bytes_of(READ_FEEDING_S))
             self.feed()
             if self.silent_s > SILENCE_S:
@@ -284,7 +307,8 @@ def capture(
     """Streams, starts, runs ``plan.ticks`` ticks, parks, stops the stream and takes what is still under way.
 
     ``progress`` is given the ticks done after every chunk; ``sink`` every chunk as it came off the line. On
-    Ctrl-C and on every error the device is parked before the exception goes on.
+    Ctrl-C and on every error the device is parked before the exception goes on; axes that were held before stay so
+    where their paths are refused, or no edge came.
 
     Raises:
         DeviceFault: the device latched a fault; the exception carries what was recorded until then.
@@ -301,6 +325,10 @@ def capture(
     except DeviceFault:
         raise
     except BaseException as error:
+        if plan.is_held_before and _moved_nothing(error):
+            with contextlib.suppress(Refused):  # the stream itself was
+                session.request(wire.StreamStopRequest())
+            raise
         if not isinstance(error, (LinkError, DeviceRefused, KeyboardInterrupt)):
             session.sink = None  # it may be what has failed, and would fail again
         park_quietly(session)
@@ -311,21 +339,23 @@ def capture(
         session.samples, session.log, session.sink = [], None, None
 
 
+def _moved_nothing(error: BaseException) -> bool:
+    if isinstance(error, Refused):
+        return error.status not in (wire.Status.FAULT_LATCHED, wire.Status.WRONG_STATE)
+    return isinstance(error, NoEdge)
+
+
 def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Progress | None) -> Capture:
     first = _stream_start(session, plan)
     session.log = [] if plan.spool is None else _Answered(plan.spool)
     run = _Run(session, plan, first.tick, damaged_before=session.reader.errors)
     state = read_region(session, wire.Region.STATE, first.state_size)
-    regions = {axis: wire.Region[f"WAVE_{axis.upper()}"] for axis in plan.wave_axes}
-    waves = {axis: read_region(session, region) for axis, region in regions.items()}
+    found = {axis: read_wave(session, axis) for axis in plan.wave_axes}
+    waves = {axis: points for axis, points in found.items() if points is not None}
     model = read_model(session)
     start_tick = -1
     if plan.start:
-        session.request(wire.ArmRequest(plan.model_crc))
-        first_tick = session.request(wire.StartRequest(mask_of(plan.start_axes or plan.axes))).first_tick
-        if plan.edge is not None:
-            first_tick = run.wait_for_edge(plan.edge, first_tick)
-        start_tick = first_tick - plan.lead_ticks
+        start_tick = run.begin() - plan.lead_ticks
     begin = start_tick if plan.start else first.tick
     end_tick = begin + plan.ticks
     run.run_to(end_tick, progress, begin)

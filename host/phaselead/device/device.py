@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.device import wire
-from phaselead.device.capture import EdgeWait, Plan, Progress, Sink, Spool, capture
+from phaselead.device.capture import Plan, Progress, QueuedPaths, Sink, Spool, capture
 from phaselead.device.left_running import LeftRunning
 from phaselead.device.parking import after_interrupt, fault_text, park_quietly, wait_parked
 from phaselead.device.points import PointFeeder
@@ -28,7 +28,7 @@ from phaselead.device.quantities import (
     path_request,
     wave_points,
 )
-from phaselead.device.regions import read_model, read_region
+from phaselead.device.regions import read_model, read_wave
 from phaselead.device.session import FLASH_WAITS_S, PIECE_WAITS_S, Refused, Session, SessionLostError
 from phaselead.device.status import DeviceStatus, fault_detail, name_of, target_of
 from phaselead.device.stream import ALL_CHANNELS, AXES, Capture, axes_of, mask_of
@@ -67,7 +67,7 @@ class Device:
         self.held_back = ""
         """Axes for which the device's hard limits are tighter than those of the model last uploaded."""
         self._waves: set[str] = set()
-        """Axes whose path is a waveform."""
+        """Axes whose path is a waveform, or may be."""
         self._converters: dict[str, Converters] | None = None
         """By the model in force, once they were asked for."""
 
@@ -245,6 +245,7 @@ class Device:
     def take_over(self, axes: str, mode: wire.Mode | str) -> None:
         """Axes that a program before this one has set to ``mode``, in this session."""
         self._modes |= dict.fromkeys(axes, mode_of(mode))
+        self._waves |= set(axes)
 
     def set_axis(
         self,
@@ -292,23 +293,42 @@ class Device:
         ``swing`` is peak-to-peak, rising from ``offset``; a move goes by ``swing`` from ``offset`` in
         ``ticks``. ``ticks`` 0 is for ever. Returns the gain and lead the device looked up.
         """
-        if isinstance(kind, str):
-            if kind.upper() not in wire.PathKind.__members__:
-                raise BadInput(f"path {kind!r}: must be one of {', '.join(k.name.lower() for k in wire.PathKind)}")
-            kind = wire.PathKind[kind.upper()]
+        kind = path_kind(kind)
         volts = self._modes.get(axis, wire.Mode.IDLE) == wire.Mode.OPEN
         reply = self.session.request(path_request(axis_index(axis), kind, swing, offset, f_Hz, ticks, volts))
         (self._waves.add if kind == wire.PathKind.WAVE else self._waves.discard)(axis)
         return reply
 
-    def set_hold(self, axis: str, *, then: wire.PathKind) -> None:
-        """As ``set_path``: to hold where the axis stands when it is started, until a path of that kind is queued."""
-        self.set_path(axis, wire.PathKind.HOLD)
-        if then == wire.PathKind.WAVE:
+    def path_segment(
+        self,
+        axis: str,
+        kind: wire.PathKind | str,
+        *,
+        swing: float = 0.0,
+        offset: float = 0.0,
+        f_Hz: float = 0.0,
+        ticks: int = 0,
+        enter_ticks: int = 0,
+        leave_ticks: int = 0,
+    ) -> wire.Segment:
+        """A path as ``set_path`` has it, for the queue of an axis in the mode that this session has set: it is entered
+        and left in so many ticks, a move at once from where the axis is then. Raises BadInput."""
+        kind = path_kind(kind)
+        volts = self._modes.get(axis, wire.Mode.IDLE) == wire.Mode.OPEN
+        asked = path_request(axis_index(axis), kind, swing, offset, f_Hz, ticks, volts)
+        if kind == wire.PathKind.WAVE:
             self._waves.add(axis)
+        if kind == wire.PathKind.MOVE:
+            return wire.Segment(
+                kind, wire.PathFlag.FROM_HERE, asked.swing + asked.offset, 0, asked.step_turn64, asked.ticks, 0, 0
+            )
+        return wire.Segment(
+            kind, 0, asked.swing, asked.offset, asked.step_turn64, asked.ticks, enter_ticks, leave_ticks
+        )
 
     def upload_wave(self, axis: str, points: NDArray[np.float64]) -> None:
-        """One period of a waveform, 1024 points of 0 .. 1 of the swing; while parked. It is read back."""
+        """One period of a waveform, 1024 points of 0 .. 1 of the swing; while the axis neither plays its waveform nor
+        has it in its queue, else Refused. It is read back."""
         self._send_wave(axis, points, 0, 0)
 
     def upload_learned(
@@ -319,10 +339,10 @@ class Device:
         revision 5 of the wire leaves that to its host."""
         if self.hello.wire_revision < LEARNED_SINCE:
             return self.upload_wave(axis, points)
-        path = path_request(axis_index(axis), wire.PathKind.WAVE, swing, offset, f_Hz, 0, volts=False)
-        own = struct.pack("<BiiQ", self._modes[axis], path.swing, path.offset, path.step_turn64)
-        self._send_wave(axis, points, self.session.request(wire.StatusRequest()).model_crc, crc32(own))
-        return None
+        index, now = axis_index(axis), self.session.request(wire.StatusRequest())
+        path = path_request(index, wire.PathKind.WAVE, swing, offset, f_Hz, 0, volts=False)
+        own = struct.pack("<BiiQ", now.modes[index], path.swing, path.offset, path.step_turn64)
+        return self._send_wave(axis, points, now.model_crc, crc32(own))
 
     def _send_wave(self, axis: str, points: NDArray[np.float64], model_crc: int, path_crc: int) -> None:
         index, data = axis_index(axis), wave_points(points)
@@ -333,7 +353,7 @@ class Device:
 
         self.session.transfer(send)
         self.session.request(wire.WaveCommitRequest(index, crc32(data), model_crc, path_crc))
-        if read_region(self.session, wire.Region(wire.Region.WAVE_X + index)) != data:
+        if read_wave(self.session, axis) != data:
             raise LinkError(f"the waveform read back from axis {axis} differs from the one sent; try again")
 
     # ---------------------------------------------------------------- the model
@@ -416,7 +436,7 @@ class Device:
         sink: Sink | None = None,
         spool: Spool | None = None,
         feeder: PointFeeder | None = None,
-        edge: EdgeWait | None = None,
+        queued: QueuedPaths | None = None,
     ) -> Capture:
         """Streams the chosen axes while their paths run for ``ticks`` ticks.
 
@@ -425,13 +445,14 @@ class Device:
         ``lead_ticks`` before the paths, and ``tail_ticks`` pass after it before parking. ``progress`` gets the ticks
         done now and then, ``sink`` every received chunk as it is (for a journal). A ``spool`` takes chunks and commands
         in its place, and the capture then holds neither: for one that is larger than the memory. ``feeder`` sends
-        points of the paths meanwhile. ``edge``: what is started is held, and its paths begin at an edge of the trigger
-        input. On Ctrl-C and on errors the device is parked before the exception goes on.
+        points of the paths meanwhile. ``queued``: the paths that begin, where they are not those that were set. On
+        Ctrl-C and on errors the device is parked before the exception goes on; axes that were held before stay so where
+        their paths are refused, or no edge came.
 
         Raises:
             DeviceFault: a fault latched; its ``capture`` holds what was recorded. RanDry, one of them, when points
                 came too late.
-            NoEdge: none came at the trigger input; the device was parked.
+            NoEdge: none came at the trigger input.
         """
         if ticks < 1 or not axes or len(set(axes)) != len(axes):
             raise BadInput(f"a capture of {ticks} ticks of axes {axes!r}: at least one tick, each axis once")
@@ -452,7 +473,7 @@ class Device:
             lead_ticks,
             tail_ticks,
             feeder,
-            edge,
+            queued,
         )
         return capture(self.session, self.hello, plan, progress, sink)
 
@@ -467,6 +488,15 @@ def mode_of(mode: wire.Mode | str) -> wire.Mode:
             f"mode {mode!r}: must be one of {', '.join(m.name.lower().replace('_', '+') for m in wire.Mode)}"
         )
     return wire.Mode[name]
+
+
+def path_kind(kind: wire.PathKind | str) -> wire.PathKind:
+    """A kind of path by value or name. Raises BadInput."""
+    if isinstance(kind, wire.PathKind):
+        return kind
+    if kind.upper() not in wire.PathKind.__members__:
+        raise BadInput(f"path {kind!r}: must be one of {', '.join(k.name.lower() for k in wire.PathKind)}")
+    return wire.PathKind[kind.upper()]
 
 
 def model_field(number: int) -> str:

@@ -20,6 +20,7 @@ from phaselead.waveforms import PEAK_SPEED
 FINE = 2.0**40
 """Of a micrometre: the unit of the device's limits of motion."""
 JOIN_MOST = 65535
+LOOKS_AHEAD = (wire.Mode.INVERSE, wire.Mode.INVERSE_PID)
 NOTHING = wire.Segment(wire.PathKind.HOLD, 0, 0, 0, 0, 0, 0, 0)
 
 
@@ -151,10 +152,9 @@ def set_motion(device: Device, axis: str, limits: MotionLimits, window_um: float
     device.session.request(wire.MotionRequest(axis_index(axis), velocity, acceleration, jerk, window_q16, window_ticks))
 
 
-def hold_from_start(device: Device, axis: str, join_s: float, then: wire.PathKind = wire.PathKind.HOLD) -> None:
-    """The path of an axis: to hold where it stands when it is started, passed to within ``join_s``; ``then`` is
-    the kind of path that is to be queued."""
-    device.set_hold(axis, then=then)
+def hold_from_start(device: Device, axis: str, join_s: float) -> None:
+    """The path of an axis: to hold where it stands when it is started, passed to within ``join_s``."""
+    device.set_path(axis, wire.PathKind.HOLD)
     device.session.request(wire.SetJoinsRequest(axis_index(axis), wire.PathFlag.FROM_HERE, join_ticks(join_s), 0))
 
 
@@ -182,16 +182,30 @@ def move_segment(target_um: float, duration_s: float, *, enter_s: float = 0.0, m
     )
 
 
-def path_segment(asked: wire.SetPathRequest, enter_ticks: int, leave_ticks: int) -> wire.Segment:
-    """A path as it would be set, for the queue."""
-    return wire.Segment(
-        asked.path, 0, asked.swing, asked.offset, asked.step_turn64, asked.ticks, enter_ticks, leave_ticks
-    )
+def look_ahead_ticks(device: Device, axes: str) -> int:
+    """How much later the paths of these axes begin than they are due: by the longest preview of those whose mode looks
+    ahead."""
+    ahead = [axis_index(axis) for axis in axes if (device.mode(axis) or 0) in LOOKS_AHEAD]
+    blob = device.read_model() if ahead else None
+    if blob is None:
+        return 0
+    models = wire.Model.unpack(blob).axes
+    return max(-(-models[index].preview_ticks_q16 >> 16) for index in ahead)
 
 
 def hold_segment(enter_s: float) -> wire.Segment:
     """To stop where the axis is half a join from now."""
     return wire.Segment(wire.PathKind.HOLD, wire.PathFlag.FROM_HERE, 0, 0, 0, 0, join_ticks(enter_s), 0)
+
+
+def queue_request(
+    segments: Mapping[str, wire.Segment], *, at_once: bool = False, begin_tick: int = 0, at_trigger: bool = False
+) -> wire.QueueRequest:
+    """What ``queue`` sends. Raises BadInput."""
+    for axis in segments:
+        axis_index(axis)
+    three = tuple(segments.get(axis, NOTHING) for axis in AXES)
+    return wire.QueueRequest(mask_of("".join(segments)), int(at_once), begin_tick, three, int(at_trigger))
 
 
 def queue(
@@ -207,8 +221,5 @@ def queue(
 
     Raises Refused, in the words of protocol/schema.toml.
     """
-    for axis in segments:
-        axis_index(axis)
-    three = tuple(segments.get(axis, NOTHING) for axis in AXES)
-    request = wire.QueueRequest(mask_of("".join(segments)), int(at_once), begin_tick, three, int(at_trigger))
+    request = queue_request(segments, at_once=at_once, begin_tick=begin_tick, at_trigger=at_trigger)
     return device.session.request(request).tick

@@ -26,23 +26,30 @@ CHANNELS = tuple(field.name for field in fields(AxisStream))
 
 
 def recording_of(
-    capture: Capture, *, closed_loop: frozenset[str] = frozenset(), meta: dict[str, Any] | None = None
+    capture: Capture,
+    *,
+    axes: str | None = None,
+    closed_loop: frozenset[str] = frozenset(),
+    meta: dict[str, Any] | None = None,
 ) -> Recording:
     """The capture in units, from the start of the paths to their end; t_s = 0 is the first tick of the paths.
 
-    ``closed_loop`` names the axes whose reference is a position (it is volts in mode open, and then left out).
+    ``axes``: of these alone; None: of all. ``closed_loop`` names the axes whose reference is a position (it is volts in
+    mode open, and then left out).
     """
     first = capture.recorded_from
     rows = (capture.ticks >= first) & (capture.ticks < capture.end_tick)
     if not rows.any():
         raise BadInput("the capture holds no ticks; record for longer")
     calibration = converters(capture.model)
-    axes = {}
+    records = {}
     for name, stream in capture.axes.items():
+        if axes is not None and name not in axes:
+            continue
         u_V = None if stream.dac is None else calibration[name].u_V(stream.dac[rows])
         x_um = None if stream.adc is None else calibration[name].x_um(stream.adc[rows])
         asked = stream.reference is not None and name in closed_loop
-        axes[name] = AxisRecord(u_V, x_um, stream.reference[rows] / 2.0**16 if asked else None)  # type: ignore[index]
+        records[name] = AxisRecord(u_V, x_um, stream.reference[rows] / 2.0**16 if asked else None)  # type: ignore[index]
     facts: dict[str, Any] = {
         "build_id": capture.hello.build_id.hex(),
         "target": target_of(capture.hello.target),
@@ -50,13 +57,13 @@ def recording_of(
         "dropped_ticks": capture.stream.dropped_ticks,
         "missing_ticks": capture.missing,
         "start_tick": capture.start_tick,
-        "rails_um": {name: calibration[name].x_um(RAIL_CODES).tolist() for name in axes},
+        "rails_um": {name: calibration[name].x_um(RAIL_CODES).tolist() for name in records},
     }
     if capture.status.state == wire.State.FAULT:
         facts["ended"] = f"fault {name_of(wire.Fault, capture.status.fault)}"
     trigger = next((stream.trigger[rows] for stream in capture.axes.values() if stream.trigger is not None), None)
     t_s = (capture.ticks[rows] - first) / TICK_HZ
-    return Recording(t_s=t_s, axes=axes, trigger=trigger, meta=facts | (meta or {}))
+    return Recording(t_s=t_s, axes=records, trigger=trigger, meta=facts | (meta or {}))
 
 
 def write_run(

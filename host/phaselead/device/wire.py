@@ -1248,13 +1248,16 @@ class WaveChunkReply(Reply):
 
 @dataclass(frozen=True, slots=True)
 class WaveChunkRequest(Command[WaveChunkReply]):
-    """Writes points of an axis' periodic waveform; while parked. One period is 1024 points in q30 of the swing (0 ..
-    2^30).
+    """Writes points of an axis' periodic waveform; also while another one of its paths goes on. One period is 1024
+    points in q30 of the swing (0 .. 2^30).
     """
 
     NAME: ClassVar[str] = "wave_chunk"
     NUMBER: ClassVar[int] = 0x0A
     REPLY: ClassVar[type[Any]] = WaveChunkReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "the axis still plays its waveform, or has it in its queue; wait until it holds",
+    }
     SIZE: ClassVar[int] = 3
     TAIL: ClassVar[bool] = True
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BH")
@@ -1308,6 +1311,9 @@ class WaveCommitRequest(Command[WaveCommitReply]):
     NAME: ClassVar[str] = "wave_commit"
     NUMBER: ClassVar[int] = 0x0B
     REPLY: ClassVar[type[Any]] = WaveCommitReply
+    REFUSALS: ClassVar[dict[int, str]] = {
+        Status.BUSY: "the axis still plays its waveform, or has it in its queue; wait until it holds",
+    }
     SIZE: ClassVar[int] = 13
     LEAST: ClassVar[int | None] = 5
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BIII")

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from phaselead.control import Controller, GainsLike, Planned
-from phaselead.device import AxisWhere, Where
+from phaselead.device import Where
 from phaselead.errors import BadInput
 from phaselead.gcs.errors import Code, GcsError
 from phaselead.model import Stage
-from phaselead.waveforms import PEAK_SPEED, Goto, Waveform
+from phaselead.waveforms import PEAK_SPEED, Waveform
 
 
 @dataclass
@@ -150,27 +150,24 @@ class Axes:
         found = self.where()
         if found.state != "running":
             return
-        waved = bool(self.waving)
+        stopped = set(self.waving) | set(axes or self.letters)
         held = self.dev.hold()
-        others = {a: self.target_um[a] for a in self.letters if axes and a not in axes and found.axes[a].moving}
+        others = {a: self.target_um[a] for a in self.letters if a not in stopped and found.axes[a].moving}
         self.waving.clear()
-        self.target_um |= {axis: held.axes[axis].target_um for axis in self.letters if axis not in others or waved}
-        if others and not waved:
+        self.target_um |= {axis: held.axes[axis].target_um for axis in self.letters if axis not in others}
+        if others:
             self._go(others)
 
     # ---------------------------------------------------------------- waves
 
     def begin(self, waves: Mapping[str, Waveform], duration_s: float | None) -> None:
-        """Plays paths of these axes, for so long or until they are stopped; the others are held at their targets.
-
-        The device takes the points of a path while it is parked alone: it is parked first. Raises GcsError.
-        """
-        found = self.where()
+        """Plays paths of these axes, from where they are held, for so long or until they are stopped; the others go on
+        to their targets, or stay there. Raises GcsError."""
+        self.where()
         if off := next((axis for axis in waves if axis not in self._on), None):
             raise GcsError(Code.MOVE_WITHOUT_REF_OR_NO_SERVO, f"the servo of axis {off} is off: SVO {off} 1")
         if self.waving:
             raise GcsError(Code.WAVE_GENERATOR_ACTIVE)
-        mode, on, targets = self._mode(), set(self._on), dict(self.target_um)
         low = {axis: wave.lowest for axis, wave in waves.items()}
         high = {axis: wave.highest for axis, wave in waves.items()}
         for ends in (low, high):
@@ -178,18 +175,5 @@ class Axes:
                 self._plan(ends)
             except BadInput as error:
                 raise GcsError(Code.POS_OUT_OF_LIMITS, str(error)) from None
-        self.dev.park()
-        resting = {axis: _to(found.axes[axis], targets[axis]) for axis in self.letters if axis not in waves}
-        self.dev.play({**waves, **resting}, mode=mode, model=self.stage, gains=self.gains, duration=duration_s)
-        self._on, self.waving = on, dict(waves)
-        self.target_um = targets
-
-    def _mode(self) -> str:
-        """The one that holds the axes, by the device's own name of it."""
-        mode = self.dev.device.mode(self.letters[0])
-        return "pid" if mode is None else mode.name.lower().replace("_", "+")
-
-
-def _to(now: AxisWhere, target_um: float) -> Waveform:
-    """A path to a target from wherever the axis stands then."""
-    return Goto(target_um - now.x_um, now.x_um, "um", 20.0)
+        self.dev.play(waves, duration=duration_s)
+        self.waving = dict(waves)
