@@ -137,11 +137,14 @@ enum wire_status command_arm(struct device *device, const struct request *reques
     return device_event(device, EVENT_ARM, 0);
 }
 
-static bool can_start(const struct device *device, unsigned axis)
+static enum wire_status check_start(const struct device *device, unsigned axis)
 {
     const struct axis_config *config = &device->control.config[axis];
-    return config->mode != AXIS_IDLE && is_in(device->control.path_mask, axis) &&
-           (config->path.kind != PATH_WAVE || device_wave_q30(device, axis));
+    if (config->mode == AXIS_IDLE || !is_in(device->control.path_mask, axis) ||
+        (config->path.kind == PATH_WAVE && !device_wave_q30(device, axis)))
+        return WIRE_STATUS_BAD_VALUE;
+    /* Its waveform may have come after the path was set. */
+    return path_check_learned_for(device, axis, &config->path) ? WIRE_STATUS_OK : WIRE_STATUS_LEARNED_FOR_OTHER;
 }
 
 enum wire_status command_start(struct device *device, const struct request *request, struct answer *answer)
@@ -150,9 +153,11 @@ enum wire_status command_start(struct device *device, const struct request *requ
     wire_unpack_start_request(&start, request->payload, request->size);
     if (start.axis_mask == 0 || start.axis_mask >> AXES != 0)
         return WIRE_STATUS_BAD_VALUE;
-    for (unsigned axis = 0; axis < AXES; axis++)
-        if (is_in(start.axis_mask, axis) && device->control.state == WIRE_STATE_ARMED && !can_start(device, axis))
-            return WIRE_STATUS_BAD_VALUE;
+    for (unsigned axis = 0; axis < AXES && device->control.state == WIRE_STATE_ARMED; axis++) {
+        const enum wire_status checked = is_in(start.axis_mask, axis) ? check_start(device, axis) : WIRE_STATUS_OK;
+        if (checked != WIRE_STATUS_OK)
+            return checked;
+    }
     const struct wire_start_reply reply = {.first_tick =
                                                device->control.tick + 1 + axes_enter_ticks(device, start.axis_mask)};
     wire_pack_start_reply(&reply, answer->payload, answer->size);

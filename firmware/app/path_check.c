@@ -142,10 +142,11 @@ bool path_check_learned_with(const struct device *device, uint32_t model_crc)
     return model_crc == 0 || (slot && slot->crc == model_crc);
 }
 
-/* What was learned is right for one model and one path alone. */
-static bool is_learned_for(const struct device *device, unsigned axis, const struct path_config *path)
+bool path_check_learned_for(const struct device *device, unsigned axis, const struct path_config *path)
 {
     const struct learned_for *learned = &device->wave_for[axis];
+    if (path->kind != PATH_WAVE)
+        return true;
     if (!path_check_learned_with(device, learned->model_crc))
         return false;
     return learned->path_crc == 0 || learned->path_crc == path_crc(device->control.config[axis].mode, path);
@@ -157,7 +158,7 @@ enum wire_status path_check(const struct device *device, unsigned axis, struct s
         return WIRE_STATUS_MODE_UNSUPPORTED; /* the path's unit depends on the mode */
     if (!path_is_sane(&segment->path) || (segment->path.kind == PATH_WAVE && !device_wave_q30(device, axis)))
         return WIRE_STATUS_BAD_VALUE;
-    if (segment->path.kind == PATH_WAVE && !is_learned_for(device, axis, &segment->path))
+    if (!path_check_learned_for(device, axis, &segment->path))
         return WIRE_STATUS_LEARNED_FOR_OTHER;
     segment->point = (struct feedforward_point){0, 0};
     segment->enter_turn64 = per_join_turn64(segment->enter_ticks);

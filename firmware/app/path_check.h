@@ -11,6 +11,10 @@ enum wire_status path_check(const struct device *device, unsigned axis, struct s
 /* Whether the model that the device holds is the one, of this CRC, that a waveform was learned with; 0: any is. */
 bool path_check_learned_with(const struct device *device, uint32_t model_crc);
 
+/* Whether this path may be played by what the axis has as its waveform: what was learned is right for one model and one
+ * path alone. */
+bool path_check_learned_for(const struct device *device, unsigned axis, const struct path_config *path);
+
 /* The values of a path that comes after one with these. */
 struct path_span path_check_span(const struct path_config *path, const struct path_span *here);
 

@@ -197,8 +197,6 @@ def test_a_model_is_only_changed_while_parked(bench):
         wire.ModelChunkRequest(0, b"1234"),
         wire.ModelCommitRequest(),
         wire.ModelPersistRequest(),
-        wire.WaveChunkRequest(0, 0, bytes(4)),
-        wire.WaveCommitRequest(0, 0),
     ):
         assert bench.status_of(command) == wire.Status.WRONG_STATE
 

@@ -301,6 +301,17 @@ def test_what_was_learned_with_a_model_goes_with_it(learned):
     assert refusal(learned, wire.Mode.PID, path=wire.PathKind.WAVE, **LEARNED) == wire.Status.OK
 
 
+def test_what_was_learned_is_not_begun_on_a_path_that_was_set_before_it_came(modelled):
+    assert send_wave(modelled, np.zeros(1024)) == wire.Status.OK
+    assert refusal(modelled, wire.Mode.PID, path=wire.PathKind.WAVE, **LEARNED | {"swing": 30 * UM}) == wire.Status.OK
+    model_crc = modelled.status().model_crc
+    assert send_wave(modelled, np.zeros(1024), 0, 256, model_crc, learned_for(2, LEARNED)) == wire.Status.OK
+    modelled.ok(wire.ArmRequest(0))
+    assert modelled.status_of(wire.StartRequest(1)) == wire.Status.LEARNED_FOR_OTHER
+    assert modelled.set_path(0, path=wire.PathKind.WAVE, **LEARNED) == wire.Status.OK
+    modelled.ok(wire.StartRequest(1))
+
+
 def test_what_was_learned_with_another_model_is_refused_and_leaves_no_waveform(bench):
     assert send_wave(bench, np.zeros(1024), model_crc=5) == wire.Status.LEARNED_FOR_OTHER
     assert refusal(bench, wire.Mode.OPEN, path=wire.PathKind.WAVE) == wire.Status.BAD_VALUE

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import phaselead as pl
 from phaselead.control.moving import Mover
-from phaselead.device import motion, read_capture
+from phaselead.device import left_running, motion, read_capture
 from phaselead.device.left_running import LeftRunning
 from phaselead.model.axis import TableView
 from phaselead.sim import built_in
@@ -123,6 +125,21 @@ def test_a_move_along_a_path_begins_where_the_axis_is_held(dev):
     assert run.r_um[-1] == 60
     assert np.all(np.diff(run.r_um) >= 0)
     assert dev.where().x.target_um == 60
+
+
+@pytest.mark.parametrize("wave", ["sine:20um+20um@5Hz", "triangle:20um+20um@5Hz"])
+@pytest.mark.parametrize("settled", [True, False], ids=["playing", "entering"])
+def test_a_move_ends_a_path_that_goes_on(dev, wave, settled):
+    """It was refused. The other axis goes on, and a target out of range ends nothing."""
+    dev.play(x=wave, y="sine:10um@3Hz")
+    if settled:
+        dev.device.wait(0.5)
+    with pytest.raises(pl.BadInput, match="outside"):
+        dev.x.move(900)
+    assert dev.where().x.moving
+    assert dev.x.move(70).axes["x"].to_um == 70
+    now = dev.where()
+    assert (now.x.target_um, now.x.on_target, now.y.moving) == (70, True, True)
 
 
 def test_axes_that_are_held_beside_a_path_stay(dev):
@@ -286,12 +303,35 @@ def test_what_is_refused_leaves_the_axes_held(way, asked, said):
         assert dev.move(x=41).axes["x"].to_um == 41
 
 
-def test_a_move_and_a_sine_do_not_begin_in_the_same_tick_out_of_a_hold(dev):
+@pytest.mark.parametrize("plays", [False, True], ids=["held", "playing"])
+def test_a_move_and_a_sine_do_not_begin_in_the_same_tick_out_of_a_hold(dev, plays):
     dev.move(x=20, y=20)
+    if plays:
+        dev.play(x="triangle:10um+15um@5Hz", y="sine:10um+15um@5Hz")
     before = standing(dev)
     with pytest.raises(pl.BadInput, match="cannot begin in the same tick"):
         dev.track(x="goto:30um", y="sine:20um@5Hz")
-    assert standing(dev) == before
+    now = standing(dev)
+    assert [one[2:] for one in now[1]] == [one[2:] for one in before[1]]
+    assert plays or now == before
+
+
+def test_a_path_that_cannot_be_left_running_is_refused_while_another_goes_on(dev, tmp_path):
+    """It brought the axis to a hold first."""
+    (tmp_path / "scan.csv").write_text("t_s,x_um\n" + "".join(f"{t / 100:g},{20 + t % 50 / 10}\n" for t in range(200)))
+    dev.move(x=20)
+    dev.play("triangle:10um+15um@5Hz")
+    with pytest.raises(pl.BadInput, match="to leave one running use file:"):
+        dev.play(f"path:{tmp_path}/scan.csv")
+    assert dev.where().x.moving
+
+
+def test_older_firmware_is_not_asked_for_what_it_cannot_do(dev, monkeypatch):
+    dev.move(x=20)
+    monkeypatch.setattr(dev.device, "hello", replace(dev.device.hello, wire_revision=4))
+    with pytest.raises(pl.BadInput, match="phaselead flash"):
+        dev.track("triangle:20um@5Hz")
+    assert dev.where().x.held
 
 
 @pytest.mark.parametrize("way", ["play", "track"])
@@ -330,6 +370,65 @@ def test_a_window_that_was_chosen_outlives_a_run(dev):
 
 
 # ---------------------------------------------------------------- bookkeeping
+@pytest.mark.parametrize("way", ["play", "track"])
+def test_a_join_is_as_long_as_the_way_from_where_the_last_path_is(way):
+    """Two paths ago the axis went elsewhere: the join was sized from there, at 14 times the speed."""
+    with pl.connect() as dev:
+        dev.play("sine:5um@5Hz", mode="pid")
+        dev.device.wait(0.5)
+        if way == "play":
+            dev.play("sine:150um+60um@1Hz", duration=20)
+            dev.device.wait(1.3)
+            while dev.where().x.reference_um < 150:
+                dev.device.wait(0.02)
+        else:
+            dev.track("sine:150um+60um@1Hz", duration=1.4, hold=True)
+        assert dev.where().x.reference_um > 150
+        with dev.live("x") as live:
+            dev.play("sine:5um@5Hz")
+            r_um, _ = seen(dev, live, 0.8)
+        assert steps(r_um).max() * 5000 < 1.2 * 1000
+
+
+def test_gains_that_are_asked_for_are_sent(dev):
+    """After a program before had chosen others the usual ones were taken for those of the device, and not sent."""
+    dev.move(x=20, mode="pid", gains=(0, 20, 2e-5))
+    dev._mover = Mover(dev.device)
+    dev.take_up(LeftRunning(dev.device.session.nonce, 0, "pid", "x", None))
+    sent = []
+    dev.device.set_gains = lambda axis, gains: sent.append((axis, gains))
+    dev.play("sine:20um+10um@5Hz", gains=dev._mover.gains)
+    assert [axis for axis, _ in sent] == ["x"]
+
+
+def test_gains_outlive_the_program_that_chose_them(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(left_running, "is_virtual", lambda url: False)
+    with pl.connect() as dev:
+        dev.move(x=20, y=5, mode="pid", gains=(0, 20, 2e-5))
+        chosen = dict(dev._mover.gains)
+        dev.leave_running()
+        left = left_running.recall(dev.device.session.name)
+        dev._mover = Mover(dev.device)
+        dev.take_up(left)
+        assert dev._mover.gains == chosen
+        assert dev._mover.gains_given
+        dev.take_up(replace(left, gains={"x": {"kp_V_per_um": "much"}}))
+        assert dev._mover.gains["x"] != chosen["x"]
+        dev.park()
+
+
+@pytest.mark.parametrize("way", ["play", "track"])
+def test_what_goes_on_from_a_session_that_was_left_has_its_host_timeout(dev, way):
+    """It was left without one, so that the stage went on when the program was killed."""
+    dev.move(x=20, mode="pid")
+    dev.leave_running()
+    told = []
+    dev.device.set_timeout = told.append
+    dev.track("sine:20um+10um@5Hz", duration=0.4, hold=True) if way == "track" else dev.play("sine:20um+10um@5Hz")
+    assert told == [5000]
+
+
 def test_a_waveform_that_a_program_before_left_playing_is_recorded(dev):
     """What it plays is not known to the next program: it holds first, and a capture reads the points all the same."""
     dev.play("triangle:20um@5Hz", mode="pid")

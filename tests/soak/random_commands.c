@@ -209,7 +209,9 @@ void send_wave(struct random_host *host)
         wire_pack_wave_chunk_request(&chunk, payload, sizeof payload);
         random_host_send(host, WIRE_WAVE_CHUNK, SESSION, payload, sizeof payload);
     }
-    struct wire_wave_commit_request commit = {axis, crc32(0, (const uint8_t *)points, sizeof points)};
+    /* One in eight was learned, for some other path. */
+    struct wire_wave_commit_request commit = {axis, crc32(0, (const uint8_t *)points, sizeof points), 0,
+                                              below(host, 8) == 0};
     wire_pack_wave_commit_request(&commit, payload, sizeof payload);
     random_host_send(host, WIRE_WAVE_COMMIT, SESSION, payload, WIRE_WAVE_COMMIT_REQUEST_SIZE);
 }

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from phaselead.control.gains import GainsLike
 from phaselead.control.joins import Span
 from phaselead.control.moving import Mover
+from phaselead.control.path_begin import refuse_moves_beside_others
 from phaselead.device import NoEdge, Refused
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, PhaseleadError
 from phaselead.model import Gains, Stage
 from phaselead.waveforms import Waveform
+
+WAVES_MEANWHILE_SINCE = 5
+"""Revision of the wire from which a waveform may be sent while its axis is held."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,8 @@ class GoingOn:
     mover: Mover
     gains: Mapping[str, Gains]
     """That they will have meanwhile, by axis, also those that are beside the paths."""
+    asked: bool
+    """Whether gains were asked for; else they are those that the axes have."""
     said: list[str]
     """What the model warns of in gains that are new."""
 
@@ -34,21 +40,22 @@ class GoingOn:
     def way_for(self, waveforms: Mapping[str, Waveform]) -> Iterator[Mapping[str, Span]]:
         """While these paths are begun and run: where each axis may be when its path is queued, um. Takes the new gains
         and lifts the limits of moves, which a path from rest is not held against either. Where the paths are refused,
-        or the edge that they wait for does not come, the axes hold, with the gains that they had."""
+        or the edge that they wait for does not come, the axes have their gains again; those that made way hold."""
         mover, before, given = self.mover, dict(self.mover.gains), self.mover.gains_given
-        changes = self.gains != before
         try:
             spans_um = self._make_way(waveforms)
-            if changes:
+            for axis in waveforms:
+                mover.playing.pop(axis, None)
+            if self.asked:
                 mover.take_gains(self.gains)
             with mover.without_limits():
                 yield spans_um
-        except NoEdge:
-            mover.hold("".join(waveforms))
-            raise
-        except (BadInput, Refused):
-            if changes and mover.where().state == "running":
-                mover.take_gains(before, given=given)
+        except (BadInput, NoEdge, Refused) as reason:
+            with suppress(PhaseleadError):  # that is told, not what comes of it here
+                if isinstance(reason, NoEdge):
+                    mover.hold("".join(waveforms))
+                if self.asked and mover.where().state == "running":
+                    mover.take_gains(before, given=given)
             raise
 
     def _make_way(self, waveforms: Mapping[str, Waveform]) -> dict[str, Span]:
@@ -77,13 +84,27 @@ def go_on(
     """The axes that ``mover`` holds now, which are to go on along these paths; None where it holds none. ``gains`` as
     for ``Mover.change_gains``; None: those that they have.
 
-    Raises BadInput for another mode, axis or model than they are held by, and for gains as that does.
+    Raises BadInput for another mode, axis or model than they are held by, for paths that cannot begin together, and for
+    gains as that does.
     """
     if not mover.holds():
         return None
     mover.refuse_other("".join(waveforms), mode, stage)
+    refuse_moves_beside_others(waveforms)
+    _refuse_by_older_firmware(mover, waveforms)
     own, said = (mover.gains, []) if gains is None else mover.other_gains(gains, force=force)
-    return GoingOn(mover, dict(own), said)
+    return GoingOn(mover, dict(own), gains is not None, said)
+
+
+def _refuse_by_older_firmware(mover: Mover, waveforms: Mapping[str, Waveform]) -> None:
+    """Raises BadInput for a waveform that the device takes only while it is parked."""
+    if mover.device.hello.wire_revision < WAVES_MEANWHILE_SINCE and any(
+        w.played_as == "wave" for w in waveforms.values()
+    ):
+        raise BadInput(
+            "the device's firmware takes the points of a path only while it is parked; `phaselead park` first, or "
+            "`phaselead flash` it with this version"
+        )
 
 
 def _must_stop(old: Waveform, new: Waveform) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from phaselead.control.gains import GainsLike
 from phaselead.control.held import held_stage
-from phaselead.control.keep_alive import KeepAlive
+from phaselead.control.keep_alive import HOST_TIMEOUT_S, KeepAlive
 from phaselead.control.motion_limits import motion_limits, reach_um
 from phaselead.control.move_rehearsal import rehearse_move
 from phaselead.control.moved import Moved, Planned
@@ -17,6 +17,7 @@ from phaselead.control.moving import Mover, checked_window
 from phaselead.control.targets import Target, parse_target
 from phaselead.control.triggers import parse_outputs
 from phaselead.device import (
+    TICK_HZ,
     AxisWhere,
     Device,
     LeftRunning,
@@ -28,7 +29,7 @@ from phaselead.device import (
     set_outputs,
 )
 from phaselead.errors import BadInput, DeviceRefused
-from phaselead.model import AxisModel, Stage, StageLike, as_stage
+from phaselead.model import AxisModel, Gains, Stage, StageLike, as_stage
 from phaselead.quantity import IN_SECONDS, UM, UM_PER_S, Quantity, quantity
 
 TargetLike = float | str
@@ -97,10 +98,11 @@ class HoldsAndMoves:
         noise and half a code); it counts until another is given. ``wait=False`` returns at once; a further move is
         queued behind.
         Between two calls the device is kept alive; it parks when the session ends, or a second after the program was
-        killed. ``trigger_out`` ("start", "target", "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves
-        too, until another is given, or "none". ``trigger_in``: it begins at a rising edge of the trigger input, which
-        is waited for so many seconds. ``begin_tick``: it begins in that tick of the device, which ``where().tick``
-        counts, 5000 a second; a move that is under way then is left by a join of 20 ms.
+        killed. An axis that follows a path of ``play`` is first brought to a hold. ``trigger_out`` ("start",
+        "target", "pixel=0.5um", "pixel=2ms"; as for ``track``) counts for later moves too, until another is
+        given, or "none". ``trigger_in``: it begins at a rising edge of the trigger input, which is waited for
+        so many seconds. ``begin_tick``: it begins in that tick of the device, which ``where().tick`` counts,
+        5000 a second; a move that is under way then is left by a join of 20 ms.
 
         The move runs on a model that is given first, unless ``rehearse`` is False or another move is under way;
         ``on_planned`` is given the plan and the seconds until each axis will have settled, before it starts.
@@ -128,6 +130,8 @@ class HoldsAndMoves:
         self._engage()
         if pulses is not None:
             set_outputs(self.device, pulses)
+        if begin_tick == 0:
+            mover.end_paths(targets)
         planned = _plan(mover, targets, duration, speed)
         return mover.move(planned, predicted, wait=wait, edge_within_s=edge_within_s, begin_tick=begin_tick)
 
@@ -222,7 +226,8 @@ class HoldsAndMoves:
         before = recall(session.name)
         kept = before.model if before is not None and before.nonce == session.nonce else None
         path = kept if model_path is None else os.path.abspath(model_path)
-        self._left = LeftRunning(session.nonce, session.last_id, mover.mode, mover.axes, path)
+        gains = {axis: own.model_dump(mode="json") for axis, own in mover.gains.items()}
+        self._left = LeftRunning(session.nonce, session.last_id, mover.mode, mover.axes, path, gains)
         self._note_left()
 
     def _note_left(self) -> None:
@@ -237,8 +242,15 @@ class HoldsAndMoves:
             return
         self._left = left
         self.model = None if left.model is None else as_stage(left.model)
-        self._mover.take_up(left.axes, left.mode, self.model)
+        self._mover.take_up(left.axes, left.mode, self.model, _gains_of(left))
         self.device.take_over(left.axes, left.mode)
+
+    def watch_over(self) -> None:
+        """What drives the axes from now on needs this program: when that is killed, the device parks by itself, also of
+        a session that was left running without a host."""
+        self._alive.begin()
+        if self.resumed:
+            self.device.set_timeout(round(HOST_TIMEOUT_S * TICK_HZ))
 
     def let_go(self) -> None:
         """The device is parked: nothing is held any more, nor left to a later program."""
@@ -279,6 +291,14 @@ class HoldsAndMoves:
     def _engage(self) -> None:
         self._mover.engage()
         self._alive.begin()
+
+
+def _gains_of(left: LeftRunning) -> dict[str, Gains] | None:
+    """Those that the axes of a session have; None where it does not say."""
+    try:
+        return {axis: Gains.model_validate((left.gains or {})[axis]) for axis in left.axes}
+    except (KeyError, ValueError):
+        return None
 
 
 def _targets(*values: TargetLike | None) -> dict[str, Target]:

@@ -8,8 +8,9 @@ import threading
 from phaselead.device import Session, wire
 from phaselead.errors import PhaseleadError
 
-PERIOD_S = 0.25
-"""A quarter of the device's host timeout."""
+HOST_TIMEOUT_S = 1.0
+"""The device's, until it is told another (docs/firmware.md)."""
+PERIOD_S = HOST_TIMEOUT_S / 4
 
 
 class KeepAlive:

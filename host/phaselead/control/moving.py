@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -213,10 +213,13 @@ class Mover:
                 "or --park with the move before) before you choose this one"
             )
 
-    def take_up(self, axes: str, mode: str, stage: Stage | None) -> None:
-        """Goes on with axes that are held already; their gains are taken for the usual ones."""
+    def take_up(self, axes: str, mode: str, stage: Stage | None, gains: Mapping[str, Gains] | None) -> None:
+        """Goes on with axes that are held already, with these gains; None: nobody knows them, they are taken for the
+        usual ones."""
         self.stage, self.known, self.mode = stage, stage or held_stage(self.device, axes), mode
-        self.gains = {axis: gains_in_mode(mode, None, self.known, axis) for axis in axes}
+        usual = {axis: gains_in_mode(mode, None, self.known, axis) for axis in axes}
+        self.gains = usual if gains is None else {axis: gains[axis] for axis in axes}
+        self.gains_given = self.gains != usual
 
     # ---------------------------------------------------------------- moving
 
@@ -336,6 +339,14 @@ class Mover:
         while any((found := self.where()).axes[axis].moving for axis in axes):  # a join before had to end first
             self._next()
         return found
+
+    def end_paths(self, axes: Iterable[str]) -> None:
+        """Brings axes to a hold that follow paths without an end, since a move begins where an axis rests."""
+        now = self.where()
+        if following := [axis for axis in axes if axis in self.playing and now.axes[axis].moving]:
+            if now.tick < self.entered_tick:  # joins are not left
+                self.wait_until(self.entered_tick)
+            self.hold("".join(following))
 
     def _queue_hold(self, axes: str, seconds: float) -> None:
         motion.queue(self.device, {axis: motion.hold_segment(seconds) for axis in axes}, at_once=True)

@@ -53,11 +53,8 @@ def give(
     Raises BadInput for moves beside periodic paths that are queued, Refused where the device does not take a path.
     """
     queued = held or edge_within_s is not None
-    if queued and len({waveform.played_as == "move" for waveform in paths.waveforms.values()}) > 1:
-        raise BadInput(
-            "a move begins at once, another path after its join: out of a hold they cannot begin in the same tick; "
-            "give one after the other"
-        )
+    if queued:
+        refuse_moves_beside_others(paths.waveforms)
     for axis, waveform in paths.waveforms.items():
         if not held:
             own = paths.gains.get(axis)
@@ -68,6 +65,15 @@ def give(
             leaves = waveform.periodic or waveform.played_as == "points"
             motion.join_from_start(device, axis, paths.enter_s[axis], paths.leave_s[axis] if leaves else 0.0)
     return _queued(device, paths, held=held, within_s=edge_within_s) if queued else None
+
+
+def refuse_moves_beside_others(waveforms: Mapping[str, Waveform]) -> None:
+    """Raises BadInput for moves beside other paths that are all to be queued."""
+    if len({waveform.played_as == "move" for waveform in waveforms.values()}) > 1:
+        raise BadInput(
+            "a move begins at once, another path after its join: out of a hold they cannot begin in the same tick; "
+            "give one after the other"
+        )
 
 
 def _queued(device: Device, paths: PathsToBegin, *, held: bool, within_s: float | None) -> QueuedPaths:

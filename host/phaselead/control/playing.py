@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from contextlib import nullcontext
 
+from phaselead.control.feeding import refuse_endless
 from phaselead.control.gains import GainsLike, gains_of
 from phaselead.control.going_on import go_on
 from phaselead.control.held import held_stage, held_warning, unknown_warning
@@ -67,7 +68,7 @@ class Plays(HoldsAndMoves):
         said = play_on(
             self._mover, waveforms, mode, stage=stage, gains=gains, duration_s=seconds, follows=follows, force=force
         )
-        self._alive.begin()
+        self.watch_over()
         self.model = stage or self.model
         for line in said:
             warnings.warn(line, stacklevel=2)
@@ -124,10 +125,12 @@ def play_on(
         warnings = unknown_warning(device, known, mode, gains_given=gains is not None)
         warnings += [*held_warning(held, mode, chosen), *loop_warnings(stage, mode, chosen, force=force)]
     check_paths(waveforms, mode, known)
+    endless = duration_s is None
+    if endless:
+        refuse_endless(waveforms)
     paths = followed(waveforms, stage, follows, mode)
     if not force:
         rehearse(paths, mode, stage, chosen, duration_s)
-    endless = duration_s is None
     with nullcontext() if going_on is None else going_on.way_for(paths) as spans_um:
         ready = set_up(
             device,

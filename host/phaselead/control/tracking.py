@@ -149,8 +149,8 @@ class MakesWay(Protocol):
         """Letters of all of them."""
 
     def way_for(self, waveforms: Mapping[str, Waveform]) -> AbstractContextManager[Mapping[str, Span]]:
-        """While the paths are begun and run: where each axis may be when its path is queued. Where they are refused the
-        axes hold as they did."""
+        """While the paths are begun and run: where each axis may be when its path is queued. Where they are refused,
+        axes that made way hold and the others go on as they did."""
 
 
 def track(
@@ -181,7 +181,7 @@ def track(
         try:
             ready = set_up(device, waveforms, mode, spans_um=spans_um, **asked)
         except Refused as refusal:
-            if refusal.status != wire.Status.WRONG_STATE:
+            if refusal.status != wire.Status.WRONG_STATE or going_on is not None:
                 raise
             raise DeviceRefused(
                 "the axes are held or driven, and this begins at rest; `phaselead park` (in Python dev.park()) ends "

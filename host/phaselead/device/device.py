@@ -335,8 +335,8 @@ class Device:
         self, axis: str, points: NDArray[np.float64], *, swing: float, offset: float, f_Hz: float
     ) -> None:
         """The same of points that were learned for this path, um, in the mode that is set, with the model that the
-        device holds: it refuses them for every other path, mode or model, whoever asks. One whose firmware is of before
-        revision 5 of the wire leaves that to its host."""
+        device holds: it refuses them for every other path, mode or model, whoever asks; one that holds no model for
+        every other path or mode. One whose firmware is of before revision 5 of the wire leaves that to its host."""
         if self.hello.wire_revision < LEARNED_SINCE:
             return self.upload_wave(axis, points)
         index, now = axis_index(axis), self.session.request(wire.StatusRequest())

@@ -10,6 +10,7 @@ import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from phaselead.record import write_text
 from phaselead.serial_ports import is_virtual
@@ -29,6 +30,8 @@ class LeftRunning:
     axes: str
     model: str | None
     """Path of the stage file it was begun with."""
+    gains: dict[str, dict[str, Any]] | None = None
+    """By axis, as stage files have them; None: written by a version that did not say."""
 
 
 def _file() -> Path:
