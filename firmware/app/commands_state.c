@@ -3,6 +3,7 @@
 
 #include "app/axes.h"
 #include "app/command.h"
+#include "app/path_check.h"
 #include "app/reaction.h"
 #include "core/fixed.h"
 

@@ -71,9 +71,9 @@ def test_a_path_that_is_refused_on_its_model_is_one_line(run, tmp_path):
     """What the device leaves of it was warned of first."""
     pl.load("sim://xyz250").save(tmp_path / "s.toml")
     how = ("--model", tmp_path / "s.toml", "--mode", "inverse+pid", "--duration", "0.5")
-    refused = run("track", "chirp:60um@1..100Hz", *how)
+    refused = run("track", "chirp:60um@1..150Hz", *how)
     assert refused.status == 2
-    assert refused.err.startswith("phaselead: x: on the model this")
+    assert refused.err.startswith("phaselead: x: it goes at")
     assert refused.err.count("\n") == 1
     driven = run("track", "chirp:5um@1..50Hz", *how)
     assert driven.status == 0
