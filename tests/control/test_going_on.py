@@ -7,7 +7,7 @@ import pytest
 
 import phaselead as pl
 from phaselead.control.moving import Mover
-from phaselead.device import motion, read_capture
+from phaselead.device import NoEdge, PointFeeder, QueuedPaths, Refused, motion, read_capture, wire
 from phaselead.device.left_running import LeftRunning
 from phaselead.model.axis import TableView
 from phaselead.sim import built_in
@@ -256,7 +256,42 @@ def test_without_an_edge_the_axes_hold_where_they_were(dev):
     assert dev.move(x=30).axes["x"].to_um == 30
 
 
+def test_no_later_edge_begins_what_was_given_up():
+    """It stayed queued, and began while somebody thought the axis held."""
+    with pl.connect("sim://xyz250?trigger=2s") as dev:
+        dev.move(x=20, mode="pid")
+        path = dev.device.path_segment("x", "sine", swing=5, offset=20, f_Hz=2, enter_ticks=250, leave_ticks=250)
+        queued = QueuedPaths(motion.queue_request({"x": path}, at_trigger=True), 250, None, 0.3)
+        with dev._mover.without_limits(), pytest.raises(NoEdge):
+            dev.device.capture(1000, queued=queued)
+        dev.device.wait(3)
+        now = dev.where()
+        assert now.tick > 2 * 5000
+        assert (now.state, now.x.reference_um, now.x.moving, now.x.queued) == ("running", 20, False, 0)
+
+
 # ---------------------------------------------------------------- refused: held where they were
+def test_what_is_refused_after_a_path_has_begun_parks(dev, tmp_path, monkeypatch):
+    """Nothing had moved, it was thought: x went on along what it had of a path that nobody sent any more."""
+    file = tmp_path / "scan.csv"
+    t_s = np.linspace(0, 3.0, 1501)
+    np.savetxt(file, np.column_stack([t_s, 20 + 10 * np.sin(6 * t_s)]), delimiter=",", header="t_s,x_um", comments="")
+    feed, calls = PointFeeder.feed, []
+
+    def refused(self):
+        calls.append(dev.where().x.moving)
+        if len(calls) > 20:
+            raise Refused("points", wire.Status.BAD_VALUE)
+        feed(self)
+
+    monkeypatch.setattr(PointFeeder, "feed", refused)
+    dev.move(x=30, mode="inverse+pid")
+    with pytest.raises(Refused):
+        dev.track(f"path:{file}", hold=True, force=True)
+    assert calls[-1]
+    assert dev.where().state == "parked"
+
+
 @pytest.mark.parametrize("way", ["play", "track"])
 @pytest.mark.parametrize(
     ("asked", "said"),
