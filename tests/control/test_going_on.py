@@ -231,6 +231,20 @@ def test_a_path_in_points_goes_on_from_a_hold(dev, tmp_path):
     assert dev.where().x.held
 
 
+@pytest.mark.parametrize("asked", [{}, {"trigger_in": 5}])
+def test_a_path_in_points_waits_for_an_axis_that_comes_from_afar(tmp_path, asked):
+    """The device was given points of the time that x alone needs for its join, and refused its path with a riddle."""
+    file = tmp_path / "scan.csv"
+    t_s = np.linspace(0, 1.0, 51)
+    np.savetxt(file, np.column_stack([t_s, 20 + 5 * np.sin(3 * t_s)]), delimiter=",", header="t_s,x_um", comments="")
+    with pl.connect("sim://xyz250?trigger=2s") as dev:
+        dev.move(x=20, y=0, mode="pid")
+        run = dev.track(x=f"path:{file}", y="sine:20um+120um@5Hz", duration=0.9, **asked)
+        assert run.recording.axes["x"].r_um[0] == pytest.approx(20, abs=0.01)
+        assert run.recording.axes["y"].r_um[0] == pytest.approx(120, abs=0.01)
+        assert replay(run.capture) is None
+
+
 def test_trigger_outputs_count_on_the_new_path(dev):
     dev.move(x=20, mode="pid")
     run = dev.track("triangle:20um+10um@5Hz", duration=1, hold=True, trigger_out="line,target")
