@@ -163,7 +163,8 @@ bool device_admits(const struct device *device);
 /* The axes begin anew with them; nothing moves by itself. In a fault they go on doing what its reaction was. */
 void device_begin_idle(struct device *device);
 
-/* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are. */
+/* Sets the memory of the active model to that of a stage at rest at 0 V whose voltages then went to where they are:
+ * after a start. */
 void device_rest(struct device *device);
 
 /* To be called after anything but a tick has changed the configuration or the state of an axis. */

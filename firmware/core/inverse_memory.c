@@ -50,6 +50,37 @@ void inverse_rest(const struct inverse_config *config, struct inverse_state *sta
     inverse_follow(config, state, v_q24);
 }
 
+/* Each time as far as a tick would. */
+static void go_to(const struct inverse_config *config, struct inverse_state *state, int64_t v_q24)
+{
+    const int32_t end_q24 = v_q24 > config->u_max_q24   ? config->u_max_q24
+                            : v_q24 < config->u_min_q24 ? config->u_min_q24
+                                                        : (int32_t)v_q24;
+    for (unsigned n = 0; n <= INVERSE_PLAYS + INVERSE_KNOTS && state->v_q24 != end_q24; n++)
+        inverse_follow(config, state, end_q24);
+}
+
+/* To a turn, so that plays up to this one have gone along: from where the largest of them just does. What made it go
+ * was no nearer, and moved no larger play either. */
+static void go_along(const struct inverse_config *config, struct inverse_state *state, int64_t r_q24, bool rises,
+                     int32_t turn_q24)
+{
+    go_to(config, state, rises ? turn_q24 - 2 * r_q24 : turn_q24 + 2 * r_q24);
+    go_to(config, state, turn_q24);
+}
+
+void inverse_recall(const struct inverse_config *config, struct inverse_state *state,
+                    const struct inverse_config *before, const struct inverse_state *old, int32_t v_q24)
+{
+    inverse_rest(config, state, 0);
+    for (unsigned i = INVERSE_PLAYS; i-- > 0;)
+        if ((old->turns >> i & 1u) != 0)
+            go_along(config, state, before->play[i].r_q24, (old->risen >> i & 1u) != 0, old->turn_q24[i]);
+    if (old->moving > 0)
+        go_along(config, state, before->play[old->moving - 1].r_q24, old->rises != 0, old->v_q24);
+    go_to(config, state, v_q24);
+}
+
 /* Every play within its threshold of the voltage, and a larger one no nearer to moving than a smaller one. */
 static bool plays_fit(const struct inverse_config *config, const struct inverse_state *state)
 {

@@ -9,6 +9,11 @@
 /* The memory of a stage at rest at 0 V that begins to follow v. Short enough for a moment without ticks. */
 void inverse_rest(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
 
+/* The memory of this operator after what another one, `before`, remembers by `old`, and then v: the same where both
+ * have the same thresholds. Long: not for a moment without ticks. */
+void inverse_recall(const struct inverse_config *config, struct inverse_state *state,
+                    const struct inverse_config *before, const struct inverse_state *old, int32_t v_q24);
+
 /* A state that came from elsewhere may hold anything: one that is no memory of this operator becomes that of a stage at
  * rest. */
 void inverse_admit(const struct inverse_config *config, struct inverse_state *state);

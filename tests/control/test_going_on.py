@@ -9,7 +9,7 @@ import pytest
 
 import phaselead as pl
 from phaselead.control.moving import Mover
-from phaselead.device import left_running, motion, read_capture
+from phaselead.device import NoEdge, PointFeeder, QueuedPaths, Refused, left_running, motion, read_capture, wire
 from phaselead.device.left_running import LeftRunning
 from phaselead.model.axis import TableView
 from phaselead.sim import built_in
@@ -248,6 +248,20 @@ def test_a_path_in_points_goes_on_from_a_hold(dev, tmp_path):
     assert dev.where().x.held
 
 
+@pytest.mark.parametrize("asked", [{}, {"trigger_in": 5}])
+def test_a_path_in_points_waits_for_an_axis_that_comes_from_afar(tmp_path, asked):
+    """The device was given points of the time that x alone needs for its join, and refused its path with a riddle."""
+    file = tmp_path / "scan.csv"
+    t_s = np.linspace(0, 1.0, 51)
+    np.savetxt(file, np.column_stack([t_s, 20 + 5 * np.sin(3 * t_s)]), delimiter=",", header="t_s,x_um", comments="")
+    with pl.connect("sim://xyz250?trigger=2s") as dev:
+        dev.move(x=20, y=0, mode="pid")
+        run = dev.track(x=f"path:{file}", y="sine:20um+120um@5Hz", duration=0.9, **asked)
+        assert run.recording.axes["x"].r_um[0] == pytest.approx(20, abs=0.01)
+        assert run.recording.axes["y"].r_um[0] == pytest.approx(120, abs=0.01)
+        assert replay(run.capture) is None
+
+
 def test_trigger_outputs_count_on_the_new_path(dev):
     dev.move(x=20, mode="pid")
     run = dev.track("triangle:20um+10um@5Hz", duration=1, hold=True, trigger_out="line,target")
@@ -273,7 +287,42 @@ def test_without_an_edge_the_axes_hold_where_they_were(dev):
     assert dev.move(x=30).axes["x"].to_um == 30
 
 
+def test_no_later_edge_begins_what_was_given_up():
+    """It stayed queued, and began while somebody thought the axis held."""
+    with pl.connect("sim://xyz250?trigger=2s") as dev:
+        dev.move(x=20, mode="pid")
+        path = dev.device.path_segment("x", "sine", swing=5, offset=20, f_Hz=2, enter_ticks=250, leave_ticks=250)
+        queued = QueuedPaths(motion.queue_request({"x": path}, at_trigger=True), 250, None, 0.3)
+        with dev._mover.without_limits(), pytest.raises(NoEdge):
+            dev.device.capture(1000, queued=queued)
+        dev.device.wait(3)
+        now = dev.where()
+        assert now.tick > 2 * 5000
+        assert (now.state, now.x.reference_um, now.x.moving, now.x.queued) == ("running", 20, False, 0)
+
+
 # ---------------------------------------------------------------- refused: held where they were
+def test_what_is_refused_after_a_path_has_begun_parks(dev, tmp_path, monkeypatch):
+    """Nothing had moved, it was thought: x went on along what it had of a path that nobody sent any more."""
+    file = tmp_path / "scan.csv"
+    t_s = np.linspace(0, 3.0, 1501)
+    np.savetxt(file, np.column_stack([t_s, 20 + 10 * np.sin(6 * t_s)]), delimiter=",", header="t_s,x_um", comments="")
+    feed, calls = PointFeeder.feed, []
+
+    def refused(self):
+        calls.append(dev.where().x.moving)
+        if len(calls) > 20:
+            raise Refused("points", wire.Status.BAD_VALUE)
+        feed(self)
+
+    monkeypatch.setattr(PointFeeder, "feed", refused)
+    dev.move(x=30, mode="inverse+pid")
+    with pytest.raises(Refused):
+        dev.track(f"path:{file}", hold=True, force=True)
+    assert calls[-1]
+    assert dev.where().state == "parked"
+
+
 @pytest.mark.parametrize("way", ["play", "track"])
 @pytest.mark.parametrize(
     ("asked", "said"),
@@ -450,3 +499,17 @@ def test_a_join_is_all_it_takes_where_it_can_be(monkeypatch):
         for wave in ("sine:20um+10um@5Hz", "sine:20um+20um@5Hz", "triangle:20um@5Hz", "sine:20um@3Hz"):
             dev.play(wave)
         assert dev.where().x.moving
+
+
+# ---------------------------------------------------------------- what the stage has been through
+@pytest.mark.parametrize("again", ["the same", "another", "none"])
+def test_an_upload_keeps_what_the_stage_has_been_through(again):
+    """The inverse began as after a start: of 30 um it was 3.5 um off, where 0.04 um were predicted."""
+    with pl.connect() as dev:
+        dev.upload(STAGE)
+        dev.x.move(100)
+        dev.park()
+        if again != "none":
+            axes = STAGE.axes if again == "the same" else {axis: STAGE.axes[axis] for axis in "xy"}
+            dev.upload(STAGE.model_copy(update={"name": again, "axes": axes}))
+        assert dev.track("sine:30um@20Hz", mode="inverse", duration=0.5).figures["max_um"] < 0.4

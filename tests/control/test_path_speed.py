@@ -13,6 +13,7 @@ from phaselead.control.motion_limits import PATH_ROOM, motion_limits
 from phaselead.control.path_speed import (
     beyond_slew,
     beyond_speed,
+    hardest,
     refuse_path_too_fast,
     refuse_voltage_too_fast,
     times_slower,
@@ -23,9 +24,8 @@ from phaselead.control.true_position import followed
 from phaselead.control.voltage_rate import voltage_rate
 from phaselead.errors import BadInput
 from phaselead.model import Gains
-from phaselead.model.stage_file import Stage
 from phaselead.sim import built_in, virtual_stage
-from phaselead.waveforms import Rounded, parse_wave
+from phaselead.waveforms import Rounded, Streamed, parse_wave
 
 SLEW_V_per_s = AXIS.limits.slew_V_per_s
 FASTEST_um_per_s = motion_limits(AXIS).velocity_um_per_s
@@ -55,7 +55,8 @@ def any_path(draw):
 
 
 def as_fast_as_is_accepted(wave, mode):
-    return wave if accepted(wave, mode) else wave.scaled(time=times_slower(wave, lambda tried: accepted(tried, mode)))
+    times = times_slower(wave, lambda tried, _spans_s: None if accepted(tried, mode) else 0.0)
+    return wave.scaled(time=times)
 
 
 @settings(max_examples=40)
@@ -90,7 +91,7 @@ def test_the_voltage_of_what_is_accepted_stays_within_the_slew_limit(rows, tmp_p
     wave = as_fast_as_is_accepted(streamed(tmp_path_factory.mktemp("voltage"), *rows), "inverse")
     played = followed({"x": wave}, STAGE, "true", "inverse")["x"]
     rate = voltage_rate(AXIS, played)
-    assert max(rate.within(block, 0.0)[0] for block in range(rate.blocks)) <= SLEW_V_per_s * (1 + 1e-9)
+    assert max(rate.within(block, 0.0)[0] for block in rate.blocks) <= SLEW_V_per_s * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("ramp_s", "is_rounded"), [(0.1, False), (0.02, False), (0.002, True), (0.001, True)])
@@ -109,7 +110,7 @@ def test_the_same_corners_are_rounded_alike_whatever_the_path_is_called(tmp_path
     turns = np.arange(81) / 2
     once = streamed(tmp_path, turns / 50, 20 + 30 * (np.arange(81) % 2))
     again = streamed(tmp_path, turns[:-1] / 50, 20 + 30 * (np.arange(80) % 2), "again.csv", at="@1.25Hz")
-    of_each = [rounding_s(STAGE, "x", one, "inverse") for one in (parse_wave("triangle:30um@50Hz"), once, again)]
+    of_each = [rounding_s(AXIS, one, "inverse") for one in (parse_wave("triangle:30um@50Hz"), once, again)]
     assert of_each == pytest.approx([of_each[0]] * 3, rel=0.03)
 
 
@@ -202,13 +203,59 @@ def test_slower_is_the_same_path_in_more_time(text):
 
 def test_how_much_slower_is_found_to_a_hundredth():
     wave = parse_wave("sine:60um@100Hz")
-    times = times_slower(wave, lambda tried: tried.f_Hz <= 37.0)
+    times = times_slower(wave, lambda tried, _spans_s: 0.0 if tried.f_Hz > 37.0 else None)
     assert 100 / 37 <= times <= 1.02 * 100 / 37
-    assert times_slower(wave, lambda tried: False) is None
+    assert times_slower(wave, lambda _tried, _spans_s: 0.0) is None
 
 
 def test_without_a_mode_nothing_is_known_of_corners(tmp_path):
     stiff = AXIS.model_copy(update={"effects": ()})
     wave = corner(tmp_path, 0.001)
-    assert rounding_s(Stage(name="stiff", axes={"x": stiff}), "x", wave, "inverse") == 0
+    assert rounding_s(stiff, wave, "inverse") == 0
     refuse_voltage_too_fast("x", wave, stiff, "inverse")
+
+
+@pytest.fixture
+def worked_out(monkeypatch):
+    """How many values of paths were worked out, a call each."""
+    counts, shares = [], Streamed._shares
+
+    def counted(self, t_s):
+        counts.append(len(t_s))
+        return shares(self, t_s)
+
+    monkeypatch.setattr(Streamed, "_shares", counted)
+    return counts
+
+
+def strokes(folder, seconds, ramp_s):
+    """There and back, a corner every half second."""
+    begins_s = np.arange(0.25, seconds, 0.5)
+    t_s = np.ravel(np.column_stack([begins_s, begins_s + ramp_s]))
+    x_um = np.ravel([[50 + 20 * (at % 2), 50 + 20 * ((at + 1) % 2)] for at in range(len(begins_s))])
+    return streamed(folder, [0, *t_s, seconds], [50, *x_um, x_um[-1]])
+
+
+def test_what_a_path_asks_of_the_output_is_worked_out_once(tmp_path, worked_out):
+    """In warnings, in what is played and in the rehearsal it was worked out anew, seconds each of a long one."""
+    wave = strokes(tmp_path, 10, 0.002)
+    first = followed({"x": wave}, STAGE, "measured", "inverse")["x"].rounding_s
+    at_first = sum(worked_out)
+    worked_out.clear()
+    assert followed({"x": wave}, STAGE, "true", "inverse")["x"].rounding_s == first > 0
+    assert worked_out == []
+    assert hardest(wave, STAGE.axes["x"], "inverse")[0] <= 1
+    assert sum(worked_out) < at_first / 10  # parts without corners, which had not been rounded yet
+
+
+def test_a_slower_one_is_looked_for_where_the_path_is_hard(tmp_path, worked_out):
+    """Every try was of the whole, and they are ever longer: a scan of hours seemed to hang."""
+    wave = strokes(tmp_path, 20, 0.00005)
+    with pytest.raises(BadInput, match="times as long as a whole") as refusal:
+        refuse_path_too_fast("x", wave, AXIS, "inverse")
+    asked = sum(worked_out)
+    times = float(re.search(r"or ([\d.]+) times as long as a whole", str(refusal.value))[1])
+    worked_out.clear()
+    assert accepted(wave.scaled(time=times))
+    assert asked < 1.8 * sum(worked_out)
+    assert not accepted(wave.scaled(time=times / 1.5))

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from one_mode_model import AXIS, STAGE
 
 from phaselead.control.motion_limits import PATH_ROOM
-from phaselead.control.rounding import rounding_s
 from phaselead.control.tracking import path_warnings, track
 from phaselead.control.true_position import followed
 from phaselead.device.device import Device
@@ -28,7 +27,8 @@ TRIANGLE = "triangle:30um@50Hz"
 
 
 def rounded_of(wave, stage=STAGE, mode="inverse"):
-    return rounding_s(stage, "x", parse_wave(wave), mode)
+    played = followed({"x": parse_wave(wave)}, stage, "measured", mode)["x"]
+    return getattr(played, "rounding_s", 0.0)
 
 
 @pytest.mark.parametrize(

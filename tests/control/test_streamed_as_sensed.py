@@ -74,7 +74,7 @@ def test_the_device_plays_that_and_the_true_position_is_judged_by_the_file(tmp_p
 def test_corners_are_rounded_and_that_is_said(tmp_path):
     turns = np.arange(4000) / 4000
     wave = written(tmp_path, 30 * np.abs(2 * (turns * 50 % 1) - 1), at="@1Hz")  # 50 Hz of 30 um
-    over_s = rounding_s(STAGE, "x", wave, "inverse")
+    over_s = rounding_s(STAGE.axes["x"], wave, "inverse")
     asked = followed({"x": wave}, STAGE, "measured", "inverse")["x"]
     assert asked.rounding_s == over_s > 0
     points = asked.swing * asked.points_of(0, 5000, 0)

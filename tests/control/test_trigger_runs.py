@@ -7,7 +7,7 @@ import pytest
 
 import phaselead as pl
 from phaselead.control import parse_outputs
-from phaselead.device import read_capture
+from phaselead.device import Session, read_capture
 from phaselead.errors import BadInput
 from phaselead.record import export
 from phaselead.sim.replaying import replay
@@ -186,6 +186,29 @@ def test_without_an_edge_it_parks_says_so_and_leaves_nothing(tmp_path):
             dev.track("sine:10um@5Hz", mode="pid", trigger_in=0.5, output=tmp_path / "run.h5")
         assert dev.status().state == "parked"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("edge", "is_kept"), [("4s", False), ("1s", True)])
+@pytest.mark.parametrize("held", [False, True])
+def test_who_interrupts_a_run_keeps_what_came_since_the_edge(tmp_path, monkeypatch, edge, is_kept, held):
+    """What waited was kept as a run that has begun."""
+    pump = Session.pump
+    with pl.connect(f"sim://xyz250?trigger={edge}") as dev:
+        if held:
+            dev.move(x=20, mode="pid")
+
+        def interrupted(self, size):
+            pump(self, size)
+            if self._tick > 2 * 5000:
+                monkeypatch.setattr(Session, "pump", pump)
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(Session, "pump", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            dev.track(
+                "sine:10um+20um@5Hz", mode="pid", duration=5, trigger_in=5, output=tmp_path / "run.h5", force=True
+            )
+    assert [one.name for one in tmp_path.iterdir()] == (["run.h5.journal"] if is_kept else [])
 
 
 def test_a_move_and_a_sine_cannot_begin_at_one_edge():

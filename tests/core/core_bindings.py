@@ -467,6 +467,7 @@ PROTOTYPES = {
     "inverse_admit": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState)]),
     "inverse_play_q24": (I64, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.c_uint]),
     "inverse_rest": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
+    "inverse_recall": (None, [*[ct.POINTER(Inverse), ct.POINTER(InverseState)] * 2, I32]),
     "inverse_follow": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
     "inverse_step_q24": (I32, [ct.POINTER(Inverse), ct.POINTER(InverseState), I64, FLAG]),
     "inverse_reach_q16": (None, [ct.POINTER(Inverse), ct.POINTER(I32), ct.POINTER(I32)]),

@@ -262,6 +262,46 @@ def test_any_memory_is_made_one_of_the_operator(core, config, state, targets):
             assert v - play.r_q24 <= p <= v + play.r_q24
 
 
+def led(core, config, voltages):
+    """Memory after these voltages."""
+    state = rested(core, config)
+    for v in voltages:
+        for _ in range(ENOUGH):
+            core.inverse_follow(config, state, v)
+    return state
+
+
+def recalled(core, config, before, state):
+    found = InverseState()
+    core.inverse_recall(config, found, before, state, state.v_q24)
+    return found
+
+
+@given(inverses, st.lists(whole(-2 * V, 10 * V), max_size=12))
+def test_what_a_stage_has_been_through_is_recalled(core, config, voltages):
+    """A model that is uploaded again goes on where the one before was: position, plays, and all that follows."""
+    state = led(core, config, voltages)
+    again = recalled(core, config, config, state)
+    assert (again.v_q24, again.x_q44) == (state.v_q24, state.x_q44)
+    assert plays(core, config, again) == plays(core, config, state)
+    for v in (9 * V, 2 * V, 5 * V):
+        for _ in range(ENOUGH):
+            core.inverse_follow(config, state, v)
+            core.inverse_follow(config, again, v)
+        assert again.x_q44 == state.x_q44
+
+
+@given(st.lists(whole(0, 10 * V), min_size=1, max_size=12), whole(1, 4))
+def test_another_operator_recalls_what_the_one_before_was_through(core, voltages, every):
+    """Exactly where its plays are some of those that were there."""
+    fewer = inverse_of(PLAYS[::every], ())
+    before = inverse_of(PLAYS, KNOTS)
+    own = led(core, fewer, voltages)
+    found = recalled(core, fewer, before, led(core, before, voltages))
+    assert (found.v_q24, found.x_q44) == (own.v_q24, own.x_q44)
+    assert plays(core, fewer, found) == plays(core, fewer, own)
+
+
 @given(inverses, st.lists(whole(-2 * V, 10 * V), max_size=12))
 def test_a_memory_of_the_operator_is_admitted_as_it_is(core, config, voltages):
     state = rested(core, config)

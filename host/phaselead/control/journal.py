@@ -20,7 +20,6 @@ from phaselead.device import (
     Device,
     DeviceFault,
     FrameReader,
-    NoEdge,
     after_interrupt,
     recording_of,
     wire,
@@ -47,11 +46,11 @@ LISTEN_S = 1.0
 class RunFile:
     """The output of one run, and beside it, from the first received chunk until it is written, OUTPUT.journal."""
 
-    def __init__(self, output: str | None, header: dict[str, Any], *, driven: bool) -> None:
+    def __init__(self, output: str | None, header: dict[str, Any], *, driven: bool, at_trigger: bool = False) -> None:
         self.output = output
         self.path = f"{output}.journal"
         self._header = header
-        self._driven = driven
+        self._driven, self._at_trigger = driven, at_trigger
         self._writer: JournalWriter | None = None
         if output is not None:
             check_output(output, suffixes=RUN_SUFFIXES)
@@ -105,49 +104,63 @@ class RunFile:
             os.remove(self.path)
             self._writer = None
 
-    def forget(self) -> None:
-        """Of a run that never began: drops the journal."""
-        self._remove()
-
     def recovery_hint(self) -> str:
         """After an error: how to get at what was received, or nothing when there is nothing to get at."""
         if self._writer is None:
             return ""
         with suppress(OSError):  # of a disk that is full
             self._writer.close()
-        if not holds_run(self.path, driven=self._driven):
+        if not holds_run(self.path, driven=self._driven, at_trigger=self._at_trigger):
             self._remove()
             return ""
         return f"what was received is kept: phaselead log recover {self.path} -o {self.output}"
 
 
-def holds_run(journal_path: str, *, driven: bool) -> bool:
-    """Whether a journal holds more than the talk before a run: samples and, if it drove, paths that started."""
-    reader, begins = FrameReader(), {one.NUMBER | wire.REPLY_BIT for one in (wire.StartRequest, wire.QueueRequest)}
-    sampled, started = False, not driven
+def holds_run(journal_path: str, *, driven: bool, at_trigger: bool = False) -> bool:
+    """Whether a journal holds more than the talk before a run: samples and, if it drove, paths that started: with
+    ``at_trigger`` not before the edge that they waited for came."""
+    reader, sampled, queued, started = FrameReader(), False, False, not driven
     with JournalReader(journal_path) as journal:
         for kind, payload in journal:
             for body in reader.feed(payload) if kind == RECEIVED else ():
                 sampled = sampled or body[0] == wire.Samples.NUMBER
-                started = started or (body[0] in begins and body[wire.HEADER.size] == wire.Status.OK)
+                queued = queued or _is_taken(body, wire.QueueRequest)
+                if at_trigger:
+                    started = started or (queued and _tells_of_edge(body))
+                else:
+                    started = started or queued or _is_taken(body, wire.StartRequest)
                 if sampled and started:
                     return True
     return False
 
 
+def _is_taken(body: bytes, command: type[wire.Command[Any]]) -> bool:
+    """Whether it is the device's yes to this command."""
+    return body[0] == command.NUMBER | wire.REPLY_BIT and body[wire.HEADER.size] == wire.Status.OK
+
+
+def _tells_of_edge(body: bytes) -> bool:
+    """Of what came since paths were queued that wait for an edge. The event may have been lost on the line; the status,
+    which is asked for again and again, says it too."""
+    payload = body[wire.HEADER.size :]
+    if body[0] == wire.Event.NUMBER:
+        return wire.Event.unpack(payload).kind == wire.EventKind.TRIGGER
+    return _is_taken(body, wire.StatusRequest) and wire.StatusReply.unpack(payload).first_tick > 0
+
+
 @contextmanager
-def run_file(output: str | None, device: Device, mode: str, stage: Stage | None, *, driven: bool) -> Iterator[RunFile]:
-    """A ``RunFile``; an error that leaves a journal behind names it in its message.
+def run_file(
+    output: str | None, device: Device, mode: str, stage: Stage | None, *, driven: bool, at_trigger: bool = False
+) -> Iterator[RunFile]:
+    """A ``RunFile``; an error that leaves a journal behind names it in its message. ``at_trigger``: the paths that it
+    drives along wait for an edge of the trigger input.
 
     Raises:
         BadInput: the output cannot be written, or has a journal from a run that was not finished.
     """
-    run = RunFile(output, journal_header(device, mode, stage), driven=driven)
+    run = RunFile(output, journal_header(device, mode, stage), driven=driven, at_trigger=at_trigger)
     try:
         yield run
-    except NoEdge:
-        run.forget()
-        raise
     except (PhaseleadError, KeyboardInterrupt) as error:
         said = [str(error)] if isinstance(error, PhaseleadError) else [after_interrupt(device.session)]
         error.args = ("; ".join(part for part in (*said, run.recovery_hint()) if part),)
@@ -200,7 +213,8 @@ def track_to_file(
         predicted = rehearse(waveforms, mode, stage, asked.get("gains") or {}, asked.get("duration_s"))
     if on_rehearsed is not None:
         on_rehearsed(predicted)
-    with run_file(output, device, mode, stage, driven=True) as file:
+    at_trigger = asked.get("edge_within_s") is not None
+    with run_file(output, device, mode, stage, driven=True, at_trigger=at_trigger) as file:
         try:
             run = track(
                 device,

@@ -10,15 +10,21 @@ import math
 from collections.abc import Callable
 
 from phaselead.control.motion_limits import PATH_ROOM, motion_limits, tells_small_signal
-from phaselead.control.rounding import asked_rate, rounding_s
+from phaselead.control.rounding import asked_rate, rounding_within
+from phaselead.control.voltage_rate import Spans
 from phaselead.errors import BadInput
-from phaselead.model import TICK_S, AxisModel, Stage
+from phaselead.model import TICK_S, AxisModel
 from phaselead.waveforms import Curve, Sampled, Waveform
 
 SLOWER = 1.05
 """From one try to the next, until a path is accepted; then halved down to a hundredth."""
 MOST_TRIES = 200
 """To some 17,000 times as slow."""
+ABOUT_s = 0.1
+"""To either side of the hardest places of a path, where slower ones are tried before the whole is."""
+
+RefusedAt = Callable[[Waveform, Spans | None], float | None]
+"""Where a path is refused, s from its start, looked for within these parts alone (None: all of it); None: it is not."""
 
 
 def refuse_path_too_fast(axis: str, path: Waveform, model: AxisModel, mode: str = "pid") -> None:
@@ -34,15 +40,15 @@ def refuse_path_too_fast(axis: str, path: Waveform, model: AxisModel, mode: str 
         return
     rate, at_s, able = found
 
-    def accepted(tried: Waveform) -> bool:
-        slow = tried.fastest(TICK_S)[0] <= PATH_ROOM * able
-        return slow and beyond_slew(tried, model, mode, PATH_ROOM) is None
+    def refused_at(tried: Waveform, spans_s: Spans | None) -> float | None:
+        fastest, tried_at_s = tried.fastest(TICK_S)
+        return tried_at_s if fastest > PATH_ROOM * able else _slew_refused_at(tried, model, mode, spans_s)
 
     where = "" if path.periodic else f" at {at_s:.4g} s"
     guess = "" if tells_small_signal(model) else ", as far as is known without --model STAGE.toml"
     raise BadInput(
         f"{axis}: it goes at {rate:.0f} um/s{where}; with the output's {model.limits.slew_V_per_s:g} V/s the stage "
-        f"does {able:.0f} um/s{guess}; {_slower(path, accepted)}"
+        f"does {able:.0f} um/s{guess}; {_slower(path, refused_at)}"
     )
 
 
@@ -55,7 +61,7 @@ def refuse_voltage_too_fast(axis: str, path: Waveform, model: AxisModel, mode: s
         return
     rate, at_s = found
     where = "" if asked.periodic else f" at {at_s:.4g} s"
-    slower = _slower(asked, lambda tried: beyond_slew(tried, model, mode, PATH_ROOM) is None)
+    slower = _slower(asked, lambda tried, spans_s: _slew_refused_at(tried, model, mode, spans_s))
     raise BadInput(
         f"{axis}: on the model its corners ask for {rate:.0f} V/s{where}, the output does "
         f"{model.limits.slew_V_per_s:g} V/s, and rounding them does not help; {slower}; or --force"
@@ -70,20 +76,31 @@ def beyond_speed(path: Waveform, model: AxisModel, mode: str) -> tuple[float, fl
     known = tells_small_signal(model)
     able = motion_limits(model).velocity_um_per_s if known else _nominal_um_per_s(model)
     rate, at_s = path.fastest(TICK_S)
-    as_sine = math.pi * abs(path.swing) * path.f_Hz if path.periodic and known else 0.0
-    if rate <= able or as_sine > able or _followed_sharp(path, model, mode):
+    if rate <= able or (known and _too_fast_as_a_sine(path, able)) or _followed_sharp(path, model, mode):
         return None
     return rate, at_s, able
 
 
-def beyond_slew(path: Waveform, model: AxisModel, mode: str, share: float = 1.0) -> tuple[float, float] | None:
+def _too_fast_as_a_sine(path: Waveform, able_um_per_s: float) -> bool:
+    """Whether a sine of the same swing and frequency is too fast as well: who asks for that on a stage that is known
+    asks for what a rehearsal tells more of."""
+    return path.periodic and math.pi * abs(path.swing) * path.f_Hz > able_um_per_s
+
+
+def beyond_slew(
+    path: Waveform, model: AxisModel, mode: str, share: float = 1.0, spans_s: Spans | None = None
+) -> tuple[float, float] | None:
     """The largest rate of the voltage, V/s, that the inverse asks for along the path as it is played, and where, s
-    from its start, if that is beyond a share of the slew limit."""
-    rate = asked_rate(model, path, mode)
+    from its start, if that is beyond a share of the slew limit. Of a path of rows within ``spans_s`` alone."""
+    rate = asked_rate(model, path, mode, spans_s)
     if rate is None:
         return None
-    rounded_s = rounding_s(Stage(name="rated", axes={"x": model}), "x", path, mode)
-    return rate.beyond(share * model.limits.slew_V_per_s, rounded_s)
+    return rate.beyond(share * model.limits.slew_V_per_s, rounding_within(rate, model, path))
+
+
+def _slew_refused_at(path: Waveform, model: AxisModel, mode: str, spans_s: Spans | None) -> float | None:
+    found = beyond_slew(path, model, mode, PATH_ROOM, spans_s)
+    return None if found is None else found[1]
 
 
 def hardest(path: Waveform, model: AxisModel, mode: str) -> tuple[float, float]:
@@ -93,8 +110,8 @@ def hardest(path: Waveform, model: AxisModel, mode: str) -> tuple[float, float]:
     if rate is None:
         fastest, at_s = path.fastest(TICK_S)
         return fastest / motion_limits(model).velocity_um_per_s, at_s
-    rounded_s = rounding_s(Stage(name="rated", axes={"x": model}), "x", path.as_asked, mode)
-    found, at_s = max(rate.within(block, rounded_s) for block in range(rate.blocks))
+    rounded_s = rounding_within(rate, model, path.as_asked)
+    found, at_s = max(rate.within(block, rounded_s) for block in rate.blocks)
     return found / model.limits.slew_V_per_s, at_s
 
 
@@ -109,9 +126,9 @@ def _nominal_um_per_s(model: AxisModel) -> float:
     return limits.slew_V_per_s * (sensor.x_max_um - sensor.x_min_um) / (limits.u_max_V - limits.u_min_V)
 
 
-def _slower(path: Waveform, accepted: Callable[[Waveform], bool]) -> str:
+def _slower(path: Waveform, refused_at: RefusedAt) -> str:
     """How much slower it is accepted, in words."""
-    times = times_slower(path, accepted)
+    times = times_slower(path, refused_at)
     if times is None:
         return "lower its swing" if path.periodic else "let it take longer there"
     if not path.periodic:
@@ -121,18 +138,40 @@ def _slower(path: Waveform, accepted: Callable[[Waveform], bool]) -> str:
     return f"{longer}lower swing or frequency: {times:g} times as slow{at} it works"
 
 
-def times_slower(path: Waveform, accepted: Callable[[Waveform], bool]) -> float | None:
-    """The least of those tried that is accepted, to three digits; None where none is."""
-    refused, found = 1.0, 1.0
+def times_slower(path: Waveform, refused_at: RefusedAt) -> float | None:
+    """The least of those tried that is accepted, to three digits; None where none is.
+
+    Tried is what lies about the hardest places, which may be little of a long path; then the whole, once, and if that
+    is refused elsewhere that place counts too from there on.
+    """
+    spans_s: list[tuple[float, float]] = []
+    times, at_s = 1.0, refused_at(path, None)
+    while at_s is not None:
+        spans_s.append((max(at_s / times - ABOUT_s, 0.0), at_s / times + ABOUT_s))
+        more = _more_times(path, times, refused_at, spans_s)
+        if more is None:
+            return None
+        times, at_s = more, refused_at(path.scaled(time=more), None)
+    return times
+
+
+def _more_times(path: Waveform, refused: float, refused_at: RefusedAt, spans_s: Spans) -> float | None:
+    """The least above ``refused`` with which these parts of the path are accepted."""
+
+    def accepted(times: float) -> bool:
+        scaled = [(begin_s * times, end_s * times) for begin_s, end_s in spans_s]
+        return refused_at(path.scaled(time=times), scaled) is None
+
+    found = refused
     for _ in range(MOST_TRIES):
         found = _three_digits(found * SLOWER)
-        if accepted(path.scaled(time=found)):
+        if accepted(found):
             break
         refused = found
     else:
         return None
     while (middle := _three_digits(math.sqrt(refused * found))) < found and found > 1.01 * refused:
-        refused, found = (refused, middle) if accepted(path.scaled(time=middle)) else (middle, found)
+        refused, found = (refused, middle) if accepted(middle) else (middle, found)
     return found
 
 

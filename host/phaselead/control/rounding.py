@@ -9,24 +9,26 @@ from __future__ import annotations
 
 from phaselead.control.modes import INVERTS
 from phaselead.control.motion_limits import PATH_ROOM, first_mode_Hz
-from phaselead.control.voltage_rate import OfPeriod, VoltageRate, voltage_rate
+from phaselead.control.voltage_rate import OfPeriod, Spans, VoltageRate, voltage_rate
 from phaselead.errors import BadInput
-from phaselead.model import AxisModel, Stage
+from phaselead.model import AxisModel
 from phaselead.waveforms import Curve, Waveform
 
 HALVINGS = 16
 """Of the time, from half a period of the mode on: to 40 ns."""
 
 
-def rounding_s(stage: Stage | None, axis: str, waveform: Waveform, mode: str) -> float:
+def rounding_s(model: AxisModel, waveform: Waveform, mode: str) -> float:
     """The time of each of the two means over a path in micrometres, in modes that invert; 0 where it needs none, is a
     move, has no corners, or is played in place of another. 0 too where no rounding helps: that is another path, and a
     rehearsal says so."""
-    if stage is None or axis not in stage.axes or isinstance(waveform, Curve):
-        return 0.0
-    model = stage.axes[axis]
     rate = asked_rate(model, waveform, mode)
-    if rate is None or waveform.as_asked is not waveform:
+    return 0.0 if rate is None else rounding_within(rate, model, waveform)
+
+
+def rounding_within(rate: VoltageRate, model: AxisModel, waveform: Waveform) -> float:
+    """The same of a path, or of parts of it, that asks for this rate."""
+    if isinstance(waveform, Curve) or waveform.as_asked is not waveform:
         return 0.0
     first_Hz = first_mode_Hz(model)
     assert first_Hz is not None
@@ -38,13 +40,13 @@ def rounding_s(stage: Stage | None, axis: str, waveform: Waveform, mode: str) ->
     return next((s for s in found if s is not None), 0.0)
 
 
-def asked_rate(model: AxisModel, waveform: Waveform, mode: str) -> VoltageRate | None:
-    """What a path asks of the output in modes that invert; None for volts, for moves, which have limits of their own,
-    and where no inverse or no mode is known."""
+def asked_rate(model: AxisModel, waveform: Waveform, mode: str, spans_s: Spans | None = None) -> VoltageRate | None:
+    """What a path, or of one of rows these parts, asks of the output in modes that invert; None for volts, for moves,
+    which have limits of their own, and where no inverse or no mode is known."""
     if mode not in INVERTS or waveform.unit != "um" or waveform.played_as == "move" or first_mode_Hz(model) is None:
         return None
     try:
-        return voltage_rate(model, waveform)
+        return voltage_rate(model, waveform, spans_s)
     except BadInput:
         return None
 

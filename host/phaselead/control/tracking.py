@@ -299,6 +299,9 @@ def set_up(
         left_s[axis] = quiet_s(model)
         if edge_within_s is not None or spans_um is not None:  # nothing begins at once out of a hold
             entered_s[axis] = max(entered_s[axis], left_s[axis])
+    if edge_within_s is not None or spans_um is not None:  # all are entered in the same time, to begin together
+        entered_s = dict.fromkeys(entered_s, max(entered_s.values()))
+        left_s = dict.fromkeys(left_s, max(left_s.values()))
     lead_ticks = min(round(max(entered_s.values()) * TICK_HZ), ticks - 1) if mode == "open" else 0
     feeder = None if endless else point_feeder(device, waveforms, ticks - lead_ticks, entered_s, left_s)
     if feeder is not None:

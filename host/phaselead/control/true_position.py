@@ -37,7 +37,8 @@ def followed(
     found = dict(waveforms)
     for axis, waveform in waveforms.items():
         lag_s = _lag_s(stage, axis, waveform) if follows == "true" else 0.0
-        rounded_s = rounding_s(stage, axis, waveform, mode)
+        model = None if stage is None else stage.axes.get(axis)
+        rounded_s = 0.0 if model is None else rounding_s(model, waveform, mode)
         if lag_s > 0 or rounded_s > 0:
             found[axis] = _played(waveform, lag_s, rounded_s)
     return found

@@ -33,6 +33,8 @@ ATTEMPTS = 30
 """At the status; together as long as a command's."""
 SILENCE_S = 3.0
 READ_REAL_S, READ_VIRTUAL_S, READ_FEEDING_S = 0.05, 0.1, 0.02
+LEAST_STOP_TICKS = round(0.02 * TICK_HZ)
+"""Of the join from what an axis follows to a hold."""
 LONGEST_READ_S = 1.0
 """Counted of one read that brings nothing: a host that slept has not listened meanwhile."""
 FIRST_TICK = slice(HEAD.fields["first_tick"][1], HEAD.fields["first_tick"][1] + 8)  # type: ignore[index]
@@ -144,9 +146,10 @@ class _Run:
 
     session: Session
     plan: Plan
-    first_tick: int
+    first_tick: int = 0
+    """Of the stream, once it is open."""
     clock_s: float = 0.0
-    next_tick: int = field(init=False)
+    next_tick: int = 0
     bodies: list[bytes] = field(default_factory=list)
     """Batches, unless a spool takes them."""
     sample_bytes: int = 0
@@ -160,10 +163,20 @@ class _Run:
     damaged_before: int = 0
     """Frames that had come damaged when the capture began."""
     tick_size: int = field(init=False)
+    keeps_held: bool = field(init=False)
+    """The axes were held before and none has left its place for this capture: no path has been queued yet, or what was
+    queued has been dropped."""
 
     def __post_init__(self) -> None:
         self.tick_size = tick_dtype(self.plan.channels, self.plan.axis_mask).itemsize
-        self.next_tick = self.first_tick
+        self.keeps_held = self.plan.is_held_before
+
+    def open_stream(self) -> wire.StreamStartReply:
+        """Raises Refused where the line is too slow for it."""
+        first = _stream_start(self.session, self.plan)
+        self.first_tick = self.next_tick = first.tick
+        self.damaged_before = self.session.reader.errors
+        return first
 
     def bytes_of(self, seconds: float) -> int:
         """Of the stream, in so much device time."""
@@ -245,6 +258,7 @@ class _Run:
         if self.faulted:
             return self.next_tick
         queued_tick = self.session.request(queued.queue).tick
+        self.keeps_held = False
         return queued.first_tick(queued_tick) if queued.within_s is None else self._wait_for_edge(queued.within_s)
 
     def _wait_for_edge(self, within_s: float) -> int:
@@ -254,12 +268,23 @@ class _Run:
             if self.status is not None and self.status.first_tick:
                 return self.status.first_tick
             if self.clock_s > end_s:
+                if self.plan.is_held_before:
+                    self._drop_queued()
                 raise NoEdge(no_edge(within_s))
             self.pump(self.bytes_of(READ_FEEDING_S))
             self.feed()
             if self.silent_s > SILENCE_S:
                 raise LinkError(self.why_silent())
         return self.next_tick
+
+    def _drop_queued(self) -> None:
+        """Holds the axes in place of what waits for them, which a later edge would begin."""
+        assert self.plan.queued is not None
+        queue = self.plan.queued.queue
+        join = max(LEAST_STOP_TICKS, *(one.enter_ticks for one in queue.segments))
+        hold = wire.Segment(wire.PathKind.HOLD, wire.PathFlag.FROM_HERE, 0, 0, 0, 0, join, 0)
+        self.session.request(wire.QueueRequest(queue.axis_mask, 1, 0, (hold,) * len(queue.segments)))
+        self.keeps_held = True
 
     def run_on(self, end_tick: int) -> None:
         """Until the stream has passed ``end_tick``, or a fault; nothing is sent."""
@@ -308,7 +333,7 @@ def capture(
 
     ``progress`` is given the ticks done after every chunk; ``sink`` every chunk as it came off the line. On
     Ctrl-C and on every error the device is parked before the exception goes on; axes that were held before stay so
-    where their paths are refused, or no edge came.
+    where their paths are refused, or hold where no edge came, after which none begins the paths any more.
 
     Raises:
         DeviceFault: the device latched a fault; the exception carries what was recorded until then.
@@ -317,15 +342,16 @@ def capture(
     timeout_s = session.port.timeout
     session.samples, session.events, session.log = [], [], []
     session.sink = sink if plan.spool is None else plan.spool.received
+    run = _Run(session, plan)
     try:
         if session.virtual:
             session.port.timeout = READ_VIRTUAL_S
         with session.lock:
-            return _capture(session, hello, plan, progress)
+            return _capture(run, hello, progress)
     except DeviceFault:
         raise
     except BaseException as error:
-        if plan.is_held_before and _moved_nothing(error):
+        if run.keeps_held and _is_held_after(error):
             with contextlib.suppress(Refused):  # the stream itself was
                 session.request(wire.StreamStopRequest())
             raise
@@ -339,16 +365,17 @@ def capture(
         session.samples, session.log, session.sink = [], None, None
 
 
-def _moved_nothing(error: BaseException) -> bool:
+def _is_held_after(error: BaseException) -> bool:
+    """Whether axes that were held are held still."""
     if isinstance(error, Refused):
         return error.status not in (wire.Status.FAULT_LATCHED, wire.Status.WRONG_STATE)
     return isinstance(error, NoEdge)
 
 
-def _capture(session: Session, hello: wire.HelloReply, plan: Plan, progress: Progress | None) -> Capture:
-    first = _stream_start(session, plan)
+def _capture(run: _Run, hello: wire.HelloReply, progress: Progress | None) -> Capture:
+    session, plan = run.session, run.plan
+    first = run.open_stream()
     session.log = [] if plan.spool is None else _Answered(plan.spool)
-    run = _Run(session, plan, first.tick, damaged_before=session.reader.errors)
     state = read_region(session, wire.Region.STATE, first.state_size)
     found = {axis: read_wave(session, axis) for axis in plan.wave_axes}
     waves = {axis: points for axis, points in found.items() if points is not None}

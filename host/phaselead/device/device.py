@@ -447,7 +447,7 @@ class Device:
         in its place, and the capture then holds neither: for one that is larger than the memory. ``feeder`` sends
         points of the paths meanwhile. ``queued``: the paths that begin, where they are not those that were set. On
         Ctrl-C and on errors the device is parked before the exception goes on; axes that were held before stay so where
-        their paths are refused, or no edge came.
+        their paths are refused, or hold where no edge came, after which none begins the paths any more.
 
         Raises:
             DeviceFault: a fault latched; its ``capture`` holds what was recorded. RanDry, one of them, when points
