@@ -335,6 +335,8 @@ def test_what_is_refused_after_a_path_has_begun_parks(dev, tmp_path, monkeypatch
         ({"x": "sine:400um@5Hz"}, "outside"),
         ({"x": "triangle:100um@100Hz", "gains": (0, 25, 2e-5)}, "on the model this"),
         ({"x": "sine:5V@5Hz"}, "volts need --mode open"),
+        ({"x": 5}, "5 is no path"),
+        ({"gains": {"z": (0, 20, 2e-5)}}, "gains for axis z, which is not held"),
         ({"x": "sine:20um@5Hz", "duration": 1e-5}, "shorter than one tick"),
     ],
 )

@@ -145,6 +145,13 @@ def test_three_axes_and_their_triggers_fit_the_line():
     assert run.figures["dropped"] == 0
 
 
+def test_a_window_for_pulses_limits_no_path_that_waits_for_an_edge():
+    """Without a model moves keep to 1000 um/s, and the path was refused as if it were one."""
+    with pl.connect("sim://xyz250?trigger=0.3s") as dev:
+        run = dev.track("sine:40um@10Hz", mode="pid", duration=0.3, trigger_out="target,start", trigger_in=3)
+    assert run.triggers["start"].tolist() == [0.0]
+
+
 @pytest.mark.parametrize(
     ("wave", "mode"),
     [("sine:10um@5Hz", "pid"), ("goto:20um", "pid"), ("sine:2V@5Hz", "open"), ("triangle:10um@5Hz", "pid")],

@@ -43,6 +43,8 @@ GainsLike = str | Gains | tuple[float, float, float]
 
 def gains_of(given: GainsLike | Mapping[str, GainsLike] | None, stage: Stage | None, axis: str) -> Gains:
     """The gains of one axis as they may be given from Python. Raises BadInput."""
+    if isinstance(given, Mapping) and (strangers := sorted(set(given) - set("xyz"))):
+        raise BadInput(f"gains for axis {strangers[0]}: there are x, y and z")
     own = given.get(axis) if isinstance(given, Mapping) else given
     if isinstance(own, Gains):
         return own

@@ -180,6 +180,8 @@ class Mover:
         """What ``change_gains`` would give the axes, and what the model says of it. Raises as that."""
         if not self.mode.endswith("pid"):
             raise BadInput(f"mode {self.mode} has no feedback, so no gains; park, then choose {self.mode}+pid")
+        if isinstance(gains, Mapping) and (strangers := sorted(set(gains) - set(self.gains))):
+            raise BadInput(f"gains for axis {strangers[0]}, which is not held; held are {self.axes}")
         kept = set(self.gains) - set(gains) if isinstance(gains, Mapping) else frozenset[str]()
         own = {a: now if a in kept else gains_of(gains, self.known, a) for a, now in self.gains.items()}
         return own, loop_warnings(self.known, self.mode, own, force=force)

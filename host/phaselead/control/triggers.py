@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from phaselead.control.motion_limits import WINDOW_S, motion_limits, window_um
-from phaselead.device import OUTPUTS, TICK_HZ, Device, Pulses, motion, set_outputs
+from phaselead.control.motion_limits import WINDOW_S, window_um
+from phaselead.device import OUTPUTS, TICK_HZ, Device, MotionLimits, Pulses, motion, set_outputs
 from phaselead.errors import BadInput
 from phaselead.model import Stage
 from phaselead.waveforms import Waveform
@@ -45,7 +45,8 @@ def set_pulses(device: Device, pulses: Sequence[Pulses] | None, stage: Stage | N
     set_outputs(device, pulses)
     for axis in {one.axis for one in pulses if one.settles}:
         model = None if stage is None else stage.axes.get(axis)
-        motion.set_motion(device, axis, motion_limits(model), window_um(model), WINDOW_S)
+        # A path that is queued is held against no limits, as one that is started is not.
+        motion.set_motion(device, axis, MotionLimits(), window_um(model), WINDOW_S)
 
 
 def _parse(text: str, waveforms: Mapping[str, Waveform]) -> Pulses:

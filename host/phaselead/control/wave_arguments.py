@@ -42,4 +42,9 @@ def given_waves(
 
 
 def as_waveform(one: WaveLike, axis: str = "x") -> Waveform:
-    return parse_wave(one, axis) if isinstance(one, str) else one
+    """The waveform of an axis. Raises BadInput for what is neither words nor one."""
+    if isinstance(one, str):
+        return parse_wave(one, axis)
+    if not isinstance(one, Waveform):
+        raise BadInput(f"{axis}: {one!r} is no path; write one, e.g. sine:60um@5Hz")
+    return one

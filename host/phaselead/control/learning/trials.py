@@ -105,8 +105,8 @@ def learn(
 def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
     if mode not in INVERTS:
         raise BadInput(f"mode {mode} is not learned in; use inverse+pid, or inverse for the voltage alone")
-    if trials < 1:
-        raise BadInput(f"{trials} trials: give one or more")
+    if trials < 1 or trials != int(trials):
+        raise BadInput(f"{trials} trials: give a whole number, one or more")
     for axis, waveform in waveforms.items():
         if not waveform.periodic:
             raise BadInput(f"{axis}: what is driven once does not repeat; {_again_and_again(waveform)} does")
