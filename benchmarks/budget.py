@@ -42,8 +42,8 @@ SAMPLE_TO_LATCH = round((30e-6 - 1.7e-6 - 0.9e-6) * CLOCK_Hz)
 """LDAC comes 30 us after the sample, codes are there 1.7 us before it, and a tick begins 0.9 us after its sample."""
 LOCK = round(20e-6 * CLOCK_Hz)
 RAM, FLASH = 125 * 1024, 100 * 1024
-"""Bytes, below the linker's 128 KiB of each, which fail the build. 126,924 and 99,044 were measured on 24 November
-2026: 0.8 and 3 % are left."""
+"""Bytes, below the linker's 128 KiB of each, which fail the build. 127,436 and 101,076 were measured on 24 November
+2026: 0.4 and 1.3 % are left."""
 CEILINGS = {
     "cycles a tick, one axis, ff+pid, tables, streamed": None,
     "the same with the built-in stage's time view beside the tables": None,

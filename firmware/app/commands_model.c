@@ -58,22 +58,16 @@ static enum wire_status check_outputs(const struct device *device, uint16_t *inv
     return *invalid_field == 0 ? WIRE_STATUS_OK : WIRE_STATUS_MODEL_INVALID;
 }
 
-/* What the axes have been through, in the memory of the model that is to come. */
-struct recalled {
-    struct inverse_state inverse;
-    int32_t u_q24;
-    bool creep; /* the same terms: what creeps goes on */
-};
-
 /* While no output moves, and so no tick changes it. */
-static void recall(const struct device *device, struct recalled recalled[AXES])
+static void recall(struct device *device)
 {
+    struct recalled *recalled = device->recalled;
     const struct model_slot *next = model_store_prepared(&device->models);
     for (unsigned axis = 0; axis < AXES; axis++) {
         const struct axis_state *state = &device->control.axis[axis];
         const struct compensation *now = device_compensation(device, axis);
         const struct compensation *then = &next->compensation[axis];
-        recalled[axis].u_q24 = state->u_q24;
+        recalled[axis] = (struct recalled){0};
         recalled[axis].creep = now && memcmp(&now->creep, &then->creep, sizeof then->creep) == 0;
         if (is_in(next->inverse_mask, axis) && now)
             inverse_recall(&then->inverse, &recalled[axis].inverse, &now->inverse, &state->compensation.inverse,
@@ -83,22 +77,36 @@ static void recall(const struct device *device, struct recalled recalled[AXES])
     }
 }
 
-static void take_memory(struct device *device, const struct recalled recalled[AXES])
+/* Short: ticks are kept out. */
+static void take_memory(struct device *device)
 {
+    const struct recalled *recalled = device->recalled;
     for (unsigned axis = 0; axis < AXES; axis++) {
-        struct axis_state *state = &device->control.axis[axis];
-        const struct creep_state creep = state->compensation.creep;
-        const struct compensation *compensation = device_compensation(device, axis);
-        if (!compensation) {
-            memset(&state->compensation, 0, sizeof state->compensation);
-            continue;
-        }
-        compensation_rest(compensation, &state->compensation, state->u_q24);
-        if (recalled[axis].u_q24 == state->u_q24)
-            state->compensation.inverse = recalled[axis].inverse;
-        if (recalled[axis].creep)
-            state->compensation.creep = creep;
+        struct compensation_state *state = &device->control.axis[axis].compensation;
+        state->primed = 0; /* so that the first step primes the sections */
+        state->inverse = recalled[axis].inverse;
+        if (!recalled[axis].creep)
+            state->creep = (struct creep_state){{0}};
     }
+}
+
+/* Of a model that is prepared. */
+static enum wire_status swap_in(struct device *device, struct answer *answer)
+{
+    enum wire_status status = WIRE_STATUS_OK;
+    recall(device);
+    device_lock(device);
+    if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
+        status = WIRE_STATUS_FAULT_LATCHED;
+    } else {
+        model_store_swap(&device->models);
+        device_link_models(device);
+        device_begin_idle(device);
+        take_memory(device);
+    }
+    answer->tick = device->control.tick;
+    device_unlock(device);
+    return status;
 }
 
 enum wire_status command_model_commit(struct device *device, const struct request *request, struct answer *answer)
@@ -115,19 +123,8 @@ enum wire_status command_model_commit(struct device *device, const struct reques
     device_make_idle(device, model_store_prepared(&device->models), device->journal.newest.limits);
     reply.held_back = held_back(model_store_prepared(&device->models), device->idle);
     status = check_outputs(device, &reply.invalid_field); /* they stay as they are, unless a fault comes */
-    struct recalled recalled[AXES];
-    recall(device, recalled);
-    device_lock(device);
-    if (device->control.state != WIRE_STATE_PARKED) { /* a fault came meanwhile */
-        status = WIRE_STATUS_FAULT_LATCHED;
-    } else if (status == WIRE_STATUS_OK) {
-        model_store_swap(&device->models);
-        device_link_models(device);
-        device_begin_idle(device);
-        take_memory(device, recalled);
-    }
-    answer->tick = device->control.tick;
-    device_unlock(device);
+    if (status == WIRE_STATUS_OK)
+        status = swap_in(device, answer);
     if (status != WIRE_STATUS_OK)
         device_make_idle_again(device);
     wire_pack_model_commit_reply(&reply, answer->payload, answer->size);

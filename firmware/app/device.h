@@ -93,6 +93,12 @@ struct learned_for {
     uint32_t model_crc, path_crc;
 };
 
+/* What an axis has been through, in the memory of a model that is to come. */
+struct recalled {
+    struct inverse_state inverse;
+    bool creep; /* the same terms: what creeps goes on */
+};
+
 struct device {
     struct control control;
     struct device_port port;
@@ -120,6 +126,7 @@ struct device {
     uint32_t wave_steepest_q30[AXES];
     struct motion_bounds motion_limits[AXES]; /* of what is queued */
     struct segment asked[AXES];               /* by QUEUE, while it checks them: the stack is small */
+    struct recalled recalled[AXES];           /* by MODEL_COMMIT, likewise */
     struct control latched;                   /* at the last STREAM_START */
     bool latched_valid;
     struct events events;
