@@ -60,8 +60,8 @@ static void go_to(const struct inverse_config *config, struct inverse_state *sta
         inverse_follow(config, state, end_q24);
 }
 
-/* To a turn, so that plays up to this one have gone along: from where the largest of them just does. What made it go
- * was no nearer, and moved no larger play either. */
+/* To a turn that a play of this threshold has come to along with the voltage, and so have all smaller ones. It comes
+ * from two thresholds away: any nearer the play would not have moved all the way, and the stage was at least so far. */
 static void go_along(const struct inverse_config *config, struct inverse_state *state, int64_t r_q24, bool rises,
                      int32_t turn_q24)
 {

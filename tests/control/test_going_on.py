@@ -423,7 +423,7 @@ def test_a_window_that_was_chosen_outlives_a_run(dev):
 # ---------------------------------------------------------------- bookkeeping
 @pytest.mark.parametrize("way", ["play", "track"])
 def test_a_join_is_as_long_as_the_way_from_where_the_last_path_is(way):
-    """Two paths ago the axis went elsewhere: the join was sized from there, at 14 times the speed."""
+    """Two paths ago the axis went elsewhere, and the join was sized from there."""
     with pl.connect() as dev:
         dev.play("sine:5um@5Hz", mode="pid")
         dev.device.wait(0.5)

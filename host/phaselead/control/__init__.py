@@ -20,6 +20,7 @@ from phaselead.control.gains import (
 from phaselead.control.held import held_stage, held_warning, unknown_warning
 from phaselead.control.hold_and_move import Axis
 from phaselead.control.journal import record_open_loop, record_to_file, recover_run, track_to_file
+from phaselead.control.keep_alive import HOST_TIMEOUT_S
 from phaselead.control.learning import Learned, learn, load_learned
 from phaselead.control.modes import MODES
 from phaselead.control.moved import Moved, Planned
@@ -35,6 +36,7 @@ from phaselead.control.tuning import Tuned, tune
 
 __all__ = [
     "FOLLOWS",
+    "HOST_TIMEOUT_S",
     "MODES",
     "PAPER_GAINS",
     "Axis",

@@ -42,6 +42,7 @@ class GoingOn:
         and lifts the limits of moves, which a path from rest is not held against either. Where the paths are refused,
         or the edge that they wait for does not come, the axes have their gains again; those that made way hold."""
         mover, before, given = self.mover, dict(self.mover.gains), self.mover.gains_given
+        _refuse_by_older_firmware(mover, waveforms)
         try:
             spans_um = self._make_way(waveforms)
             for axis in waveforms:
@@ -50,10 +51,8 @@ class GoingOn:
                 mover.take_gains(self.gains)
             with mover.without_limits():
                 yield spans_um
-        except (BadInput, NoEdge, Refused) as reason:
-            with suppress(PhaseleadError):  # that is told, not what comes of it here
-                if isinstance(reason, NoEdge):
-                    mover.hold("".join(waveforms))
+        except (BadInput, NoEdge, Refused):
+            with suppress(PhaseleadError):  # why they are refused is told, not what comes of it here
                 if self.asked and mover.where().state == "running":
                     mover.take_gains(before, given=given)
             raise
@@ -63,8 +62,8 @@ class GoingOn:
         mover = self.mover
         now = mover.where()
         moving = {axis: mover.playing.get(axis) for axis in waveforms if now.axes[axis].moving}
-        if moving and now.tick < mover.entered_tick:
-            mover.wait_until(mover.entered_tick)
+        if moving:
+            mover.wait_for_joins(now)
         stopped = [axis for axis, old in moving.items() if old is None or _must_stop(old, waveforms[axis])]
         if stopped:
             now = mover.hold("".join(stopped))
@@ -91,7 +90,6 @@ def go_on(
         return None
     mover.refuse_other("".join(waveforms), mode, stage)
     refuse_moves_beside_others(waveforms)
-    _refuse_by_older_firmware(mover, waveforms)
     own, said = (mover.gains, []) if gains is None else mover.other_gains(gains, force=force)
     return GoingOn(mover, dict(own), gains is not None, said)
 

@@ -21,6 +21,7 @@ from phaselead.control.moved import SETTLE_S, AxisMoved, Moved, Planned
 from phaselead.control.run_away import advice
 from phaselead.control.tracking import check_path, loop_warnings
 from phaselead.device import (
+    STOP_S,
     TICK_HZ,
     Device,
     MotionLimits,
@@ -39,8 +40,6 @@ from phaselead.waveforms import PEAK_SPEED, Goto, Waveform
 
 ENGAGE_S = 0.05
 """Of the join from the output there is to holding in closed loop."""
-STOP_S = 0.02
-"""Of the join to a hold under way; longer where the limits want it."""
 STOP_ACCELERATION, STOP_JERK = 3.75, 30.0
 """Of a join of T seconds from a steady v to the place half a join ahead, in v/T and v/T^2; its velocity is
 up to 1.18 v."""
@@ -346,8 +345,7 @@ class Mover:
         """Brings axes to a hold that follow paths without an end, since a move begins where an axis rests."""
         now = self.where()
         if following := [axis for axis in axes if axis in self.playing and now.axes[axis].moving]:
-            if now.tick < self.entered_tick:  # joins are not left
-                self.wait_until(self.entered_tick)
+            self.wait_for_joins(now)
             self.hold("".join(following))
 
     def _queue_hold(self, axes: str, seconds: float) -> None:
@@ -395,6 +393,11 @@ class Mover:
 
     def _wait(self, seconds: float) -> None:
         self.wait_until(self.where().tick + round(seconds * TICK_HZ))
+
+    def wait_for_joins(self, now: Where) -> None:
+        """Until the last paths have been entered: a join is not left."""
+        if now.tick < self.entered_tick:
+            self.wait_until(self.entered_tick)
 
     def wait_until(self, tick: int) -> None:
         """Until the device has come to this tick. Raises DeviceRefused for a fault."""

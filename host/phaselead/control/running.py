@@ -104,12 +104,11 @@ class Runs(Plays):
             _refuse_to_hold(mode, own_modes=stage is not given)
         new_gains = chosen if known is not None and mode.endswith("pid") else gains
         going_on = go_on(self._mover, waveforms, mode, stage, new_gains, force=force)
-        if going_on is not None:
-            self.watch_over()
         if going_on is None:
             said = unknown_warning(self.device, stage or held, mode, gains_given=gains is not None)
             said += _said_against(waveforms, mode, chosen, stage, held, force=force)
         else:
+            self.watch_over()
             chosen = {name: going_on.gains[name] for name in waveforms}
             said = going_on.said + _said_of_paths(waveforms, mode, stage, stage or held)
 

@@ -17,7 +17,7 @@ from phaselead.device.loop_test import SelfTest, selftest
 from phaselead.device.motion import AxisWhere, MotionLimits, Where
 from phaselead.device.parking import after_interrupt, park_quietly
 from phaselead.device.points import PointFeeder
-from phaselead.device.quantities import TICK_HZ, Converters, converters, path_request
+from phaselead.device.quantities import STOP_S, TICK_HZ, Converters, converters, path_request
 from phaselead.device.run_file import channels_of, read_capture, recording_of, replay_facts, write_run
 from phaselead.device.session import Refused, Session
 from phaselead.device.standing import (
@@ -42,6 +42,7 @@ __all__ = [
     "IDS_RESERVED",
     "LARGEST_STEP_V",
     "OUTPUTS",
+    "STOP_S",
     "TICK_HZ",
     "AxisLimits",
     "AxisWhere",

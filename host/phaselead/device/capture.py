@@ -12,7 +12,7 @@ import numpy as np
 from phaselead.device import wire
 from phaselead.device.parking import fault_text, park_quietly, wait_parked
 from phaselead.device.points import PointFeeder
-from phaselead.device.quantities import TICK_HZ
+from phaselead.device.quantities import STOP_S, TICK_HZ
 from phaselead.device.regions import read_model, read_region, read_wave
 from phaselead.device.session import Pending, Refused, Session
 from phaselead.device.stream import (
@@ -33,8 +33,6 @@ ATTEMPTS = 30
 """At the status; together as long as a command's."""
 SILENCE_S = 3.0
 READ_REAL_S, READ_VIRTUAL_S, READ_FEEDING_S = 0.05, 0.1, 0.02
-LEAST_STOP_TICKS = round(0.02 * TICK_HZ)
-"""Of the join from what an axis follows to a hold."""
 LONGEST_READ_S = 1.0
 """Counted of one read that brings nothing: a host that slept has not listened meanwhile."""
 FIRST_TICK = slice(HEAD.fields["first_tick"][1], HEAD.fields["first_tick"][1] + 8)  # type: ignore[index]
@@ -281,7 +279,7 @@ class _Run:
         """Holds the axes in place of what waits for them, which a later edge would begin."""
         assert self.plan.queued is not None
         queue = self.plan.queued.queue
-        join = max(LEAST_STOP_TICKS, *(one.enter_ticks for one in queue.segments))
+        join = max(round(STOP_S * TICK_HZ), *(one.enter_ticks for one in queue.segments))
         hold = wire.Segment(wire.PathKind.HOLD, wire.PathFlag.FROM_HERE, 0, 0, 0, 0, join, 0)
         self.session.request(wire.QueueRequest(queue.axis_mask, 1, 0, (hold,) * len(queue.segments)))
         self.keeps_held = True

@@ -293,11 +293,17 @@ class Device:
         ``swing`` is peak-to-peak, rising from ``offset``; a move goes by ``swing`` from ``offset`` in
         ``ticks``. ``ticks`` 0 is for ever. Returns the gain and lead the device looked up.
         """
-        kind = path_kind(kind)
-        volts = self._modes.get(axis, wire.Mode.IDLE) == wire.Mode.OPEN
-        reply = self.session.request(path_request(axis_index(axis), kind, swing, offset, f_Hz, ticks, volts))
-        (self._waves.add if kind == wire.PathKind.WAVE else self._waves.discard)(axis)
+        asked = self._path_asked(axis, kind, swing, offset, f_Hz, ticks)
+        reply = self.session.request(asked)
+        (self._waves.add if asked.path == wire.PathKind.WAVE else self._waves.discard)(axis)
         return reply
+
+    def _path_asked(
+        self, axis: str, kind: wire.PathKind | str, swing: float, offset: float, f_Hz: float, ticks: int
+    ) -> wire.SetPathRequest:
+        """In the unit of the mode that this session has set."""
+        volts = self._modes.get(axis, wire.Mode.IDLE) == wire.Mode.OPEN
+        return path_request(axis_index(axis), path_kind(kind), swing, offset, f_Hz, ticks, volts)
 
     def path_segment(
         self,
@@ -313,18 +319,13 @@ class Device:
     ) -> wire.Segment:
         """A path as ``set_path`` has it, for the queue of an axis in the mode that this session has set: it is entered
         and left in so many ticks, a move at once from where the axis is then. Raises BadInput."""
-        kind = path_kind(kind)
-        volts = self._modes.get(axis, wire.Mode.IDLE) == wire.Mode.OPEN
-        asked = path_request(axis_index(axis), kind, swing, offset, f_Hz, ticks, volts)
-        if kind == wire.PathKind.WAVE:
+        asked = self._path_asked(axis, kind, swing, offset, f_Hz, ticks)
+        if asked.path == wire.PathKind.WAVE:
             self._waves.add(axis)
-        if kind == wire.PathKind.MOVE:
-            return wire.Segment(
-                kind, wire.PathFlag.FROM_HERE, asked.swing + asked.offset, 0, asked.step_turn64, asked.ticks, 0, 0
-            )
-        return wire.Segment(
-            kind, 0, asked.swing, asked.offset, asked.step_turn64, asked.ticks, enter_ticks, leave_ticks
-        )
+        timing = asked.step_turn64, asked.ticks
+        if asked.path == wire.PathKind.MOVE:
+            return wire.Segment(asked.path, wire.PathFlag.FROM_HERE, asked.swing + asked.offset, 0, *timing, 0, 0)
+        return wire.Segment(asked.path, 0, asked.swing, asked.offset, *timing, enter_ticks, leave_ticks)
 
     def upload_wave(self, axis: str, points: NDArray[np.float64]) -> None:
         """One period of a waveform, 1024 points of 0 .. 1 of the swing; while the axis neither plays its waveform nor

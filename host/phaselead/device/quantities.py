@@ -16,6 +16,8 @@ from phaselead.errors import BadInput
 from phaselead.model import LoopFilter
 
 TICK_HZ = 5000
+STOP_S = 0.02
+"""Of the join from what an axis follows to a hold; longer where the limits want it."""
 UNFILTERED_Q31 = 0x7FFFFFFF
 I32_MAX = 2**31 - 1
 WAVE_POINTS = 1024

@@ -68,7 +68,7 @@ ADVICE = {
     wire.Status.BUSY: "another host is driving it; stop that one, or wait until its session has timed out; what "
     "`phaselead move` left held, `phaselead park` ends",
     wire.Status.LIMITS_LOST: "its hard limits cannot be read any more; set them again with `phaselead limits`",
-    wire.Status.LEARNED_FOR_OTHER: "what it was taught is for another model, mode or path; give those, or learn again",
+    wire.Status.LEARNED_FOR_OTHER: "what was learned is for another model, mode or path; give those, or learn again",
     wire.Status.MODE_UNSUPPORTED: "its firmware does not have this mode",
 }
 """What a status means for every command; protocol/schema.toml says more where one command can."""

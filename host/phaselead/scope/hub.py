@@ -14,7 +14,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from phaselead.control import Controller, connect
+from phaselead.control import HOST_TIMEOUT_S, Controller, connect
 from phaselead.device import TICK_HZ, Limits, Where, explain_fault
 from phaselead.errors import LinkError, PhaseleadError
 from phaselead.model import Stage
@@ -31,8 +31,6 @@ SILENT_S = 1.0
 FIND_S = 0.5
 """Two tries at a port that has gone away."""
 LINES_KEPT = 50
-TIMEOUT_S = 1.0
-"""Without a word from us the device parks by itself."""
 
 Order = Callable[["Hub", Mapping[str, Any]], str]
 
@@ -226,7 +224,7 @@ class Hub:
         with contextlib.suppress(PhaseleadError):  # of a device that has gone meanwhile, which the next read tells
             self.hard = self.dev.limits()
         if self.dev.resumed:
-            self.dev.device.set_timeout(round(TIMEOUT_S * TICK_HZ))
+            self.dev.device.set_timeout(round(HOST_TIMEOUT_S * TICK_HZ))
             held = (f"{axis} at {one.target_um:.3f} um" for axis, one in self.dev.where().axes.items() if one.held)
             self.tell(f"taken over as it was held: {', '.join(held)}")
 

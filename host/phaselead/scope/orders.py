@@ -8,11 +8,11 @@ from math import isfinite
 from pathlib import PurePath
 from typing import Any
 
-from phaselead.control import MODES, best_mode, gains_of, loop_of
+from phaselead.control import HOST_TIMEOUT_S, MODES, best_mode, gains_of, loop_of
 from phaselead.device import TICK_HZ
 from phaselead.errors import BadInput
 from phaselead.model import Stage, load_stage
-from phaselead.scope.hub import TIMEOUT_S, Hub, Order
+from phaselead.scope.hub import Hub, Order
 from phaselead.scope.jobs import JOBS
 from phaselead.scope.saving import save
 from phaselead.scope.settings import HARD, changed, changed_hard
@@ -60,7 +60,7 @@ def _mode(given: Arguments) -> str | None:
 
 def arm(hub: Hub, given: Arguments) -> str:
     hub.about_to_move()
-    hub.dev.arm(timeout=TIMEOUT_S)
+    hub.dev.arm(timeout=HOST_TIMEOUT_S)
     return "armed: the output is live, at its safe value"
 
 
