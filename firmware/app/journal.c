@@ -72,14 +72,18 @@ static void add_fault(struct journal *journal, uint32_t sequence, const struct w
     journal->faults[at] = (struct journal_fault){sequence, *fault};
 }
 
-static void take(struct journal *journal, const struct wire_device_record *record, unsigned sector)
+/* Of a fault and its copy, which have one number, the later place is the original's: it was written when its sector
+ * filled up, a copy is among the first. */
+static void take(struct journal *journal, const struct wire_device_record *record, unsigned sector, uint32_t place)
 {
     if (record->fault[0].fault != WIRE_FAULT_NONE)
         add_fault(journal, record->sequence, &record->fault[0]);
-    if (journal->newest.sequence != 0 && !is_newer(record->sequence, journal->newest.sequence))
+    const uint32_t newest = journal->newest.sequence, newest_place = newest - journal->first_number;
+    if (newest != 0 && !is_newer(record->sequence, newest) && (record->sequence != newest || place < newest_place))
         return;
     journal->newest = *record;
     journal->sector = (uint8_t)sector;
+    journal->first_number = record->sequence - place;
 }
 
 /* Returns the number of places up to the last that is in use. */
@@ -94,7 +98,7 @@ static uint32_t read_sector(struct journal *journal, const struct flash_port *fl
             continue;
         used = place + 1;
         if (unpack(&record, bytes))
-            take(journal, &record, sector);
+            take(journal, &record, sector, place);
     }
     return used;
 }
@@ -108,6 +112,7 @@ static void begin_anew(struct journal *journal, const uint32_t used[FLASH_SLOTS]
         journal->newest.limits[axis] = NO_LIMITS;
     journal->newest.magic = MAGIC;
     journal->newest.limits_lost = used[0] > 1 || used[1] > 0;
+    journal->first_number = 1;
     if (used[0] == 0 && used[1] == 0)
         return;
     journal->sector = used[1] > 0 || used[0] <= 1 ? 1 : 0;
@@ -150,6 +155,7 @@ static bool move_on(struct journal *journal, const struct flash_port *flash)
     struct wire_device_record copy = journal->newest;
     journal->sector = 1 - journal->sector;
     journal->next_place = 0;
+    journal->first_number += PLACES;
     if (!flash->erase(flash->context, journal->sector))
         return false;
     for (uint32_t i = 0; i < journal->fault_count; i++) {
@@ -161,14 +167,24 @@ static bool move_on(struct journal *journal, const struct flash_port *flash)
     return true;
 }
 
-static bool append(struct journal *journal, const struct flash_port *flash, const struct wire_device_record *record)
+static bool number_and_put(struct journal *journal, const struct flash_port *flash, struct wire_device_record *record)
 {
-    if (!journal_is_full(journal) && put(journal, flash, record))
+    if (journal->first_number + journal->next_place == 0) /* no number */
+        journal->next_place++;
+    record->sequence = journal->first_number + journal->next_place;
+    return put(journal, flash, record);
+}
+
+static bool append(struct journal *journal, const struct flash_port *flash, struct wire_device_record *record)
+{
+    if (!journal_is_full(journal) && number_and_put(journal, flash, record))
         return true;
     const uint8_t full = journal->sector;
-    if (move_on(journal, flash) && put(journal, flash, record))
+    const uint32_t first_number = journal->first_number;
+    if (move_on(journal, flash) && number_and_put(journal, flash, record))
         return true;
     journal->sector = full; /* again from there: it holds everything */
+    journal->first_number = first_number;
     journal->next_place = PLACES;
     return false;
 }
@@ -177,7 +193,6 @@ bool journal_write(struct journal *journal, const struct flash_port *flash, cons
                    const struct wire_logged_fault *fault)
 {
     struct wire_device_record record = journal->newest;
-    record.sequence = record.sequence == UINT32_MAX ? 1 : record.sequence + 1;
     record.fault[0] = fault ? *fault : (struct wire_logged_fault){0};
     if (limits) {
         memcpy(record.limits, limits, sizeof record.limits);

@@ -7,7 +7,9 @@
  * is full. So a cut at any moment leaves the old record or the new one.
  *
  * A write that was cut may read as done today and as blank tomorrow. So each start writes a record of what it read,
- * and never uses the place after the last one that was in use.
+ * and never uses the place after the last one that was in use. Until a start has written that record, the next one may
+ * read the other of the two; a start that cannot write it raises a flash error. Numbers count places, those that were
+ * passed over too: what was written later has the larger number, whatever reads as whole before it.
  */
 #ifndef PHASELEAD_APP_JOURNAL_H
 #define PHASELEAD_APP_JOURNAL_H
@@ -27,7 +29,8 @@ struct journal {
     struct wire_device_record newest;            /* what holds; its sequence is 0 while nothing is in flash */
     struct journal_fault faults[JOURNAL_FAULTS]; /* oldest first */
     uint32_t fault_count;
-    uint32_t next_place; /* in the sector; see journal_is_full() */
+    uint32_t next_place;   /* in the sector; see journal_is_full() */
+    uint32_t first_number; /* that a record in the sector's first place has */
     uint8_t sector;
     bool started; /* this start's record has been written, or tried to be */
 };
