@@ -40,7 +40,8 @@ static void lead_axes(struct device *device, uint32_t to_invert, uint32_t to_lea
     decouple_axes(device, driven, alone_q16);
     for (unsigned axis = 0; axis < AXES; axis++)
         if (is_in(to_invert, axis))
-            axis_invert(&device->model_of[axis], &device->control.axis[axis], alone_q16[axis]);
+            axis_invert(&device->control.config[axis], &device->model_of[axis], &device->control.axis[axis],
+                        alone_q16[axis]);
         else if (is_in(to_lead, axis))
             axis_lead_by(&device->model_of[axis], &device->control.axis[axis],
                          sub_i32(alone_q16[axis], here_q16[axis]));

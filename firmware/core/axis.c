@@ -68,13 +68,17 @@ bool axis_set_target(const struct axis_config *config, const struct axis_model *
     return inverts;
 }
 
-void axis_invert(const struct axis_model *model, struct axis_state *state, int32_t ahead_q16)
+void axis_invert(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
+                 int32_t ahead_q16)
 {
+    const int32_t before_q24 = state->compensation.inverse.v_q24, most_q24 = config->output.slew_q24;
     bool saturated = false;
     int32_t wanted_q16 = sat_add_i32(ahead_q16, model->compensation->rest_q16, &saturated);
     state->target.feedforward_q24 =
-        compensation_step_q24(model->compensation, &state->compensation, wanted_q16, &saturated);
+        compensation_step_q24(model->compensation, &state->compensation, wanted_q16, most_q24, &saturated);
     set_flag_if(state, saturated, TARGET_SATURATED);
+    const uint64_t way_q24 = magnitude_i64((int64_t)state->compensation.inverse.v_q24 - before_q24);
+    set_flag_if(state, saturated && way_q24 >= (uint32_t)most_q24, TARGET_LIMITED);
 }
 
 void axis_lead_by(const struct axis_model *model, struct axis_state *state, int32_t way_q16)
@@ -133,6 +137,7 @@ static void follow_path(const struct axis_config *config, struct axis_state *sta
     trace->feedforward_q24 = state->target.feedforward_q24;
     trace->feedback_q24 = feedback_q24(config, state, error_q16, saturated);
     state->u_q24 = limit_q24(config, state, trace->feedforward_q24, trace->feedback_q24, &trace->limited);
+    trace->limited = trace->limited || has_flag(state, TARGET_LIMITED);
     *saturated = *saturated || trace->limited;
 }
 

@@ -35,7 +35,8 @@ bool axis_needs_target(const struct axis_state *state);
 bool axis_set_target(const struct axis_config *config, const struct axis_model *model, struct axis_state *state);
 
 /* Feed-forward by the inverse: the voltage for target.ahead_q16, decoupled. */
-void axis_invert(const struct axis_model *model, struct axis_state *state, int32_t ahead_q16);
+void axis_invert(const struct axis_config *config, const struct axis_model *model, struct axis_state *state,
+                 int32_t ahead_q16);
 
 /* In a mode with feedback and without the inverse: adds the voltage that moves the axis by so much, by the model's
  * slope.

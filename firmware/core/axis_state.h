@@ -51,7 +51,8 @@ enum axis_target_flag {
     TARGET_FEEDBACK = 4,     /* with feedback */
     TARGET_INVERSE = 8,      /* with feed-forward by the inverse */
     TARGET_SATURATED = 16,
-    TARGET_PATH_DONE = 32 /* the path ends in that tick */
+    TARGET_PATH_DONE = 32, /* the path ends in that tick */
+    TARGET_LIMITED = 64    /* the feed-forward changes as fast as the output may, and should change faster */
 };
 
 /* What the path asks for in the next tick. */

@@ -100,11 +100,11 @@ static int32_t driven_q24(const struct compensation *compensation, struct compen
 }
 
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
-                              int32_t ahead_q16, bool *saturated)
+                              int32_t ahead_q16, int32_t most_q24, bool *saturated)
 {
     int64_t x_q40 = shaped_q40(compensation, state, ahead_q16, saturated);
     x_q40 = without_creep_q40(compensation, state, x_q40, saturated);
-    int32_t v_q24 = inverse_step_q24(&compensation->inverse, &state->inverse, x_q40 * Q40_TO_Q44, saturated);
+    int32_t v_q24 = inverse_step_q24(&compensation->inverse, &state->inverse, x_q40 * Q40_TO_Q44, most_q24, saturated);
     int32_t u_q24 = driven_q24(compensation, state, v_q24, saturated);
     state->primed = 1;
     follow_creep(compensation, state);

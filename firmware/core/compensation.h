@@ -52,8 +52,9 @@ void compensation_follow(const struct compensation *compensation, struct compens
 /* Where the stage stands by the memory: asked for that, a step gives the present output again. 0 without a model. */
 int32_t compensation_here_q16(const struct compensation *compensation, const struct compensation_state *state);
 
-/* The voltage for the position that is wanted one preview from now, |ahead| < 32768 um. */
+/* The voltage for the position that is wanted one preview from now, |ahead| < 32768 um. `most_q24`: that the output may
+ * change in a tick. */
 int32_t compensation_step_q24(const struct compensation *compensation, struct compensation_state *state,
-                              int32_t ahead_q16, bool *saturated);
+                              int32_t ahead_q16, int32_t most_q24, bool *saturated);
 
 #endif

@@ -189,11 +189,15 @@ void inverse_follow(const struct inverse_config *config, struct inverse_state *s
 }
 
 int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_state *state, int64_t x_q44,
-                         bool *saturated)
+                         int32_t most_q24, bool *saturated)
 {
     const bool rises = x_q44 > state->x_q44;
     const int64_t way_q44 = rises ? x_q44 - state->x_q44 : state->x_q44 - x_q44;
-    if (way_q44 != 0 && !walk_to(config, state, rises, rises ? config->u_max_q24 : config->u_min_q24, way_q44))
+    const int64_t end_q24 = (int64_t)state->v_q24 + (rises ? most_q24 : -(int64_t)most_q24);
+    const int32_t limit_q24 = end_q24 > config->u_max_q24   ? config->u_max_q24
+                              : end_q24 < config->u_min_q24 ? config->u_min_q24
+                                                            : (int32_t)end_q24;
+    if (way_q44 != 0 && !walk_to(config, state, rises, limit_q24, way_q44))
         *saturated = true;
     return state->v_q24;
 }

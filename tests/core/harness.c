@@ -154,7 +154,7 @@ void h_inverse_many(const struct inverse_config *config, struct inverse_state *s
 {
     bool saturated = false;
     for (size_t i = 0; i < n; i++)
-        v_q24[i] = inverse_step_q24(config, state, x_q44[i], &saturated);
+        v_q24[i] = inverse_step_q24(config, state, x_q44[i], INT32_MAX, &saturated);
 }
 
 /* Displacements with creep to those without, in place. */
@@ -196,7 +196,7 @@ struct tick {
 static void find_target(const struct axis_config *config, const struct axis_model *model, struct axis_state *state)
 {
     if (axis_needs_target(state) && axis_set_target(config, model, state))
-        axis_invert(model, state, state->target.ahead_q16);
+        axis_invert(config, model, state, state->target.ahead_q16);
 }
 
 /* What a device does of an axis that is alone. */

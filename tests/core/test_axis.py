@@ -123,12 +123,14 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
         state.target.reference = block("path_now", config.path, state.path, wave)
     reference = state.target.reference
     ff = fb = error = 0
+    slewed = False
     asked = state.u_q24
     if follows and config.mode in INVERSE:
         lead = config.point.lead_turn32, compensation.preview_ticks_q16
         ahead = block("path_ahead", config.path, state.path, wave, *lead)
         state.target.ahead_q16 = limited(ahead - compensation.rest_q16)
         ahead = limited(state.target.ahead_q16 + compensation.rest_q16)
+        beyond = flags[-1]
     if follows and config.mode in CLOSED:
         error = limited(reference - block("converter_position_q16", config.converter, adc_code))
     if follows:
@@ -140,7 +142,10 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
         elif config.mode in TABLE:
             ff = core.feedforward_static_q24(tables, reference)
         elif config.mode in INVERSE:
-            ff = block("compensation_step_q24", compensation, state.compensation, ahead)
+            before_q24 = state.compensation.inverse.v_q24
+            ff = block("compensation_step_q24", compensation, state.compensation, ahead, config.output.slew_q24)
+            way_q24 = abs(state.compensation.inverse.v_q24 - before_q24)
+            slewed = (beyond or flags[-1]) and way_q24 >= config.output.slew_q24
         if config.mode in CLOSED:
             if not state.pid.primed:
                 core.pid_preset(config.pid, state.pid, error, state.u_q24, ff)
@@ -155,7 +160,7 @@ def composed_step(core, config, tables, wave, compensation, state, adc_code):
         asked += max(-config.ramp_q24, min(config.ramp_q24, config.u_park_q24 - state.u_q24))
     before = len(flags)
     state.u_q24 = block("output_limit_q24", config.output, state.u_q24, limited(asked))
-    cut = follows and any(flags[before:])
+    cut = follows and (any(flags[before:]) or slewed)
     done = False
     if follows:
         core.pid_unwind(state.pid, state.u_q24 - asked)

@@ -1,7 +1,7 @@
 """The stage's chain undone, as a whole: its parts have their own tests."""
 
 from compensations import Operator, V, any_compensation, memory_of
-from core_bindings import whole
+from core_bindings import INT32_MAX, whole
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,7 +15,7 @@ def test_asked_for_where_it_stands_it_stays_there(core, compensation, stays):
             core.compensation_follow(compensation, state, u_q24)
     before = state.inverse.x_q44
     here_q16 = core.compensation_here_q16(compensation, state)
-    core.flagged("compensation_step_q24", compensation, state, here_q16)
+    core.flagged("compensation_step_q24", compensation, state, here_q16, INT32_MAX)
     assert abs(state.inverse.x_q44 - before) <= 3 * 2**28 + Operator(compensation.inverse).slopes()
 
 

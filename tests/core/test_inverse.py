@@ -19,7 +19,7 @@ EXISTS, REST, PLAY_ORDER, NEGATIVE, KNOT_ORDER, STEEP, FALLS = range(7)
 def settle(core, config, state, target):
     """Steps until there, at most as many as the bends take; voltage, and whether the last one was limited."""
     for _ in range(ENOUGH):
-        v, limited = core.flagged("inverse_step_q24", config, state, target)
+        v, limited = core.flagged("inverse_step_q24", config, state, target, INT32_MAX)
         if not limited:
             break
     return v, limited
@@ -82,7 +82,7 @@ def test_a_tick_goes_over_so_many_bends_and_the_next_goes_on(core):
     n = 2 * BENDS_A_TICK + 1
     config = inverse_of([(i * V // n, 1 << 20) for i in range(1, n + 1)], gain_q20=1 << 20)
     state = rested(core, config)
-    steps = [core.flagged("inverse_step_q24", config, state, 60 << 44) for _ in range(4)]
+    steps = [core.flagged("inverse_step_q24", config, state, 60 << 44, INT32_MAX) for _ in range(4)]
     assert [limited for _, limited in steps] == [True, True, False, False]
     assert [v for v, _ in steps[:2]] == [BENDS_A_TICK * V // n, 2 * BENDS_A_TICK * V // n]
     assert abs(steps[2][0] - steps[3][0]) <= 32  # back by what half an LSB of a steeper line was too far
@@ -256,10 +256,23 @@ def test_a_memory_at_the_end_of_the_output_is_kept(core, end):
 def test_any_memory_is_made_one_of_the_operator(core, config, state, targets):
     core.inverse_admit(config, state)
     for target in targets:
-        v, _ = core.flagged("inverse_step_q24", config, state, target)
+        v, _ = core.flagged("inverse_step_q24", config, state, target, INT32_MAX)
         assert config.u_min_q24 <= v <= config.u_max_q24
         for play, p in zip(config.play, plays(core, config, state), strict=False):
             assert v - play.r_q24 <= p <= v + play.r_q24
+
+
+@given(inverses, st.lists(st.tuples(whole(-(2**59), 2**59), whole(0, 3 * V)), max_size=8))
+def test_the_memory_is_of_where_the_voltage_was_however_far_the_position(core, config, steps):
+    """What may change by so much in a tick has no turn beyond."""
+    state, operator = rested(core, config), Operator(config)
+    for target, most in steps:
+        before = state.v_q24
+        v, limited = core.flagged("inverse_step_q24", config, state, target, most)
+        assert abs(v - before) <= most
+        x_q44 = operator.go(v)
+        assert abs(state.x_q44 - x_q44) <= Operator(config).slopes()
+        assert limited or abs(x_q44 - target) <= Operator(config).slopes()
 
 
 def led(core, config, voltages):
@@ -328,5 +341,5 @@ def test_unused_places_do_nothing(core):
     assert UNUSED == INT32_MAX
     config = inverse_of(gain_q20=4 << 20)
     state = rested(core, config)
-    assert core.flagged("inverse_step_q24", config, state, 8 << 44) == (2 * V, False)
+    assert core.flagged("inverse_step_q24", config, state, 8 << 44, INT32_MAX) == (2 * V, False)
     assert ct.sizeof(Inverse) == 16 + 4 * (7 + 3 * 33 + 2 * 24)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from phaselead.control.motion_limits import first_mode_Hz
-from phaselead.control.path_speed import hardest, refuse_voltage_too_fast
+from phaselead.control.path_speed import beyond_slew, hardest, refuse_voltage_too_fast
 from phaselead.control.tracking import check_paths, default_duration_s, track
-from phaselead.device import Capture, Converters, Device, DeviceFault, converters, device_model
+from phaselead.device import TICK_HZ, Capture, Converters, Device, DeviceFault, converters, device_model
 from phaselead.errors import BadInput, DeviceRefused
 from phaselead.model import AxisModel, Gains, Stage, respond, rest_plays
 from phaselead.sim import virtual_stage
@@ -27,6 +27,8 @@ HALVINGS = 7
 LEAST_SHARE = 1 / 64
 CUT_V = 0.005
 """Beyond what codes and recorded voltages are rounded by, 0.3 mV and 0.5 mV each."""
+FORWARD_STEP_V = 2**-11
+"""Of recorded feed-forward and feedback."""
 CUT = "is cut by the output's limits"
 LIMITED_SHARE = 0.1
 """Of the ticks at the slew limit or a clamp: so long the loop is open, and what the limit cuts off rings the stage. The
@@ -99,6 +101,8 @@ def rehearse(
             raise BadInput(f"{axis}: on the model this {said}: {unseen}; or --force")
 
         def works(changed: Waveform) -> bool | None:
+            if beyond_slew(changed.as_asked, stage.axes[axis], mode) is not None:
+                return False
             try:
                 return _run_on(url, {**waveforms, axis: changed}, mode, stage, gains, duration_s).trouble is None
             except (BadInput, DeviceRefused):
@@ -176,7 +180,9 @@ def _run_on(
     except DeviceFault as fault:
         return OnModel(f"ends in {str(fault).partition(' at tick')[0]}", {})
     for axis in waveforms:
-        share = _cut_share(run.capture, axis, converters(device_model(stage))[axis])
+        share = _cut_share(
+            run.capture, axis, converters(device_model(stage))[axis], stage.axes[axis].limits.slew_V_per_s
+        )
         shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
         if share > LIMITED_SHARE and shows_a_mode:
             return OnModel(f"{CUT} in {share:.0%} of the ticks of axis {axis}", {})
@@ -200,15 +206,18 @@ def hardest_s(waveforms: Mapping[str, Waveform], stage: Stage, mode: str, asked_
     return float(np.clip(at_s - LONGEST_S / 2, 0.0, longest_s - LONGEST_S)) if at_s > LONGEST_S else 0.0
 
 
-def _cut_share(capture: Capture, axis: str, calibration: Converters) -> float:
-    """The share of the path's ticks in which the output was not what feed-forward and feedback asked for."""
+def _cut_share(capture: Capture, axis: str, calibration: Converters, slew_V_per_s: float) -> float:
+    """The share of the path's ticks in which the output was not what feed-forward and feedback asked for, or the
+    feed-forward of an inverse changed as fast as the output may: it is not asked for more."""
     stream = capture.axes[axis]
     assert stream.dac is not None
     assert stream.feedforward is not None
     assert stream.feedback is not None
     rows = slice(*np.searchsorted(capture.ticks, [capture.start_tick, capture.end_tick]))
-    asked_V = (stream.feedforward[rows].astype(np.float64) + stream.feedback[rows]) / 2**11
-    return float(np.mean(np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V))
+    asked_V = (stream.feedforward[rows].astype(np.float64) + stream.feedback[rows]) * FORWARD_STEP_V
+    forward_V = stream.feedforward[rows] * FORWARD_STEP_V
+    at_limit = np.abs(np.diff(forward_V, prepend=forward_V[:1])) > slew_V_per_s / TICK_HZ - FORWARD_STEP_V
+    return float(np.mean((np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V) | at_limit))
 
 
 def _nearest(wave: Waveform, works: Callable[[Waveform], bool | None]) -> str:
