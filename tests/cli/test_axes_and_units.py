@@ -131,6 +131,18 @@ def test_a_time_is_written_alike_in_every_command():
             assert option.type.convert(written, option, None) == pytest.approx(seconds), name
 
 
+def test_a_run_of_years_has_to_be_asked_for(run):
+    said = line(run("track", "sine:20um@1e-9Hz", "--mode", "pid", "--port", "sim://xyz250"))
+    assert "2.78e+06 hours" in said
+    assert "--duration" in said
+
+
+@pytest.mark.parametrize("written", ["99", "99%", "99 %"])
+def test_a_share_may_be_written_with_its_sign(run, tmp_path, written):
+    words = ("tune", "--port", "sim://xyz250", "-o", tmp_path / "x.toml", "--gain-share", written)
+    assert "gains 99 % up and down: choose 0 to 50 %" in line(run(*words))
+
+
 @pytest.mark.parametrize("written", ["5h", "soon", "", "5s,3s", "nan", "inf"])
 def test_a_time_that_is_none_is_refused(run, written):
     assert "--duration" in line(run("move", "x=20um", "--duration", written))

@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import phaselead as pl
 from phaselead.control.tracking import track
 from phaselead.control.true_position import followed
 from phaselead.device.device import Device
 from phaselead.device.quantities import path_request
 from phaselead.device.run_file import read_capture
 from phaselead.device.wire import PathKind
+from phaselead.errors import BadInput
 from phaselead.model.axis import AdoptedEffect, AxisModel, Gains, Sensor
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_file import Stage
@@ -100,3 +102,8 @@ def test_what_is_printed_has_the_true_error_beside_the_measured_one():
     assert f"{run.figures['true']['max_um']:.4g}" in line
     figures = {name: value for name, value in run.figures.items() if name != "true"}
     assert "true position" not in str(replace(run, figures=figures))
+
+
+def test_only_two_positions_can_follow():
+    with pl.connect("sim://xyz250") as dev, pytest.raises(BadInput, match="follows 'sensed' is no position"):
+        dev.track("sine:10um@20Hz", mode="pid", follows="sensed")

@@ -35,20 +35,22 @@ SHORTEST_S = 0.0004
 HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead park` ends it"
 
 
-class Seconds(click.ParamType[float]):
-    """A time: 5, 5s, 500ms or 2min."""
+class WithUnit(click.ParamType[float]):
+    """A number with one of these units: 5, 5s, 500ms or 2min."""
 
-    name = "seconds"
+    def __init__(self, name: str, units: Mapping[str, float]) -> None:
+        self.name, self.units = name, units
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         if isinstance(value, int | float):
             return float(value)
-        found = number(param.opts[0] if param else "time", value, IN_SECONDS)
+        found = number(param.opts[0] if param else self.name, value, self.units)
         assert found is not None
         return found
 
 
-SECONDS = Seconds()
+SECONDS = WithUnit("seconds", IN_SECONDS)
+PERCENT = WithUnit("percent", {"%": 0.01, "": 0.01})
 
 
 def named_port(_context: click.Context, _option: click.Parameter, port: str) -> str:
@@ -93,6 +95,13 @@ def _checked_wait(_context: click.Context, _option: click.Parameter, seconds: fl
     if seconds is not None and not 0 < seconds < math.inf:
         raise BadInput(f"--trigger-in {seconds:g}: give the seconds to wait for an edge, above 0")
     return seconds
+
+
+def wait_told(edge_within_s: float | None) -> list[str]:
+    """What is said before an edge is waited for."""
+    if edge_within_s is None:
+        return []
+    return [f"waiting for an edge of the trigger input, {edge_within_s:g} s at most; Ctrl-C parks"]
 
 
 trigger_in_option = click.option(

@@ -20,6 +20,7 @@ from phaselead.cli.common import (
     still_held,
     trigger_in_option,
     trigger_out_option,
+    wait_told,
     warnings_said,
 )
 from phaselead.cli.listing import top_level
@@ -75,7 +76,7 @@ def move(
 
     def announce(planned: Planned, predicted: Mapping[str, float | None]) -> None:
         if json_to != "-":
-            show({}, None, planned.sentences(predicted))
+            show({}, None, [*planned.sentences(predicted), *wait_told(trigger_in)])
 
     with connect(port, resume=True) as device, warnings_said(), held_if_refused(device):
         moved = device.move(

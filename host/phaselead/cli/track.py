@@ -20,6 +20,7 @@ from phaselead.cli.common import (
     tell,
     trigger_in_option,
     trigger_out_option,
+    wait_told,
     warn_of_gaps,
     warnings_said,
     write_page,
@@ -64,12 +65,14 @@ gains_option = click.option(
 )
 
 
-def telling(json_to: str | None) -> OnRehearsed:
+def telling(json_to: str | None, edge_within_s: float | None = None) -> OnRehearsed:
     """Says what the rehearsal says, before anything moves."""
 
     def said(predicted: Mapping[str, Predicted]) -> None:
         for axis, one in predicted.items():
             tell(one.sentence(axis), json_to)
+        for line in wait_told(edge_within_s):
+            tell(line, json_to)
 
     return said
 
@@ -175,7 +178,7 @@ def track(
                 trigger_in=trigger_in,
                 hold=hold,
                 on_progress=advance,
-                on_rehearsed=telling(json_to),
+                on_rehearsed=telling(json_to, trigger_in),
             )
             if hold:
                 device.leave_running(model_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from phaselead.cli.common import (
+    PERCENT,
     axis_option,
     emit,
     json_option,
@@ -41,10 +42,10 @@ from phaselead.quantity import VOLTS, number
 @click.option("--middle", metavar="VOLTS", help="E.g. 4V: what it is about; default: the middle of the limits.")
 @click.option("--peak", type=float, default=2.0, show_default=True, help="Allowed peak sensitivity.")
 @click.option(
-    "--mode-shift", type=float, default=10.0, show_default=True, help="How far modes may move, up and down, %."
+    "--mode-shift", type=PERCENT, default="10%", show_default=True, help="How far modes may move, up and down."
 )
 @click.option(
-    "--gain-share", type=float, default=10.0, show_default=True, help="How far the gain may change, up and down, %."
+    "--gain-share", type=PERCENT, default="10%", show_default=True, help="How far the gain may change, up and down."
 )
 @click.option("--save", "save_to", metavar="DIR", help="Keep every run there, as HDF5.")
 @report_option
@@ -78,8 +79,8 @@ def tune(
             level=level_V,
             middle=middle_V,
             peak=peak,
-            mode_shift=mode_shift / 100,
-            gain_share=gain_share / 100,
+            mode_shift=mode_shift,
+            gain_share=gain_share,
             save=save_to,
             overwrite=overwriting(),
             on_progress=advance,

@@ -46,13 +46,21 @@ from phaselead.waveforms import POINTS, Curve, Goto, RepeatedAsSensed, Replaced,
 
 LEAST_SAID = {"um": 0.005, "V": 0.0005}
 """Of a difference between path and points: about a code of the converters."""
-LAST_PERIODS, WHOLE_RECORD = "last four periods", "whole record"
+LAST_PERIODS, WHOLE_PATH, WHOLE_RECORD = "last four periods", "whole path", "whole record"
 """What the figures of a run are over."""
+LONGEST_UNASKED_S = 6 * 3600.0
+"""A night's run is meant; a frequency in the wrong unit takes years."""
 
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
-    """Ten periods of the slowest path; a move and a second."""
-    return max(waveform.default_duration_s for waveform in waveforms.values())
+    """Ten periods of the slowest path; a move and a second. Raises BadInput for more than anyone waits for unasked."""
+    duration_s = max(waveform.default_duration_s for waveform in waveforms.values())
+    if duration_s > LONGEST_UNASKED_S:
+        raise BadInput(
+            f"unless told otherwise this takes {duration_s / 3600:.3g} hours: give a duration (--duration), or another "
+            "frequency"
+        )
+    return duration_s
 
 
 def ticks_of(duration_s: float) -> int:
@@ -430,7 +438,7 @@ def meant_um(recording: Recording, waveforms: Mapping[str, Waveform]) -> dict[st
 def axis_figures(
     recording: Recording, axis: str, waveform: Waveform, mode: str, true_um: Samples | None = None
 ) -> dict[str, Any]:
-    """Error over the last four periods (a move: the whole record), and from rest: over every sample.
+    """Error over the last four periods (what is driven once: all of it), and from rest: over every sample.
 
     Judged is the path that was asked for, also where the device plays it in points; where the true position follows
     it, as a sensor with the lag of the model's (``sensor_lag_s``) would show it. ``true``: the path against where a
@@ -449,7 +457,8 @@ def axis_figures(
     asked_um = meant if asked is waveform else asked.value(recording.t_s)
     steady = tracking_error(meant[judged], record.x_um[judged], asked_um[judged])
     whole = tracking_error(meant, record.x_um, asked_um)
-    part = {"judged": LAST_PERIODS if len(meant[judged]) < len(meant) else WHOLE_RECORD}
+    part_of_it = LAST_PERIODS if waveform.periodic else WHOLE_PATH
+    part = {"judged": part_of_it if len(meant[judged]) < len(meant) else WHOLE_RECORD}
     unplayed = {"unplayed_um": waveform.unplayed} if waveform.unplayed > LEAST_SAID["um"] else {}
     lag_s = waveform.lag_s if isinstance(waveform, Replaced | RepeatedAsSensed) else 0.0
     lag = {"sensor_lag_s": lag_s} if lag_s > 0 else {}

@@ -91,6 +91,11 @@ def _pixel(pulses: Pulses, text: str, path: Waveform) -> Pulses:
     if path.unit != "um":
         _refuse_volts(pulses.name)
     every_um = number * UM[match[3]]
+    if every_um / 2 > abs(path.swing):
+        raise BadInput(
+            f"trigger output {pulses.name}: the first pixel is {every_um / 2:g} um from the lowest place, and the path "
+            f"spans {abs(path.swing):g} um; put the pixels closer together"
+        )
     if path.steepest() > every_um * TICK_HZ:
         raise BadInput(
             f"trigger output {pulses.name}: the path goes up to {path.steepest() / TICK_HZ:.3g} um in a tick of "

@@ -9,6 +9,7 @@ import numpy as np
 
 from phaselead.control.rounding import rounding_s
 from phaselead.device import TICK_HZ, Capture, Device
+from phaselead.errors import BadInput
 from phaselead.model import Stage, sensor_lag_s
 from phaselead.record import Recording, Samples
 from phaselead.waveforms import Repeated, RepeatedAsSensed, Replaced, Rounded, Streamed, Waveform
@@ -33,7 +34,9 @@ def followed(
 ) -> dict[str, Waveform]:
     """The paths as the device is asked for them. ``"true"``: where the model says by how much the sensor is late,
     a periodic path in micrometres is as late, so that the stage itself is where it was asked to be. Corners that the
-    output is too slow for in this mode are rounded."""
+    output is too slow for in this mode are rounded. Raises BadInput for another word in ``follows``."""
+    if follows not in FOLLOWS:
+        raise BadInput(f"follows {follows!r} is no position; give {' or '.join(map(repr, FOLLOWS))}")
     found = dict(waveforms)
     for axis, waveform in waveforms.items():
         lag_s = _lag_s(stage, axis, waveform) if follows == "true" else 0.0
