@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phaselead.control.tuning.plant import FAR
-from phaselead.control.tuning.shaping import RINGS
+from phaselead.control.tuning.plant import FAR, rings
 from phaselead.model import TICK_S, AdoptedEffect, AxisModel, SmallSignal, TimeView, small_signal
 
 Mode = tuple[float, float, float]
@@ -18,7 +17,7 @@ def with_modes(model: AxisModel, plant: SmallSignal) -> AxisModel:
     """A model whose time view shows no mode gets the measured ones: on it the loop would be another. What they delay is
     taken from its dead time. One that shows some gets the measured frequency and damping of each: lines across a mode
     tell them closer than a fit of large motion, and a path near it asks for that."""
-    found = [mode for mode in plant.modes if mode[2] < RINGS]
+    found = [mode for mode in plant.modes if rings(mode)]
     if model.time is None or not found:
         return model
     if small_signal(model).modes:

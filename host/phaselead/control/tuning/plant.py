@@ -23,6 +23,11 @@ SLOWEST_MODE_Hz = 30.0
 1000 Hz, levered ones some tens of hertz lower (Devasia, Eleftheriou and Moheimani 2007)."""
 LONGEST_DEAD_s, LONGEST_LAG_s = 0.01, 0.005
 DAMPING = (0.001, 0.7)
+RINGS = 0.3
+"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
+LEAST_PEAK = 0.1
+"""Of the static gain: a fitted mode whose peak is lower is none of the mechanics either, but what hysteresis and creep
+leave. A loop stands as much of its gain."""
 """Of modes of flexure stages: 0.005 to 0.05 is usual (Devasia, Eleftheriou and Moheimani 2007)."""
 SHARES = (-0.3, 1.3)
 """Of the motion: a mode beyond the first that carried more would be the first."""
@@ -110,6 +115,12 @@ class _Descended:
 def _better(found: _Descended, before: _Descended) -> bool:
     lines = 2 * len(found.misfit)
     return bool(lines * np.log(found.cost / before.cost) + 3 * np.log(lines) < 0)
+
+
+def rings(mode: ModeOf) -> bool:
+    """Whether it is a mode of the mechanics."""
+    share, _, zeta = mode
+    return zeta < RINGS and abs(share) / (2 * zeta) > LEAST_PEAK
 
 
 def _first_mode(f_Hz: Samples, measured: Response) -> ModeOf:

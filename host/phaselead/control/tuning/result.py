@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phaselead.control.feedback_loop import BANDWIDTH, pid_response
-from phaselead.control.tuning.plant import FittedPlant
+from phaselead.control.tuning.plant import FittedPlant, rings
 from phaselead.control.tuning.response import Measured, Response
-from phaselead.control.tuning.shaping import RINGS, Predicted, Range, bandwidth_Hz
+from phaselead.control.tuning.shaping import Predicted, Range, bandwidth_Hz
 from phaselead.model import Gains, Stage, save_stage
 from phaselead.record import Samples, Source
 from phaselead.result import Result, Table
@@ -137,7 +137,7 @@ class Tuned(Result):
     def tables(self) -> list[Table | str]:
         low, high = self.over.gain_um_per_V
         g, levels = self.gains, self.measured.levels_dB()
-        rings, rest = self._modes(rings=True), self._modes(rings=False)
+        rings, rest = self._modes(ringing=True), self._modes(ringing=False)
         response = (
             ("gain (um/V)", f"{self.plant.gain_um_per_V:.3g}"),
             ("modes", rings or "none"),
@@ -167,10 +167,10 @@ class Tuned(Result):
             Table(("loop", "peak sensitivity", "bandwidth, -3 dB (Hz)"), loop),
         ]
 
-    def _modes(self, *, rings: bool) -> str:
-        """Frequency, share and damping of the fitted modes that ring, or of those damped more, which stand for
-        hysteresis and creep."""
-        found = [mode for mode in self.plant.plant.modes if (mode[2] < RINGS) == rings]
+    def _modes(self, *, ringing: bool) -> str:
+        """Frequency, share and damping of the fitted modes that ring, or of the others, which stand for hysteresis and
+        creep."""
+        found = [mode for mode in self.plant.plant.modes if rings(mode) == ringing]
         by_frequency = sorted(found, key=lambda mode: mode[1])
         return ", ".join(
             f"{f:.4g} Hz ({100 * c:{'.0f' if abs(c) > 0.1 else '.2g'}} %, zeta {z:.2g})" for c, f, z in by_frequency

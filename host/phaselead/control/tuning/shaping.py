@@ -20,14 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phaselead.control.feedback_loop import BANDWIDTH, frequencies, peak_sensitivity, pid_response, plant_response
+from phaselead.control.tuning.plant import rings
 from phaselead.errors import BadInput
 from phaselead.model import TICK_S, Gains, LoopFilter, SmallSignal
 from phaselead.record import Samples
 
 Response = NDArray[np.complex128]
 
-RINGS = 0.3
-"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
 FILTERS = 2
 GAINS = 3
 """Local gains that a design is for: lowest, middle (geometric), highest."""
@@ -187,7 +186,7 @@ class _Search:
         self._over, self._on_progress, self._evaluated = over, on_progress, 0
         self._cases = [_Case(one, over.gains(), _grid_Hz(one)) for one in over.plants(plant)]
         self._held = _Held(plant)
-        ringing = sorted(f for _, f, zeta in plant.modes if zeta < RINGS)
+        ringing = sorted(mode[1] for mode in plant.modes if rings(mode))
         self._modes_Hz = ringing or sorted(f for _, f, _ in plant.modes)
         middle, w = over.gains()[1], 2 * np.pi * self._modes_Hz[0]
         pid = [(0.005 * w, 3 * w), (1e-4, 10.0), (1e-3 / w, 10 / w)]
