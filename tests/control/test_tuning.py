@@ -332,7 +332,7 @@ def test_a_move_leaves_an_eighth_of_it_to_a_noise_of_four_times_its_rms() -> Non
 
 def test_what_hysteresis_leaves_in_a_plant_is_no_mode() -> None:
     """One at 30 Hz, of 1 % and damped by 0.14, was taken for the first of the mechanics: the search went no further
-    than ten times its frequency, and a push was over in 16 ms in place of 11."""
+    than ten times its frequency, and a push was over in 16 ms in place of 11.3."""
     mode, left = (0.92, 200.0, 0.02), (-0.0138, 30.0, 0.145)
     assert rings(mode)
     assert rings((0.03, 390.0, 0.01))  # a second mode of 3 %
