@@ -72,8 +72,7 @@ static void add_fault(struct journal *journal, uint32_t sequence, const struct w
     journal->faults[at] = (struct journal_fault){sequence, *fault};
 }
 
-/* Of a fault and its copy, which have one number, the later place is the original's: it was written when its sector
- * filled up, a copy is among the first. */
+/* Of a record and its copy in the other sector, which have one number, either will do. */
 static void take(struct journal *journal, const struct wire_device_record *record, unsigned sector, uint32_t place)
 {
     if (record->fault[0].fault != WIRE_FAULT_NONE)
@@ -125,10 +124,12 @@ void journal_boot(struct journal *journal, const struct flash_port *flash)
     memset(journal, 0, sizeof *journal);
     for (unsigned sector = 0; sector < FLASH_SLOTS; sector++)
         used[sector] = read_sector(journal, flash, sector);
-    if (journal->newest.sequence == 0)
+    if (journal->newest.sequence == 0) {
         begin_anew(journal, used);
-    else
+    } else {
         journal->next_place = used[journal->sector] + 1; /* one is left out */
+        journal->first_number += 2 * PLACES;             /* what a start before left half written, in either sector */
+    }
     journal->newest.fault[0] = (struct wire_logged_fault){0};
     journal->newest.power_cycle++;
 }

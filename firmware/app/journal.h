@@ -6,10 +6,13 @@
  * and the new record are copied to the other, which is erased before; the full one stays as it is until the other one
  * is full. So a cut at any moment leaves the old record or the new one.
  *
- * A write that was cut may read as done today and as blank tomorrow. So each start writes a record of what it read,
+ * The word that was being written when the power went reads either way, each time anew: a record that was cut in its
+ * first word may read as blank, one that was cut in its last as whole. So each start writes a record of what it read,
  * and never uses the place after the last one that was in use. Until a start has written that record, the next one may
- * read the other of the two; a start that cannot write it raises a flash error. Numbers count places, those that were
- * passed over too: what was written later has the larger number, whatever reads as whole before it.
+ * read the other of the two; a start that cannot write it raises a flash error.
+ *
+ * Numbers rise by places, those that were passed over too, and by two sectors of them with every start: more than what
+ * an earlier start left half written, in either sector, can be ahead by.
  */
 #ifndef PHASELEAD_APP_JOURNAL_H
 #define PHASELEAD_APP_JOURNAL_H
@@ -30,7 +33,7 @@ struct journal {
     struct journal_fault faults[JOURNAL_FAULTS]; /* oldest first */
     uint32_t fault_count;
     uint32_t next_place;   /* in the sector; see journal_is_full() */
-    uint32_t first_number; /* that a record in the sector's first place has */
+    uint32_t first_number; /* of the sector: a record has this and its place, the copy of a fault its old number */
     uint8_t sector;
     bool started; /* this start's record has been written, or tried to be */
 };

@@ -17,7 +17,7 @@ struct axis_trace { /* what a tick did, for the recorder */
     uint16_t dac_code;
     bool path_done; /* the path ended in this tick */
     bool inverted;  /* the inverse made the feed-forward */
-    bool limited;   /* slew limit or clamp cut the output */
+    bool limited;   /* slew limit or clamp cut the output, or the inverse kept to the slew limit itself */
 };
 
 /* The axis begins its path in the next tick (drive becomes DRIVE_PATH), without a bump in its output: the integrator is

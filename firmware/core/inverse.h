@@ -67,8 +67,8 @@ struct inverse_state {
 void inverse_follow(const struct inverse_config *config, struct inverse_state *state, int32_t v_q24);
 
 /* Goes to the voltage at which the position is x, and returns it. Where the limit, the most that the voltage may change
- * in a tick or the last bend of this tick comes first, it stops there and sets *saturated: the memory has no turn where
- * the output has never been. |x| < 2^15 um, most_q24 >= 0. */
+ * in a tick or the last bend of this tick comes first, it stops there and sets *saturated: so the memory turns no
+ * further on than the output can have come. |x| < 2^15 um, most_q24 >= 0. */
 int32_t inverse_step_q24(const struct inverse_config *config, struct inverse_state *state, int64_t x_q44,
                          int32_t most_q24, bool *saturated);
 

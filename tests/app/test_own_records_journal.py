@@ -149,6 +149,26 @@ def test_limits_that_read_either_way_are_settled_by_the_first_start_that_can_wri
     assert len(seen) == 2
 
 
+@pytest.mark.parametrize("ahead", [1, 2, PLACES, PLACES + 20])
+def test_what_a_start_left_half_written_elsewhere_does_not_come_back(ahead):
+    """In the other sector, where it went because its own did not take it: whole only after limits that are newer."""
+    flash = bytearray(with_limits(7, 3))
+    places = [flash[at : at + RECORD] for at in range(JOURNAL, JOURNAL + SECTOR, RECORD)]
+    with_seven = next(one for one in places if wire.DeviceRecord.unpack(bytes(one[:-4])).limits[0] == to_V(7))
+    newest = max(int.from_bytes(one[4:8], "little") for one in places if one[:1] != b"\xff")
+    torn = bytearray(with_seven)
+    torn[4:8] = (newest + ahead).to_bytes(4, "little")
+    torn[-4:] = crc32(bytes(torn[:-4])).to_bytes(4, "little")
+    other = JOURNAL + SECTOR
+    flash[other : other + RECORD] = torn[:-1] + bytes([torn[-1] ^ 1])
+    bench = started(bytes(flash))
+    assert limits_of(bench) == to_V(3)
+    bench.ok(limits_set(to_V(5)))
+    later = bytearray(kept(bench))
+    later[other : other + RECORD] = torn
+    assert limits_of(started(bytes(later))) == to_V(5)
+
+
 def marginal(image, at, chance):
     """Bits of the record under way that read either way."""
     noisy = bytearray(image)
@@ -229,11 +249,12 @@ def test_a_first_write_that_is_cut_twice_is_no_loss():
         assert limits_of(started(kept(again))) == FREE, at
 
 
-def test_sequence_numbers_may_wrap():
+@pytest.mark.parametrize("before", [1, 3, 2 * PLACES + 1, 2 * PLACES + 2, 2 * PLACES + 3, 4 * PLACES + 4])
+def test_sequence_numbers_may_wrap(before):
     bench = started(None)
     image = bytearray(kept(bench))
     record = image[JOURNAL : JOURNAL + RECORD]
-    record[4:8] = (2**32 - 3).to_bytes(4, "little")
+    record[4:8] = (2**32 - before).to_bytes(4, "little")
     record[-4:] = crc32(bytes(record[:-4])).to_bytes(4, "little")
     image[JOURNAL : JOURNAL + RECORD] = record
     flash = bytes(image)

@@ -48,7 +48,7 @@ def test_pixels_of_a_distance_are_in_the_middle_of_each():
         ("pixel=3V", RASTER, "write pixel=256"),
         ("pixel=600", RASTER, "at most 500"),
         ("pixel=0.3ms", RASTER, "a multiple of a tick, 0.2 ms; the nearest is 0.2 ms"),
-        ("pixel=150um", RASTER, "put the pixels closer together"),
+        ("pixel=41um", RASTER, "spans 20 um and never comes to the first pixel, 20.5 um above"),
         ("pixel=10nm", RASTER, "further apart, or go slower"),
         ("pixel=0.5nm", "goto:0.001um@1s", "at least 0.002 um"),
         ("line", "goto:5um", "goto has no period"),

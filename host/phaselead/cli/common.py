@@ -36,7 +36,7 @@ HELD = "held; `phaselead move`, `where` and `hold` go on from here, `phaselead p
 
 
 class WithUnit(click.ParamType[float]):
-    """A number with one of these units: 5, 5s, 500ms or 2min."""
+    """Text that is a number with one of these units: 5, 5s, 500ms or 2min. A default is written as text too."""
 
     def __init__(self, name: str, units: Mapping[str, float]) -> None:
         self.name, self.units = name, units

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phaselead.control.modes import INVERTS
 from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.control.path_speed import beyond_slew, hardest, refuse_voltage_too_fast
 from phaselead.control.tracking import check_paths, default_duration_s, track
@@ -181,7 +183,7 @@ def _run_on(
         return OnModel(f"ends in {str(fault).partition(' at tick')[0]}", {})
     for axis in waveforms:
         share = _cut_share(
-            run.capture, axis, converters(device_model(stage))[axis], stage.axes[axis].limits.slew_V_per_s
+            run.capture, axis, mode, converters(device_model(stage))[axis], stage.axes[axis].limits.slew_V_per_s
         )
         shows_a_mode = first_mode_Hz(stage.axes[axis]) is not None  # else its dead time stands for all that is fast
         if share > LIMITED_SHARE and shows_a_mode:
@@ -206,18 +208,22 @@ def hardest_s(waveforms: Mapping[str, Waveform], stage: Stage, mode: str, asked_
     return float(np.clip(at_s - LONGEST_S / 2, 0.0, longest_s - LONGEST_S)) if at_s > LONGEST_S else 0.0
 
 
-def _cut_share(capture: Capture, axis: str, calibration: Converters, slew_V_per_s: float) -> float:
-    """The share of the path's ticks in which the output was not what feed-forward and feedback asked for, or the
-    feed-forward of an inverse changed as fast as the output may: it is not asked for more."""
+def _cut_share(capture: Capture, axis: str, mode: str, calibration: Converters, slew_V_per_s: float) -> float:
+    """The share of the path's ticks in which the output was not what feed-forward and feedback asked for, or in which
+    an inverse changed as fast as the output may, which it keeps to itself."""
     stream = capture.axes[axis]
     assert stream.dac is not None
     assert stream.feedforward is not None
     assert stream.feedback is not None
     rows = slice(*np.searchsorted(capture.ticks, [capture.start_tick, capture.end_tick]))
     asked_V = (stream.feedforward[rows].astype(np.float64) + stream.feedback[rows]) * FORWARD_STEP_V
-    forward_V = stream.feedforward[rows] * FORWARD_STEP_V
-    at_limit = np.abs(np.diff(forward_V, prepend=forward_V[:1])) > slew_V_per_s / TICK_HZ - FORWARD_STEP_V
-    return float(np.mean((np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V) | at_limit))
+    cut = np.abs(asked_V - calibration.u_V(stream.dac[rows])) > CUT_V
+    if mode in INVERTS:
+        step_V = slew_V_per_s / TICK_HZ
+        ticks = math.ceil(4 * FORWARD_STEP_V / step_V)  # in which the limit is well above what is rounded off
+        way_V = np.abs(stream.feedforward[rows][ticks:] - stream.feedforward[rows][:-ticks]) * FORWARD_STEP_V
+        cut[ticks:] |= way_V > ticks * step_V - FORWARD_STEP_V
+    return float(np.mean(cut))
 
 
 def _nearest(wave: Waveform, works: Callable[[Waveform], bool | None]) -> str:

@@ -24,8 +24,8 @@ class Run(SampledResult):
     """One tracking run: the recording, the capture behind it, and its figures.
 
     ``figures`` are those of ``phaselead track --json``: ``mode``, ``max_um``, ``rms_um``, ``range_um``, ``max_pct``,
-    ``max_um_mean_removed`` over the rows that ``judged`` names (the last four periods; of a move the whole record),
-    ``from_rest`` over every sample, ``ticks``, ``dropped``; with
+    ``max_um_mean_removed`` over the rows that ``judged`` names (the last four periods, of a move the whole
+    record, of a path that is driven once the whole path), ``from_rest`` over every sample, ``ticks``, ``dropped``; with
     several axes they are under ``axes``. Error = the path that was asked for - measured position.
 
     The columns of the recording are attributes, float64 arrays of shape (n,): ``t_s``, ``u_V``, ``x_um``, ``r_um``

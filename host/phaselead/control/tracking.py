@@ -55,9 +55,9 @@ LONGEST_UNASKED_S = 6 * 3600.0
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:
     """Ten periods of the slowest path; a move and a second. Raises BadInput for more than anyone waits for unasked."""
     duration_s = max(waveform.default_duration_s for waveform in waveforms.values())
-    if duration_s > LONGEST_UNASKED_S:
+    if duration_s > LONGEST_UNASKED_S and any(waveform.periodic for waveform in waveforms.values()):
         raise BadInput(
-            f"unless told otherwise this takes {duration_s / 3600:.3g} hours: give a duration (--duration), or another "
+            f"ten periods of this take {duration_s / 3600:.3g} hours: give a duration (--duration), or another "
             "frequency"
         )
     return duration_s

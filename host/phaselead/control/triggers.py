@@ -93,8 +93,8 @@ def _pixel(pulses: Pulses, text: str, path: Waveform) -> Pulses:
     every_um = number * UM[match[3]]
     if every_um / 2 > abs(path.swing):
         raise BadInput(
-            f"trigger output {pulses.name}: the first pixel is {every_um / 2:g} um from the lowest place, and the path "
-            f"spans {abs(path.swing):g} um; put the pixels closer together"
+            f"trigger output {pulses.name}: the path spans {abs(path.swing):g} um and never comes to the first pixel, "
+            f"{every_um / 2:g} um above its lowest place; put the pixels closer together"
         )
     if path.steepest() > every_um * TICK_HZ:
         raise BadInput(

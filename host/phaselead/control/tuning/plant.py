@@ -23,12 +23,10 @@ SLOWEST_MODE_Hz = 30.0
 1000 Hz, levered ones some tens of hertz lower (Devasia, Eleftheriou and Moheimani 2007)."""
 LONGEST_DEAD_s, LONGEST_LAG_s = 0.01, 0.005
 DAMPING = (0.001, 0.7)
-RINGS = 0.3
-"""Damping below which a fitted mode is one of the mechanics; what is damped more stands for hysteresis and creep."""
-LEAST_PEAK = 0.1
-"""Of the static gain: a fitted mode whose peak is lower is none of the mechanics either, but what hysteresis and creep
-leave. A loop stands as much of its gain."""
 """Of modes of flexure stages: 0.005 to 0.05 is usual (Devasia, Eleftheriou and Moheimani 2007)."""
+RINGS, LEAST_PEAK = 0.3, 0.1
+"""A fitted mode is one of the mechanics where its damping is below the one, and its peak above the other, of the static
+gain. Hysteresis and creep leave what is damped more or hardly shows; a loop stands a tenth of its gain anyway."""
 SHARES = (-0.3, 1.3)
 """Of the motion: a mode beyond the first that carried more would be the first."""
 FAR = 2**0.5
