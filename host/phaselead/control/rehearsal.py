@@ -221,8 +221,8 @@ def _cut_share(capture: Capture, axis: str, mode: str, calibration: Converters, 
     if mode in INVERTS:
         step_V = slew_V_per_s / TICK_HZ
         ticks = math.ceil(4 * FORWARD_STEP_V / step_V)  # in which the limit is well above what is rounded off
-        way_V = np.abs(stream.feedforward[rows][ticks:] - stream.feedforward[rows][:-ticks]) * FORWARD_STEP_V
-        cut[ticks:] |= way_V > ticks * step_V - FORWARD_STEP_V
+        forward_V = stream.feedforward[rows] * FORWARD_STEP_V
+        cut[ticks:] |= np.abs(forward_V[ticks:] - forward_V[:-ticks]) > ticks * step_V - FORWARD_STEP_V
     return float(np.mean(cut))
 
 

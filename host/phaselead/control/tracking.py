@@ -49,7 +49,7 @@ LEAST_SAID = {"um": 0.005, "V": 0.0005}
 LAST_PERIODS, WHOLE_PATH, WHOLE_RECORD = "last four periods", "whole path", "whole record"
 """What the figures of a run are over."""
 LONGEST_UNASKED_S = 6 * 3600.0
-"""A night's run is meant; a frequency in the wrong unit takes years."""
+"""Nobody waits longer without having said so; a frequency in the wrong unit takes years."""
 
 
 def default_duration_s(waveforms: Mapping[str, Waveform]) -> float:

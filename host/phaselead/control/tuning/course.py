@@ -21,7 +21,7 @@ from phaselead.control.tuning.plant import FittedPlant, fit_plant, rings_elsewhe
 from phaselead.control.tuning.rehearsed import refuse_rehearsed
 from phaselead.control.tuning.response import REALISATIONS, Measured, Plan, measure
 from phaselead.control.tuning.result import ClosedLoop, Tuned
-from phaselead.control.tuning.shaping import Range, predicted, shape
+from phaselead.control.tuning.shaping import GAIN_SHARE, Range, predicted, shape
 from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.model import TICK_S, AxisModel, Gains, SmallSignal, Stage, provenance_of, small_signal
@@ -33,8 +33,6 @@ FAST = Plan(Grid.odd_random(1024, 2250.0), settle_periods=8, periods=32)
 CLOSED = Plan(Grid.odd_random(2048, 1000.0), settle_periods=4, periods=12)
 LEVEL_SHARE = 1 / 60
 """Of the voltages allowed, peak-to-peak: 0.2 V of 12. A mode with a Q of 25 then moves some micrometres."""
-GAIN_SHARE = 0.1
-"""Of the measured gain, up and down."""
 WITHOUT_TIME_VIEW = (0.7, 1.7)
 """Local gain against that of small motions, where no time view tells: loops a fifth as wide as high, as piezo stacks
 have them, are half as steep after a turn as on the way (Xu and Li 2010, figure 2)."""

@@ -39,9 +39,8 @@ KEEPS = 0.82
 CALM_POWER = 3
 """A push y counts by (t^3 y)^2: t^3 exp(-t/tau) is largest at 3 tau, where an exponential is down to 5 %. Its integral
 grows as the seventh power of tau."""
-PLACES_DIFFER = 0.1
-"""How far the gain of small motion is from what was measured, at another place and for another push: as much as a loop
-is asked to stand (GAIN_SHARE). What is tuned to a single gain alone rings at every other."""
+GAIN_SHARE = 0.1
+"""Of the measured gain, up and down: small motion has another at another place. A loop stands it, and is calm there."""
 CALM_TICKS = 1000
 """After a push: 0.2 s, in which a loop of 15 Hz is over it."""
 HELD_IN_LOOP = 15.9
@@ -167,7 +166,7 @@ class _Held:
         f_Hz = np.arange(1, CALM_TICKS // 2 + 1) / (CALM_TICKS * TICK_S)
         middle = math.sqrt(math.prod(plant.gain_um_per_V))
         # the measured gain first: noise is counted at that
-        self._case = _Case(plant, middle * np.array([1.0, 1 - PLACES_DIFFER, 1 + PLACES_DIFFER]), f_Hz)
+        self._case = _Case(plant, middle * np.array([1.0, 1 - GAIN_SHARE, 1 + GAIN_SHARE]), f_Hz)
         self._weight = (np.arange(CALM_TICKS) * TICK_S) ** (2 * CALM_POWER)
 
     def noise_V_per_um(self, values: Samples) -> tuple[float, float]:

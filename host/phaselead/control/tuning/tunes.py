@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 from phaselead.control.gains import MODE_SHIFT, PEAK_SENSITIVITY
 from phaselead.control.kept_runs import KeptRuns
-from phaselead.control.tuning.course import GAIN_SHARE, tune
+from phaselead.control.tuning.course import tune
 from phaselead.control.tuning.result import Tuned
+from phaselead.control.tuning.shaping import GAIN_SHARE
 from phaselead.device import Device, says_when_interrupted
 from phaselead.model import Stage, StageLike, as_stage
 from phaselead.quantity import PURE, SHARES, VOLTS, Quantity, quantity, required
