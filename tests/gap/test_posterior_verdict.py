@@ -17,7 +17,7 @@ from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SOMETHING, SURE, judge
-from phaselead.gap.refit import to_internal
+from phaselead.gap.refit import from_internal, is_logarithmic, to_internal
 from phaselead.model.effects import effect
 
 NAMES = ("delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "creep", "gain_change", "saturation")
@@ -245,6 +245,13 @@ def test_the_prior_of_a_size_is_a_density(name):
     if len(found.parameters) == 1:
         assert area == pytest.approx(1.0, abs=0.01)
     assert density(1.0) > density(3.0) > density(6.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_step_beyond_all_numbers_ends_at_the_range_without_a_warning():
+    f = next(p for p in effect("resonance").parameters if p.name == "f_Hz")
+    assert is_logarithmic(f)
+    assert (from_internal(f, 1e4), from_internal(f, -1e4)) == (f.high, f.low)
 
 
 def test_a_shape_at_an_end_of_its_range_is_no_longer_that_effect():

@@ -195,7 +195,8 @@ def to_internal(p: Parameter, value: float) -> float:
 
 def from_internal(p: Parameter, value: float) -> float:
     """Back from the internal unit, within the bounds."""
-    return float(np.clip(np.exp(value) if is_logarithmic(p) else value * internal_unit(p), p.low, p.high))
+    with np.errstate(over="ignore"):  # what is beyond all numbers is beyond the bounds
+        return float(np.clip(np.exp(value) if is_logarithmic(p) else value * internal_unit(p), p.low, p.high))
 
 
 def is_logarithmic(p: Parameter) -> bool:

@@ -12,7 +12,7 @@ from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import SURE, log_prior_of_set
-from phaselead.gap.posterior.sets import Fit, Names, names_of
+from phaselead.gap.posterior.sets import Fit, Names, confused, names_of
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.regressors import Freedom, base_columns
@@ -89,6 +89,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
             if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
                 pool[fit.names] = fit
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
+    exchange(contest, starts, pool)
     return replace(_last_contest(likelihood, pool, len(effects)), detectable=least, starts=starts)
 
 
@@ -107,6 +108,24 @@ def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> l
     worth = [several for several in starts.beside(parent).values() if several[0].gain > asked]
     found = [_grown(likelihood, parent, several) for several in worth[:most]]
     return [fit for fit in found if fit is not None and not at_an_end(fit.entries)]
+
+
+def exchange(contest: Contest, starts: Starts, pool: dict[Names, Fit]) -> None:
+    """Put into the pool of a contest its best set with one effect replaced by each that this may be taken for, until
+    none of these is better: a beam that has taken a rival for what is there grows from it and does not come back."""
+    for _ in range(CONTESTS):
+        best = max(pool, key=contest.log_posterior)
+        for effect, _ in pool[best].entries:
+            rest = contest.likelihood.fit([entry for entry in pool[best].entries if entry[0] is not effect])
+            for name, several in starts.beside(rest).items():
+                exchanged = tuple(sorted((*rest.names, name)))
+                if exchanged in pool or not confused(effect, several[0].entry[0]):
+                    continue
+                fit = _grown(contest.likelihood, rest, several)
+                if fit is not None and not at_an_end(fit.entries):
+                    pool[exchanged] = fit
+        if max(pool, key=contest.log_posterior) == best:
+            break
 
 
 def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit | None:
