@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from phaselead.gap.posterior import Contest, Likelihood, likelihood_of
+from phaselead.gap.posterior import Contest, Likelihood, likelihood_of, search
 from phaselead.gap.posterior.search import exchange
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
@@ -17,6 +17,7 @@ from phaselead.model.effects import effect
 STEP_S, ROWS, LATE_ROWS, GAIN = 1e-3, 2000, 3, 0.05
 STRAIGHT = AxisModel(time=TimeView(gain_um_per_V=10.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_S))
 EFFECTS = [effect(name) for name in ("gain_change", "delay", "sensor_lowpass", "saturation")]
+RIGHT = ("delay", "gain_change")
 LATE = {"delay_s": LATE_ROWS * STEP_S}
 
 
@@ -41,41 +42,53 @@ def likelihood() -> Likelihood:
     return likelihood_of([modelled_run(STRAIGHT, run_of(role, seed)) for seed, role in enumerate(roles)], None)
 
 
-def contest_of(*sets):
+def pool_of(*sets):
     fits = [likelihood().fit(entries) for entries in sets]
-    return Contest(likelihood(), {fit.names: fit for fit in fits}, len(EFFECTS))
+    return {fit.names: fit for fit in fits}
 
 
-def after_exchange(contest):
-    pool = dict(contest.fits)
-    exchange(Contest(contest.likelihood, pool, contest.catalogue_size), Starts(likelihood(), EFFECTS), pool)
-    return pool
+def after_exchange(pool, effects=EFFECTS):
+    found = dict(pool)
+    exchange(Starts(likelihood(), effects), found)
+    return found
+
+
+def best_of(pool):
+    return max(pool, key=Contest(likelihood(), pool, len(EFFECTS)).log_posterior)
 
 
 def test_a_rival_in_the_place_of_what_is_there_is_exchanged():
     gain, lag = entry("gain_change", gain=GAIN), entry("sensor_lowpass", tau_s=LATE_ROWS * STEP_S)
-    contest = contest_of((), (gain,), (gain, lag))
-    pool = after_exchange(contest)
-    right = ("delay", "gain_change")
-    assert max(pool, key=Contest(likelihood(), pool, len(EFFECTS)).log_posterior) == right
-    found = {e.name: params for e, params in pool[right].entries}
+    pool = after_exchange(pool_of((), (gain,), (gain, lag)))
+    assert best_of(pool) == RIGHT
+    found = {e.name: params for e, params in pool[RIGHT].entries}
     np.testing.assert_allclose(found["delay"]["delay_s"], LATE_ROWS * STEP_S, rtol=0.05)
     np.testing.assert_allclose(found["gain_change"]["gain"], GAIN, rtol=0.2)
 
 
+def test_two_rivals_are_exchanged_one_after_the_other():
+    soft, lag = entry("softening"), entry("sensor_lowpass", tau_s=LATE_ROWS * STEP_S)
+    assert best_of(after_exchange(pool_of((), (soft, lag)), [*EFFECTS, effect("softening")])) == RIGHT
+
+
+def test_the_search_comes_back_from_a_beam_that_missed_what_is_there(monkeypatch):
+    whole = search._beside
+    monkeypatch.setattr(search, "_beside", lambda *given: [fit for fit in whole(*given) if "delay" not in fit.names])
+    found = search.search_sets(likelihood(), EFFECTS, lambda share: None)
+    best = max(found.fits, key=found.log_posterior)
+    assert set(RIGHT) <= set(best)
+    assert "sensor_lowpass" not in best
+
+
 def test_only_what_may_be_taken_for_an_effect_takes_its_place():
     gain, late = entry("gain_change", gain=GAIN), entry("delay", **LATE)
-    contest = contest_of((), (gain,), (gain, late))
-    added = set(after_exchange(contest)) - set(contest.fits)
-    assert added <= {("gain_change", "sensor_lowpass")}
+    before = pool_of((), (gain,), (gain, late))
+    assert set(after_exchange(before)) - set(before) == {("gain_change", "sensor_lowpass")}
 
 
 def test_sets_that_are_there_are_not_fitted_anew():
     gain, late, lag = entry("gain_change", gain=GAIN), entry("delay", **LATE), entry("sensor_lowpass", tau_s=1e-3)
-    contest = contest_of((), (gain,), (gain, late), (gain, lag))
-    assert after_exchange(contest) == contest.fits
-
-
-def test_from_nothing_nothing_comes():
-    contest = contest_of(())
-    assert after_exchange(contest) == contest.fits
+    before = pool_of((), (gain,), (gain, late), (gain, lag))
+    after = after_exchange(before)
+    assert after.keys() == before.keys()
+    assert all(after[names] is before[names] for names in before)

@@ -195,7 +195,7 @@ def to_internal(p: Parameter, value: float) -> float:
 
 def from_internal(p: Parameter, value: float) -> float:
     """Back from the internal unit, within the bounds."""
-    with np.errstate(over="ignore"):  # what is beyond all numbers is beyond the bounds
+    with np.errstate(over="ignore"):  # an overflow is clipped to the bound
         return float(np.clip(np.exp(value) if is_logarithmic(p) else value * internal_unit(p), p.low, p.high))
 
 

@@ -27,6 +27,8 @@ ROUGH_STEPS = 2
 WITHIN, MOST_CONTESTED = 15.0, 12
 """Log units behind the best set, beyond which a set has no part in the last contest (a probability of e^-15), and the
 most sets in it."""
+EXCHANGES = 3
+"""Times at most that each effect of the best set is replaced by each that it may be taken for."""
 CONTESTS = 3
 """Contests at most until the winner is one whose misfit all sets were given before."""
 AT_END = 0.001
@@ -89,7 +91,7 @@ def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: 
             if fit.names not in pool or fit.log_evidence > pool[fit.names].log_evidence:
                 pool[fit.names] = fit
         frontier = _better(contest, grown, max((contest.log_posterior(fit.names) for fit in frontier), default=0.0))
-    exchange(contest, starts, pool)
+    exchange(starts, pool)
     return replace(_last_contest(likelihood, pool, len(effects)), detectable=least, starts=starts)
 
 
@@ -110,20 +112,28 @@ def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> l
     return [fit for fit in found if fit is not None and not at_an_end(fit.entries)]
 
 
-def exchange(contest: Contest, starts: Starts, pool: dict[Names, Fit]) -> None:
-    """Put into the pool of a contest its best set with one effect replaced by each that this may be taken for, until
-    none of these is better: a beam that has taken a rival for what is there grows from it and does not come back."""
-    for _ in range(CONTESTS):
+def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
+    """Add to a pool of sets, of the likelihood of ``starts``, its best with one effect replaced by each that this may
+    be taken for, and again where one of these is better.
+
+    A beam that has taken a rival for what is there grows from it and does not come back. Sets that are in the pool are
+    not begun anew.
+    """
+    likelihood = starts.likelihood
+    contest = Contest(likelihood, pool, len(starts.effects))
+    for _ in range(EXCHANGES):
         best = max(pool, key=contest.log_posterior)
         for effect, _ in pool[best].entries:
-            rest = contest.likelihood.fit([entry for entry in pool[best].entries if entry[0] is not effect])
+            others = [entry for entry in pool[best].entries if entry[0] is not effect]
+            rivals = {one.name for one in starts.effects if one.name not in best and confused(effect, one)}
+            rivals = {name for name in rivals if tuple(sorted((*names_of(others), name))) not in pool}
+            if not rivals:
+                continue
+            rest = likelihood.fit(others)
             for name, several in starts.beside(rest).items():
-                exchanged = tuple(sorted((*rest.names, name)))
-                if exchanged in pool or not confused(effect, several[0].entry[0]):
-                    continue
-                fit = _grown(contest.likelihood, rest, several)
+                fit = _grown(likelihood, rest, several) if name in rivals else None
                 if fit is not None and not at_an_end(fit.entries):
-                    pool[exchanged] = fit
+                    pool[fit.names] = fit
         if max(pool, key=contest.log_posterior) == best:
             break
 
@@ -139,7 +149,10 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
     if not rough:
         return None
     terms, _, _ = max(rough, key=lambda one: one[2])
-    return likelihood.fit(terms)
+    try:
+        return likelihood.fit(terms)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
