@@ -248,7 +248,7 @@ def test_the_prior_of_a_size_is_a_density(name):
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_step_beyond_all_numbers_ends_at_the_range_without_a_warning():
+def test_an_overflow_ends_at_the_bound_without_a_warning():
     f = next(p for p in effect("resonance").parameters if p.name == "f_Hz")
     assert is_logarithmic(f)
     assert (from_internal(f, 1e4), from_internal(f, -1e4)) == (f.high, f.low)

@@ -109,7 +109,7 @@ def _beside(likelihood: Likelihood, starts: Starts, parent: Fit, most: int) -> l
     asked = log_prior_of_set(size, catalogue_size) - log_prior_of_set(size + 1, catalogue_size)
     worth = [several for several in starts.beside(parent).values() if several[0].gain > asked]
     found = [_grown(likelihood, parent, several) for several in worth[:most]]
-    return [fit for fit in found if fit is not None and not at_an_end(fit.entries)]
+    return [fit for fit in found if fit is not None]
 
 
 def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
@@ -132,14 +132,14 @@ def exchange(starts: Starts, pool: dict[Names, Fit]) -> None:
             rest = likelihood.fit(others)
             for name, several in starts.beside(rest).items():
                 fit = _grown(likelihood, rest, several) if name in rivals else None
-                if fit is not None and not at_an_end(fit.entries):
+                if fit is not None:
                     pool[fit.names] = fit
         if max(pool, key=contest.log_posterior) == best:
             break
 
 
 def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit | None:
-    """A set and one effect more, from the best of its starts; None where none can be fitted."""
+    """A set and one effect more, from the best of its starts; None where none can be fitted within its range."""
     rough = []
     for start in starts:
         try:
@@ -150,9 +150,10 @@ def _grown(likelihood: Likelihood, parent: Fit, starts: Sequence[Start]) -> Fit 
         return None
     terms, _, _ = max(rough, key=lambda one: one[2])
     try:
-        return likelihood.fit(terms)
+        fit = likelihood.fit(terms)
     except np.linalg.LinAlgError:
         return None
+    return None if at_an_end(fit.entries) else fit
 
 
 def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_size: int) -> Contest:
