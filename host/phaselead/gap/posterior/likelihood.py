@@ -78,6 +78,7 @@ class Likelihood:
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
         self.every = np.ones(len(self.fitted), dtype=bool)
+        self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
         octaves = np.concatenate([run.octaves for run in self.runs])
         self._in_octave = (octaves[:, None] == np.unique(octaves)).astype(float)
         pairs = zip(self.runs, self.shared, strict=True)
@@ -246,15 +247,20 @@ class Likelihood:
         slope.common[:, :p, 0] -= off
         return normal, slope
 
-    def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
-        """(s, p, p) of the parameters in internal units. What the base and the equations miss is the stage's, and the
-        same in every record: an octave tells a parameter past it once, however many records there are."""
+    def independent(self, terms: Terms, shares: Sequence[float], signal: Samples) -> Samples:
+        """Share (s, blocks) of what a block says of the size of something with this power (blocks,) that other records
+        do not say too. What the base and the equations miss is the stage's, and the same in every record: an octave
+        tells a size past it once, however many records there are."""
         at = self.settled(terms, shares, self.every)
         variance = 1 / self.weights(at.power, at.variance, self.every)
-        told = terms.signal / variance
+        told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        independent = variance / (self.noise + records * np.maximum(variance - self.noise, 0.0))
+        return np.asarray(variance / (self.noise + records * np.maximum(variance - self.noise, 0.0)))
+
+    def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
+        """(s, p, p) of the parameters in internal units."""
+        independent = self.independent(terms, shares, terms.signal)
         normal, _ = self.information(terms, shares, self.every, independent)
         p = len(terms.prior.centre)
         return np.asarray(np.linalg.inv(normal.reduced)[:, :p, :p])

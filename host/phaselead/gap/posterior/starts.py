@@ -106,9 +106,12 @@ class Starts:
         return sorted([*fine, *ranked[:1]], key=lambda start: -start.gain)[:DIFFERENT]
 
     def sizes(self, fit: Fit) -> list[SizedGroup]:
-        """What the records say of the first size of every shape beside a set, simulated at its typical size."""
-        found = []
-        for group, slope, curvature in self._moments(fit, self.shapes.groups, self.shapes.columns):
+        """What the records say of the first size of every shape beside a set, simulated at its typical size. As in an
+        interval, an octave says it once in however many records the stage moves there."""
+        likelihood, found = self.likelihood, []
+        moved = np.where(likelihood.changed, likelihood.base, 0.0)
+        once = likelihood.independent(fit.terms, [fit.share], moved)[0]
+        for group, slope, curvature in self._moments(fit, self.shapes.groups, self.shapes.columns, once):
             if group.effect.name in fit.names or group.steps != typical_sizes(group.effect):
                 continue
             inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGE**2)]))
@@ -134,12 +137,13 @@ class Starts:
         fit: Fit,
         groups: Sequence[RegressorGroup],
         columns: Sequence[NDArray[np.float32]],
+        independent: Samples | float = 1.0,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
         """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
-        moving along."""
+        moving along. Of what a block says only the share ``independent`` (blocks,) counts."""
         likelihood, terms = self.likelihood, fit.terms
         settled = likelihood.settled(terms, [fit.share], likelihood.every)
-        w = likelihood.weights(settled.power, settled.variance, likelihood.every)[0]
+        w = independent * likelihood.weights(settled.power, settled.variance, likelihood.every)[0]
         normal, right = terms.moments.normal(w[None], terms.prior.precision)
         p, c, k = terms.moments.tangents, normal.common.shape[1], columns[0].shape[1]
         common, before = np.zeros((c + 1, k)), np.zeros((*normal.before.shape[1:3], k))
