@@ -1,0 +1,54 @@
+"""A bound of what is absent holds its true size, on toy records drawn from the model itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from toy import GAIN, Toy, sized
+
+from phaselead.gap.posterior.absent import largest_sizes
+from phaselead.gap.posterior.detectable import Shapes
+from phaselead.gap.posterior.missed import TIMES_BASE
+from phaselead.gap.posterior.search import Contest
+from phaselead.gap.posterior.starts import Starts
+from phaselead.gap.regressors import RegressorGroup, typical_sizes
+
+(SIZE,) = GAIN.sizes
+NINE_RECORDS = ("train",) * 6 + ("holdout",) * 3
+
+
+def bound(likelihood):
+    """Of the gain beside nothing, in typical sizes."""
+    starts, nothing = Starts(likelihood, [GAIN]), likelihood.fit(())
+    columns = [run.coefficients(run.modelled.columns[GAIN.name][:, None]) * run.changed for run in likelihood.runs]
+    group = RegressorGroup(GAIN, {}, typical_sizes(GAIN), False)
+    starts.shapes = Shapes([group], [one.astype(np.float32) for one in columns])
+    contest = Contest(likelihood, {(): nothing}, 1, starts=starts)
+    return largest_sizes(contest, nothing, [GAIN])[GAIN.name] / SIZE.typical
+
+
+def test_it_holds_the_truth_in_95_of_100_draws_where_the_base_misses_the_same_in_all_records():
+    """What is missed looks most like the effect."""
+    rng, held, draws = np.random.default_rng(0), 0, 300
+    for seed in range(draws):
+        truth, times = float(rng.uniform(-0.05, 0.05)), float(rng.choice(TIMES_BASE))
+        toy = Toy(seed, [sized(truth)], 0.0, times, 50.0, NINE_RECORDS, like_effect=True, rows=128, in_all=True)
+        held += abs(truth) <= bound(toy.likelihood)
+    assert held / draws > 0.92
+
+
+def test_records_that_repeat_others_lower_no_bound_that_the_misfit_sets():
+    toy = Toy(0, [sized(0.0)], 0.0, 1.0, 50.0, ("train",), like_effect=True)
+    (run,), shared = toy.likelihood.runs, toy.likelihood.shared
+    once, often = (bound(replace(toy.likelihood, runs=(run,) * n, shared=shared * n)) for n in (1, 6))
+    assert often > 0.7 * once
+
+
+def test_records_with_noise_of_their_own_lower_it():
+    roles = ("train",) * 6
+    many = Toy(0, [sized(0.0)], 0.0, 0.0, 1e4, roles)
+    silent = replace(many.likelihood.expected, share=np.zeros_like(many.likelihood.expected.share))
+    among = replace(many.likelihood, expected=silent)
+    alone = replace(among, runs=among.runs[:1], shared=among.shared[:1])
+    assert bound(among) < 0.7 * bound(alone)
