@@ -41,7 +41,7 @@ def result() -> GapResult:
             Cell("frequency", "0..32 Hz", 0.1, "10 % lies between 0 and 32 Hz", 0.002),
         ),
         gap=GapSize(0.3, 0.02, 0.015, "um", "what the model leaves of the reference records"),
-        next_experiment=NextExperiment("multisine", 2.0, (5.0, 500.0), 3.0, None, 2.0, 120.0),
+        next_experiment=NextExperiment("multisine", 2.0, (5.0, 500.0), 3.0, None, 2.0, 120.0, 0.99),
         holdout_sha256=("ab" * 32,),
         candidates=(
             Candidate(1, "resonance", 50.0, "named"),

@@ -11,7 +11,7 @@ import pytest
 
 from phaselead.gap.design import excitation_of, modes_crossed_Hz
 from phaselead.gap.design.excitation import SHAPES, Excitation, excitations, repeats, span_V
-from phaselead.gap.design.next_experiment import sensor_for
+from phaselead.gap.design.next_experiment import chance_of_naming, passes, sensor_for
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
@@ -78,11 +78,34 @@ def test_the_proposed_experiment_breaks_the_tie_for_the_truth():
     assert proposed is not None
     assert proposed.needs_sensor is None
     assert proposed.separation > NEEDED
+    assert proposed.chance > 0.95
     excitation = excitation_of(vars(proposed))
     t = np.arange(round(proposed.seconds * RATE_HZ)) / RATE_HZ
     then = after(truth, record(stage_with(truth), excitation.voltage(t), 400))
     assert then.ties == ()
     assert [e.name for e in then.effects] == [name]
+
+
+@pytest.mark.parametrize("log_odds", [0.5, 4.0, 8.0, 20.0])
+@pytest.mark.parametrize("ahead", [0.0, 2.0, 4.0])
+def test_the_chance_of_two_is_how_often_the_truth_is_named(log_odds, ahead):
+    """Each is true as often as the records so far say, and the record brings its odds with their scatter."""
+    rng, draws = np.random.default_rng(0), 40_000
+    log_posterior = np.array([ahead, 0.0])
+    first = rng.random(draws) < 1 / (1 + np.exp(-ahead))
+    brought = log_odds + np.sqrt(2 * log_odds) * rng.normal(size=draws)
+    after = np.where(first, ahead, -ahead) + brought
+    named = 1 / (1 + np.exp(-after)) >= 0.99
+    chance = chance_of_naming(np.full((2, 2), log_odds), log_posterior)
+    assert chance == pytest.approx(named.mean(), abs=0.01)
+
+
+def test_a_rival_that_cannot_be_told_takes_the_chance_of_those_it_is_confused_with():
+    """Three of which two answer alike: the third is told, the two are not."""
+    odds = np.array([[0.0, 1e-9, 50.0], [1e-9, 0.0, 50.0], [50.0, 50.0, 0.0]])
+    assert chance_of_naming(odds, np.log([0.25, 0.25, 0.5])) == pytest.approx(0.5, abs=0.01)
+    assert chance_of_naming(odds, np.log([0.49, 0.49, 0.02])) < 0.05
+    assert passes(np.inf, 5.0) == 1.0
 
 
 VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 8.0), rate_Hz=5000.0)
@@ -137,7 +160,17 @@ def test_the_waveform_of_a_record_is_played_again():
     assert found[0].seconds == 2.0
     for one, u in zip(found, (sine(4, 5), ramp), strict=True):
         proposed = NextExperiment(
-            one.waveform, one.level_V, one.band_Hz, one.bias_V, None, one.seconds, 9.0, None, one.source, one.points
+            one.waveform,
+            one.level_V,
+            one.band_Hz,
+            one.bias_V,
+            None,
+            one.seconds,
+            9.0,
+            0.9,
+            None,
+            one.source,
+            one.points,
         )
         again = excitation_of(json.loads(json.dumps(vars(proposed))))
         assert again == one
@@ -153,7 +186,17 @@ def test_a_repeated_record_drives_every_mode_that_its_harmonics_reach():
     for u in (ramp, sine(4, 5)):
         (one,) = repeats([run_of(u, "train")], stage.axes["x"])
         made = NextExperiment(
-            one.waveform, one.level_V, one.band_Hz, one.bias_V, None, one.seconds, 9.0, None, one.source, one.points
+            one.waveform,
+            one.level_V,
+            one.band_Hz,
+            one.bias_V,
+            None,
+            one.seconds,
+            9.0,
+            0.9,
+            None,
+            one.source,
+            one.points,
         )
         crossed.append(modes_crossed_Hz(vars(made), stage, "x"))
     assert crossed == [[pytest.approx(20.0)], []]

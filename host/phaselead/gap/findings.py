@@ -99,6 +99,8 @@ class NextExperiment:
     seconds: float
     separation: float
     """Least log odds between two members that it is expected to bring for the true one."""
+    chance: float
+    """Probability that the true member is named with it."""
     needs_sensor: str | None = None
     source: str | None = None
     """File of the record whose waveform it repeats."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design.next_experiment import propose, sensor_for
+from phaselead.gap.design.next_experiment import GOOD, passes, propose, sensor_for
 from phaselead.gap.design.proposal import (
     excitation_of,
     modes_crossed_Hz,
@@ -13,8 +13,10 @@ from phaselead.gap.design.proposal import (
 )
 
 __all__ = [
+    "GOOD",
     "excitation_of",
     "modes_crossed_Hz",
+    "passes",
     "proposal_of",
     "propose",
     "read_proposal",

@@ -2,8 +2,9 @@
 
 For each excitation the answers of every two members are predicted in the space in which they were compared, with all
 that the base and their equations may miss (``Forecast``). Half a squared distance is the log odds that the record is
-expected to bring for the true member, and the distance their deviation. An experiment is good when the odds pass what
-a name needs, whichever of the two is true, nineteen times out of twenty. The shortest good one wins.
+expected to bring for the true member, and the distance their deviation. From these follows the chance that the odds
+pass what a name needs, each member being true as probably as the records so far say. An experiment with a chance of
+nineteen in twenty is good, and the shortest good one wins.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
+from scipy.stats import norm
 
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, excitations, repeats, span_V
-from phaselead.gap.findings import ONE_SIDED_95, NextExperiment
-from phaselead.gap.posterior import SURE, Claim, Contest, Forecast, names_of
+from phaselead.gap.findings import NextExperiment
+from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, SURE, Claim, Contest, Forecast, names_of
 from phaselead.gap.records import GapRun
 from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, modelled_run
@@ -23,6 +26,10 @@ from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
+GOOD = 0.95
+"""Chance from which an experiment is expected to break a tie, as often as an interval of 95 % holds the truth."""
+LEAST_ODDS = 1e-12
+"""Log odds that are as good as none."""
 MOST_PREDICTED = 16
 """Excitations that are predicted with everything that may be missed: what the time for an answer allows."""
 LENGTHENED = 3
@@ -52,14 +59,13 @@ class Prediction:
     excitation: Excitation
     log_odds: float
     """The least between two members."""
-    short: float
-    """What is missing at worst, of the odds that a name needs, where these come out lower than expected once in twenty
-    times."""
+    chance: float
+    """Probability that it has the true member named."""
 
     @property
     def good(self) -> bool:
-        """Whether it would break the tie."""
-        return self.short <= 0
+        """Whether it is expected to break the tie."""
+        return self.chance >= GOOD
 
 
 def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperiment | None:
@@ -71,19 +77,29 @@ def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperim
     if found is None:
         return None
     one, sensor = found.excitation, None
-    if found.log_odds < needed_log_odds(contest, tied.rivals).max():
+    if found.chance <= MORE_LIKELY_THAN_NOT:
         sensor = sensor_for([entries[-1][0] for entries in tied.rivals])
     return NextExperiment(
-        one.waveform, one.level_V, one.band_Hz, one.bias_V, label, one.seconds, found.log_odds, sensor, one.source,
-        one.points,
+        one.waveform, one.level_V, one.band_Hz, one.bias_V, label, one.seconds, found.log_odds, found.chance, sensor,
+        one.source, one.points,
     )  # fmt: skip
 
 
-def needed_log_odds(contest: Contest, sets: Sets) -> Samples:
-    """Log odds (sets, sets) that a record must bring against each rival, given those there are, for the true member to
-    be named whichever it is."""
-    logs = np.array([contest.log_posterior(names_of(entries)) for entries in sets])
-    return np.asarray(np.abs(logs[:, None] - logs) + np.log((len(sets) - 1) * SURE / (1 - SURE)))
+def passes(log_odds: Samples | float, needed: Samples | float) -> Samples:
+    """Probability that odds of which these are expected come out above what is needed: their variance is twice what is
+    expected of them."""
+    deviation = np.sqrt(2 * np.maximum(log_odds, LEAST_ODDS))
+    return np.asarray(norm.cdf(deviation / 2 - needed / deviation))
+
+
+def chance_of_naming(log_odds: Samples, log_posterior: Samples) -> float:
+    """Probability that the true one of n sets is named after a record that is expected to bring ``log_odds`` (n, n)
+    against each of its rivals, [rival, true], where these are their log posteriors (n,) so far: that it passes the
+    rival which is hardest to tell."""
+    n = len(log_posterior)
+    needed = log_posterior[:, None] - log_posterior + np.log((n - 1) * SURE / (1 - SURE))
+    named = np.where(np.eye(n, dtype=bool), 1.0, passes(log_odds, needed)).min(axis=0)
+    return float(softmax(log_posterior) @ named)
 
 
 def _best(predicted: _Predicted) -> Prediction | None:
@@ -96,7 +112,7 @@ def _best(predicted: _Predicted) -> Prediction | None:
     good = [one for one in tried if one.good]
     if good:
         return min(good, key=lambda one: (one.excitation.seconds, -one.log_odds))
-    return max(tried, key=lambda one: one.log_odds, default=None)
+    return max(tried, key=lambda one: (one.chance, one.log_odds), default=None)
 
 
 class _Predicted:
@@ -105,7 +121,7 @@ class _Predicted:
     def __init__(self, selection: Selection, contest: Contest, sets: Sets) -> None:
         self._problem, self._sets = selection.problem, sets
         self._forecast = Forecast(contest.likelihood, sets)
-        self._needed = needed_log_odds(contest, sets)
+        self._log_posterior = np.array([contest.log_posterior(names_of(entries)) for entries in sets])
         self._records = [run.modelled for run in contest.likelihood.runs]
 
     @property
@@ -130,10 +146,9 @@ class _Predicted:
 
     def of(self, excitation: Excitation) -> Prediction:
         """The prediction for one."""
-        made = self._made(excitation)
-        squared = self._forecast.squared_distances(made)
-        short = self._needed + ONE_SIDED_95 * np.sqrt(squared) - squared / 2
-        return Prediction(excitation, float(_between(squared).min()) / 2, float(_between(short).max()))
+        log_odds = self._forecast.squared_distances(self._made(excitation)) / 2
+        chance = chance_of_naming(log_odds, self._log_posterior)
+        return Prediction(excitation, float(_between(log_odds).min()), chance)
 
     def lengthened(self, excitation: Excitation) -> list[Prediction]:
         """Predictions for an excitation that lasts longer, until one is good."""

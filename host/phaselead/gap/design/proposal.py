@@ -44,7 +44,9 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
     if not isinstance(proposed, Mapping):
         raise BadInput(f"{path}: its next_experiment is damaged; make gap.json anew with phaselead gap --json")
     if proposed.get("needs_sensor"):
-        raise BadInput(f"{path}: no voltage tells the members of the tie apart; it takes {proposed['needs_sensor']}")
+        raise BadInput(
+            f"{path}: no excitation is likely to tell the members of the tie apart; it takes {proposed['needs_sensor']}"
+        )
     if "," in str(proposed.get("axis")):
         raise BadInput(
             f"{path}: its experiment drives {proposed['axis']} at once, and gap next drives one axis; play a file with "

@@ -11,10 +11,11 @@ from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, names_of
-from phaselead.gap.posterior.verdict import Claim, Judgement, judge
+from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, Claim, Judgement, judge
 
 __all__ = [
     "KNOWN_BEFORE",
+    "MORE_LIKELY_THAN_NOT",
     "MOST_MISSED",
     "MOST_STATED",
     "SURE",

@@ -13,9 +13,9 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from phaselead.gap.design import sensor_for
-from phaselead.gap.findings import ONE_SIDED_95, NextExperiment
-from phaselead.gap.posterior import SURE
+from phaselead.gap.design import GOOD, passes, sensor_for
+from phaselead.gap.findings import NextExperiment
+from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, SURE
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.joint_records import JointRecord, level_groups, scaled
 from phaselead.gap.several_axes.results import StageFit
@@ -38,10 +38,14 @@ class _Predicted:
     """The least between two rivals."""
 
     @property
+    def chance(self) -> float:
+        """Probability that it tells as surely as a name needs."""
+        return float(passes(self.log_odds, np.log(SURE / (1 - SURE))))
+
+    @property
     def good(self) -> bool:
-        """Whether it would tell, nineteen times out of twenty, as surely as a name needs."""
-        needed = float(np.log(SURE / (1 - SURE)))
-        return bool(needed + ONE_SIDED_95 * np.sqrt(2 * self.log_odds) <= self.log_odds)
+        """Whether it is expected to tell."""
+        return self.chance >= GOOD
 
 
 def propose_together(found: StageFit) -> NextExperiment | None:
@@ -61,7 +65,7 @@ def propose_together(found: StageFit) -> NextExperiment | None:
         return None
     best = max((one for one in tried if one.good), default=None, key=lambda one: one.log_odds)
     best = best or max(tried, key=lambda one: one.log_odds)
-    sensor = sensor_for([catalogue()[n] for n in tie.names]) if tie is not None and not best.good else None
+    sensor = sensor_for([catalogue()[n] for n in tie.names]) if tie and best.chance <= MORE_LIKELY_THAN_NOT else None
     return _experiment(found, best, sensor)
 
 
@@ -148,6 +152,7 @@ def _experiment(found: StageFit, one: _Predicted, sensor: str | None) -> NextExp
         ",".join(found.axes),
         len(record.u_V) * record.step_s,
         one.log_odds,
+        one.chance,
         sensor,
         None if multisine else record.source,
     )
