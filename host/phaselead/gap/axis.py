@@ -104,6 +104,7 @@ def search_axis(
     ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for cells.
     """
     candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
+    candidates = [effect.as_known() for effect in candidates]
     selection = select_effects(model, runs, candidates, frozen, lambda share: on_progress(0.85 * share))
     final = final_fit(selection, runs)
     named, ties, file_entries = _named(selection, final, label)

@@ -154,7 +154,8 @@ def _section(e: Effect) -> str:
 
 
 def _parameter(p: Parameter) -> str:
-    return f"| `{p.name}` | {p.unit} | {p.typical:g} | {p.low:g} .. {p.high:g} | {p.role} | {p.doc} |"
+    named = "" if p.known is None else f"; named from {p.known[0]:g} to {p.known[1]:g}"
+    return f"| `{p.name}` | {p.unit} | {p.typical:g} | {p.low:g} .. {p.high:g} | {p.role} | {p.doc}{named} |"
 
 
 def _derived(size: Derived) -> str:

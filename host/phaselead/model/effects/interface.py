@@ -310,6 +310,10 @@ class Effect:
         fixed = {p.name: p.left_out for p in self.parameters if p.absorbed_by_refit}
         return replace(self, parameters=asked, fixed=fixed)
 
+    def as_known(self) -> Effect:
+        """The effect with the bounds of what is known of stages."""
+        return replace(self, parameters=tuple(p.as_known() for p in self.parameters))
+
     @property
     def before_modes(self) -> bool:
         """Whether it acts on what the actuator gives to the moving structure, in front of every mode."""

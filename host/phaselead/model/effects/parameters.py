@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -39,6 +39,13 @@ class Parameter:
 
     nameless: bool = False
     """Of a size: whether the effect bears its name by others alone. This one by itself would be another effect."""
+
+    known: tuple[float, float] | None = None
+    """Values beyond which no stage is known to be, within those that a stage file may give."""
+
+    def as_known(self) -> Parameter:
+        """The parameter with the bounds of what is known of stages."""
+        return self if self.known is None else replace(self, low=self.known[0], high=self.known[1])
 
     @property
     def left_out(self) -> float:

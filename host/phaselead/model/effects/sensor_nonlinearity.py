@@ -23,6 +23,9 @@ from phaselead.model.effects.interface import (
 from phaselead.model.operator import ends_um, range_um
 
 SIZES = ("quadratic", "cubic", "quartic", "linear")
+WORST = 0.01
+"""Of range: what metal foil and piezoresistive strain gauges are accurate to, the worst sensors that Fleming 2013
+compares; capacitive and eddy current sensors have 0.001, LVDTs 0.0025."""
 CURVE_POINTS = 401
 """At which the largest error is looked for: within 1e-4 of it."""
 
@@ -63,9 +66,9 @@ EFFECT = Effect(
     "range; the first three peak at 1 and are 0 at both ends (terminal linearity)",
     source="Fleming 2013, A review of nanometer resolution position sensors (calibration and nonlinearity)",
     parameters=(
-        Parameter("quadratic", "of range", 0.002, -0.1, 0.1, doc="bow"),
-        Parameter("cubic", "of range", 0.001, -0.1, 0.1, doc="S shape"),
-        Parameter("quartic", "of range", 0.001, -0.1, 0.1, doc="W shape"),
+        Parameter("quadratic", "of range", 0.002, -0.1, 0.1, known=(-WORST, WORST), doc="bow"),
+        Parameter("cubic", "of range", 0.001, -0.1, 0.1, known=(-WORST, WORST), doc="S shape"),
+        Parameter("quartic", "of range", 0.001, -0.1, 0.1, known=(-WORST, WORST), doc="W shape"),
         Parameter(
             "linear",
             "of range",
