@@ -59,6 +59,7 @@ def test_measured_can_follow_instead(run, stage_file):
         (("learn", "sine:30um@50Hz", "-o", "/no/such/learned.h5"), ("/no/such",)),
         (("learn", "sine:30um@50Hz", "--report", "/no/such/page.html"), ("/no/such",)),
         (("learn", "sine:60um@300Hz"), ("on the model this ends in",)),
+        (("learn", "sine:30um@1e-9Hz"), ("one trial of this takes", "hours", "another frequency")),
         (("track", "sine:30um@50Hz", "--learned", "/no/such.h5"), ("cannot be read", "phaselead learn")),
         (("track", "goto:30um", "--learn", "3"), ("driven once",)),
         (("track", "sine:30um@50Hz", "--learn", "3", "--mode", "pid"), ("mode pid is not learned in",)),

@@ -14,7 +14,7 @@ from phaselead.control.learning.drift_loop import drift_loop
 from phaselead.control.learning.drive import Drive, Given, RefusedOnModel, TooLarge
 from phaselead.control.learning.law import next_step, reached
 from phaselead.control.learning.learned import Learned
-from phaselead.control.learning.look import SETTLE_S, End, Look
+from phaselead.control.learning.look import SETTLE_S, End, Look, trial_seconds
 from phaselead.control.learning.moved_modes import SURE
 from phaselead.control.learning.quieter import HALVINGS, larger, louder, quieter, share_of
 from phaselead.control.learning.response import (
@@ -27,7 +27,7 @@ from phaselead.control.learning.response import (
 from phaselead.control.modes import INVERTS
 from phaselead.control.motion_limits import first_mode_Hz
 from phaselead.control.rehearsal import OnRehearsed
-from phaselead.control.tracking import check_paths, loop_warnings
+from phaselead.control.tracking import LONGEST_UNASKED_S, check_paths, loop_warnings
 from phaselead.control.true_position import Follows
 from phaselead.device import Device, DeviceFault, device_model
 from phaselead.errors import BadInput
@@ -110,6 +110,9 @@ def _refuse(waveforms: Mapping[str, Waveform], mode: str, trials: int) -> None:
     for axis, waveform in waveforms.items():
         if not waveform.periodic:
             raise BadInput(f"{axis}: what is driven once does not repeat; {_again_and_again(waveform)} does")
+    seconds = trial_seconds(waveforms)
+    if seconds > LONGEST_UNASKED_S:
+        raise BadInput(f"one trial of this takes {seconds / 3600:.3g} hours: learn another frequency")
 
 
 def _again_and_again(waveform: Waveform) -> str:
