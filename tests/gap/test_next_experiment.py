@@ -89,15 +89,27 @@ def test_the_proposed_experiment_breaks_the_tie_for_the_truth():
 @pytest.mark.parametrize("log_odds", [0.5, 4.0, 8.0, 20.0])
 @pytest.mark.parametrize("ahead", [0.0, 2.0, 4.0])
 def test_the_chance_of_two_is_how_often_the_truth_is_named(log_odds, ahead):
-    """Each is true as often as the records so far say, and the record brings its odds with their scatter."""
+    """Each is true as often as the records so far say, and the record brings its odds with their scatter; it must speak
+    for the name itself."""
     rng, draws = np.random.default_rng(0), 40_000
     log_posterior = np.array([ahead, 0.0])
     first = rng.random(draws) < 1 / (1 + np.exp(-ahead))
     brought = log_odds + np.sqrt(2 * log_odds) * rng.normal(size=draws)
     after = np.where(first, ahead, -ahead) + brought
-    named = 1 / (1 + np.exp(-after)) >= 0.99
+    named = (1 / (1 + np.exp(-after)) >= 0.99) & (brought >= np.log(100))
     chance = chance_of_naming(np.full((2, 2), log_odds), log_posterior)
     assert chance == pytest.approx(named.mean(), abs=0.01)
+
+
+def test_a_record_that_tells_nothing_settles_nothing_however_far_one_is_ahead():
+    for ahead in (0.0, 4.0, 6.0, 20.0):
+        assert chance_of_naming(np.zeros((2, 2)), np.array([ahead, 0.0])) < 0.01
+
+
+def test_it_is_the_odds_of_the_true_one_against_its_rival_that_count():
+    """[rival, true]: the second is sure to be named when it is true, the first never."""
+    odds = np.array([[0.0, 50.0], [0.0, 0.0]])
+    assert chance_of_naming(odds, np.log([0.3, 0.7])) == pytest.approx(0.7, abs=0.01)
 
 
 def test_a_rival_that_cannot_be_told_takes_the_chance_of_those_it_is_confused_with():

@@ -70,7 +70,7 @@ def test_two_equations_that_predict_alike_are_a_tie(records, monkeypatch):
     assert not {b.name for b in result.excluded} & set(tie)
     assert result.gap.after < 0.01 * result.gap.before
     assert "these records cannot tell apart: " + ", ".join(tie) in str(result)
-    # No voltage tells what is the same in every prediction.
+    # Nothing tells what is the same in every prediction.
     assert result.next_experiment.separation < 1
     assert result.next_experiment.needs_sensor == "a voltage monitor at the amplifier's output"
 

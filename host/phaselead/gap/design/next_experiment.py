@@ -95,18 +95,20 @@ def passes(log_odds: Samples | float, needed: Samples | float) -> Samples:
 def chance_of_naming(log_odds: Samples, log_posterior: Samples) -> float:
     """Probability that the true one of n sets is named after a record that is expected to bring ``log_odds`` (n, n)
     against each of its rivals, [rival, true], where these are their log posteriors (n,) so far: that it passes the
-    rival which is hardest to tell."""
+    rival which is hardest to tell. Of three members and more that is an upper limit."""
     n = len(log_posterior)
-    needed = log_posterior[:, None] - log_posterior + np.log((n - 1) * SURE / (1 - SURE))
+    lead_of_rival = log_posterior[:, None] - log_posterior
+    # Where the records so far are sure of a member and it is tied all the same, the new one must speak for it itself.
+    needed = np.maximum(lead_of_rival + np.log((n - 1) * SURE / (1 - SURE)), -np.log(1 - SURE))
     named = np.where(np.eye(n, dtype=bool), 1.0, passes(log_odds, needed)).min(axis=0)
     return float(softmax(log_posterior) @ named)
 
 
 def _best(predicted: _Predicted) -> Prediction | None:
-    """The shortest good experiment; where there is none, the one that brings most."""
+    """The shortest good experiment; where there is none, the one that settles it most often."""
     tried = [predicted.of(excitation) for excitation in predicted.promising()]
     if not any(one.good for one in tried):
-        ranked = sorted(tried, key=lambda one: -one.log_odds / one.excitation.seconds)
+        ranked = sorted(tried, key=lambda one: -one.chance / one.excitation.seconds)
         for one in ranked[:LENGTHENED]:
             tried += predicted.lengthened(one.excitation)
     good = [one for one in tried if one.good]

@@ -25,9 +25,9 @@ from phaselead.model.effects.interface import (
 )
 from phaselead.model.operator import range_um
 
-CERAMIC = 0.02
-"""Per decade, what ceramics creep at most (catalogue of Physik Instrumente: 1 to 2 %). No stage creeps back: it creeps
-less than when its model was made by no more than that."""
+LOST_AT_MOST = 0.02
+"""Per decade: against its model a stage can lose what ceramics creep, 1 to 2 % (catalogue of Physik Instrumente); none
+creeps back."""
 TERMS = 8
 """Time constants between the first and the last: two or three a decade draw a straight line within 1 %."""
 
@@ -93,7 +93,7 @@ EFFECT = Effect(
             0.015,
             -0.2,
             0.2,
-            known=(-CERAMIC, 0.2),
+            known=(-LOST_AT_MOST, 0.2),
             doc="growth per decade of time, as a share of the step",
         ),
         Parameter("tau_first_s", "s", 0.1, 0.001, 10.0, role="shape", log=True, doc="where the straight line begins"),

@@ -41,7 +41,8 @@ class Parameter:
     """Of a size: whether the effect bears its name by others alone. This one by itself would be another effect."""
 
     known: tuple[float, float] | None = None
-    """Values beyond which no stage is known to be, within those that a stage file may give."""
+    """The lowest and the highest that any stage is known to have, where a stage file may give more; gap names none
+    beyond."""
 
     def as_known(self) -> Parameter:
         """The parameter with the bounds of what is known of stages."""
