@@ -163,6 +163,12 @@ def run_of(u: np.ndarray, role: str) -> ModelledRun:
     return modelled_run(AxisModel(time=VIEW), run)
 
 
+def proposal(one: Excitation) -> NextExperiment:
+    return NextExperiment(
+        one.waveform, one.level_V, one.band_Hz, one.bias_V, None, one.seconds, 9.0, 0.9, None, one.source, one.points
+    )
+
+
 def test_the_waveform_of_a_record_is_played_again():
     """A period of it, from its own points, which a gap.json carries; each waveform once."""
     ramp = np.interp(np.arange(3000), [0, 1000, 2999], [1.0, 4.0, 1.0])
@@ -171,19 +177,7 @@ def test_the_waveform_of_a_record_is_played_again():
     assert [(one.waveform, one.source) for one in found] == [("record", "reference.csv"), ("record", "holdout.csv")]
     assert found[0].seconds == 2.0
     for one, u in zip(found, (sine(4, 5), ramp), strict=True):
-        proposed = NextExperiment(
-            one.waveform,
-            one.level_V,
-            one.band_Hz,
-            one.bias_V,
-            None,
-            one.seconds,
-            9.0,
-            0.9,
-            None,
-            one.source,
-            one.points,
-        )
+        proposed = proposal(one)
         again = excitation_of(json.loads(json.dumps(vars(proposed))))
         assert again == one
         assert again.voltage(np.arange(len(u) - 3) / RATE_HZ) == pytest.approx(u[:-3], abs=0.01)
@@ -197,19 +191,7 @@ def test_a_repeated_record_drives_every_mode_that_its_harmonics_reach():
     crossed = []
     for u in (ramp, sine(4, 5)):
         (one,) = repeats([run_of(u, "train")], stage.axes["x"])
-        made = NextExperiment(
-            one.waveform,
-            one.level_V,
-            one.band_Hz,
-            one.bias_V,
-            None,
-            one.seconds,
-            9.0,
-            0.9,
-            None,
-            one.source,
-            one.points,
-        )
+        made = proposal(one)
         crossed.append(modes_crossed_Hz(vars(made), stage, "x"))
     assert crossed == [[pytest.approx(20.0)], []]
 

@@ -65,7 +65,8 @@ def propose_together(found: StageFit) -> NextExperiment | None:
         return None
     best = max((one for one in tried if one.good), default=None, key=lambda one: one.log_odds)
     best = best or max(tried, key=lambda one: one.log_odds)
-    sensor = sensor_for([catalogue()[n] for n in tie.names]) if tie and best.chance <= MORE_LIKELY_THAN_NOT else None
+    unlikely = best.chance <= MORE_LIKELY_THAN_NOT
+    sensor = sensor_for([catalogue()[n] for n in tie.names]) if tie is not None and unlikely else None
     return _experiment(found, best, sensor)
 
 
