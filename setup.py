@@ -110,13 +110,6 @@ setup(
             libraries=["m"],
         ),
         Extension(
-            "phaselead.gap._kernel",
-            sources=below("host/phaselead/gap/kernel/*.c"),
-            depends=below("host/phaselead/gap/kernel/*.h"),
-            include_dirs=["host/phaselead/gap/kernel"],
-            extra_compile_args=[*FLAGS, "-O3"],
-        ),
-        Extension(
             "phaselead.model._kernel",
             sources=below("host/phaselead/model/**/*.c"),
             depends=below("host/phaselead/model/**/*.h"),

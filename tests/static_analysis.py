@@ -17,7 +17,7 @@ from left_out import left_out
 ROOT = Path(__file__).resolve().parents[1]
 FIRMWARE = ROOT / "firmware"
 BOARD = FIRMWARE / "port" / "stm32f4"
-KERNELS = [ROOT / "host/phaselead" / room for room in ("model", "gap/kernel", "sim/kernel")]
+KERNELS = [ROOT / "host/phaselead" / room for room in ("model", "sim/kernel")]
 INCLUDE = [f"-I{folder}" for folder in (FIRMWARE, *KERNELS, ROOT / "tests/soak")]
 HOSTED = ["-std=gnu11", *INCLUDE, '-DPHASELEAD_BUILD_ID="0"']
 NEWLIB = Path("/usr/lib/arm-none-eabi/include")

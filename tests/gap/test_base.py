@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from phaselead.gap.base_operator import with_operator
+from phaselead.gap.base_operator import find_memory, with_operator
 from phaselead.gap.records import GapRun
-from phaselead.gap.regressors import Freedom, base_columns
 from phaselead.gap.residual import Began, modelled_run
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.effects import effect
 from phaselead.validation.trial import try_case
 
 TRUTH = str(Path(__file__).parent / "truth")
@@ -37,24 +38,28 @@ def a_track():
     return modelled_run(AxisModel(time=view, effects=(mode,)), run)
 
 
-def test_every_number_of_the_base_has_its_tangent_where_a_reference_can_say_how_wrong_it_is():
-    made = a_track()
-    refitted, learned = (base_columns(made, Freedom(learned=known)) for known in (False, True))
-    own = learned[:, -7:]  # the delay, and two modes of three numbers
-    assert learned.shape[1] > refitted.shape[1] + own.shape[1]  # and what plays miss of a denser memory
-    view = made.axis.time
-    later = view.model_copy(update={"delay_s": view.delay_s + 0.05 * STEP_s})
-    np.testing.assert_allclose(
-        own[:, 0], made.with_axis(made.axis.model_copy(update={"time": later})).answer() - made.answer()
-    )
-    assert np.linalg.matrix_rank(own / np.linalg.norm(own, axis=0), tol=1e-6) == 7
-
-
 def test_a_line_that_gets_plays_keeps_its_delay():
     made = a_track()
     line = TimeView(gain_um_per_V=8.0, delay_s=2e-4, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s)
     run = replace(made.run, x_um=made.answer())
     assert with_operator(AxisModel(time=line), [run]).time.delay_s == line.delay_s
+
+
+@pytest.mark.parametrize("looped", [("train", "holdout"), ("reference", "train", "holdout")])
+def test_loops_that_the_references_show_too_are_a_fault_of_the_base(looped):
+    made = a_track()
+    line = AxisModel(time=TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
+    rng, runs = np.random.default_rng(0), []
+    for role in ("reference", "train", "holdout"):
+        x = made.answer() if role in looped else 8.0 * made.run.u_V
+        runs.append(replace(made.run, role=role, x_um=x + rng.normal(0, 0.01, len(x))))
+    given, memory = find_memory(line, runs, [effect("hysteresis"), effect("gain_change")])
+    if "reference" in looped:
+        assert memory is None
+        assert given is line
+    else:
+        assert memory.effect.name == "hysteresis"
+        assert given.time.play_r_V
 
 
 def test_a_track_under_another_model_remembers_the_same():

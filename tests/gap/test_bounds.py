@@ -22,7 +22,7 @@ def bound(likelihood):
     """Of the gain beside nothing, in typical sizes."""
     starts, nothing = Starts(likelihood, [GAIN]), likelihood.fit(())
     columns = [run.coefficients(run.modelled.columns[GAIN.name][:, None]) * run.changed for run in likelihood.runs]
-    group = RegressorGroup(GAIN, {}, typical_sizes(GAIN), False)
+    group = RegressorGroup(GAIN, {}, typical_sizes(GAIN))
     starts.shapes = Shapes([group], [one.astype(np.float32) for one in columns])
     contest = Contest(likelihood, {(): nothing}, 1, starts=starts)
     return largest_sizes(contest, nothing, [GAIN])[GAIN.name] / SIZE.typical

@@ -13,7 +13,7 @@ from test_posterior_likelihood import Toy
 from phaselead.gap.findings import Bound, Detectable
 from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
 from phaselead.gap.posterior.priors import SIZES
-from phaselead.gap.posterior.starts import _at_all_sizes
+from phaselead.gap.posterior.starts import at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
 from phaselead.gap.run import run_gap
 from phaselead.identify import fit
@@ -66,7 +66,7 @@ def test_effects_that_are_not_linear_in_their_sizes_are_begun_at_all_usual_ones(
     """A rate limit shows nothing below the rates of a record, whatever its shape."""
     effects = [catalogue()["slew_limit"], catalogue()["delay"], catalogue()["gain_change"]]
     begun: dict[str, set[float]] = {}
-    for group in _at_all_sizes(regressor_groups(effects, 2e-4, 1.0)):
+    for group in at_all_sizes(regressor_groups(effects, 2e-4, 1.0)):
         typical = typical_sizes(group.effect)[0]
         begun.setdefault(group.effect.name, set()).add(group.steps[0] / typical)
     assert begun["gain_change"] == {1.0}

@@ -46,7 +46,7 @@ def learned(lag_s: float) -> Likelihood:
     hidden = (effect("sensor_lowpass"), {"tau_s": lag_s})
     runs = [run_of(wave(lines), "reference", 10 + i) for i, lines in enumerate((SLOW, FAST))]
     runs += [run_of(wave(SLOW), "train", 20, hidden), run_of(wave((1.7,)), "holdout", 30, hidden)]
-    return likelihood_of([modelled_run(LINE, run) for run in runs], None)
+    return likelihood_of([modelled_run(LINE, run) for run in runs])
 
 
 def separation(
@@ -101,7 +101,7 @@ def test_a_bound_holds_the_size_of_what_is_too_small_to_be_named(hidden, params)
         runs = [run_of(wave(lines), "reference", 1000 * seed + i) for i, lines in enumerate((SLOW, FAST))]
         runs += [run_of(wave(FAST), "train", 1000 * seed + 5, entry)]
         runs += [run_of(wave(SLOW), "holdout", 1000 * seed + 6, entry)]
-        likelihood = likelihood_of([modelled_run(LINE, run) for run in runs], None)
+        likelihood = likelihood_of([modelled_run(LINE, run) for run in runs])
         contest = Contest(likelihood, {}, len(RIVALS))
         found, _ = upper_bounds(Selection(None, LINE, (), contest=contest), [effect(hidden)], set(), "x")
         bounds += [bound.upper_95 for bound in found]

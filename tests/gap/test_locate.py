@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from phaselead.gap.locate.cells import AMPLITUDE, DIRECTION, FREQUENCY, HARMONIC, STEP
-from phaselead.gap.locate.ranking import LEVEL, ResidualAndNoise, axis_cells, rank_cells, simulate_noise
+from phaselead.gap.locate.ranking import LEVEL, ResidualAndNoise, axis_cells, rank_cells
 from phaselead.gap.locate.sentences import headline, sentence_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import GapRun
 from phaselead.model import catalogue
 
 RATE_HZ = 1000.0
-SENSOR = Noise(np.array([1.0, -0.5]), 0.01, 0.0, 1.0, 0.0, np.ones(1))
-WANDERING = Noise(np.array([1.0, -0.3]), 0.005, 0.03, 0.4, 1e-7, np.ones(1))
+SENSOR = Noise(np.array([1.0, -0.5]), 0.01)
+WANDERING = Noise(np.array([1.0, -0.3]), 0.005, 0.03, 0.4, 1e-7)
 
 
 def run_of(u: np.ndarray, name: str = "rec") -> GapRun:
@@ -45,7 +45,8 @@ def parts(error, noise: Noise = SENSOR, seed: int = 0, runs=None) -> list[Residu
     runs = records() if runs is None else runs
     found = []
     for run in runs:
-        e = simulate_noise(noise, run, rng) + error(run)
+        drawn = noise.drawn(run.u_V[run.rows], run.step_s, rng)
+        e = drawn - drawn.mean() + error(run)
         found.append(ResidualAndNoise(run, e - e.mean(), noise))
     return found
 

@@ -39,7 +39,7 @@ def run_of(role, seed):
 @cache
 def likelihood() -> Likelihood:
     roles = ("reference", "reference", "train", "train", "holdout")
-    return likelihood_of([modelled_run(STRAIGHT, run_of(role, seed)) for seed, role in enumerate(roles)], None)
+    return likelihood_of([modelled_run(STRAIGHT, run_of(role, seed)) for seed, role in enumerate(roles)])
 
 
 def pool_of(*sets):

@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from phaselead.gap.parameters import fresh_columns, parameters_of
 from phaselead.gap.posterior import Likelihood, likelihood_of
 from phaselead.gap.posterior.before import before_record
 from phaselead.gap.posterior.blocks import REMEMBERED, BlockedRun
 from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import fresh_columns, parameters_of
 from phaselead.gap.residual import modelled_run
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.chain import Chain
@@ -54,7 +54,7 @@ def run_of(role, seed):
 @cache
 def learned() -> Likelihood:
     roles = ("reference", "train", "train", "holdout")
-    return likelihood_of([modelled_run(LOOPS, run_of(role, seed)) for seed, role in enumerate(roles)], None)
+    return likelihood_of([modelled_run(LOOPS, run_of(role, seed)) for seed, role in enumerate(roles)])
 
 
 def forgetful(run: BlockedRun) -> BlockedRun:

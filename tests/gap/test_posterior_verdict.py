@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phaselead.gap.parameters import from_internal, is_logarithmic, to_internal
 from phaselead.gap.posterior.interval import shows_itself
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SOMETHING, SURE, judge
-from phaselead.gap.refit import from_internal, is_logarithmic, to_internal
 from phaselead.model.effects import effect
 
 NAMES = ("delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "creep", "gain_change", "saturation")

@@ -111,7 +111,7 @@ def test_the_wheel_fits_every_python_3_of_its_platform(wheel):
     assert re.fullmatch(r"phaselead-[\d.]+-py3-none-[^-]+\.whl", wheel.name)
     names = zipfile.ZipFile(wheel).namelist()
     libraries = {name for name in names if name.endswith((".so", ".pyd"))}
-    expected = {"phaselead/gap/_kernel", "phaselead/model/_kernel", "phaselead/sim/_firmware"}
+    expected = {"phaselead/model/_kernel", "phaselead/sim/_firmware"}
     expected |= {"phaselead/sim/_emulator"} if sys.platform == "linux" else set()
     assert {name.split(".")[0] for name in libraries} == expected
     assert all(name.count(".") == 1 for name in libraries)

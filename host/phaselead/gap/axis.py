@@ -34,14 +34,15 @@ from phaselead.gap.findings import (
     Spectrum,
     Trace,
 )
+from phaselead.gap.floor import noise_of
 from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
     FinalFit,
     final_fit,
-    much_predictable,
     too_little_described,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
+from phaselead.gap.noise import Noise
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
@@ -106,21 +107,24 @@ def search_axis(
     candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
     candidates = [effect.as_known() for effect in candidates]
     selection = select_effects(model, runs, candidates, frozen, lambda share: on_progress(0.85 * share))
-    final = final_fit(selection, runs)
+    assert selection.contest is not None
+    noise = noise_of(selection.contest)
+    final = final_fit(selection, runs, noise)
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
-    left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
-    surviving = selection
-    if too_little_described(left, final.gap):
+    left = unexplained(*(final.residuals_and_starts(role) for role in ("train", "holdout", "reference")))
+    surviving, withdrawn = selection, too_little_described(left, final.gap)
+    if withdrawn:
         named, ties, surviving = [], [], selection.withdrawn()
+    # Beside names that close a gap to reference records, what they miss of it is what no equation describes.
+    closed = bool(named or ties) and bool(selection.runs("reference"))
     ties += other.ties
     taken = _names([*named, *other.named], ties)
     # Plays that the base was given stay in it under whatever name: neither bounded nor tried beside themselves.
     taken_or_played = taken | ({selection.memory.effect.name} if selection.memory is not None else set())
     excluded, hidden = upper_bounds(surviving, candidates, taken_or_played, label)
     on_progress(0.92)
-    closed = bool(taken) and selection.problem.reference is not None
-    unknown = selection.something_unnamed or other.unknown or much_predictable(left, final.gap, closed)
+    unknown = selection.something_unnamed or other.unknown or withdrawn or (left.something_missing and not closed)
     provisional: list[NamedEffect] = []
     if unknown:
         untried = [effect for effect in effects if effect.name not in taken_or_played]
@@ -138,7 +142,7 @@ def search_axis(
         unknown,
         [*excluded, *other.excluded],
         {**_untested(refused, other, taken), **hidden},
-        _where(selection, final, seed, label),
+        _where(noise, final, seed, label),
         final.gap,
         final.rows,
         _proposal(surviving, label),
@@ -264,9 +268,8 @@ def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
     return NamedEffect(effect.name, label, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why, _OF_SHIFT)
 
 
-def _where(selection: Selection, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
+def _where(noise: Noise, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
     """Where the base as given leaves most of the held-out records."""
-    noise = selection.problem.noise
     parts = [ResidualAndNoise(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
     return rank_cells(parts, seed, label)
 

@@ -10,50 +10,50 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from phaselead.errors import BadInput
+from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
-from phaselead.gap.problem import make_problem
-from phaselead.gap.records import GapRun
-from phaselead.gap.refit import refit
+from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
-from phaselead.gap.scan import refit_best, scan
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
 from phaselead.model import AxisModel, Effect
 from phaselead.record import Samples
 
 
-def find_memory(
-    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool
-) -> tuple[AxisModel, Memory | None]:
+def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect]) -> tuple[AxisModel, Memory | None]:
     """The axis with plays of its own, and what they are, where it has none and plays predict the held-out records
-    better than the line and than any other single effect; otherwise the axis as it is, and None.
+    better than the line and than any other single effect; otherwise the axis as it is, and None. Not where they predict
+    reference records better too: a base that lacks them there has a fault, and they are not what is new.
 
-    Everything is compared in um, where memory is largest: the metric that expects the slow misfit of a memory model
-    would forgive just that.
+    Everything is compared in um, where memory is largest.
     """
     view = axis.time
     assert view is not None
     becoming = [effect for effect in effects if effect.becomes_plays]
     if view.play_r_V or not becoming:
         return axis, None
-    train = [run for run in runs if run.role == "train"]
-    given = with_operator(axis, train)
-    problem = make_problem(axis, runs, effects, frozen, unwhitened=True)
-    bare = refit(problem.train_common, problem.discrepancy, [])
-    tried = {one.effect.name: one.fitted for one in refit_best(problem, bare, scan(problem, bare, effects))}
-    held = [run for run in runs if run.role == "holdout"]
-    as_line = [modelled_run(axis, run) for run in held]
-    saved = saved_by_block(as_line, (), [modelled_run(given, run) for run in held], ())
-    others = [
-        saved_by_block(as_line, (), as_line, one.entries).sum() for n, one in tried.items() if n != becoming[0].name
-    ]
-    chance = probability_by_chance(saved)
-    described = tried.get(becoming[0].name)
-    if chance > BY_CHANCE or saved.sum() <= max(others, default=0.0) or described is None:
+    by_role = {role: [run for run in runs if run.role == role] for role in ("train", "holdout", "reference")}
+    given = with_operator(axis, by_role["train"])
+
+    def saved_by_plays(role: Role) -> Samples:
+        as_line, as_plays = ([modelled_run(one, run) for run in by_role[role]] for one in (axis, given))
+        return saved_by_block(as_line, (), as_plays, ())
+
+    if by_role["reference"] and probability_by_chance(saved_by_plays("reference")) < BY_CHANCE:
         return axis, None
-    likelihood = likelihood_of([modelled_run(axis, run) for run in runs], None)
-    params = intervals_alone(likelihood, described.entries)[-1]
+    saved = saved_by_plays("holdout")
+    chance = probability_by_chance(saved)
+    if chance > BY_CHANCE:
+        return axis, None
+    as_line = [modelled_run(axis, run) for run in by_role["holdout"]]
+    tried = {one[0].name: one for one in each_fitted([modelled_run(axis, run) for run in by_role["train"]], effects)}
+    others = [saved_by_block(as_line, (), as_line, [one]).sum() for n, one in tried.items() if n != becoming[0].name]
+    described = tried.get(becoming[0].name)
+    if saved.sum() <= max(others, default=0.0) or described is None:
+        return axis, None
+    likelihood = likelihood_of([modelled_run(axis, run) for run in runs])
+    params = intervals_alone(likelihood, [described])[0]
     why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
     return given, Memory(becoming[0], params, 1 - chance, why)
 

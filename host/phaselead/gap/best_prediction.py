@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from phaselead.gap.refit import SizedEffect, bounded, fresh_columns, from_internal, internal, parameters_of
+from phaselead.gap.least_squares import entries_at, least_left, squares_left
+from phaselead.gap.parameters import SizedEffect, internal, parameters_of
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Parameter
 from phaselead.record import Samples
 
 INSIDE = 0.95
@@ -31,35 +30,17 @@ def best_predicting(
 
     ``covariance`` is (parameters, parameters) in internal units.
     """
-    free, start = parameters_of(entries), internal(entries)
+    start = internal(entries)
     if not len(start):
         return tuple(entries)
-
-    def errors(x: Samples) -> Samples:
-        at = _entries_at(entries, free, x)
-        return np.concatenate([_about_mean(run.error(at)[:, None])[:, 0] for run in runs])
-
-    def slopes(x: Samples) -> Samples:
-        at = _entries_at(entries, free, x)
-        return -np.concatenate([_about_mean(fresh_columns(run, at, free)[:, :-1]) for run in runs])
-
-    found = least_squares(errors, start, slopes, method="trf", x_scale="jac", max_nfev=EVALUATIONS).x
+    found, _ = least_left(entries, runs, _about_mean, EVALUATIONS)
     off = found - start
     distance2 = float(off @ np.linalg.solve(covariance, off))
     inside = min(1.0, float(np.sqrt(chi2.ppf(INSIDE, len(start)) / max(distance2, 1e-12))))
-    moved = start + inside * off
-    better = float(np.sum(errors(moved) ** 2)) < float(np.sum(errors(start) ** 2))
-    return _entries_at(entries, free, moved if better else start)
+    at_start, moved = (entries_at(entries, parameters_of(entries), x) for x in (start, start + inside * off))
+    better = squares_left(moved, runs, _about_mean) < squares_left(at_start, runs, _about_mean)
+    return moved if better else at_start
 
 
-def _entries_at(
-    entries: Sequence[SizedEffect], free: Sequence[tuple[int, Parameter]], x: Samples
-) -> tuple[SizedEffect, ...]:
-    moved = [(effect, dict(params)) for effect, params in entries]
-    for (i, p), value in zip(free, x, strict=True):
-        moved[i][1][p.name] = from_internal(p, float(value))
-    return tuple((effect, bounded(effect, params)) for effect, params in moved)
-
-
-def _about_mean(columns: Samples) -> Samples:
+def _about_mean(_: int, columns: Samples) -> Samples:
     return np.asarray(columns - columns.mean(axis=0))

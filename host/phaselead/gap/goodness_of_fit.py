@@ -10,9 +10,10 @@ import numpy as np
 from phaselead.gap.base_operator import with_operator
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
-from phaselead.gap.posterior import MOST_MISSED
+from phaselead.gap.noise import Noise
+from phaselead.gap.parameters import SizedEffect
+from phaselead.gap.posterior import MOST_MISSED, own_columns
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
@@ -24,9 +25,6 @@ OPERATOR_ROUNDS = 2
 CLEARLY_ABOVE_FLOOR = 2.0
 """Times the floor, which is what the model leaves of the reference records, from which what is left of the held-out
 records may shift their means as well."""
-STRUCTURE_SHARE = 0.02
-"""Of the power of a gap: what may be predicted beside names that close it, since no equation is exactly that of the
-stage."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,12 @@ class FinalFit:
         """Residuals of the final model, about their means. The reference records are without the effects."""
         entries = () if role == "reference" else self.entries
         return [RunResidual(t.run, _about_mean(t.error(entries))) for t in self.after if t.run.role == role]
+
+    def residuals_and_starts(self, role: Role) -> list[RunResidual]:
+        """The same, which know what the start of their record may explain."""
+        entries = () if role == "reference" else self.entries
+        of_role = [t for t in self.after if t.run.role == role]
+        return [replace(r, own=own_columns(t, entries)) for r, t in zip(self.residuals(role), of_role, strict=True)]
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""
@@ -118,16 +122,16 @@ def _power(errors: Sequence[Samples]) -> float:
     return float(np.mean(np.concatenate(errors) ** 2))
 
 
-def final_fit(selection: Selection, runs: Sequence[GapRun]) -> FinalFit:
+def final_fit(selection: Selection, runs: Sequence[GapRun], noise: Noise) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
-    now to what the effects leave."""
-    axis, entries = selection.problem.axis, selection.entries
+    now to what the effects leave. ``noise`` is that of the base, its level the floor where no reference record says."""
+    axis, entries = selection.base, selection.entries
     if selection.memory is not None and entries:
         axis = _refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
     final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0))
-    return FinalFit(axis, entries, before, after, _gap(final, selection))
+    return FinalFit(axis, entries, before, after, _gap(final, noise))
 
 
 def _refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
@@ -149,7 +153,7 @@ def _train_power(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequenc
     return _power([_about_mean(t.error(entries)) for t in (modelled_run(axis, run) for run in train)])
 
 
-def _gap(final: FinalFit, selection: Selection) -> GapSize:
+def _gap(final: FinalFit, noise: Noise) -> GapSize:
     """RMS before and after over all held-out rows, and the floor."""
     before = float(np.sqrt(_power([left.error_um for left in final.residuals_before("holdout")])))
     after = float(np.sqrt(_power([left.error_um for left in final.residuals("holdout")])))
@@ -157,19 +161,9 @@ def _gap(final: FinalFit, selection: Selection) -> GapSize:
     if reference:
         floor = float(np.sqrt(_power([left.error_um for left in reference])))
         return GapSize(before, after, floor, "um", "what the model leaves of the reference records")
-    floor = selection.problem.noise.level_um
     return GapSize(
-        before, after, min(floor, after), "um", "what the richest model of all leaves of the training records"
+        before, after, min(noise.level_um, after), "um", "what the richest model of all leaves of the training records"
     )
-
-
-def much_predictable(left: Unexplained, gap: GapSize, closed_by_names: bool) -> bool:
-    """Whether so much of what the names leave can be predicted from the voltage that something else is missing.
-
-    Beside names that close a gap to reference records it must also be worth something of that gap.
-    """
-    predicted_um2 = left.share * gap.after**2
-    return left.something_missing and (not closed_by_names or predicted_um2 > STRUCTURE_SHARE * gap.before**2)
 
 
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:

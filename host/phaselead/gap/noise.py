@@ -8,44 +8,28 @@ judged against the sensor's noise alone, while the same rise during a loop may b
     e_k = m_k + n_k,   m_k = phi_k m_{k-1} + w_k,   phi_k = exp(-|u_k - u_{k-1}| / length_V),
     var w_k = misfit_um^2 (1 - phi_k^2) + wander_um2_per_s step_s,   n autoregressive
 
-e_k - phi_k e_{k-1} then has a covariance of three diagonals, whose Cholesky factor whitens (n, k) columns at once.
+e_k - phi_k e_{k-1}, filtered by the autoregression, then has a covariance of three diagonals.
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solve
+from scipy.linalg import LinAlgError, solve, solve_banded
+from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.optimize import minimize
-from scipy.signal import detrend
+from scipy.signal import detrend, lfilter
 
-from phaselead.compiled import kernel_of
 from phaselead.record import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
 """Of the autoregressions. The sensor's is short because as many rows are lost after every jump."""
-JUMP_STD = 30.0
-"""A row is a jump when the misfit may change in it by this many deviations of the sensor's innovations; the filter for
-the sensor's noise then says nothing for its length."""
-RARE_SHARE = 0.02
-"""Of the rows: what happens more often is no jump."""
-WANDER_MARGIN = 4.0
-"""A wander estimated from the few independent stretches of one record may be this many times larger."""
 LOUDER = 1.1
 """Mean square of whitened records at rest from which their noise is another than was expected."""
-START_STD = 1e3
-"""Deviation of the misfit in a record's first row, in units of its own: nothing is known of it there."""
 LIKELIHOOD_ROWS = 60_000
 """Most rows of a record in the likelihood, which is evaluated some 90 times."""
-MOVING_SHARE = 0.5
-"""Share of moving rows from which a record tells how the misfit behaves in motion."""
-MOVING_GROWTH = 1e-2
-"""A row in which the misfit's variance grows by more than this, in units of the sensor's, is one in motion."""
 
 
 @dataclass(frozen=True)
@@ -56,74 +40,45 @@ class Noise:
     """Autoregression (1, a_1 ... a_p) of the sensor's noise."""
     sigma_um: float
     """Standard deviation of its innovations."""
-    misfit_um: float
+    misfit_um: float = 0.0
     """Standard deviation of the misfit."""
-    length_V: float
+    length_V: float = 1.0
     """Way of the voltage over which the misfit is forgotten."""
-    wander_um2_per_s: float
+    wander_um2_per_s: float = 0.0
     """Growth of the misfit's variance in time."""
-    rest: Samples
-    """Autoregression, with innovations of deviation 1, of what these leave in motion: there the misfit is smoother than
-    a random walk."""
-    idle_um2_per_s: float | None = None
-    """Wander of records in which the voltage never moves; None where no record told."""
 
     @property
     def level_um(self) -> float:
         """Standard deviation of misfit and innovations together."""
         return float(np.hypot(self.sigma_um, self.misfit_um))
 
-    def whitener(self, u_V: Samples, step_s: float) -> Whitener:
-        """The whitener of a record driven by the voltage (n,)."""
-        return Whitener(self, u_V, step_s)
+    def walk(self, u_V: Samples, step_s: float) -> tuple[Samples, Samples]:
+        """phi (n,), and the variance (n,) in um^2 by which the misfit grows in each row of a record."""
+        phi = np.exp(-np.abs(np.diff(u_V, prepend=u_V[0])) / self.length_V)
+        return phi, self.misfit_um**2 * (1 - phi**2) + self.wander_um2_per_s * step_s
 
-    def amplitude_density(self, f_Hz: Samples, step_s: float) -> Samples:
-        """One-sided amplitude density (m,) of the sensor's noise in um/sqrt(Hz) at frequencies (m,)."""
-        turn = np.exp(-2j * np.pi * np.outer(f_Hz * step_s, np.arange(len(self.sensor))))
-        return np.asarray(self.sigma_um * np.sqrt(2 * step_s) / np.abs(turn @ self.sensor))
+    def drawn(self, u_V: Samples, step_s: float, rng: np.random.Generator) -> Samples:
+        """One draw (n,) in um for a record driven by a voltage (n,)."""
+        n, lead = len(u_V), 8 * len(self.sensor)
+        drawn = lfilter([self.sigma_um], self.sensor, rng.standard_normal(n + lead))[lead:]
+        if self.misfit_um > 0:
+            phi, grown = self.walk(u_V, step_s)
+            grown[0] = self.misfit_um**2
+            banded = np.stack([np.ones(n), np.append(-phi[1:], 0.0)])
+            drawn = drawn + solve_banded((1, 0), banded, np.sqrt(grown) * rng.standard_normal(n))
+        return np.asarray(drawn)
 
-
-class Whitener:
-    """Filters under which the noise of one record becomes white and of unit variance."""
-
-    def __init__(self, noise: Noise, u_V: Samples, step_s: float) -> None:
-        self._noise = noise
-        path = np.abs(np.diff(u_V, prepend=u_V[0]))
-        self._phi = np.exp(-path / noise.length_V) if noise.misfit_um > 0 else np.zeros(len(u_V))
-        idle = not path.any() and noise.idle_um2_per_s is not None
-        wander = noise.idle_um2_per_s if idle and noise.idle_um2_per_s is not None else noise.wander_um2_per_s
-        grown = noise.misfit_um**2 * (1 - self._phi**2) + wander * step_s
-        # The autoregression for the sensor's noise comes first and changes the scale of slow signals by its sum.
-        slow = float(np.sum(noise.sensor)) / noise.sigma_um
-        first = START_STD**2 if noise.misfit_um > 0 else 0.0
-        self.factor = differences_factor(self._phi, grown * slow**2, first)
-        self._moving = grown * slow**2 > MOVING_GROWTH
-        self._grown = grown
-
-    def __call__(self, values: Samples) -> Samples:
-        """Values (n, ...) whitened along the first axis. Rows without enough of a past, and those after jumps, become
-        0."""
-        n = self._noise
-        white = self._whitened(values, n.rest)
-        white[: len(n.sensor) + len(n.rest) - 1] = 0.0
-        white[self._lost] = 0.0
-        return white
-
-    @cached_property
-    def _lost(self) -> NDArray[np.intp]:
-        """Rows (m,) after jumps, where jumps are rare."""
-        n, rows = self._noise, len(self._grown)
-        jumped = np.flatnonzero(self._grown > (JUMP_STD * n.sigma_um) ** 2)
-        lost = (jumped[:, None] + np.arange(len(n.sensor))).ravel() if len(jumped) < RARE_SHARE * rows else jumped[:0]
-        return np.asarray(lost[lost < rows])
-
-    def innovations(self, values: Samples) -> Samples:
-        """Values (n, ...) whitened but for the autoregression in motion, ``rest``."""
-        return self._whitened(values, np.ones(1))
-
-    def _whitened(self, values: Samples, rest: Samples) -> Samples:
-        n = self._noise
-        return whitened(values, n.sensor / n.sigma_um, self._phi, self.factor, rest, self._moving)
+    def misfortune(self, error_um: Samples, u_V: Samples, step_s: float) -> float:
+        """Minus the log density of a residual (n,), but for a constant: larger where it is less likely."""
+        order = len(self.sensor)
+        taps = self.sensor / self.sigma_um
+        white = lfilter(taps, [1.0], error_um)[order:]
+        phi, grown = (one[order + 1 :] for one in self.walk(u_V, step_s))
+        # The autoregression changes the scale of slow signals by its sum.
+        steps = white[1:] - phi * white[:-1]
+        pivots, below, _ = dpttrf(1 + phi**2 + grown * float(taps.sum()) ** 2, -phi[1:])
+        explained, _ = dpttrs(pivots, below, steps)
+        return float(0.5 * steps @ explained + 0.5 * np.log(pivots).sum() + len(steps) * np.log(self.sigma_um))
 
 
 def autoregression(series: Sequence[Samples], order: int = ORDER) -> tuple[Samples, float]:
@@ -148,34 +103,12 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
     """The most likely noise of some residuals in um, each (n_i,): ``driven`` are pairs of residual and voltage,
     ``idle`` residuals at rest."""
     if not driven:
-        sensor, sigma = autoregression(idle)
-        return Noise(sensor, sigma, 0.0, 1.0, 0.0, np.ones(1))
+        return Noise(*autoregression(idle))
     sensor, sigma = autoregression(idle, SENSOR_ORDER) if idle else (np.ones(1), _roughness([e for e, _ in driven]))
     span = max(float(np.ptp(u)) for _, u in driven)
     spread = float(np.sqrt(np.mean(np.concatenate([e for e, _ in driven]) ** 2)))
-    noise = Noise(sensor, sigma, max(spread, sigma), 0.3 * span, 1e-6 * spread**2, np.ones(1))
-    noise = _likeliest(noise, driven, idle, step_s)
-    if idle:
-        at_rest = max(_wander(e, step_s) for e in idle)
-        noise = replace(noise, idle_um2_per_s=min(at_rest, noise.wander_um2_per_s))
-    white = [noise.whitener(u, step_s).innovations(e)[len(sensor) :] for e, u in driven]
-    moved = [np.abs(np.diff(u, prepend=u[0]))[len(sensor) :] > 0 for _, u in driven]
-    white = [w[m] for w, m in zip(white, moved, strict=True) if m.mean() > MOVING_SHARE]
-    if not white:
-        return noise
-    rest, scale = autoregression(white)
-    return replace(noise, rest=rest / scale)
-
-
-def _wander(error: Samples, step_s: float) -> float:
-    """Upper estimate in um^2/s of how a residual at rest (n,) wanders: by how much the squares of its way over a
-    quarter of the record exceed those over a fortieth, and the scatter of such a figure."""
-    e = np.asarray(error, dtype=np.float64)
-    n = len(e)
-    long, short = n // 4, max(n // 40, 1)
-    means = np.convolve(e, np.ones(short) / short, "valid")
-    far, near = (float(np.mean((means[lag:] - means[:-lag]) ** 2)) for lag in (long, short))
-    return (WANDER_MARGIN * max(far - near, 0.0) + near) / (long * step_s)
+    noise = Noise(sensor, sigma, max(spread, sigma), 0.3 * span, 1e-6 * spread**2)
+    return _likeliest(noise, driven, idle, step_s)
 
 
 def as_idle(noise: Noise, idle: Sequence[Samples]) -> Noise:
@@ -220,66 +153,10 @@ def _likeliest(
         )
 
     def cost(x: Samples) -> float:
-        tried, total = at(x), 0.0
-        for e, u in parts:
-            whitener = tried.whitener(u, step_s)
-            white = whitener.innovations(e)[len(tried.sensor) :]
-            logs = np.log(whitener.factor[0, len(tried.sensor) :])
-            total += float(0.5 * white @ white + logs.sum() + len(white) * np.log(tried.sigma_um))
-        return total + 1e-3 * float(np.sum(x**2))
+        tried = at(x)
+        return sum(tried.misfortune(e, u, step_s) for e, u in parts) + 1e-3 * float(np.sum(x**2))
 
     start = np.zeros(4 if own_sigma else 3)
-    options = {"xatol": 0.05, "fatol": 0.5, "maxfev": 90, "initial_simplex": _simplex(start)}
+    simplex = np.vstack([start, start + 1.5 * np.eye(len(start))])
+    options = {"xatol": 0.05, "fatol": 0.5, "maxfev": 90, "initial_simplex": simplex}
     return at(minimize(cost, start, method="Nelder-Mead", options=options).x)
-
-
-def _simplex(start: Samples) -> Samples:
-    return np.vstack([start, start + 1.5 * np.eye(len(start))])
-
-
-_SIZE, _DATA = ctypes.c_size_t, ctypes.c_void_p
-
-
-class _KernelWhitener(ctypes.Structure):
-    """struct gap_whitener."""
-
-    _fields_ = (
-        ("n_sensor", _SIZE), ("sensor", _DATA), ("phi", _DATA), ("diag", _DATA), ("below", _DATA),
-        ("n_rest", _SIZE), ("rest", _DATA), ("moving", _DATA),
-    )  # fmt: skip
-
-
-@cache
-def _kernel() -> ctypes.CDLL:
-    kernel = kernel_of("phaselead.gap._kernel", "gap_differences_factor")
-    kernel.gap_whiten.argtypes = [ctypes.POINTER(_KernelWhitener), _SIZE, _SIZE, _DATA, _DATA, _DATA]
-    kernel.gap_differences_factor.argtypes = [_SIZE, _DATA, _DATA, ctypes.c_double, _DATA, _DATA]
-    kernel.gap_whiten.restype = kernel.gap_differences_factor.restype = None
-    return kernel
-
-
-def differences_factor(phi: Samples, grown: Samples, first: float) -> Samples:
-    """Lower Cholesky factor, banded (2, n), of the covariance of n_k - phi_k n_{k-1} + w_k for unit white n and w of
-    the variance ``grown`` (n,); the first row's is 1 + ``first``."""
-    phi, grown = (np.ascontiguousarray(a, dtype=np.float64) for a in (phi, grown))
-    factor = np.empty((2, len(phi)))
-    diag, below = factor
-    _kernel().gap_differences_factor(
-        len(phi), phi.ctypes.data, grown.ctypes.data, first, diag.ctypes.data, below.ctypes.data
-    )
-    return factor
-
-
-def whitened(
-    values: Samples, sensor: Samples, phi: Samples, factor: Samples, rest: Samples, moving: NDArray[np.bool_]
-) -> Samples:
-    """``values`` (n, ...) filtered by ``sensor``, freed of what lasts along the path by ``phi`` (n,) and the banded
-    Cholesky ``factor`` (2, n), and in ``moving`` rows filtered by ``rest``."""
-    rows = np.ascontiguousarray(values, dtype=np.float64).reshape(len(values), -1)
-    steps, white = np.empty_like(rows), np.empty_like(rows)
-    kept = [np.ascontiguousarray(a, dtype=np.float64) for a in (sensor, phi, factor[0], factor[1], rest)]
-    moves = np.ascontiguousarray(moving, dtype=np.uint8)
-    taps, along, diag, below, last = (a.ctypes.data for a in kept)
-    by = _KernelWhitener(len(kept[0]), taps, along, diag, below, len(kept[4]), last, moves.ctypes.data)
-    _kernel().gap_whiten(by, *rows.shape, rows.ctypes.data, steps.ctypes.data, white.ctypes.data)
-    return white.reshape(np.shape(values))

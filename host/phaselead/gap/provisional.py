@@ -13,13 +13,14 @@ from dataclasses import replace
 from phaselead.gap.adopt import adopted
 from phaselead.gap.findings import NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
-from phaselead.gap.plain_fits import each_fitted, plain_problem
+from phaselead.gap.parameters import SizedEffect
+from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
-from phaselead.gap.records import GapRun
-from phaselead.gap.refit import SizedEffect
-from phaselead.gap.residual import ModelledRun, modelled_run
+from phaselead.gap.records import GapRun, Role
+from phaselead.gap.residual import modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.model import Effect
+from phaselead.record import Samples
 
 MOST_PROVISIONAL = 3
 """Effects that are adopted one after the other: as many as the trials hide."""
@@ -43,14 +44,15 @@ def nearest_that_pays(
     for _ in range(MOST_PROVISIONAL):
         taken = {e.name for e in (*named, *found)}
         left = [e for e in effects if e.name not in taken]
-        problem = plain_problem(adopted(final.axis, [*named, *found]), runs, left, open_plays)
-        tried = [_beside(final, one.entries, open_plays) for one in each_fitted(problem, left)]
+        axis = adopted(final.axis, [*named, *found])
+        so_far = [modelled_run(axis, run) for run in runs]
+        fits = each_fitted([run for run in so_far if run.run.role == "train"], left)
+        tried = [_beside(final, [one], open_plays) for one in fits]
         best = _best_that_pays(final, tried)
         if best is None:
             break
         final, entry = best, best.entries[-1]
-        beside = likelihood_of([modelled_run(problem.axis, run) for run in runs], None)
-        params = intervals_alone(beside, [entry])[0]
+        params = intervals_alone(likelihood_of(so_far), [entry])[0]
         found.append(NamedEffect(entry[0].name, label, params, 0.0))
     return final, [replace(e, share=final.share_of(e.name)) for e in found]
 
@@ -62,15 +64,19 @@ def _beside(final: FinalFit, entries: Sequence[SizedEffect], open_plays: bool) -
 
 
 def _best_that_pays(final: FinalFit, tried: Sequence[FinalFit]) -> FinalFit | None:
-    """The fit that saves most of the held-out squares, of those that save some beyond chance; None without one."""
+    """The fit that saves most of the held-out squares, of those that save some of them and of those of the training
+    records beyond chance; None without one."""
+    worth = [one for one in tried if probability_by_chance(_saved(final, one, "train")) < BY_CHANCE]
     best: FinalFit | None = None
     most = 0.0
-    for one in tried:
-        saved = saved_by_block(_held_out(final), final.entries, _held_out(one), one.entries)
-        if float(saved.sum()) > most and probability_by_chance(saved) * len(tried) < BY_CHANCE:
+    for one in worth:
+        saved = _saved(final, one, "holdout")
+        if float(saved.sum()) > most and probability_by_chance(saved) * len(worth) < BY_CHANCE:
             best, most = one, float(saved.sum())
     return best
 
 
-def _held_out(final: FinalFit) -> list[ModelledRun]:
-    return [modelled for modelled in final.after if modelled.run.role == "holdout"]
+def _saved(before: FinalFit, after: FinalFit, role: Role) -> Samples:
+    """Squares (blocks,) that one fit saves of another on the runs of one role."""
+    was, now = ([modelled for modelled in fit.after if modelled.run.role == role] for fit in (before, after))
+    return saved_by_block(was, before.entries, now, after.entries)

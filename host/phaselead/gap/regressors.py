@@ -11,20 +11,14 @@ from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from phaselead.gap.residual import ModelledRun
 from phaselead.identify import play_thresholds
 from phaselead.model import AxisModel, Effect, Parameter, Params, Place, Signal, plays
 from phaselead.record import Samples
 
-Index = NDArray[np.intp]
-"""Positions of columns, (k,)."""
-
 GRID_POINTS = 5
 """Values of one shape parameter between its bounds."""
-COARSE_GROUPS = 6
-"""About how many of an effect's shapes describe what the base misses on reference records."""
 MODE_GRID_RATIO, MODE_GRID_ZETA = 1.16, 0.08
 """A mode is looked for at frequencies in this ratio, with this damping: neighbours then overlap."""
 HIGHEST_OF_RATE = 0.45
@@ -40,8 +34,6 @@ GAIN_STD, PLAY_STD = 0.05, 0.02
 """How far gain and plays of a fitted base can be off where no reference record says better, of its mean slope."""
 OPEN_STD = 0.3
 """The same of plays that are fitted anew with every effect."""
-DELAY_STD, OWN_STD = 0.05, 0.005
-"""The same of the base's delay, in rows, and of the parameters of its own effects, of their values."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +44,6 @@ class RegressorGroup:
     shapes: Mapping[str, float]
     steps: tuple[float, ...]
     """Per column the size at which it is simulated."""
-    coarse: bool
-    """Whether it is one of the few that describe what the base misses on reference records."""
 
     def params(self, amounts: Sequence[float]) -> dict[str, float]:
         """All parameters of the effect when its columns are taken ``amounts`` times (in order, as many as columns)."""
@@ -76,13 +66,10 @@ def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float)
     for effect in effects:
         grids = [_grid(p, effect, step_s, longest_s) for p in effect.shapes]
         steps = typical_sizes(effect)
-        points = list(product(*grids))
-        coarse = set(points[:: max(1, round(len(points) / COARSE_GROUPS))])
-        for point in points:
+        for point in product(*grids):
             shapes = {p.name: v for p, v in zip(effect.shapes, point, strict=True)}
             if _ordered(effect, shapes):
-                common = point in coarse and effect.kind == "response"
-                found.append(RegressorGroup(effect, shapes, steps, common))
+                found.append(RegressorGroup(effect, shapes, steps))
     return found
 
 
@@ -119,73 +106,12 @@ def _ordered(effect: Effect, shapes: Mapping[str, float]) -> bool:
     return all(shapes[first] < shapes[last] for first, last in pairwise(effect.rising))
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Which columns are whose: those of the groups in order, then ``n_base`` of the base model."""
-
-    groups: tuple[RegressorGroup, ...]
-    n_base: int
-
-    @property
-    def size(self) -> int:
-        """How many columns there are."""
-        return sum(len(a.steps) for a in self.groups) + self.n_base
-
-    def columns_of(self, index: int) -> Index:
-        """Columns of the group ``index``."""
-        first = sum(len(a.steps) for a in self.groups[:index])
-        return np.arange(first, first + len(self.groups[index].steps))
-
-    @property
-    def base(self) -> Index:
-        """Columns of the base model."""
-        return np.arange(self.size - self.n_base, self.size)
-
-    def common(self) -> Index:
-        """Columns that describe what the base misses: those of coarse groups and of the base, in order."""
-        picked = [self.columns_of(i) for i, a in enumerate(self.groups) if a.coarse]
-        return np.concatenate([*picked, self.base]).astype(np.intp)
-
-    def coarser(self) -> Layout:
-        """The layout of the common columns alone."""
-        return Layout(tuple(a for a in self.groups if a.coarse), self.n_base)
-
-
-@dataclass(frozen=True)
-class SimulatedRegressors:
-    """All regressors of one run, in um over its scored rows."""
-
-    modelled: ModelledRun
-    base_um: Samples
-    """(n,) the model without them."""
-    columns: NDArray[np.float32]
-    """(n, k), in the order of the layout."""
-
-
-def simulated_regressors(
-    modelled: ModelledRun, groups: Sequence[RegressorGroup], freedom: Freedom
-) -> SimulatedRegressors:
-    """Simulate every group, and the columns of the base, on one run."""
-    base_um = modelled.answer()
-    parts = [group.columns(modelled, base_um).astype(np.float32) for group in groups]
-    parts.append(base_columns(modelled, freedom).astype(np.float32))
-    return SimulatedRegressors(modelled, base_um, np.concatenate(parts, axis=1))
-
-
-@dataclass(frozen=True)
-class Freedom:
-    """What may be wrong with a base model."""
-
-    open_plays: bool = False
-    """Its plays were fitted to the training records themselves, and move with every effect that is added."""
-    learned: bool = False
-    """Reference records say what it misses, so that more things may be wrong with it."""
-
-
-def base_columns(modelled: ModelledRun, freedom: Freedom) -> Samples:
+def base_columns(modelled: ModelledRun, open_plays: bool) -> Samples:
     """Columns (n, k) in um: one prior deviation of each thing that a refit of the base could change, as it looks behind
-    the base's own effects. A base without plays has no plays to refit, one without dead zones no dead
-    zones."""
+    the base's own effects. A base without plays has no plays to refit, one without dead zones no dead zones.
+
+    ``open_plays``: they were fitted to the training records themselves, and move with every effect that is added.
+    """
     view = modelled.axis.time
     assert view is not None
     signal = modelled.chain.signal_at(Place.AMPLIFIER)
@@ -197,54 +123,11 @@ def base_columns(modelled: ModelledRun, freedom: Freedom) -> Samples:
         r = play_thresholds(high - low, BASE_PLAYS)
         start = view.rest_fraction * r if modelled.plays_V is None else np.interp(r, view.play_r_V, modelled.plays_V)
         moved, _ = plays(v, r, np.clip(start + v[0] - signal.u_V[0], v[0] - r, v[0] + r))
-        columns += list(((OPEN_STD if freedom.open_plays else PLAY_STD) * slope * moved).T)
-        if freedom.learned:
-            columns += _bent(moved, low, high, PLAY_STD * slope)
+        columns += list(((OPEN_STD if open_plays else PLAY_STD) * slope * moved).T)
     if view.deadzone_d_V:
         knots = np.linspace(low, high, BASE_SEGMENTS + 2)[1:-1]
         columns += list(PLAY_STD * slope * np.maximum(v[:, None] - knots, 0.0).T)
-    refitted = through_effects(modelled, np.stack(columns, axis=1))[1:][modelled.run.rows]
-    return np.concatenate([refitted, _own_tangents(modelled)], axis=1) if freedom.learned else refitted
-
-
-def _bent(moved: Samples, low: float, high: float, std: float) -> list[Samples]:
-    """What plays (n, m) in V miss of a memory whose density varies over the range (Preisach): their squares and cubes,
-    2 m columns (n,) in um."""
-    half = (high - low) / 2
-    z = (moved - (low + high) / 2) / half
-    return [std * half * column for column in np.concatenate([z**2, z**2 * z], axis=1).T]
-
-
-def _own_tangents(modelled: ModelledRun) -> Samples:
-    """Columns (n, k) in um: one prior deviation of the base's delay, and of each parameter of its own effects."""
-    answer = modelled.answer()
-    return np.stack([modelled.with_axis(axis).answer() - answer for axis in _nearby(modelled)], axis=1)
-
-
-def _nearby(modelled: ModelledRun) -> list[AxisModel]:
-    """The base with one of its parameters moved by a prior deviation, for each parameter."""
-    axis, view = modelled.axis, modelled.axis.time
-    assert view is not None
-    later = view.model_copy(update={"delay_s": view.delay_s + DELAY_STD * modelled.run.step_s})
-    found = [axis.model_copy(update={"time": later})]
-    for i, adopted in enumerate(axis.effects):
-        for params in _moved_a_little(adopted.params):
-            moved = adopted.model_copy(update={"params": params})
-            effects = (*axis.effects[:i], moved, *axis.effects[i + 1 :])
-            found.append(axis.model_copy(update={"effects": effects}))
-    return found
-
-
-def _moved_a_little(params: Mapping[str, object]) -> list[dict[str, object]]:
-    """``params`` with one of its numbers moved by OWN_STD, for each number, those in lists too."""
-    found: list[dict[str, object]] = []
-    for name, value in params.items():
-        numbers = value if isinstance(value, tuple) else (value,)
-        for i, number in enumerate(numbers):
-            if isinstance(number, float):
-                changed = (*numbers[:i], number * (1 + OWN_STD), *numbers[i + 1 :])
-                found.append({**params, name: changed if isinstance(value, tuple) else changed[0]})
-    return found
+    return through_effects(modelled, np.stack(columns, axis=1))[1:][modelled.run.rows]
 
 
 def through_effects(modelled: ModelledRun, columns: Samples) -> Samples:

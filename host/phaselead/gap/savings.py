@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as t_distribution
 
-from phaselead.gap.metric import BLOCK_s, block_edges
-from phaselead.gap.refit import SizedEffect
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.residual import ModelledRun
+from phaselead.gap.time_blocks import block_edges, wanted_rows
 from phaselead.record import Samples
 
 BY_CHANCE = 0.01
@@ -24,7 +24,9 @@ def saved_by_block(
 ) -> Samples:
     """Squares in um^2 (blocks,) that the runs under a model with some effects save of the same under another, each
     about its own mean."""
-    edges = block_edges([t.run.stop - t.run.start for t in before], max(_block_rows(t) for t in before))
+    edges = block_edges(
+        [t.run.stop - t.run.start for t in before], max(wanted_rows(t.run.step_s, t.period_rows) for t in before)
+    )
     pairs = zip(before, after, edges, strict=True)
     parts = [np.add.reduceat(_squares(a, before_with) - _squares(b, after_with), e[:-1]) for a, b, e in pairs]
     return np.concatenate(parts)
@@ -42,8 +44,3 @@ def _squares(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     """Squares (n,) in um^2 of what the effects leave of a run, about its mean."""
     error = modelled.error(entries)
     return np.asarray((error - error.mean()) ** 2)
-
-
-def _block_rows(modelled: ModelledRun) -> int:
-    """Rows of BLOCK_s, or of a period of the drive where that is longer."""
-    return max(round(BLOCK_s / modelled.run.step_s), modelled.period_rows or 0)

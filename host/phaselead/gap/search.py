@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
 from phaselead.gap.findings import NAMED, Candidate, Estimate
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import (
     Claim,
     Contest,
@@ -18,10 +19,8 @@ from phaselead.gap.posterior import (
     search_sets,
     shows_itself,
 )
-from phaselead.gap.problem import Problem, make_problem
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import SizedEffect
-from phaselead.gap.residual import modelled_run
+from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection
 from phaselead.model import AxisModel, Effect
@@ -41,17 +40,17 @@ def select_effects(
     ``frozen``: without reference runs, whether nothing may be wrong with the base. A base without plays is given its
     memory first, where that explains most.
     """
-    base, memory = find_memory(axis, runs, effects, frozen)
+    base, memory = find_memory(axis, runs, effects)
     on_progress(0.1)
     left = [effect for effect in effects if memory is None or effect.name != memory.effect.name]
-    problem = make_problem(base, runs, left, frozen, open_plays=memory is not None)
-    free = problem.freedom if problem.reference is None and not frozen else None
-    likelihood = likelihood_of([modelled_run(base, run) for run in runs], free)
-    contest = search_sets(likelihood, left, lambda share: on_progress(0.2 + 0.8 * share))
+    referenced = any(run.role == "reference" for run in runs)
+    of_runs = [modelled_run(base, run) for run in runs]
+    likelihood = likelihood_of(of_runs, base_may_be_off=not referenced and not frozen, open_plays=memory is not None)
+    contest = search_sets(likelihood, left, lambda share: on_progress(0.1 + 0.9 * share))
     found = judge(contest)
-    claims, entries, values = _estimated(problem, contest, found.best.entries, found.claims)
+    claims, entries, values = _estimated(contest, found.best.entries, found.claims, memory is not None)
     return Selection(
-        problem,
+        base,
         axis,
         entries,
         claims,
@@ -64,20 +63,28 @@ def select_effects(
 
 
 def _estimated(
-    problem: Problem, contest: Contest, best: Sequence[SizedEffect], claims: Sequence[Claim]
+    contest: Contest, best: Sequence[SizedEffect], claims: Sequence[Claim], open_plays: bool
 ) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], list[dict[str, Estimate]]]:
     """The claims that do not harm and are of some size, their effects with the parameters that predict best, and the
     interval of each.
 
-    What is adopted is learned without the held-out records, so that these may judge it.
+    What is adopted is learned without the held-out records, so that these may judge it. Where the base's plays move
+    with every effect (``open_plays``), they say nothing before these are fitted anew.
     """
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
+    train, held = (
+        [run.modelled for run in everything.runs if run.modelled.run.role == role] for role in ("train", "holdout")
+    )
+
+    def best_of(fit: Fit) -> tuple[SizedEffect, ...]:
+        return best_predicting(fit.entries, fit.covariance, train)
+
     while claims:
         entries = tuple(entry for entry in best if entry[0].name in {claim.effect.name for claim in claims})
-        kept = _that_pay(problem, _best(everything.fit(entries), problem), claims)
+        kept = tuple(claims) if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims)
         if len(kept) == len(claims):
             fit = learned.fit(entries)
-            adopted = _best(fit, problem)
+            adopted = best_of(fit)
             values = intervals(fit.entries, fit.covariance, adopted)
             nothing = {e.name for (e, _), one in zip(adopted, values, strict=True) if not shows_itself(e, one)}
             kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in nothing)
@@ -87,17 +94,11 @@ def _estimated(
     return (), (), []
 
 
-def _best(fit: Fit, problem: Problem) -> tuple[SizedEffect, ...]:
-    """The effects of a fit with the parameters that predict the training records best."""
-    return best_predicting(fit.entries, fit.covariance, problem.runs("train"))
-
-
-def _that_pay(problem: Problem, entries: Sequence[SizedEffect], claims: Sequence[Claim]) -> tuple[Claim, ...]:
-    """The claims without which the held-out records are not predicted better, in um, than with them. Where the base's
-    plays move with every effect that says nothing before they are fitted anew."""
-    if problem.open_plays:
-        return tuple(claims)
-    held, kept = problem.runs("holdout"), list(claims)
+def _that_pay(
+    held: Sequence[ModelledRun], entries: Sequence[SizedEffect], claims: Sequence[Claim]
+) -> tuple[Claim, ...]:
+    """The claims without which the held-out records are not predicted better, in um, than with them."""
+    kept = list(claims)
     for claim in claims:
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import Claim, Contest
-from phaselead.gap.problem import Problem
-from phaselead.gap.refit import SizedEffect
+from phaselead.gap.records import Role
+from phaselead.gap.residual import ModelledRun
 from phaselead.model import AxisModel, Effect
 
 
@@ -26,8 +27,8 @@ class Memory:
 class Selection:
     """The effects that are there, by their posterior, beside a base."""
 
-    problem: Problem
-    """Of the base alone."""
+    base: AxisModel
+    """With the memory that it was given."""
     start: AxisModel
     """The base as given."""
     entries: tuple[SizedEffect, ...]
@@ -44,6 +45,11 @@ class Selection:
     """Whether something is there that no name is sure to be."""
     messages: tuple[str, ...] = ()
     """For a person."""
+
+    def runs(self, role: Role) -> list[ModelledRun]:
+        """Those of one role, under the base."""
+        assert self.contest is not None
+        return [run.modelled for run in self.contest.likelihood.runs if run.modelled.run.role == role]
 
     def withdrawn(self) -> Selection:
         """The same where no claim survives: nothing stands in the place of another effect, or beside it."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from phaselead.gap.generic_model import Columns, Moments, columns_of, moments_of, new_amounts, ridge_amounts
-from phaselead.gap.metric import BLOCK_s, block_edges
 from phaselead.gap.residual import RunResidual, period_of
+from phaselead.gap.time_blocks import block_edges, wanted_rows
 from phaselead.identify import effective_rows
 from phaselead.record import Samples
 
@@ -69,13 +69,13 @@ def unexplained(
     left, said = [], []
     for r in holdout:
         made, _ = columns.of(r.run)
-        left.append(r.error_um - r.error_um.mean() - made @ known)
-        said.append(made @ new)
+        left.append(r.without_own(r.error_um - made @ known))
+        said.append(r.without_own(made @ new))
     return _judged(holdout, left, said)
 
 
 def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
-    return moments_of(columns, [r.run for r in residuals], [r.error_um for r in residuals])
+    return moments_of(columns, [r.run for r in residuals], [r.without_own(r.error_um) for r in residuals])
 
 
 def _judged(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Sequence[Samples]) -> Unexplained:
@@ -107,4 +107,4 @@ def _independent_rows(products: Samples) -> int:
 def _block_rows(residual: RunResidual) -> int:
     """Rows of BLOCK_s, or of a period of the voltage where that is longer."""
     run = residual.run
-    return max(round(BLOCK_s / run.step_s), period_of(run.u_V[run.rows]) or 0)
+    return wanted_rows(run.step_s, period_of(run.u_V[run.rows]))

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import softmax
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, excitations, repeats, span_V
 from phaselead.gap.findings import NextExperiment
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, SURE, Claim, Contest, Forecast, names_of
 from phaselead.gap.records import GapRun
-from phaselead.gap.refit import SizedEffect
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
@@ -70,7 +70,7 @@ class Prediction:
 
 def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperiment | None:
     """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
-    axis, contest = selection.problem.axis, selection.contest
+    axis, contest = selection.base, selection.contest
     if len(tied.rivals) < 2 or axis.time is None or contest is None:
         return None
     found = _best(_Predicted(selection, contest, tied.rivals))
@@ -94,14 +94,36 @@ def passes(log_odds: Samples | float, needed: Samples | float) -> Samples:
 
 def chance_of_naming(log_odds: Samples, log_posterior: Samples) -> float:
     """Probability that the true one of n sets is named after a record that is expected to bring ``log_odds`` (n, n)
-    against each of its rivals, [rival, true], where these are their log posteriors (n,) so far: that it passes the
-    rival which is hardest to tell. Of three members and more that is an upper limit."""
+    against each of its rivals, [rival, true], where these are their log posteriors (n,) so far: that it passes all of
+    them."""
     n = len(log_posterior)
     lead_of_rival = log_posterior[:, None] - log_posterior
     # Where the records so far are sure of a member and it is tied all the same, the new one must speak for it itself.
     needed = np.maximum(lead_of_rival + np.log((n - 1) * SURE / (1 - SURE)), -np.log(1 - SURE))
-    named = np.where(np.eye(n, dtype=bool), 1.0, passes(log_odds, needed)).min(axis=0)
+    named = np.array([_passes_all(log_odds, needed, true) for true in range(n)])
     return float(softmax(log_posterior) @ named)
+
+
+def _passes_all(log_odds: Samples, needed: Samples, true: int) -> float:
+    """Probability that the odds of one set against each of the others, [rival, true], come out above what is needed.
+
+    What the record holds beside the answer of the true set favours two rivals alike as far as they lie on the same side
+    of it: the odds are normal, their covariance that of the distances between the three.
+    """
+    rivals = np.delete(np.arange(len(log_odds)), true)
+    expected = np.maximum(log_odds[rivals, true], LEAST_ODDS)
+    if len(rivals) == 1:
+        return float(passes(expected, needed[rivals, true])[0])
+    apart = (log_odds + log_odds.T)[np.ix_(rivals, rivals)] / 2
+    covariance = expected[:, None] + expected - apart
+    limit = 2 * np.sqrt(np.outer(expected, expected))
+    covariance = np.clip(covariance, -limit, limit)
+    np.fill_diagonal(covariance, 2 * expected)
+    # Distances under what each set may miss are not quite those of points.
+    values, vectors = np.linalg.eigh(covariance)
+    covariance = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    above = multivariate_normal(np.zeros(len(rivals)), covariance, allow_singular=True, seed=0)
+    return float(above.cdf(expected - needed[rivals, true]))
 
 
 def _best(predicted: _Predicted) -> Prediction | None:
@@ -121,7 +143,7 @@ class _Predicted:
     """Predictions for the members of one tie."""
 
     def __init__(self, selection: Selection, contest: Contest, sets: Sets) -> None:
-        self._problem, self._sets = selection.problem, sets
+        self._axis, self._sets = selection.base, sets
         self._forecast = Forecast(contest.likelihood, sets)
         self._log_posterior = np.array([contest.log_posterior(names_of(entries)) for entries in sets])
         self._records = [run.modelled for run in contest.likelihood.runs]
@@ -132,7 +154,7 @@ class _Predicted:
 
     def options(self) -> list[Excitation]:
         """Everything that may be tried: what shows much, and what was played before."""
-        axis = self._problem.axis
+        axis = self._axis
         return list(dict.fromkeys([*excitations(axis, self._step_s), *repeats(self._records, axis)]))
 
     def promising(self) -> list[Excitation]:
@@ -166,12 +188,12 @@ class _Predicted:
         t: Samples = np.asarray(np.arange(n) * self._step_s, dtype=np.float64)
         start = 0 if excitation.idle else min(round(APPROACH_s / self._step_s), n // 2)
         run = GapRun("x", "train", t, excitation.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
-        return modelled_run(self._problem.axis, run)
+        return modelled_run(self._axis, run)
 
     def _within_sensor(self, made: ModelledRun) -> bool:
         """Whether the sensor sees all of the motion, with some room to spare; positions it has seen before always
         count."""
-        sensor, been = self._problem.axis.sensor, [modelled.run.x_um for modelled in self._records]
+        sensor, been = self._axis.sensor, [modelled.run.x_um for modelled in self._records]
         room = SENSOR_ROOM * (sensor.x_max_um - sensor.x_min_um)
         low = min(sensor.x_min_um + room, *(float(x.min()) for x in been))
         high = max(sensor.x_max_um - room, *(float(x.max()) for x in been))
@@ -181,7 +203,7 @@ class _Predicted:
     def _within_fitted_voltages(self, made: ModelledRun) -> bool:
         """Whether every member keeps the hysteresis at voltages the base was fitted on; leakage may take it below
         them."""
-        low, high = span_V(self._problem.axis)
+        low, high = span_V(self._axis)
         slack = VOLTAGE_SLACK * (high - low)
         drives = [made.chain.signal_at(Place.AMPLIFIER, entries).value for entries in self._sets]
         return all(float(v.min()) >= low - slack and float(v.max()) <= high + slack for v in drives)

@@ -13,8 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
-from scipy.signal import lfilter
 
 from phaselead.gap.findings import Cell
 from phaselead.gap.locate.cells import AXIS, STEP, Cut, Powers, cut
@@ -72,22 +70,10 @@ def rank_cells(parts: Sequence[ResidualAndNoise], seed: int, axis: str | None = 
     return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_RANKED]
 
 
-def simulate_noise(noise: Noise, run: GapRun, rng: np.random.Generator) -> Samples:
-    """One draw (n,) in um over the scored rows: sensor noise, and a misfit that changes along the voltage's path."""
-    u, n = run.u_V[run.rows], run.stop - run.start
-    lead = 8 * len(noise.sensor)
-    drawn = lfilter([noise.sigma_um], noise.sensor, rng.standard_normal(n + lead))[lead:]
-    if noise.misfit_um > 0:
-        phi = np.exp(-np.abs(np.diff(u, prepend=u[0])) / noise.length_V)
-        grown = noise.misfit_um**2 * (1 - phi**2) + noise.wander_um2_per_s * run.step_s
-        grown[0] = noise.misfit_um**2
-        banded = np.stack([np.ones(n), np.append(-phi[1:], 0.0)])
-        drawn = drawn + solve_banded((1, 0), banded, np.sqrt(grown) * rng.standard_normal(n))
-    return np.asarray(drawn - drawn.mean())
-
-
 def _simulated(of_run: Cut, part: ResidualAndNoise, rng: np.random.Generator) -> Powers:
-    return of_run.powers(np.stack([simulate_noise(part.noise, part.run, rng) for _ in range(SIMULATIONS)]))
+    run = part.run
+    draws = [part.noise.drawn(run.u_V[run.rows], run.step_s, rng) for _ in range(SIMULATIONS)]
+    return of_run.powers(np.stack([one - one.mean() for one in draws]))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
+from phaselead.gap.posterior.before import own_columns
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
@@ -11,6 +12,7 @@ from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, names_of
+from phaselead.gap.posterior.starts import Starts
 from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, Claim, Judgement, judge
 
 __all__ = [
@@ -25,6 +27,7 @@ __all__ = [
     "Forecast",
     "Judgement",
     "Likelihood",
+    "Starts",
     "confused",
     "intervals",
     "intervals_alone",
@@ -32,6 +35,7 @@ __all__ = [
     "largest_sizes",
     "likelihood_of",
     "names_of",
+    "own_columns",
     "search_sets",
     "shows_itself",
 ]

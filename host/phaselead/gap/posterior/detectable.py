@@ -15,12 +15,12 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import SHARES, is_of_material, missed_um2
 from phaselead.gap.posterior.priors import SIZES, SURE, prior_of
 from phaselead.gap.posterior.sets import confused
-from phaselead.gap.refit import SizedEffect, bounded
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
 from phaselead.record import Samples
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import is_of_material, missed_um2
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.refit import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 

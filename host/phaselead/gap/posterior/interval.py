@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.parameters import SizedEffect, from_internal, parameters_of, to_internal
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.refit import SizedEffect, from_internal, parameters_of, to_internal
 from phaselead.model import Effect
 from phaselead.record import Samples
 

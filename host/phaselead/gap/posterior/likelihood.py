@@ -21,6 +21,15 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import gammaln, logsumexp, softmax
 
+from phaselead.gap.parameters import (
+    SizedEffect,
+    bounded,
+    from_internal,
+    internal,
+    is_logarithmic,
+    parameters_of,
+    to_internal,
+)
 from phaselead.gap.posterior.before import as_fault, fault_deviations
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
@@ -36,15 +45,6 @@ from phaselead.gap.posterior.missed import (
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused
-from phaselead.gap.refit import (
-    SizedEffect,
-    bounded,
-    from_internal,
-    internal,
-    is_logarithmic,
-    parameters_of,
-    to_internal,
-)
 from phaselead.record import Samples
 
 LIKE_RIVALS = 0.1

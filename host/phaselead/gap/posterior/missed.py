@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.gap.refit import SizedEffect
+from phaselead.gap.parameters import SizedEffect
 from phaselead.model import Place
 from phaselead.record import Samples
 

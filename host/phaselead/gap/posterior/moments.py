@@ -15,9 +15,12 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from phaselead.gap.regressors import Index
 from phaselead.record import Samples
+
+Index = NDArray[np.intp]
+"""Positions, (k,)."""
 
 
 @dataclass(frozen=True)

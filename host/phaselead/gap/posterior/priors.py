@@ -9,7 +9,7 @@ from math import comb, log
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95
-from phaselead.gap.refit import SizedEffect, is_logarithmic, to_internal
+from phaselead.gap.parameters import SizedEffect, is_logarithmic, to_internal
 from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.model import Parameter
 from phaselead.record import Samples

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from phaselead.gap.parameters import SizedEffect, stands_at_an_end
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
@@ -14,8 +15,7 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.priors import SURE, log_prior_of_set
 from phaselead.gap.posterior.sets import Fit, Names, confused, names_of
 from phaselead.gap.posterior.starts import Start, Starts
-from phaselead.gap.refit import SizedEffect
-from phaselead.gap.regressors import Freedom, base_columns
+from phaselead.gap.regressors import base_columns
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
 
@@ -31,8 +31,6 @@ EXCHANGES = 3
 """Times at most that each effect of the best set is replaced by each that it may be taken for."""
 CONTESTS = 3
 """Contests at most until the winner is one whose misfit all sets were given before."""
-AT_END = 0.001
-"""Relative distance to an end of its range from which a parameter stands at it."""
 
 
 @dataclass(frozen=True)
@@ -57,16 +55,14 @@ class Contest:
         return self.fits[names].log_evidence_fitted + log_prior_of_set(len(names), self.catalogue_size)
 
 
-def likelihood_of(runs: Sequence[ModelledRun], freedom: Freedom | None) -> Likelihood:
-    """Of what effects do in the runs that are no reference. ``freedom``: what may be wrong with the base's own
-    parameters; None is nothing, as where reference records say what the base misses."""
+def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:
+    """Of what effects do in the runs that are no reference. ``base_may_be_off``: in its own parameters; not where
+    reference records say what it misses. ``open_plays``: its plays were fitted to the training records."""
     every = blocked(runs)
     expected = expected_of(every, [run.spread(run.power(run.modelled.answer())) for run in every])
-    own = [
-        np.zeros((run.edges[-1], 0)) if freedom is None else run.coefficients(base_columns(run.modelled, freedom))
-        for run in every
-    ]
-    return Likelihood(tuple(every), expected, tuple(own))
+    none = [np.zeros((run.edges[-1], 0)) for run in every]
+    off = [run.coefficients(base_columns(run.modelled, open_plays)) for run in every] if base_may_be_off else none
+    return Likelihood(tuple(every), expected, tuple(off))
 
 
 def search_sets(likelihood: Likelihood, effects: Sequence[Effect], on_progress: Callable[[float], None]) -> Contest:
@@ -182,5 +178,9 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
 def at_an_end(entries: Sequence[SizedEffect]) -> bool:
     """Whether a parameter of one of the effects stands at an end of its range beyond which no stage lies, where it is
     no longer that effect: an end of 0 is where it vanishes or takes another form."""
-    found = [(p, params[p.name]) for effect, params in entries for p in effect.parameters if not p.between_forms]
-    return any(value >= (1 - AT_END) * p.high or value <= p.low + AT_END * abs(p.low) != 0 for p, value in found)
+    return any(
+        stands_at_an_end(p, params[p.name])
+        for effect, params in entries
+        for p in effect.parameters
+        if not p.between_forms
+    )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.moments import Amounts, Moments
 from phaselead.gap.posterior.priors import Prior
-from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 from phaselead.record import Samples
 

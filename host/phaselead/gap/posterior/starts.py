@@ -10,13 +10,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.gap.metric import LEAST_POWER
+from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.refit import SizedEffect, bounded
 from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
 from phaselead.record import Samples
@@ -25,8 +24,10 @@ APART = 2.0
 """Ratio of a size to that at which it was simulated, up to which another of ``SIZES`` is no nearer."""
 DIFFERENT = 2
 """Shapes of one effect from which it is begun."""
+LEAST_POWER = 1e-6
+"""Precision of a size, in squares of its step, below which the records say nothing of it."""
 FINE_MODES = 9
-"""Frequencies about the best of the coarse grid at which a mode is tried, with the damping of flexure stages."""
+"""Frequencies about each of the best on the coarse grid at which a mode is tried, damped as flexures are."""
 LARGE = float(SIZES[-1])
 """Deviation of a size in typical values of which nothing is known."""
 
@@ -69,7 +70,7 @@ class Starts:
         """That are looked at."""
         runs = [run.modelled.run for run in self.likelihood.runs]
         longest_s = max(float(run.t_s[-1] - run.t_s[0]) for run in runs)
-        groups = _at_all_sizes(regressor_groups(self.effects, self.likelihood.step_s, longest_s))
+        groups = at_all_sizes(regressor_groups(self.effects, self.likelihood.step_s, longest_s))
         return Shapes(groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
 
     def _of(self, run: int, groups: Sequence[RegressorGroup]) -> NDArray[np.float32]:
@@ -92,18 +93,27 @@ class Starts:
 
     def _chosen(self, fit: Fit, starts: Sequence[Start]) -> list[Start]:
         ranked = sorted(starts, key=lambda start: (not start.of_size, -start.gain))
-        effect, params = ranked[0].entry
+        effect = ranked[0].entry[0]
         if effect.peak is None:
             return ranked[:DIFFERENT]
+        valleys: list[Start] = []
+        for start in ranked:
+            if len(valleys) < DIFFERENT and all(_far(start, other, effect.peak[0]) for other in valleys):
+                valleys.append(start)
+        fine = [max([start, *self._nearby(fit, start)], key=lambda one: one.gain) for start in valleys]
+        return sorted(fine, key=lambda start: -start.gain)
+
+    def _nearby(self, fit: Fit, start: Start) -> list[Start]:
+        """A mode at frequencies near those of a start, damped as flexures are."""
+        effect, params = start.entry
+        assert effect.peak is not None
         frequency, damping = effect.peak
         near = np.geomspace(1 / MODE_GRID_RATIO, MODE_GRID_RATIO, FINE_MODES) * params[frequency]
         shapes = {p.name: params[p.name] for p in effect.shapes}
         groups = [
-            RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect), False)
-            for f in near
+            RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect)) for f in near
         ]
-        fine = self._sized(fit, groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
-        return sorted([*fine, *ranked[:1]], key=lambda start: -start.gain)[:DIFFERENT]
+        return self._sized(fit, groups, [self._of(run, groups) for run in range(len(self.likelihood.runs))])
 
     def sizes(self, fit: Fit) -> list[SizedGroup]:
         """What the records say of the first size of every shape beside a set, simulated at its typical size. As in an
@@ -111,7 +121,7 @@ class Starts:
         likelihood, found = self.likelihood, []
         moved = np.where(likelihood.changed, likelihood.base, 0.0)
         once = likelihood.independent(fit.terms, [fit.share], moved)[0]
-        for group, slope, curvature in self._moments(fit, self.shapes.groups, self.shapes.columns, once):
+        for group, slope, curvature in self.moments(fit, self.shapes.groups, self.shapes.columns, once):
             if group.effect.name in fit.names or group.steps != typical_sizes(group.effect):
                 continue
             inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGE**2)]))
@@ -124,7 +134,7 @@ class Starts:
     def _sized(self, fit: Fit, groups: Sequence[RegressorGroup], columns: Sequence[NDArray[np.float32]]) -> list[Start]:
         """Every group with the sizes that explain most of what a set leaves."""
         found = []
-        for group, slope, curvature in self._moments(fit, groups, columns):
+        for group, slope, curvature in self.moments(fit, groups, columns):
             step = group.steps[0] / typical_sizes(group.effect)[0]
             amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (step / LARGE) ** 2, slope)
             params = bounded(group.effect, group.params(amounts.tolist()))
@@ -132,7 +142,7 @@ class Starts:
             found.append(Start((group.effect, params), 0.5 * float(slope @ amounts), of_size))
         return found
 
-    def _moments(
+    def moments(
         self,
         fit: Fit,
         groups: Sequence[RegressorGroup],
@@ -172,7 +182,13 @@ class Starts:
         ]
 
 
-def _at_all_sizes(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
+def _far(one: Start, other: Start, frequency: str) -> bool:
+    """Whether two modes lie further apart than the neighbours of either are tried."""
+    ratio = one.entry[1][frequency] / other.entry[1][frequency]
+    return not 1 / MODE_GRID_RATIO**2 < ratio < MODE_GRID_RATIO**2
+
+
+def at_all_sizes(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
     """The groups, and those of effects that are not linear in their sizes at each of the usual sizes: a rate limit
     shows nothing below the rates of a record, and more than in proportion above."""
     found = list(groups)

@@ -11,10 +11,10 @@ from functools import partial
 
 import numpy as np
 
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.priors import SURE
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.sets import Fit, Names, confused
-from phaselead.gap.refit import SizedEffect
 from phaselead.model import Effect
 
 MORE_LIKELY_THAN_NOT = 0.5

@@ -1,4 +1,4 @@
-"""Laws of the metric in which candidates are compared: it whitens, it forgets nuisances, it raises no false alarms."""
+"""Laws of what no voltage predicts: vibration, jitter and hum are found where they are new, and only there."""
 
 from __future__ import annotations
 
@@ -6,19 +6,13 @@ import hashlib
 
 import numpy as np
 import pytest
-from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 
 from phaselead.gap.disturbances.jitter import find_jitter
 from phaselead.gap.disturbances.search import find_disturbances
 from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
-from phaselead.gap.metric import metric_of, whitened_regressors
-from phaselead.gap.noise import Noise, as_idle, differences_factor, fit_noise, whitened
 from phaselead.gap.records import GapRun
-from phaselead.gap.regressors import Layout, SimulatedRegressors
-from phaselead.gap.residual import RunResidual, modelled_run
-from phaselead.gap.scan import _inverse
-from phaselead.model.axis import AxisModel, TimeView
+from phaselead.gap.residual import RunResidual
 
 STEP_s = 1e-3
 
@@ -27,100 +21,6 @@ def run_of(u_V: np.ndarray, x_um: np.ndarray, role: str = "train") -> GapRun:
     t = np.arange(len(u_V)) * STEP_s
     digest = hashlib.sha256(x_um.tobytes()).hexdigest()
     return GapRun("x", role, t, u_V, x_um, None, 0, len(u_V), "made.csv", digest, {}, {})  # type: ignore[arg-type]
-
-
-def wave(n: int) -> np.ndarray:
-    t = np.arange(n) * STEP_s
-    return 4 + 2 * np.sin(2 * np.pi * 1.3 * t) + 1.5 * np.sin(2 * np.pi * 0.37 * t)
-
-
-def misfit(rng: np.random.Generator, u_V: np.ndarray, std_um: float, length_V: float) -> np.ndarray:
-    """A walk with a restoring force along the path of the voltage."""
-    phi = np.exp(-np.abs(np.diff(u_V, prepend=u_V[0])) / length_V)
-    m = np.zeros(len(u_V))
-    for k in range(1, len(m)):
-        m[k] = phi[k] * m[k - 1] + std_um * np.sqrt(1 - phi[k] ** 2) * rng.normal()
-    return m
-
-
-@pytest.mark.parametrize(("n", "columns", "taps"), [(60, 3, 2), (5000, 1, 16), (2500, 3, 5), (40, 2500, 4)])
-def test_the_kernel_says_what_its_equations_say(n, columns, taps):
-    """Also across the borders of the blocks in which it goes through rows and columns."""
-    rng = np.random.default_rng(0)
-    sensor, rest = np.array([2.0, -0.5, 0.25]), np.array([1.0, *rng.uniform(-0.3, 0.3, taps - 1)])
-    phi, moving = rng.uniform(0.5, 1, n), rng.random(n) > 0.4
-    factor = np.stack([rng.uniform(1, 2, n), rng.uniform(-0.5, 0.5, n)])
-    x = rng.normal(size=(n, columns))
-    sensed = lfilter(sensor, [1.0], x, axis=0)
-    sensed[:2] = 0.0
-    expected = np.zeros_like(x)
-    for k in range(n):
-        before = (phi[k] * sensed[k - 1] + factor[1, k - 1] * expected[k - 1]) if k else 0.0
-        expected[k] = (sensed[k] - before) / factor[0, k]
-    filtered = np.where(moving[:, None], lfilter(rest, [1.0], expected, axis=0), expected)
-    np.testing.assert_allclose(whitened(x, sensor, phi, factor, rest, moving), filtered, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("rounding", [0.0, 1e-15, -1e-15])
-def test_columns_that_are_one_share_what_they_explain(rounding):
-    normal = np.array([[4.0, 4.0], [4.0, 4.0 + rounding]])
-    amounts = _inverse(normal) @ np.array([2.0, 2.0])
-    assert amounts.sum() == pytest.approx(0.5, rel=1e-3)
-    assert np.abs(amounts).max() < 10 or rounding > 0
-
-
-@pytest.mark.parametrize("n", [1, 2, 50])
-def test_the_factor_is_that_of_the_covariance(n):
-    rng = np.random.default_rng(n)
-    phi, grown = rng.uniform(0, 1, n), rng.uniform(0, 3, n)
-    banded = np.stack([1 + phi**2 + grown, np.append(-phi[1:], 0.0)])
-    banded[0, 0] = 1 + 0.7
-    np.testing.assert_allclose(differences_factor(phi, grown, 0.7)[0], cholesky_banded(banded, lower=True)[0])
-    np.testing.assert_allclose(
-        differences_factor(phi, grown, 0.7)[1, :-1], cholesky_banded(banded, lower=True)[1, :-1], atol=1e-15
-    )
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_fitted_noise_is_whitened(seed):
-    rng = np.random.default_rng(seed)
-    u, n = wave(6000), 6000
-    driven = misfit(rng, u, 0.1, 2.0) + lfilter([0.01], [1, -0.6], rng.normal(size=n))
-    idle = lfilter([0.01], [1, -0.6], rng.normal(size=n))
-    noise = fit_noise([(driven, u)], [idle], STEP_s)
-    for e, voltage in ((driven, u), (idle, np.zeros(n))):
-        white = noise.whitener(voltage, STEP_s)(e)[100:]
-        assert 0.7 < np.mean(white**2) < 1.4
-        assert all(abs(np.mean(white[lag:] * white[:-lag]) / np.mean(white**2)) < 0.1 for lag in (1, 2, 5, 20))
-
-
-def test_records_at_rest_bring_their_own_noise():
-    rng = np.random.default_rng(1)
-    quiet = Noise(np.ones(1), 0.01, 0.0, 1.0, 0.0, np.ones(1))
-    still = 0.01 * rng.normal(size=5000)
-    assert as_idle(quiet, [still]) is quiet
-    humming = still + 0.03 * np.sin(2 * np.pi * 50 * STEP_s * np.arange(5000))
-    white = as_idle(quiet, [humming]).whitener(np.zeros(5000), STEP_s)(humming)
-    assert np.mean(white[50:] ** 2) < 1.3
-    assert np.mean(quiet.whitener(np.zeros(5000), STEP_s)(humming) ** 2) > 3
-
-
-def test_a_records_own_nuisances_count_for_nothing():
-    view = TimeView(
-        gain_um_per_V=8.0, offset_um=0.0, delay_s=0.0, play_r_V=(0.5, 2.0), play_w_um_per_V=(1.0, 1.5),
-        deadzone_d_V=(), deadzone_s_um_per_V=(), rest_fraction=0.0, rate_Hz=1 / STEP_s, u_range_V=(0.0, 8.0),
-        residual_um_rms=0.01,
-    )  # fmt: skip
-    u = wave(4000)
-    made = modelled_run(AxisModel(time=view), run_of(u, 8 * u))
-    noise = Noise(np.ones(1), 1e-4, 1e-4, 1.0, 0.0, np.ones(1))
-    metric = metric_of([made], noise)
-    offset = np.ones((4000, 1))
-    rest = metric.whiteners[0](offset)
-    assert np.sum(metric.project(0, offset) ** 2) < 1e-3 * np.sum(rest**2)
-    signal = np.sin(2 * np.pi * 7 * made.run.t_s)[:, None]
-    with_offset = metric.project(0, signal + 3 * offset)
-    np.testing.assert_allclose(with_offset, metric.project(0, signal), atol=1e-3 * np.abs(with_offset).max())
 
 
 def ringing(rng: np.random.Generator, n: int, f_Hz: float, zeta: float) -> np.ndarray:
@@ -132,25 +32,6 @@ def ringing(rng: np.random.Generator, n: int, f_Hz: float, zeta: float) -> np.nd
 
 def left(error_um: np.ndarray) -> RunResidual:
     return RunResidual(run_of(np.zeros(len(error_um)), error_um), error_um)
-
-
-def test_a_column_that_is_nowhere_changes_no_other():
-    rng = np.random.default_rng(5)
-    u = wave(600)
-    view = TimeView(
-        gain_um_per_V=1.0, play_r_V=(1.0, 2.0), play_w_um_per_V=(0.3, 0.2), u_range_V=(0.0, 8.0), rate_Hz=1000.0
-    )
-    of = modelled_run(AxisModel(time=view), run_of(u, 5 + u + 0.1 * rng.normal(size=600)))
-    metric = metric_of([of], Noise(np.ones(1), 0.1, 0.2, 2.0, 1e-3, np.ones(1)))
-    columns, fresh = rng.normal(size=(600, 4)).astype(np.float32), 30 + rng.normal(size=(600, 2))
-    columns[:, 1] = 0.0
-    made = whitened_regressors(metric, Layout((), 4), [SimulatedRegressors(of, of.answer(), columns)])
-    total = made.with_columns([fresh]).sum(axis=0)
-    every = metric.project(0, np.concatenate([columns, fresh], axis=1).astype(np.float64))
-    assert np.allclose(total, every.T @ every, rtol=1e-6, atol=1e-4)
-    assert np.allclose(made.total_with_columns([fresh]), total, rtol=1e-6, atol=1e-4)
-    kept = made.restricted(np.array([2, 1, 0]))
-    assert np.allclose(kept.total_with_columns([fresh])[:3, 3:], total[[2, 1, 0], 4:], rtol=1e-6, atol=1e-4)
 
 
 def test_a_mode_that_always_rings_is_no_new_vibration():

@@ -1,0 +1,59 @@
+"""What no model is expected to beat: how large it is, and the noise that it has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.fft import idct
+from scipy.linalg import pinvh
+
+from phaselead.gap.noise import Noise, as_idle, fit_noise
+from phaselead.gap.posterior import Contest
+from phaselead.gap.regressors import rich_columns
+from phaselead.gap.residual import ModelledRun
+from phaselead.record import Samples
+
+SAME = 1e-10
+"""Share of the largest eigenvalue below which columns do not differ."""
+
+
+def noise_of(contest: Contest) -> Noise:
+    """The noise of what the base leaves of the reference records, or without them of what the richest model of all
+    leaves of the training records: every effect that was looked at, in proportion, and an operator finer than any
+    base's."""
+    runs = [run.modelled for run in contest.likelihood.runs]
+    references = [run for run in runs if run.run.role == "reference"]
+    if not references:
+        trained = [run for run in runs if run.run.role == "train"]
+        return _noise(trained, _beyond_the_richest(contest))
+    noise = _noise(references, [_detrended(run.error(), run) for run in references])
+    return as_idle(noise, [run.error() for run in runs if run.run.role != "reference" and run.run.idle])
+
+
+def _noise(runs: Sequence[ModelledRun], errors: Sequence[Samples]) -> Noise:
+    pairs = [(e, run.run.u_V[run.run.rows][-len(e) :]) for run, e in zip(runs, errors, strict=True)]
+    driven = [pair for run, pair in zip(runs, pairs, strict=True) if not run.run.idle]
+    return fit_noise(driven, [e for run, (e, _) in zip(runs, pairs, strict=True) if run.run.idle], runs[0].run.step_s)
+
+
+def _beyond_the_richest(contest: Contest) -> list[Samples]:
+    """Per training run what least squares with all columns leaves of it, (n,) in um."""
+    assert contest.starts is not None
+    pairs = zip(contest.likelihood.runs, contest.starts.shapes.columns, strict=True)
+    train = [(run, columns) for run, columns in pairs if run.modelled.run.role == "train"]
+    columns = [np.concatenate([one, run.coefficients(rich_columns(run.modelled))], axis=1) for run, one in train]
+    targets = [run.base_error[:, 0] for run, _ in train]
+    normal = np.sum([one.T @ one for one in columns], axis=0)
+    right = np.sum([one.T @ target for one, target in zip(columns, targets, strict=True)], axis=0)
+    scale = np.sqrt(np.diag(normal)) + 1e-30
+    # Many columns are nearly the same; what they share is fitted once.
+    amounts = pinvh(normal / np.outer(scale, scale), rtol=SAME) @ (right / scale) / scale
+    left = [target - one @ amounts for one, target in zip(columns, targets, strict=True)]
+    return [np.asarray(idct(np.append(0.0, one), norm="ortho")) for one in left]
+
+
+def _detrended(error: Samples, modelled: ModelledRun) -> Samples:
+    """A residual (n,) without what the run's own nuisances explain of it."""
+    amounts, *_ = np.linalg.lstsq(modelled.nuisances, error, rcond=1e-8)
+    return np.asarray(error - modelled.nuisances @ amounts)

@@ -1,0 +1,71 @@
+"""Effects fitted one by one in um: a mode from far away, sharp or not, beside the base's own, and none at an end."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from phaselead.gap.parameters import SizedEffect
+from phaselead.gap.plain_fits import each_fitted
+from phaselead.gap.records import GapRun
+from phaselead.gap.residual import modelled_run
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
+from phaselead.model.effects import effect
+
+RATE_Hz, FINE = 5000.0, 8
+
+
+def mode(x: np.ndarray, f_Hz: float, zeta: float) -> np.ndarray:
+    """Through a mode of static gain 1, on the fine grid."""
+    w = 2 * np.pi * f_Hz
+    system = [[0, 1], [-w * w, -2 * zeta * w]], [[0], [w * w]], [[1, 0]], [[0]]
+    ad, bd, *_ = cont2discrete([np.array(m, dtype=float) for m in system], 1 / (FINE * RATE_Hz))
+    b = [0, bd[0, 0], ad[0, 1] * bd[1, 0] - ad[1, 1] * bd[0, 0]]
+    return lfilter(b, [1, -np.trace(ad), np.linalg.det(ad)], x)
+
+
+def fitted(x_of_steps, names) -> list[SizedEffect]:
+    """To steps of a stage with a mode at 250 Hz, of which the base knows; ``x_of_steps`` takes its motion on the fine
+    grid."""
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.uniform(0, 8, 6), 700)
+    u[:200] = 0.0
+    x = x_of_steps(mode(3 * np.repeat(u, FINE), 250.0, 0.03))[FINE // 2 :: FINE] + 0.01 * rng.normal(size=len(u))
+    own = AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (250.0,), "zeta": (0.03,)})
+    axis = AxisModel(time=TimeView(gain_um_per_V=3.0, u_range_V=(0.0, 8.0), rate_Hz=RATE_Hz), effects=(own,))
+    digest = hashlib.sha256(x.tobytes()).hexdigest()
+    run = GapRun("x", "train", np.arange(len(u)) / RATE_Hz, u, x, None, 0, len(u), "made.csv", digest, {}, {})
+    return each_fitted([modelled_run(axis, run)], [effect(name) for name in names])
+
+
+@pytest.mark.parametrize(("f_Hz", "zeta"), [(407.0, 0.01), (331.0, 0.006), (520.0, 0.04), (185.0, 0.02)])
+def test_a_mode_is_found_from_far_away(f_Hz, zeta):
+    best, params = fitted(lambda x: x + 0.5 * (mode(x, f_Hz, zeta) - x), ("gain_change", "resonance", "delay"))[0]
+    assert best.name == "resonance"
+    assert params["f_Hz"] == pytest.approx(f_Hz, rel=0.01)
+    assert params["c"] == pytest.approx(0.5, rel=0.1)
+    assert params["zeta"] == pytest.approx(zeta, rel=0.2)
+
+
+def test_the_effect_that_leaves_least_comes_first():
+    found = fitted(lambda x: 1.04 * x, ("delay", "gain_change", "sensor_lowpass", "resonance"))
+    assert found[0][0].name == "gain_change"
+    assert found[0][1]["gain"] == pytest.approx(0.04, rel=0.02)
+
+
+def test_an_effect_as_large_as_it_can_be_imitates_another():
+    """A delay of half a second is none that any stage has; what stands at the end of its range is left out."""
+
+    def late(x):
+        return np.concatenate([np.zeros(2000), x])[: len(x)]
+
+    longest = effect("delay").sizes[0].high
+    assert 2000 / FINE / RATE_Hz > longest
+    assert not [e for e, params in fitted(late, ("delay",)) if params["delay_s"] >= 0.999 * longest]
+
+
+def test_nothing_is_fitted_where_nothing_is_asked():
+    assert fitted(lambda x: x, ()) == []
