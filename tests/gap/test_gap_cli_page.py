@@ -80,6 +80,7 @@ def test_the_page_says_what_where_and_what_remains():
         "phaselead gap next tie.json --port P",
         "vibration : needs idle records",
         "A multisine of 2 V peak-to-peak about 3 V",
+        "and names the true one 99 times in 100.",
     ):
         assert words in said
     assert page.count("<svg") == 3
@@ -118,9 +119,14 @@ def test_the_terminal_says_the_same():
         "held-out gap 0.3 -> 0.02 um rms; floor 0.015",
         "creep < 0.002 per decade",
         "next: multisine, 2 V peak-to-peak about 3 V",
+        "names the true one 99 times in 100",
         "wrote next.toml",
     ):
         assert words in said
+
+
+def test_gap_json_says_how_often_the_experiment_names_the_true_one():
+    assert result().as_json()["next_experiment"]["chance"] == 0.99
 
 
 def test_where_something_unknown_remains_the_terminal_says_which_record_would_show_what_is_untestable():

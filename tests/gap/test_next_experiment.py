@@ -101,6 +101,29 @@ def test_the_chance_of_two_is_how_often_the_truth_is_named(log_odds, ahead):
     assert chance == pytest.approx(named.mean(), abs=0.01)
 
 
+@pytest.mark.parametrize("answers", [
+    [[0.0, 0.0], [4.0, 0.0], [3.0, 2.0]],
+    [[0.0, 0.0], [4.0, 0.0], [-4.0, 0.0]],
+    [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 5.0]],
+])  # fmt: skip
+def test_the_chance_of_more_is_how_often_the_truth_passes_them_all(answers):
+    """Answers are points, and what a record holds beside the true one is normal, of deviation 1."""
+    at, rng, draws = np.array(answers), np.random.default_rng(0), 40_000
+    n = len(at)
+    log_posterior = np.log(np.linspace(1.0, 2.0, n))
+    log_odds = np.sum((at[:, None] - at) ** 2, axis=2) / 2
+    prior, named = np.exp(log_posterior) / np.exp(log_posterior).sum(), 0.0
+    for true in range(n):
+        record = at[true] + rng.normal(size=(draws, at.shape[1]))
+        far = np.sum((record[:, None] - at) ** 2, axis=2) / 2
+        brought = np.delete(far - far[:, [true]], true, axis=1)
+        behind = np.delete(log_posterior - log_posterior[true], true)
+        needed = np.maximum(behind + np.log((n - 1) * 99), np.log(100))
+        named += prior[true] * np.mean((brought >= needed).all(axis=1))
+    assert 0.05 < named < 0.95
+    assert chance_of_naming(log_odds, log_posterior) == pytest.approx(named, abs=0.01)
+
+
 def test_a_record_that_tells_nothing_settles_nothing_however_far_one_is_ahead():
     for ahead in (0.0, 4.0, 6.0, 20.0):
         assert chance_of_naming(np.zeros((2, 2)), np.array([ahead, 0.0])) < 0.01
