@@ -11,6 +11,7 @@ import pytest
 from phaselead.gap.base_operator import find_memory, with_operator
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import Began, modelled_run
+from phaselead.model import simulate
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.effects import effect
 from phaselead.validation.trial import try_case
@@ -66,3 +67,20 @@ def test_a_track_under_another_model_remembers_the_same():
     made = a_track()
     started = replace(made, began=Began(np.array([0.2, -0.3]), 1.5))
     assert started.with_axis(made.axis).began is started.began
+
+
+@pytest.mark.parametrize("plays", [True, False])
+@pytest.mark.parametrize("stepped", [True, False])
+def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, stepped):
+    """A stage parked at mid-range does not ring in its first row; one that was switched there does."""
+    own = a_track().axis
+    view = own.time if plays else TimeView(gain_um_per_V=8.0, delay_s=2e-4, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s)
+    axis = own.model_copy(update={"time": view})
+    t = np.arange(2000) * STEP_s
+    u = 4 + 3 * np.sin(2 * np.pi * 5 * t)
+    led = u if stepped else np.concatenate([np.linspace(0, 4, 4000), np.full(2000, 4.0), u])
+    x = simulate(axis, np.arange(len(led)) * STEP_s, led)[-2000:]
+    x = x + np.random.default_rng(0).normal(0, 0.01, 2000)
+    made = modelled_run(axis, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", "", {}, {}))
+    assert (made.began is None) == stepped
+    assert made.error().std() < 0.012

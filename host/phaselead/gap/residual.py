@@ -35,7 +35,7 @@ PERIODIC = 0.98
 
 
 class Began(NamedTuple):
-    """The memory of a record that does not begin at rest."""
+    """The memory of a record that does not begin with a step from rest: it stood at its first voltage."""
 
     plays_V: Samples
     """(m,) where the plays stand in its first row."""
@@ -58,7 +58,7 @@ class ModelledRun:
 
     @property
     def plays_V(self) -> Samples | None:
-        """Where the m plays stand in its first row; None is at rest."""
+        """Where the m plays stand in its first row; None is a step from rest."""
         return None if self.began is None else self.began.plays_V
 
     @cached_property
@@ -93,9 +93,10 @@ class ModelledRun:
 
 def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
     """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or from one
-    turning point."""
+    turning point. What was at rest stepped to the first voltage in the first row, or had stood there for long: the
+    record tells."""
     assert axis.time is not None
-    began = _best_start(axis, run) if axis.time.play_r_V else None
+    began = _best_start(axis, run)
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
 
 
@@ -112,29 +113,37 @@ def _at_plays(axis: AxisModel, run: GapRun, began: Began | None) -> tuple[Sample
 
 
 def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
-    """The memory at the start of the record, from the best last turning point; None is from rest."""
+    """The memory at the start of the record, from the best last turning point; None is a step from rest."""
     view = axis.time
     assert view is not None
     r, rest, u = np.asarray(view.play_r_V), rest_plays(view), run.u_V
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
-    left = (run.x_um - _chain(axis, run, None).run())[rows]
-    at_rest = _operator_um(axis, run, None)[rows]
 
     def began(turned_V: float) -> Began:
         return Began(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r), turned_V)
 
+    def left(start: Began | None) -> Samples:
+        return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])
+
+    stood = began(0.0)
+    stood_left, stepped_left = left(stood), left(None)
+    stepped = float(np.var(stepped_left)) <= float(np.var(stood_left))
+    at_rest = None if stepped else stood
+    if not view.play_r_V:
+        return at_rest
+    rest_left, rest_um = stepped_left if stepped else stood_left, _operator_um(axis, run, at_rest)[rows]
+
     def variance(turned_V: float | None) -> float:
         if turned_V is None:
-            return float(np.var(left))
-        change = _operator_um(axis, run, began(turned_V))[rows] - at_rest
-        return float(np.var(left - change))
+            return float(np.var(rest_left))
+        return float(np.var(rest_left - (_operator_um(axis, run, began(turned_V))[rows] - rest_um)))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
     points = np.linspace(low, high, TURNING_POINTS).tolist()
     turned_V = (
         starting_memory(variance, points, FADING_MEMORY) if _remembering(axis) else starting_memory(variance, points)
     )
-    return None if turned_V is None else began(turned_V)
+    return at_rest if turned_V is None else began(turned_V)
 
 
 def _operator_um(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:

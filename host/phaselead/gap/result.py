@@ -244,7 +244,8 @@ def _experiment_text(e: NextExperiment) -> str:
     together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and "," in e.axis else ""
     text = (
         f"next: {waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
-        f"{e.seconds:.3g} s; predicted log odds {e.separation:.3g}, names the true one {100 * e.chance:.0f} times in 100"
+        f"{e.seconds:.3g} s; predicted log odds {e.separation:.3g}, "
+        f"names the true one {100 * e.chance:.0f} times in 100"
     )
     return f"{text}; what would tell them apart is {e.needs_sensor}" if e.needs_sensor else text
 
