@@ -121,22 +121,6 @@ def test_the_noise_that_a_controller_feeds_back_is_not_predicted_by_its_voltage(
     assert unexplained(blind[:3], blind[3:]).something_missing
 
 
-def test_what_the_start_of_a_record_explains_is_not_the_voltages():
-    """Every record begins at the top of its range, from where something slow still comes down: a window of the voltage
-    predicts that as well as the record's own start does."""
-    rng = np.random.default_rng(7)
-
-    def comes_down(own):
-        t = np.arange(2000) / RATE_Hz
-        u, slow = 8 * np.exp(-t / 0.3), np.exp(-t / 0.5)
-        one = run(u, slow * rng.uniform(0.8, 1.2) + rng.normal(0, 0.02, len(t)))
-        return RunResidual(one.run, one.error_um, slow[:, None] if own else None)
-
-    told, own = ([comes_down(own) for _ in range(8)] for own in (False, True))
-    assert unexplained(told[:5], told[5:]).share > 0.9
-    assert unexplained(own[:5], own[5:]).share < 0.03
-
-
 def test_no_more_than_all_is_told_of():
     """What the reference shows is taken out of the records, not of their power: here that alone hid what is new."""
     reference, train, held = (part(outsiders.gear, seeds) for seeds in (range(3), range(3, 6), range(6, 8)))

@@ -112,7 +112,7 @@ def search_axis(
     final = final_fit(selection, runs, noise)
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
-    left = unexplained(*(final.residuals_and_starts(role) for role in ("train", "holdout", "reference")))
+    left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
     surviving, withdrawn = selection, too_little_described(left, final.gap)
     if withdrawn:
         named, ties, surviving = [], [], selection.withdrawn()

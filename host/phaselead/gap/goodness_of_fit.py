@@ -12,7 +12,7 @@ from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.noise import Noise
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import MOST_MISSED, own_columns
+from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
 from phaselead.gap.selection import Selection
@@ -50,12 +50,6 @@ class FinalFit:
         """Residuals of the final model, about their means. The reference records are without the effects."""
         entries = () if role == "reference" else self.entries
         return [RunResidual(t.run, _about_mean(t.error(entries))) for t in self.after if t.run.role == role]
-
-    def residuals_and_starts(self, role: Role) -> list[RunResidual]:
-        """The same, which know what the start of their record may explain."""
-        entries = () if role == "reference" else self.entries
-        of_role = [t for t in self.after if t.run.role == role]
-        return [replace(r, own=own_columns(t, entries)) for r, t in zip(self.residuals(role), of_role, strict=True)]
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""

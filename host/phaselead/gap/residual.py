@@ -230,18 +230,6 @@ class RunResidual:
     run: GapRun
     error_um: Samples
     """(n,) over the scored rows."""
-    own: Samples | None = None
-    """Columns (n, k) in um of what the record's own start may explain, one prior deviation each; None is nothing."""
-
-    def without_own(self, values: Samples) -> Samples:
-        """Values (n,) in um without what the record's own start explains of them under its prior, beside a residual as
-        large as this one, and about their mean."""
-        centred = values - values.mean()
-        if self.own is None:
-            return np.asarray(centred)
-        columns = self.own - self.own.mean(axis=0)
-        normal = columns.T @ columns + np.mean(self.error_um**2) * np.eye(columns.shape[1])
-        return np.asarray(centred - columns @ np.linalg.lstsq(normal, columns.T @ centred, rcond=None)[0])
 
     @property
     def rate_Hz(self) -> float:

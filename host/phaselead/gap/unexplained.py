@@ -69,13 +69,13 @@ def unexplained(
     left, said = [], []
     for r in holdout:
         made, _ = columns.of(r.run)
-        left.append(r.without_own(r.error_um - made @ known))
-        said.append(r.without_own(made @ new))
+        left.append(r.error_um - r.error_um.mean() - made @ known)
+        said.append(made @ new)
     return _judged(holdout, left, said)
 
 
 def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
-    return moments_of(columns, [r.run for r in residuals], [r.without_own(r.error_um) for r in residuals])
+    return moments_of(columns, [r.run for r in residuals], [r.error_um for r in residuals])
 
 
 def _judged(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Sequence[Samples]) -> Unexplained:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from phaselead.gap.posterior.absent import largest_sizes
-from phaselead.gap.posterior.before import own_columns
 from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
@@ -35,7 +34,6 @@ __all__ = [
     "largest_sizes",
     "likelihood_of",
     "names_of",
-    "own_columns",
     "search_sets",
     "shows_itself",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, is_logarithmic, parameters_of, to_internal
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect, Parameter, Params, Place, effect
+from phaselead.model import Effect, Parameter, Params, Place
 from phaselead.record import Samples
 
 NEAR_RATIO, NEAR_PART = 0.3, 0.2
@@ -21,24 +21,15 @@ def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]
     run = modelled.run
     since_s = run.t_s - run.t_s[0]
     found: list[Samples] = []
-    for one, params in entries:
-        if one.before_record is None:
+    for effect, params in entries:
+        if effect.before_record is None:
             continue
-        columns = one.before_record(since_s, params, modelled.axis)
-        if one.place <= Place.AMPLIFIER:
+        columns = effect.before_record(since_s, params, modelled.axis)
+        if effect.place <= Place.AMPLIFIER:
             found += [modelled.after_voltage(column) for column in columns.T]
         else:
             found += list(columns[run.rows].T)
     return np.stack(found, axis=1) if found else None
-
-
-def own_columns(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
-    """Columns (n, k) in um, one prior deviation each, of what a record began with: where its plays stood, and what slow
-    effects, those of the base and ``entries``, had done before it."""
-    of_base = [(effect(one.name), one.params) for one in modelled.axis.effects]
-    before = before_record(modelled, [*of_base, *entries])
-    started = modelled.nuisances[:, 1:]
-    return started if before is None else np.concatenate([started, before], axis=1)
 
 
 def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:

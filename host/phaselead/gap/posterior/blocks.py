@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
-from phaselead.gap.posterior.before import before_record, own_columns
+from phaselead.gap.posterior.before import before_record
 from phaselead.gap.residual import ModelledRun
+from phaselead.model import effect
 from phaselead.record import Samples
 
 FALLS_BY = 4.0
@@ -107,7 +108,11 @@ class BlockedRun:
     @cached_property
     def _started(self) -> tuple[Samples, Samples]:
         """Columns (n, k) of where the base may have stood when the record began, and (k, k) to project them out."""
-        columns = own_columns(self.modelled, ())[self.skipped :]
+        columns = self.modelled.nuisances[:, 1:]
+        before = before_record(self.modelled, [(effect(one.name), one.params) for one in self.modelled.axis.effects])
+        if before is not None:
+            columns = np.concatenate([columns, before], axis=1)
+        columns = columns[self.skipped :]
         columns = columns - columns.mean(axis=0)
         normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])
         return columns, np.linalg.inv(normal)
