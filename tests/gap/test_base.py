@@ -63,6 +63,20 @@ def test_loops_that_the_references_show_too_are_a_fault_of_the_base(looped):
         assert given.time.play_r_V
 
 
+def test_a_line_is_wrong_about_the_travel_that_its_loops_take():
+    """The best straight line has taken up what plays lose at each reversal: the width of a loop does not hang on it."""
+    made, rng = a_track(), np.random.default_rng(0)
+    x = made.answer() + rng.normal(0, 0.01, len(made.run.t_s))
+    slope = float(np.polyfit(made.run.u_V, x, 1)[0])
+    line = AxisModel(time=TimeView(gain_um_per_V=slope, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
+    runs = [replace(made.run, role=role, x_um=x) for role in ("train", "holdout")]
+    _, memory = find_memory(line, runs, [effect("hysteresis")])
+    opening_um = 2 * 0.5 * 2.0 + 2 * 1.5 * 1.0  # of the plays, at the middle of a full loop
+    width, _, (low, high) = memory.params["width"]
+    assert low < opening_um / (8 * slope) < high
+    assert width == pytest.approx(opening_um / (8 * slope), rel=0.2)
+
+
 def test_a_track_under_another_model_remembers_the_same():
     made = a_track()
     started = replace(made, began=Began(np.array([0.2, -0.3]), 1.5))

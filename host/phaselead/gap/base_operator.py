@@ -47,7 +47,8 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     if chance > BY_CHANCE:
         return axis, None
     as_line = [modelled_run(axis, run) for run in by_role["holdout"]]
-    tried = {one[0].name: one for one in each_fitted([modelled_run(axis, run) for run in by_role["train"]], effects)}
+    train = [modelled_run(axis, run) for run in by_role["train"]]
+    tried = {one[0].name: one for one in each_fitted(train, effects, base_may_be_off=True)}
     others = [saved_by_block(as_line, (), as_line, [one]).sum() for n, one in tried.items() if n != becoming[0].name]
     described = tried.get(becoming[0].name)
     if saved.sum() <= max(others, default=0.0) or described is None:

@@ -42,5 +42,5 @@ def best_predicting(
     return moved if better else at_start
 
 
-def _about_mean(_: int, columns: Samples) -> Samples:
-    return np.asarray(columns - columns.mean(axis=0))
+def _about_mean(columns: Sequence[Samples]) -> Samples:
+    return np.concatenate([one - one.mean(axis=0) for one in columns])

@@ -19,8 +19,8 @@ from phaselead.gap.residual import ModelledRun
 from phaselead.model import Parameter
 from phaselead.record import Samples
 
-Taken = Callable[[int, Samples], Samples]
-"""What of columns (n, k) in um of a run, by its number, counts: they without what is the record's own."""
+Taken = Callable[[Sequence[Samples]], Samples]
+"""What counts of columns (n_i, k) in um, some for each run: rows (n, k) of all runs, without what is a record's own."""
 
 
 def least_left(
@@ -37,7 +37,7 @@ def least_left(
 
     def slopes(x: Samples) -> Samples:
         at = entries_at(entries, free, x)
-        return -np.concatenate([taken(i, fresh_columns(run, at, free)[:, :-1]) for i, run in enumerate(runs)])
+        return -taken([fresh_columns(run, at, free)[:, :-1] for run in runs])
 
     found = least_squares(errors, start, slopes, method="trf", x_scale="jac", max_nfev=evaluations)
     return found.x, 2 * float(found.cost)
@@ -49,7 +49,7 @@ def squares_left(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], ta
 
 
 def _errors(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], taken: Taken) -> Samples:
-    return np.concatenate([taken(i, run.error(entries)[:, None])[:, 0] for i, run in enumerate(runs)])
+    return taken([run.error(entries)[:, None] for run in runs])[:, 0]
 
 
 def entries_at(

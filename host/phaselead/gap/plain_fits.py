@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from phaselead.gap.least_squares import entries_at, least_left
 from phaselead.gap.parameters import SizedEffect, parameters_of, stands_at_an_end
-from phaselead.gap.posterior import Fit, Starts, likelihood_of
+from phaselead.gap.posterior import Fit, Likelihood, Starts, likelihood_of
 from phaselead.gap.regressors import RegressorGroup
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect
@@ -24,23 +24,26 @@ ROUGH_EVALUATIONS, EVALUATIONS = 3, 12
 """Of the records, at most."""
 
 
-def each_fitted(runs: Sequence[ModelledRun], effects: Sequence[Effect]) -> list[SizedEffect]:
+def each_fitted(
+    runs: Sequence[ModelledRun], effects: Sequence[Effect], base_may_be_off: bool = False
+) -> list[SizedEffect]:
     """Effects by themselves, fitted to some runs, the one that leaves least first: those that are expected to explain
     most, and that do so at a size within its range. What is a record's own is taken out: its offset, and where its
-    plays began."""
+    plays began. With ``base_may_be_off``, so is what a refit of the base could change."""
     if not effects:
         return []
-    starts = _PlainStarts(likelihood_of(runs), effects)
-    likelihood = starts.likelihood
-    of_runs = [run.modelled for run in likelihood.runs]
+    likelihood = likelihood_of(runs, base_may_be_off)
+    free = _Free(likelihood)
 
-    def taken(run: int, columns: Samples) -> Samples:
-        return likelihood.runs[run].coefficients(columns)
+    def taken(columns: Sequence[Samples]) -> Samples:
+        pairs = zip(likelihood.runs, columns, strict=True)
+        return free.taken_out(np.concatenate([run.coefficients(one) for run, one in pairs]))
 
     def fitted(entry: SizedEffect, evaluations: int) -> tuple[float, SizedEffect]:
-        at, left = least_left([entry], of_runs, taken, evaluations)
+        at, left = least_left([entry], [run.modelled for run in likelihood.runs], taken, evaluations)
         return left, entries_at([entry], parameters_of([entry]), at)[0]
 
+    starts = _PlainStarts(likelihood, effects, free)
     promising = list(starts.beside(likelihood.fit(())).values())[:MOST_FITTED]
     rough = [_least([fitted(start.entry, ROUGH_EVALUATIONS) for start in several]) for several in promising]
     rough.sort(key=lambda one: one[0])
@@ -59,8 +62,28 @@ def _as_large_as_it_can_be(entry: SizedEffect) -> bool:
     return any(stands_at_an_end(p, params[p.name]) for p in effect.sizes)
 
 
+class _Free:
+    """What a refit of the base could change, the same in all runs, each column as large as its prior deviation."""
+
+    def __init__(self, likelihood: Likelihood) -> None:
+        self._columns = np.concatenate(likelihood.shared)
+        self._usual_um = likelihood.runs[0].usual_um
+        normal = self._columns.T @ self._columns + self._usual_um**2 * np.eye(self._columns.shape[1])
+        self._inverse = np.linalg.inv(normal)
+
+    def taken_out(self, columns: Samples) -> Samples:
+        """Columns (n, k) without what of them could be the base's, and behind them what that costs, so that their
+        products are those under the prior."""
+        amounts = self._inverse @ (self._columns.T @ columns)
+        return np.concatenate([columns - self._columns @ amounts, self._usual_um * amounts])
+
+
 class _PlainStarts(Starts):
     """Starts that explain most squares in um beside the base alone: no coefficient counts more than another."""
+
+    def __init__(self, likelihood: Likelihood, effects: Sequence[Effect], free: _Free) -> None:
+        super().__init__(likelihood, effects)
+        self._free = free
 
     def moments(
         self,
@@ -69,16 +92,13 @@ class _PlainStarts(Starts):
         columns: Sequence[NDArray[np.float32]],
         independent: Samples | float = 1.0,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
-        found, first = [], 0
-        residuals = [run.base_error[:, 0] / run.usual_um for run in self.likelihood.runs]
+        runs, found, first = self.likelihood.runs, [], 0
+        usual_um = runs[0].usual_um
+        residual = self._free.taken_out(np.concatenate([run.base_error for run in runs]) / usual_um)[:, 0]
         for group in groups:
             last = first + len(group.steps)
-            of_runs = [
-                one[:, first:last].astype(np.float64) / run.usual_um
-                for one, run in zip(columns, self.likelihood.runs, strict=True)
-            ]
-            pairs = list(zip(of_runs, residuals, strict=True))
-            slope = np.sum([one.T @ left for one, left in pairs], axis=0)
-            found.append((group, slope, np.asarray(np.sum([one.T @ one for one in of_runs], axis=0))))
+            mine = np.concatenate([one[:, first:last] for one in columns]).astype(np.float64) / usual_um
+            mine = self._free.taken_out(mine)
+            found.append((group, mine.T @ residual, mine.T @ mine))
             first = last
         return found

@@ -96,11 +96,8 @@ class Starts:
         effect = ranked[0].entry[0]
         if effect.peak is None:
             return ranked[:DIFFERENT]
-        valleys: list[Start] = []
-        for start in ranked:
-            if len(valleys) < DIFFERENT and all(_far(start, other, effect.peak[0]) for other in valleys):
-                valleys.append(start)
-        fine = [max([start, *self._nearby(fit, start)], key=lambda one: one.gain) for start in valleys]
+        peaks = _peaks(starts, effect.peak[0])[:DIFFERENT]
+        fine = [max([start, *self._nearby(fit, start)], key=lambda one: one.gain) for start in peaks]
         return sorted(fine, key=lambda start: -start.gain)
 
     def _nearby(self, fit: Fit, start: Start) -> list[Start]:
@@ -182,10 +179,12 @@ class Starts:
         ]
 
 
-def _far(one: Start, other: Start, frequency: str) -> bool:
-    """Whether two modes lie further apart than the neighbours of either are tried."""
-    ratio = one.entry[1][frequency] / other.entry[1][frequency]
-    return not 1 / MODE_GRID_RATIO**2 < ratio < MODE_GRID_RATIO**2
+def _peaks(starts: Sequence[Start], frequency: str) -> list[Start]:
+    """Modes that explain more than their neighbours in frequency, the one that explains most first."""
+    in_order = sorted(starts, key=lambda start: start.entry[1][frequency])
+    gains = [-np.inf, *(start.gain for start in in_order), -np.inf]
+    found = [start for i, start in enumerate(in_order) if gains[i] <= start.gain >= gains[i + 2]]
+    return sorted(found, key=lambda start: -start.gain)
 
 
 def at_all_sizes(groups: Sequence[RegressorGroup]) -> list[RegressorGroup]:
