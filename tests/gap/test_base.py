@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from phaselead.gap.base_operator import find_memory, with_operator
+from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.records import GapRun
-from phaselead.gap.residual import Began, modelled_run
+from phaselead.gap.residual import modelled_run
 from phaselead.model import simulate
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.effects import effect
@@ -77,12 +78,6 @@ def test_a_line_is_wrong_about_the_travel_that_its_loops_take():
     assert width == pytest.approx(opening_um / (8 * slope), rel=0.2)
 
 
-def test_a_track_under_another_model_remembers_the_same():
-    made = a_track()
-    started = replace(made, began=Began(np.array([0.2, -0.3]), 1.5))
-    assert started.with_axis(made.axis).began is started.began
-
-
 @pytest.mark.parametrize("plays", [True, False])
 @pytest.mark.parametrize("stepped", [True, False])
 def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, stepped):
@@ -98,3 +93,21 @@ def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, step
     made = modelled_run(axis, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", "", {}, {}))
     assert (made.began is None) == stepped
     assert made.error().std() < 0.012
+
+
+def test_a_mode_that_a_line_lacks_rings_from_where_the_stage_was_parked():
+    """Of the line alone a step and a stay are the same: a mode beside it would ring by the parked voltage."""
+    line = AxisModel(time=TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
+    ringing = line.model_copy(
+        update={"effects": (AdoptedEffect(name="resonance", params={"f_Hz": 90.0, "zeta": 0.02}),)}
+    )
+    t = np.arange(2000) * STEP_s
+    u = 4 + np.where(t > 0.2, 1.0, 0.0)
+    x = simulate(ringing, np.arange(4000) * STEP_s, np.concatenate([np.linspace(0, 4, 1000), np.full(1000, 4.0), u]))[
+        2000:
+    ]
+    made = modelled_run(line, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", "", {}, {}))
+    best, params = each_fitted([made], [effect("resonance"), effect("delay")])[0]
+    assert best.name == "resonance"
+    left = made.error([(best, params)])
+    assert left.std() < 0.02 * made.error().std()

@@ -124,6 +124,18 @@ def test_the_chance_of_more_is_how_often_the_truth_passes_them_all(answers):
     assert chance_of_naming(log_odds, log_posterior) == pytest.approx(named, abs=0.01)
 
 
+def test_no_distances_make_all_rivals_easier_than_the_hardest():
+    """Also those that no points can have, and where a rival is hardly told beside one that is."""
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        odds = rng.choice([0.0, 1e-12, 0.5, 5.0, 40.0], size=(4, 4))
+        log_posterior = rng.normal(size=4)
+        chance = chance_of_naming(odds, log_posterior)
+        needed = np.maximum(log_posterior[:, None] - log_posterior + np.log(3 * 99), np.log(100))
+        passing = np.where(np.eye(4, dtype=bool), 1.0, passes(odds, needed)).min(axis=0)
+        assert 0 <= chance <= np.exp(log_posterior) @ passing / np.exp(log_posterior).sum() + 1e-9
+
+
 def test_a_record_that_tells_nothing_settles_nothing_however_far_one_is_ahead():
     for ahead in (0.0, 4.0, 6.0, 20.0):
         assert chance_of_naming(np.zeros((2, 2)), np.array([ahead, 0.0])) < 0.01

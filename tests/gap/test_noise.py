@@ -18,23 +18,22 @@ def wave(n: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("wander", [0.0, 1e-3])
-def test_a_residual_is_as_unlikely_as_its_covariance_says(wander):
-    """White noise of the sensor: the misfit's steps are then normal of a covariance that can be written down."""
-    rng, n = np.random.default_rng(0), 60
-    u = rng.uniform(0, 8, n)
-    noises = [Noise(np.ones(1), sigma, misfit, length, wander)
-              for sigma, misfit, length in ((0.1, 0.3, 2.0), (0.2, 0.1, 0.5), (0.05, 0.05, 20.0))]  # fmt: skip
-    e = rng.normal(size=n)
+@pytest.mark.parametrize("taps", [[1.0], [1.0, -0.6], [1.0, -0.3, 0.1]])
+def test_a_residual_is_as_unlikely_as_its_covariance_says(wander, taps):
+    """The misfit's steps, filtered as the sensor's noise is, are normal of a covariance with three diagonals."""
+    rng, n, order = np.random.default_rng(0), 60, len(taps)
+    u, e = rng.uniform(0, 8, n), rng.normal(size=n)
     differences = []
-    for noise in noises:
-        phi = np.exp(-np.abs(np.diff(u)) / noise.length_V)
-        grown = noise.misfit_um**2 * (1 - phi**2) + wander * STEP_s
-        steps = e[1:] - phi * e[:-1]
-        s2 = noise.sigma_um**2
-        covariance = np.diag(grown + s2 * (1 + phi**2)) - np.diag(s2 * phi[1:], 1) - np.diag(s2 * phi[1:], -1)
-        # The first row is the start of the autoregression.
-        exact = multivariate_normal(np.zeros(n - 2), covariance[1:, 1:]).logpdf(steps[1:])
-        differences.append(noise.misfortune(e, u, STEP_s) + exact)
+    for sigma, misfit, length in ((0.1, 0.3, 2.0), (0.2, 0.1, 0.5), (0.05, 0.05, 20.0)):
+        noise = Noise(np.array(taps), sigma, misfit, length, wander)
+        phi = np.exp(-np.abs(np.diff(u)) / length)
+        white = np.convolve(e, np.array(taps) / sigma)[:n]
+        steps = (white[1:] - phi * white[:-1])[order:]
+        grown = (misfit**2 * (1 - phi**2) + wander * STEP_s) * (sum(taps) / sigma) ** 2
+        p = phi[order:]
+        covariance = np.diag(grown[order:] + 1 + p**2) - np.diag(p[1:], 1) - np.diag(p[1:], -1)
+        density = multivariate_normal(np.zeros(len(steps)), covariance).logpdf(steps) - len(steps) * np.log(sigma)
+        differences.append(noise.minus_log_likelihood(e, u, STEP_s) + density)
     assert np.ptp(differences) < 1e-9
 
 

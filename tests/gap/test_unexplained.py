@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from phaselead.gap.findings import GapSize
 from phaselead.gap.generic_model import FOLDS, columns_of, moments_of
-from phaselead.gap.goodness_of_fit import too_little_described
+from phaselead.gap.goodness_of_fit import more_than_equations_miss, too_little_described
 from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
@@ -137,6 +137,15 @@ def test_names_are_not_vouched_for_where_more_is_left_than_their_equations_may_m
     after_um = np.hypot(noise_um, predictable_um)
     left = Unexplained((predictable_um / after_um) ** 2, 1e-4)
     assert too_little_described(left, GapSize(gap_um, float(after_um), 0.1)) == too_little
+
+
+@pytest.mark.parametrize(("explained", "beyond"), [(0.95, False), (0.05, True)])
+def test_a_name_excuses_a_tenth_of_what_it_explains_not_of_the_gap(explained, beyond):
+    """Of the power before 5 % can be predicted beside the name: little where it explains the rest, much where it does
+    not."""
+    after_um = float(np.sqrt(1 - explained))
+    left = Unexplained(min(0.05 / after_um**2, 1.0), 1e-4)
+    assert more_than_equations_miss(left, GapSize(1.0, after_um, 0.1)) == beyond
 
 
 def test_what_may_be_chance_withdraws_no_name():

@@ -42,7 +42,6 @@ def test_it_ends_where_steps_gain_too_little():
     assert descend(0.0, steps, cost, 9, least_gain=0.6) == 1.5
     assert descend(0.0, steps, cost, 9, enough=0.6) == 2.25
     assert descend(0.0, steps, cost, 9, enough=0.6, fewest_steps=3) == 2.625
-    assert descend(0.0, steps, cost, 9, least_saved=2.0) == 2.25
 
 
 def test_each_step_is_announced_and_may_be_preceded_by_new_weights():

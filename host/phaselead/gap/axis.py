@@ -39,6 +39,7 @@ from phaselead.gap.goodness_of_fit import (
     CLEARLY_ABOVE_FLOOR,
     FinalFit,
     final_fit,
+    more_than_equations_miss,
     too_little_described,
 )
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
@@ -113,18 +114,18 @@ def search_axis(
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
     left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
-    surviving, withdrawn = selection, too_little_described(left, final.gap)
-    if withdrawn:
+    surviving, predictable = selection, left.something_missing
+    if (named or ties) and too_little_described(left, final.gap):
         named, ties, surviving = [], [], selection.withdrawn()
-    # Beside names that close a gap to reference records, what they miss of it is what no equation describes.
-    closed = bool(named or ties) and bool(selection.runs("reference"))
+    elif (named or ties) and selection.runs("reference"):
+        predictable = more_than_equations_miss(left, final.gap)
     ties += other.ties
     taken = _names([*named, *other.named], ties)
     # Plays that the base was given stay in it under whatever name: neither bounded nor tried beside themselves.
     taken_or_played = taken | ({selection.memory.effect.name} if selection.memory is not None else set())
     excluded, hidden = upper_bounds(surviving, candidates, taken_or_played, label)
     on_progress(0.92)
-    unknown = selection.something_unnamed or other.unknown or withdrawn or (left.something_missing and not closed)
+    unknown = selection.something_unnamed or other.unknown or predictable
     provisional: list[NamedEffect] = []
     if unknown:
         untried = [effect for effect in effects if effect.name not in taken_or_played]

@@ -48,13 +48,13 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
         return axis, None
     as_line = [modelled_run(axis, run) for run in by_role["holdout"]]
     train = [modelled_run(axis, run) for run in by_role["train"]]
-    tried = {one[0].name: one for one in each_fitted(train, effects, base_may_be_off=True)}
-    others = [saved_by_block(as_line, (), as_line, [one]).sum() for n, one in tried.items() if n != becoming[0].name]
-    described = tried.get(becoming[0].name)
-    if saved.sum() <= max(others, default=0.0) or described is None:
+    described = each_fitted(train, becoming[:1], base_may_be_off=True)
+    others = each_fitted(train, [one for one in effects if one is not becoming[0]], base_may_be_off=True)
+    saved_by_another = max((float(saved_by_block(as_line, (), as_line, [one]).sum()) for one in others), default=0.0)
+    if saved.sum() <= saved_by_another or not described:
         return axis, None
     likelihood = likelihood_of([modelled_run(axis, run) for run in runs])
-    params = intervals_alone(likelihood, [described])[0]
+    params = intervals_alone(likelihood, described)[0]
     why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
     return given, Memory(becoming[0], params, 1 - chance, why)
 

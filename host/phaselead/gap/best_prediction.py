@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from phaselead.gap.least_squares import entries_at, least_left, squares_left
+from phaselead.gap.least_squares import entries_at, fitted_in_um, squares_left
 from phaselead.gap.parameters import SizedEffect, internal, parameters_of
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
@@ -19,7 +19,7 @@ from phaselead.record import Samples
 INSIDE = 0.95
 """Probability of the region of the posterior in which parameters may lie."""
 EVALUATIONS = 12
-"""Of the records, at most."""
+"""Simulations of the records, at most."""
 
 
 def best_predicting(
@@ -33,8 +33,8 @@ def best_predicting(
     start = internal(entries)
     if not len(start):
         return tuple(entries)
-    found, _ = least_left(entries, runs, _about_mean, EVALUATIONS)
-    off = found - start
+    found, _ = fitted_in_um(entries, runs, _about_mean, EVALUATIONS)
+    off = internal(found) - start
     distance2 = float(off @ np.linalg.solve(covariance, off))
     inside = min(1.0, float(np.sqrt(chi2.ppf(INSIDE, len(start)) / max(distance2, 1e-12))))
     at_start, moved = (entries_at(entries, parameters_of(entries), x) for x in (start, start + inside * off))

@@ -14,8 +14,8 @@ from phaselead.gap.regressors import rich_columns
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
-SAME = 1e-10
-"""Share of the largest eigenvalue below which columns do not differ."""
+SAME_SHARE = 1e-10
+"""Of the largest eigenvalue of the columns' products: those below say nothing new."""
 
 
 def noise_of(contest: Contest) -> Noise:
@@ -38,7 +38,8 @@ def _noise(runs: Sequence[ModelledRun], errors: Sequence[Samples]) -> Noise:
 
 
 def _beyond_the_richest(contest: Contest) -> list[Samples]:
-    """Per training run what least squares with all columns leaves of it, (n,) in um."""
+    """Per training run what least squares with all columns leaves of it, (n,) in um, as large as noise was that left as
+    much when so many amounts were fitted to it."""
     assert contest.starts is not None
     pairs = zip(contest.likelihood.runs, contest.starts.shapes.columns, strict=True)
     train = [(run, columns) for run, columns in pairs if run.modelled.run.role == "train"]
@@ -48,8 +49,11 @@ def _beyond_the_richest(contest: Contest) -> list[Samples]:
     right = np.sum([one.T @ target for one, target in zip(columns, targets, strict=True)], axis=0)
     scale = np.sqrt(np.diag(normal)) + 1e-30
     # Many columns are nearly the same; what they share is fitted once.
-    amounts = pinvh(normal / np.outer(scale, scale), rtol=SAME) @ (right / scale) / scale
-    left = [target - one @ amounts for one, target in zip(columns, targets, strict=True)]
+    inverse, rank = pinvh(normal / np.outer(scale, scale), rtol=SAME_SHARE, return_rank=True)
+    amounts = inverse @ (right / scale) / scale
+    rows = sum(len(one) for one in targets)
+    unfitted = np.sqrt(rows / max(rows - rank, 1))
+    left = [unfitted * (target - one @ amounts) for one, target in zip(columns, targets, strict=True)]
     return [np.asarray(idct(np.append(0.0, one), norm="ortho")) for one in left]
 
 

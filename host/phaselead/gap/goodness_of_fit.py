@@ -160,6 +160,13 @@ def _gap(final: FinalFit, noise: Noise) -> GapSize:
     )
 
 
+def more_than_equations_miss(left: Unexplained, gap: GapSize) -> bool:
+    """Whether more can be predicted from the voltage beside names than their equations may miss of what these explain
+    of the held-out records."""
+    explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
+    return left.something_missing and left.share * gap.after**2 > MOST_MISSED**2 * explained_um2
+
+
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:
     """Whether of what can be predicted from the voltage the names leave more than equations that bear them may miss."""
     return left.something_missing and left.share * gap.after**2 > (MOST_MISSED * gap.before) ** 2

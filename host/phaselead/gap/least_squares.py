@@ -1,8 +1,9 @@
-"""Effects fitted to records in um: nothing is whitened, weighed or shrunk."""
+"""Effects fitted to records by least squares in um."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,41 +16,55 @@ from phaselead.gap.parameters import (
     internal,
     parameters_of,
 )
+from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Parameter
+from phaselead.model import Effect, Parameter
 from phaselead.record import Samples
 
-Taken = Callable[[Sequence[Samples]], Samples]
-"""What counts of columns (n_i, k) in um, some for each run: rows (n, k) of all runs, without what is a record's own."""
+WithoutOwn = Callable[[Sequence[Samples]], Samples]
+"""Takes columns (n_i, k) in um of each run and gives rows (n, k) of all runs, without what is a record's own."""
 
 
-def least_left(
-    entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], taken: Taken, evaluations: int
-) -> tuple[Samples, float]:
-    """The parameters near those of ``entries`` that leave least of some runs, in internal units (parameters,), and the
-    squares that they leave. ``evaluations`` of the runs at most."""
+def fitted_in_um(
+    entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], without_own: WithoutOwn, evaluations: int
+) -> tuple[tuple[SizedEffect, ...], float]:
+    """The effects at the parameters near theirs that leave least of some runs, and the squares in um^2 that they leave.
+
+    The runs are simulated ``evaluations`` times at most, their slopes as often. A frequency stays below what the
+    sampling can show.
+    """
+    highest_Hz = HIGHEST_OF_RATE / runs[0].run.step_s
+    entries = [(_sampled(effect, highest_Hz), params) for effect, params in entries]
     free, start = parameters_of(entries), internal(entries)
     if not len(start):
-        return start, squares_left(entries, runs, taken)
+        return tuple(entries), squares_left(entries, runs, without_own)
 
     def errors(x: Samples) -> Samples:
-        return _errors(entries_at(entries, free, x), runs, taken)
+        return _errors(entries_at(entries, free, x), runs, without_own)
 
     def slopes(x: Samples) -> Samples:
         at = entries_at(entries, free, x)
-        return -taken([fresh_columns(run, at, free)[:, :-1] for run in runs])
+        return -without_own([fresh_columns(run, at, free)[:, :-1] for run in runs])
 
     found = least_squares(errors, start, slopes, method="trf", x_scale="jac", max_nfev=evaluations)
-    return found.x, 2 * float(found.cost)
+    return entries_at(entries, free, found.x), 2 * float(found.cost)
 
 
-def squares_left(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], taken: Taken) -> float:
-    """Squares that effects leave of some runs."""
-    return float(np.sum(_errors(entries, runs, taken) ** 2))
+def _sampled(effect: Effect, highest_Hz: float) -> Effect:
+    """The effect with its frequencies bounded by ``highest_Hz``, those that would have no range left as they are."""
+    if not any(p.unit == "Hz" and p.high > highest_Hz > p.low for p in effect.parameters):
+        return effect
+    limited = (replace(p, high=highest_Hz) if p.unit == "Hz" and p.high > highest_Hz else p for p in effect.parameters)
+    return replace(effect, parameters=tuple(limited))
 
 
-def _errors(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], taken: Taken) -> Samples:
-    return taken([run.error(entries)[:, None] for run in runs])[:, 0]
+def squares_left(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], without_own: WithoutOwn) -> float:
+    """Squares in um^2 that effects leave of some runs."""
+    return float(np.sum(_errors(entries, runs, without_own) ** 2))
+
+
+def _errors(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], without_own: WithoutOwn) -> Samples:
+    return without_own([run.error(entries)[:, None] for run in runs])[:, 0]
 
 
 def entries_at(

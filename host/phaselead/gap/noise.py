@@ -25,7 +25,7 @@ from scipy.signal import detrend, lfilter
 from phaselead.record import Samples
 
 ORDER, SENSOR_ORDER = 16, 4
-"""Of the autoregressions. The sensor's is short because as many rows are lost after every jump."""
+"""Of the autoregression of records at rest alone, and of the sensor's beside a misfit."""
 LOUDER = 1.1
 """Mean square of whitened records at rest from which their noise is another than was expected."""
 LIKELIHOOD_ROWS = 60_000
@@ -68,8 +68,8 @@ class Noise:
             drawn = drawn + solve_banded((1, 0), banded, np.sqrt(grown) * rng.standard_normal(n))
         return np.asarray(drawn)
 
-    def misfortune(self, error_um: Samples, u_V: Samples, step_s: float) -> float:
-        """Minus the log density of a residual (n,), but for a constant: larger where it is less likely."""
+    def minus_log_likelihood(self, error_um: Samples, u_V: Samples, step_s: float) -> float:
+        """Of a residual (n,) under a voltage (n,), but for a constant."""
         order = len(self.sensor)
         taps = self.sensor / self.sigma_um
         white = lfilter(taps, [1.0], error_um)[order:]
@@ -105,7 +105,7 @@ def fit_noise(driven: Sequence[tuple[Samples, Samples]], idle: Sequence[Samples]
     if not driven:
         return Noise(*autoregression(idle))
     sensor, sigma = autoregression(idle, SENSOR_ORDER) if idle else (np.ones(1), _roughness([e for e, _ in driven]))
-    span = max(float(np.ptp(u)) for _, u in driven)
+    span = max(float(np.ptp(u)) for _, u in driven) or 1.0  # another axis drives the motion
     spread = float(np.sqrt(np.mean(np.concatenate([e for e, _ in driven]) ** 2)))
     noise = Noise(sensor, sigma, max(spread, sigma), 0.3 * span, 1e-6 * spread**2)
     return _likeliest(noise, driven, idle, step_s)
@@ -154,7 +154,7 @@ def _likeliest(
 
     def cost(x: Samples) -> float:
         tried = at(x)
-        return sum(tried.misfortune(e, u, step_s) for e, u in parts) + 1e-3 * float(np.sum(x**2))
+        return sum(tried.minus_log_likelihood(e, u, step_s) for e, u in parts) + 1e-3 * float(np.sum(x**2))
 
     start = np.zeros(4 if own_sigma else 3)
     simplex = np.vstack([start, start + 1.5 * np.eye(len(start))])

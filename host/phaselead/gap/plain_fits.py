@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from phaselead.gap.least_squares import entries_at, least_left
-from phaselead.gap.parameters import SizedEffect, parameters_of, stands_at_an_end
+from phaselead.gap.least_squares import fitted_in_um
+from phaselead.gap.parameters import SizedEffect, stands_at_an_end
 from phaselead.gap.posterior import Fit, Likelihood, Starts, likelihood_of
 from phaselead.gap.regressors import RegressorGroup
 from phaselead.gap.residual import ModelledRun
@@ -21,7 +21,7 @@ from phaselead.record import Samples
 MOST_FITTED, FITTED_TO_THE_END = 7, 3
 """Effects that are fitted, and those of them that are fitted to the end: what the time for an answer allows."""
 ROUGH_EVALUATIONS, EVALUATIONS = 3, 12
-"""Of the records, at most."""
+"""Simulations of the records in a rough fit and in one to the end, at most."""
 
 
 def each_fitted(
@@ -35,16 +35,17 @@ def each_fitted(
     likelihood = likelihood_of(runs, base_may_be_off)
     free = _Free(likelihood)
 
-    def taken(columns: Sequence[Samples]) -> Samples:
+    def without_own(columns: Sequence[Samples]) -> Samples:
         pairs = zip(likelihood.runs, columns, strict=True)
         return free.taken_out(np.concatenate([run.coefficients(one) for run, one in pairs]))
 
     def fitted(entry: SizedEffect, evaluations: int) -> tuple[float, SizedEffect]:
-        at, left = least_left([entry], [run.modelled for run in likelihood.runs], taken, evaluations)
-        return left, entries_at([entry], parameters_of([entry]), at)[0]
+        found, left = fitted_in_um([entry], [run.modelled for run in likelihood.runs], without_own, evaluations)
+        return left, (entry[0], found[0][1])
 
     starts = _PlainStarts(likelihood, effects, free)
-    promising = list(starts.beside(likelihood.fit(())).values())[:MOST_FITTED]
+    every = starts.beside(likelihood.fit(())).values()
+    promising = sorted(every, key=lambda several: -max(start.gain for start in several))[:MOST_FITTED]
     rough = [_least([fitted(start.entry, ROUGH_EVALUATIONS) for start in several]) for several in promising]
     rough.sort(key=lambda one: one[0])
     found = [fitted(entry, EVALUATIONS) for _, entry in rough[:FITTED_TO_THE_END]] + rough[FITTED_TO_THE_END:]
@@ -92,6 +93,8 @@ class _PlainStarts(Starts):
         columns: Sequence[NDArray[np.float32]],
         independent: Samples | float = 1.0,
     ) -> list[tuple[RegressorGroup, Samples, Samples]]:
+        """Per group the slope (sizes,) and curvature (sizes, sizes) of the squares, beside the base whatever the
+        set."""
         runs, found, first = self.likelihood.runs, [], 0
         usual_um = runs[0].usual_um
         residual = self._free.taken_out(np.concatenate([run.base_error for run in runs]) / usual_um)[:, 0]

@@ -1,8 +1,8 @@
 """What the next model adopts without vouching for its name: the nearest set that pays on held-out records.
 
-A gap that can be shrunk is shrunk; what it is called is another question. So nothing here is whitened, weighed or
-vetoed: effects are fitted to the training records as they stand, in um, and one is adopted where the next model then
-predicts the held-out records better than chance would.
+A gap that can be shrunk is shrunk; what it is called is another question. Effects are fitted to the training records as
+they stand, in um, and one is adopted where the next model then predicts both the training and the held-out records
+better than chance would.
 """
 
 from __future__ import annotations

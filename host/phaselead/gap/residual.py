@@ -28,6 +28,8 @@ FADING_MEMORY = 0.25
 """Of the variance of a record: what another start than rest of fading plays leaves at most. It fades over the whole
 record, as what is missing from the model may do in part; a start that is the truth leaves little more than the base
 does."""
+ALIKE = 1e-9
+"""Relative difference of variances by which rounding alone differs."""
 SMALL_V_SHARE = 0.02
 """Of the voltages that the base was fitted on: a change that is small beside the thresholds of its larger plays."""
 PERIODIC = 0.98
@@ -51,14 +53,14 @@ class ModelledRun:
     axis: AxisModel
     chain: Chain
     began: Began | None
-    """None is at rest."""
+    """None is a step from rest at 0 V in the first row."""
     nuisances: Samples
     """Columns (n, k) of its nuisances over the scored rows: the offset, then in um per prior deviation of a play's
     start."""
 
     @property
     def plays_V(self) -> Samples | None:
-        """Where the m plays stand in its first row; None is a step from rest."""
+        """Where the m plays stand in its first row; None after a step from rest at 0 V."""
         return None if self.began is None else self.began.plays_V
 
     @cached_property
@@ -71,10 +73,6 @@ class ModelledRun:
     def answer(self, extra: Extra = ()) -> Samples:
         """Position (n,) in um over the scored rows, of the model with the effects ``extra``."""
         return self.chain.run(extra)[self.run.rows]
-
-    def with_axis(self, axis: AxisModel) -> ModelledRun:
-        """The same run from the same memory under another model of its axis."""
-        return replace(self, axis=axis, chain=_chain(axis, self.run, self.began))
 
     def after_voltage(self, added_V: Samples) -> Samples:
         """What a voltage (n_all,) in V, added to that of every row of the run, would add to its answer: (n,) in um over
@@ -93,8 +91,8 @@ class ModelledRun:
 
 def modelled_run(axis: AxisModel, run: GapRun) -> ModelledRun:
     """The run under the model of its axis, which has a time view, from the best simple memory: from rest, or from one
-    turning point. What was at rest stepped to the first voltage in the first row, or had stood there for long: the
-    record tells."""
+    turning point. A stage at rest may have been switched to the first voltage in the first row, or have stood there for
+    long: whichever leaves less of the record."""
     assert axis.time is not None
     began = _best_start(axis, run)
     return ModelledRun(run, axis, _chain(axis, run, began), began, nuisance_columns(axis, run, began))
@@ -126,17 +124,18 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])
 
     stood = began(0.0)
-    stood_left, stepped_left = left(stood), left(None)
-    stepped = float(np.var(stepped_left)) <= float(np.var(stood_left))
-    at_rest = None if stepped else stood
+    stood_left, stepped_variance = left(stood), float(np.var(left(None)))
+    stood_variance = float(np.var(stood_left))
+    # A base without dynamics answers both alike; what is tried beside it then begins where the stage was.
+    at_rest = None if stepped_variance < (1 - ALIKE) * stood_variance else stood
     if not view.play_r_V:
         return at_rest
-    rest_left, rest_um = stepped_left if stepped else stood_left, _operator_um(axis, run, at_rest)[rows]
+    stood_um = _operator_um(axis, run, stood)[rows]
 
     def variance(turned_V: float | None) -> float:
         if turned_V is None:
-            return float(np.var(rest_left))
-        return float(np.var(rest_left - (_operator_um(axis, run, began(turned_V))[rows] - rest_um)))
+            return min(stood_variance, stepped_variance)
+        return float(np.var(stood_left - (_operator_um(axis, run, began(turned_V))[rows] - stood_um)))
 
     low, high = min(view.u_range_V[0], float(u.min())), max(view.u_range_V[1], float(u.max()))
     points = np.linspace(low, high, TURNING_POINTS).tolist()

@@ -11,6 +11,7 @@ BLOCK_s = 0.25
 FEWEST_BLOCKS = 24
 """Over all records, before blocks are made shorter than wished: fewer do not tell how a score scatters."""
 SHORTEST_BLOCK_ROWS = 64
+"""Several times longer than a sensor's noise remembers."""
 
 
 def wanted_rows(step_s: float, period_rows: int | None) -> int:

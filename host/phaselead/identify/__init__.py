@@ -5,7 +5,6 @@ from __future__ import annotations
 from phaselead.identify.experiment import Identified, identify_device, run_experiment
 from phaselead.identify.fit_result import FitResult
 from phaselead.identify.fitting import Base, fit
-from phaselead.identify.gauss_newton import descend
 from phaselead.identify.kept import Kept, keeping
 from phaselead.identify.modal import (
     Drive,
@@ -51,7 +50,6 @@ __all__ = [
     "common_period",
     "common_poles",
     "compare_with_table_1",
-    "descend",
     "effective_rows",
     "fit",
     "fit_modes",

@@ -29,7 +29,6 @@ def descend(
     *,
     least_gain: float = 0.0,
     enough: float = 0.0,
-    least_saved: float = 0.0,
     fewest_steps: int = 0,
     reweighed: Callable[[Point, int], Point] | None = None,
     report: Callable[[float], None] | None = None,
@@ -38,8 +37,7 @@ def descend(
 
     ``trials`` gives points away from one, ever more cautious; the first that lowers its cost by the share
     ``least_gain`` is gone on from, and when none does the search ends. So it does, after ``fewest_steps``, with a step
-    that gained less than the share ``enough`` or lowered the cost by less than ``least_saved``.
-    ``reweighed`` may replace the point before each step, by its number.
+    that gained less than the share ``enough``. ``reweighed`` may replace the point before each step, by its number.
     """
     point = start
     for step in range(most_steps):
@@ -52,8 +50,7 @@ def descend(
         if better is None:
             break
         point = better
-        saved = before - cost(point)
-        if step + 1 >= fewest_steps and (saved / before < enough or saved < least_saved):
+        if step + 1 >= fewest_steps and (before - cost(point)) / before < enough:
             break
     return point
 

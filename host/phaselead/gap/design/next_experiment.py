@@ -30,6 +30,8 @@ GOOD = 0.95
 """Chance from which an experiment is expected to break a tie, as often as an interval of 95 % holds the truth."""
 LEAST_ODDS = 1e-12
 """Log odds that are as good as none."""
+PRECISION = 1e-3
+"""Of a chance."""
 MOST_PREDICTED = 16
 """Excitations that are predicted with everything that may be missed: what the time for an answer allows."""
 LENGTHENED = 3
@@ -115,15 +117,17 @@ def _passes_all(log_odds: Samples, needed: Samples, true: int) -> float:
     if len(rivals) == 1:
         return float(passes(expected, needed[rivals, true])[0])
     apart = (log_odds + log_odds.T)[np.ix_(rivals, rivals)] / 2
-    covariance = expected[:, None] + expected - apart
-    limit = 2 * np.sqrt(np.outer(expected, expected))
-    covariance = np.clip(covariance, -limit, limit)
-    np.fill_diagonal(covariance, 2 * expected)
+    deviation = np.sqrt(2 * expected)
+    correlation = np.clip((expected[:, None] + expected - apart) / np.outer(deviation, deviation), -1.0, 1.0)
+    np.fill_diagonal(correlation, 1.0)
     # Distances under what each set may miss are not quite those of points.
-    values, vectors = np.linalg.eigh(covariance)
-    covariance = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    above = multivariate_normal(np.zeros(len(rivals)), covariance, allow_singular=True, seed=0)
-    return float(above.cdf(expected - needed[rivals, true]))
+    values, vectors = np.linalg.eigh(correlation)
+    possible = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    spread = np.sqrt(np.diag(possible))
+    above = multivariate_normal(np.zeros(len(rivals)), possible / np.outer(spread, spread), allow_singular=True, seed=0)
+    above.abseps = above.releps = PRECISION
+    margin = (expected - needed[rivals, true]) / deviation
+    return min(float(above.cdf(margin)), float(norm.cdf(margin).min()))
 
 
 def _best(predicted: _Predicted) -> Prediction | None:

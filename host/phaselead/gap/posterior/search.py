@@ -56,8 +56,8 @@ class Contest:
 
 
 def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, open_plays: bool = False) -> Likelihood:
-    """Of what effects do in the runs that are no reference. ``base_may_be_off``: in its own parameters; not where
-    reference records say what it misses. ``open_plays``: its plays were fitted to the training records."""
+    """Of what effects do in the runs that are no reference. ``base_may_be_off``: its gain and
+    plays, which only reference records vouch for. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
     expected = expected_of(every, [run.spread(run.power(run.modelled.answer())) for run in every])
     none = [np.zeros((run.edges[-1], 0)) for run in every]

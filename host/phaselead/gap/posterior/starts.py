@@ -16,7 +16,7 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
+from phaselead.gap.regressors import HIGHEST_OF_RATE, MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
 from phaselead.record import Samples
 
@@ -78,7 +78,8 @@ class Starts:
         if not blocks.changed:
             return np.zeros((blocks.edges[-1], sum(len(group.steps) for group in groups)), dtype=np.float32)
         base_um = blocks.modelled.answer()
-        columns = np.concatenate([group.columns(blocks.modelled, base_um) for group in groups], axis=1)
+        none = np.zeros((len(base_um), 0))
+        columns = np.concatenate([none, *(group.columns(blocks.modelled, base_um) for group in groups)], axis=1)
         return blocks.coefficients(columns).astype(np.float32)
 
     def beside(self, fit: Fit) -> dict[str, list[Start]]:
@@ -106,6 +107,7 @@ class Starts:
         assert effect.peak is not None
         frequency, damping = effect.peak
         near = np.geomspace(1 / MODE_GRID_RATIO, MODE_GRID_RATIO, FINE_MODES) * params[frequency]
+        near = np.minimum(near, HIGHEST_OF_RATE / self.likelihood.step_s)
         shapes = {p.name: params[p.name] for p in effect.shapes}
         groups = [
             RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect)) for f in near

@@ -97,9 +97,7 @@ EFFECT = Effect(
         Parameter(
             "reach", "1", 0.5, 0.02, 1.0, role="shape", log=True, doc="largest threshold, of half the voltage range"
         ),
-        Parameter(
-            "slope", "1", 0.0, -6.0, 6.0, role="shape", extreme=True, doc="above 0: more of the large thresholds"
-        ),
+        Parameter("slope", "1", 0.0, -6.0, 6.0, role="shape", doc="above 0: more of the large thresholds"),
         Parameter(
             "rest_fraction",
             "1",

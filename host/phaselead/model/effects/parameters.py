@@ -29,8 +29,6 @@ class Parameter:
     log: bool = False
     """Whether its scale is logarithmic: scan it in equal ratios."""
     doc: str = ""
-    extreme: bool = False
-    """Of a shape: whether no stage comes near its bounds."""
     between_forms: bool = False
     """Of a shape: whether both ends of its range are forms of the effect, no limits of what a stage can be."""
     absorbed_by_refit: bool = False
