@@ -111,3 +111,14 @@ def test_a_mode_that_a_line_lacks_rings_from_where_the_stage_was_parked():
     assert best.name == "resonance"
     left = made.error([(best, params)])
     assert left.std() < 0.02 * made.error().std()
+
+
+def test_a_sensor_that_counts_backwards_leaves_the_plays_as_free_where_they_began():
+    made = a_track()
+    view = made.axis.time
+    turned = view.model_copy(
+        update={"gain_um_per_V": -view.gain_um_per_V, "play_w_um_per_V": tuple(-w for w in view.play_w_um_per_V)}
+    )
+    other_way = modelled_run(made.axis.model_copy(update={"time": turned}), replace(made.run, x_um=-made.run.x_um))
+    assert made.nuisances.shape[1] > 1
+    np.testing.assert_allclose(other_way.nuisances[:, 1:], -made.nuisances[:, 1:])

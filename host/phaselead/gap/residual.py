@@ -174,7 +174,7 @@ def nuisance_columns(axis: AxisModel, run: GapRun, began: Began | None) -> Sampl
         start = offset_V + (rest_plays(view) if began is None else began.plays_V)
         for j, moved_at in enumerate(_first_moves(v, r, start)):
             still = min(moved_at, run.stop) - run.start
-            if 0 < still < n and w[j] > 0:
+            if 0 < still < n and w[j] != 0:
                 column = np.zeros(n)
                 column[:still] = w[j] * PLAY_SPREAD * r[j]
                 columns.append(column)
