@@ -21,6 +21,7 @@ from phaselead.cli.common import (
     rate_option,
     read_recordings,
     tell,
+    warn,
     warn_of_gaps,
 )
 from phaselead.cli.listing import top_level
@@ -48,13 +49,14 @@ def record(
     port: str, drive: str | None, duration: float | None, output: str, axes: str | None, json_to: str | None
 ) -> None:
     """Record what the device does, open loop; needs no model."""
-    from phaselead.control import record_to_file, said_of_disk
+    from phaselead.control import path_warnings, record_to_file, said_of_disk
     from phaselead.device import Device
     from phaselead.waveforms import parse_waves
 
     waveforms = parse_waves(drive, axes) if drive else None
     if said := said_of_disk(duration, len(waveforms or axes or "x")):
         tell(said, json_to)
+    warn(path_warnings(waveforms or {}))
     with Device.open(port, park_on_exit=waveforms is not None) as device, progress("recording", 1.0) as advance:
         facts = record_to_file(device, waveforms, axes or "x", output=output, duration_s=duration, on_progress=advance)
     warn_of_gaps(facts)

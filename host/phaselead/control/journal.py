@@ -12,7 +12,7 @@ from phaselead.control.rehearsal import OnRehearsed, Predicted, rehearse
 from phaselead.control.room import refuse_without_room
 from phaselead.control.run import Run
 from phaselead.control.run_away import tell_of
-from phaselead.control.tracking import Asked, MakesWay, run_recording, set_up, ticks_of, track
+from phaselead.control.tracking import Asked, MakesWay, SetUp, run_recording, set_up, ticks_of, track
 from phaselead.control.triggers import parse_outputs
 from phaselead.control.true_position import Follows, followed
 from phaselead.device import (
@@ -265,23 +265,24 @@ def record_to_file(
     refuse_without_room(duration_s, len(axis if waveforms is None else waveforms), output, in_memory=False)
     with run_file(output, device, "open", stage, driven=waveforms is not None) as file:
         if waveforms is None:
-            axes, ticks, lead_ticks, tail_ticks = axis, listening_ticks(duration_s), 0, 0
+            axes, ready = axis, SetUp({}, listening_ticks(duration_s), 0, 0)
         else:
             axes = "".join(sorted(waveforms))
             ready = set_up(device, waveforms, "open", stage=stage, duration_s=duration_s)
-            ticks, lead_ticks, tail_ticks = ready.ticks, ready.lead_ticks, ready.tail_ticks
-        progress = None if on_progress is None else lambda done: on_progress(done / ticks)
+        progress = None if on_progress is None else lambda done: on_progress(done / ready.ticks)
         drives = waveforms is not None
         try:
             capture = device.capture(
-                ticks,
+                ready.ticks,
                 axes=axes,
                 start=drives,
                 park=drives,
-                lead_ticks=lead_ticks,
-                tail_ticks=tail_ticks,
+                lead_ticks=ready.lead_ticks,
+                tail_ticks=ready.tail_ticks,
                 progress=progress,
                 spool=file,
+                feeder=ready.feeder,
+                queued=ready.queued,
             )
         except DeviceFault as fault:
             file.convert(fault.capture)

@@ -217,6 +217,7 @@ class Runs(Plays):
         """
         path, letters = _output(output, overwrite), "".join(parse_axes(axis or "x", "axis"))
         waveforms = None if drive is None else given_waves(drive, axis, {})
+        _warn(path_warnings(waveforms or {}), above=3)
         recording = record_open_loop(
             self.device,
             waveforms,
