@@ -69,8 +69,8 @@ def refused(run, folder: Path, *words: str, **changed: object) -> None:
 
 def test_what_must_be_given(run, folder):
     refused(run, folder, "--model", model=None)
-    refused(run, folder, "--train and --holdout", train=None)
-    refused(run, folder, "--train and --holdout", holdout=None)
+    refused(run, folder, "--train", "--holdout", train=None)
+    refused(run, folder, "--train", "--holdout", holdout=None)
 
 
 def test_records_at_another_rate(run, folder):
@@ -82,7 +82,15 @@ def test_records_at_another_rate(run, folder):
 def test_records_of_another_axis(run, folder):
     values = np.column_stack([rows(3), rows(4)[:, 1:]])
     path = write(folder / "yz.csv", values[:, [0, 1, 3, 2, 4]], "t_s,uy_V,uz_V,y_um,z_um")
-    refused(run, folder, "no common channel", "axes x", "of y, z", train=f"{path}@0:1", holdout=f"{path}@1:2")
+    refused(
+        run,
+        folder,
+        "no common channel",
+        "axes x",
+        "both voltage and position of y, z",
+        train=f"{path}@0:1",
+        holdout=f"{path}@1:2",
+    )
 
 
 def test_a_model_without_a_time_view(run, folder):

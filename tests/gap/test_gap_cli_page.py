@@ -99,6 +99,14 @@ def test_a_page_of_nothing():
     assert "The data call for no effect of the catalogue." in said
 
 
+def test_a_page_of_the_unknown_does_not_say_that_nothing_is_there():
+    lost = replace(result(), verdicts=("unknown",), effects=(), ties=(), next_experiment=None)
+    said = text(gap_page(lost, STAGE, "model.toml"))
+    assert "Something remains that no name is sure to explain." in said
+    assert "No effect of the catalogue is sure to be what is missing." in said
+    assert "The data call for no effect" not in said
+
+
 def test_only_the_largest_sure_cell_of_a_kind_is_a_bullet():
     assert [c.cell for c in standing_out(result().where)] == ["64..128 Hz"]
 

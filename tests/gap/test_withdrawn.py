@@ -61,6 +61,12 @@ def test_a_withdrawn_name_is_adopted_once_and_provisionally():
     assert not any(status == NAMED for _, status in kept)
 
 
+def test_a_person_is_told_which_name_is_withdrawn():
+    said = "delay would be named, but too much is left that the voltage predicts: it is not vouched for"
+    assert answer(True).messages == [said]
+    assert answer(False).messages == []
+
+
 def test_the_table_of_candidates_says_that_it_is_withdrawn():
     found = answer(True)
     assert found.candidates[0].remark == WITHDRAWN

@@ -114,8 +114,10 @@ def search_axis(
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
     left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
-    surviving, predictable = selection, left.something_missing
+    surviving, predictable, said = selection, left.something_missing, list(selection.messages)
     if (named or ties) and too_little_described(left, final.gap):
+        names = " or ".join(sorted(_names(named, ties)))
+        said.append(f"{names} would be named, but too much is left that the voltage predicts: it is not vouched for")
         named, ties, surviving = [], [], selection.withdrawn()
     elif (named or ties) and selection.runs("reference"):
         predictable = more_than_equations_miss(left, final.gap)
@@ -150,7 +152,7 @@ def search_axis(
         list(surviving.candidates),
         final.traces(),
         other.spectra,
-        [*selection.messages, *other.messages],
+        [*said, *other.messages],
         kept,
         _detectable(selection, candidates, label),
         left,

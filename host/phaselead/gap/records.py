@@ -91,7 +91,7 @@ def axis_runs(
 ) -> dict[str, list[GapRun]]:
     """The runs of every axis that model and records share. Raises BadInput, one line, for what cannot be used."""
     if not train or not holdout:
-        raise BadInput("the gap needs training and held-out records; give --train and --holdout")
+        raise BadInput("the gap needs records to train on (--train) and others to hold out (--holdout)")
     refuse_overlap(train, holdout, "training")
     refuse_overlap(reference, holdout, "reference")
     refuse_overlap(reference, train, "reference", "training")
@@ -110,10 +110,11 @@ def axis_runs(
             "(phaselead fit)"
         )
     if not axes:
-        have = sorted({name for record in [*train, *holdout] for name in record.axes})
+        poorest = min([*train, *holdout], key=lambda record: len(_complete_axes(record)))
+        whole = ", ".join(_complete_axes(poorest)) or "no axis"
         raise BadInput(
-            f"{train[0].source}: no common channel: the model has axes {', '.join(sorted(stage.axes))}, the records "
-            f"have voltage and position of {', '.join(have) or 'none'}; map the columns or fit that axis first"
+            f"{poorest.source}: no common channel: the model has axes {', '.join(sorted(stage.axes))}, the record has "
+            f"both voltage and position of {whole}; map the missing column or fit that axis first"
         )
     runs = {a: [_run(r, a, role) for role, rs in parts for r in rs if _has(r, a)] for a in axes}
     for a, of_axis in runs.items():
@@ -206,6 +207,10 @@ def _complete(axis: AxisRecord | None) -> bool:
 
 def _has(record: Recording, axis: str) -> bool:
     return _complete(record.axes.get(axis))
+
+
+def _complete_axes(record: Recording) -> list[str]:
+    return sorted(axis for axis in record.axes if _has(record, axis))
 
 
 def _all_have(axis: str, records: Sequence[Recording]) -> bool:

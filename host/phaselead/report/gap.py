@@ -66,6 +66,7 @@ def gap_page(
         "gap.html",
         model_name=model_name,
         headline=headline(result),
+        unknown="unknown" in result.verdicts,
         cards=cards(result),
         cells=standing_out(result.where),
         cells_figure=cells_figure(result.where) if result.where else None,
@@ -102,7 +103,7 @@ def headline(result: GapResult) -> str:
     for tie in result.ties:
         said.append(f"These records cannot tell apart: {_listed([_plain(n) for n in tie], 'or')}.")
     if "unknown" in result.verdicts:
-        said.append("Something remains that no effect of the catalogue explains.")
+        said.append("Something remains that no name is sure to explain.")
     where = cells_headline(result.where)
     if not said:
         said.append("Nothing was found that is not among the known errors of the base model.")
