@@ -13,12 +13,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
 from shared_structure import Structure
 
 from phaselead.errors import BadInput
-from phaselead.gap.records import GapRun, axis_runs
+from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
 from phaselead.gap.several_axes.base_modes import modes_as_they_are
 from phaselead.gap.several_axes.joint_records import joint_records
 from phaselead.identify.fitting import fit
-from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.prediction import predict
 
 SOFT = 0.006
@@ -105,18 +104,3 @@ def test_reference_records_freeze_a_model_with_modes(modes, both):
 def test_a_model_without_modes_has_nothing_to_freeze(lines):
     with pytest.raises(BadInput, match=r"no modes that its axes share.*--refit"):
         run_gap(*lines, frozen=True)
-
-
-def test_axes_that_were_parked_do_not_jump_there_in_the_first_row():
-    t = np.arange(400) * 1e-3
-    view = TimeView(
-        gain_um_per_V=5.0, play_r_V=(0.5, 1.5), play_w_um_per_V=(2.0, 1.0), u_range_V=(0.0, 8.0), rate_Hz=1e3
-    )
-    models = {axis: AxisModel(time=view) for axis in "xy"}
-    runs = {
-        axis: [GapRun(axis, "train", t, np.full(400, 4.0), np.full(400, 20.0), None, 0, 400, "a.csv", "", {}, {})]
-        for axis in "xy"
-    }
-    (record,) = joint_records(models, runs)
-    pushed = record.drive({}).push_um
-    np.testing.assert_allclose(pushed, np.broadcast_to(pushed[0], pushed.shape), atol=1e-12)

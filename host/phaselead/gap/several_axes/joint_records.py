@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import stood_at
 from phaselead.identify import STILL_V, Drive, JointExperiment
 from phaselead.model import AxisModel, Chain, Effect, Entry, ModePart, Params, Signal, catalogue, push_level
 from phaselead.record import Samples
@@ -102,7 +101,7 @@ def joint_records(models: Mapping[str, AxisModel], runs: Mapping[str, Sequence[G
                 first.role,
                 first.name,
                 axes,
-                tuple(_chain(bare[run.axis], run.t_s, run.u_V) for run in of_record),
+                tuple(Chain(bare[run.axis], run.t_s, run.u_V, remember=2) for run in of_record),
                 np.stack([run.u_V for run in of_record], axis=1),
                 np.vstack([x[:1], x]),
                 slice(first.start + 1, first.stop + 1),
@@ -117,17 +116,10 @@ def scaled(record: JointRecord, models: Mapping[str, AxisModel], factor: float) 
     rows = slice(record.rows.start - 1, record.rows.stop - 1)
     middle = record.u_V[rows].mean(axis=0)
     u = middle + factor * (record.u_V - middle)
-    t_s = np.arange(len(u), dtype=np.float64) * record.step_s
+    t_s = np.arange(len(u)) * record.step_s
     bare = [_without_mechanics(models[a]) for a in record.axes]
-    chains = tuple(_chain(axis, t_s, drive) for axis, drive in zip(bare, u.T, strict=True))
+    chains = tuple(Chain(axis, t_s, drive, remember=2) for axis, drive in zip(bare, u.T, strict=True))
     return replace(record, chains=chains, u_V=u, x_um=np.zeros_like(record.x_um))
-
-
-def _chain(axis: AxisModel, t_s: Samples, u_V: Samples) -> Chain:
-    """Of one axis, which stood at its first voltage before: so did the positions."""
-    assert axis.time is not None
-    plays_V, turned_V = stood_at(axis.time, float(u_V[0]))
-    return Chain(axis, t_s, u_V, start=plays_V, turned_V=turned_V, remember=2)
 
 
 def _without_mechanics(model: AxisModel) -> AxisModel:
