@@ -82,15 +82,8 @@ def test_records_at_another_rate(run, folder):
 def test_records_of_another_axis(run, folder):
     values = np.column_stack([rows(3), rows(4)[:, 1:]])
     path = write(folder / "yz.csv", values[:, [0, 1, 3, 2, 4]], "t_s,uy_V,uz_V,y_um,z_um")
-    refused(
-        run,
-        folder,
-        "no common channel",
-        "axes x",
-        "both voltage and position of y, z",
-        train=f"{path}@0:1",
-        holdout=f"{path}@1:2",
-    )
+    said = "no common channel", "axes x", "both voltage and position of y, z"
+    refused(run, folder, *said, train=f"{path}@0:1", holdout=f"{path}@1:2")
 
 
 def test_a_model_without_a_time_view(run, folder):

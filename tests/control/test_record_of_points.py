@@ -39,18 +39,9 @@ def test_what_a_table_of_points_cannot_follow_is_said_before_it_is_recorded(tmp_
     t_s = np.arange(0, 3, 4e-4)
     fast = np.c_[t_s, 5 + 0.4 * np.sin(2 * np.pi * 400 * t_s)]
     np.savetxt(tmp_path / "fast.csv", fast, delimiter=",", header="t_s,u_V", comments="")
-    args = [
-        "log",
-        "record",
-        "--drive",
-        f"file:{tmp_path / 'fast.csv'}@0.3333Hz",
-        "--duration",
-        "0.2",
-        "-o",
-        str(tmp_path / "a.h5"),
-    ]
-    ran = CliRunner().invoke(main, args)
+    drive, output = f"file:{tmp_path / 'fast.csv'}@0.3333Hz", str(tmp_path / "a.h5")
+    ran = CliRunner().invoke(main, ["log", "record", "--drive", drive, "--duration", "0.2", "-o", output])
     assert ran.exit_code == 0, ran.output
     assert "warning: x: the device plays 1024 points a period" in ran.output
     with pl.connect() as dev, pytest.warns(UserWarning, match="1024 points a period"):
-        dev.record(f"file:{tmp_path / 'fast.csv'}@0.3333Hz", duration=0.2)
+        dev.record(drive, duration=0.2)

@@ -98,14 +98,12 @@ def test_a_record_begins_with_a_step_from_rest_or_where_it_had_stood(plays, step
 def test_a_mode_that_a_line_lacks_rings_from_where_the_stage_was_parked():
     """Of the line alone a step and a stay are the same: a mode beside it would ring by the parked voltage."""
     line = AxisModel(time=TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
-    ringing = line.model_copy(
-        update={"effects": (AdoptedEffect(name="resonance", params={"f_Hz": 90.0, "zeta": 0.02}),)}
-    )
+    mode = AdoptedEffect(name="resonance", params={"f_Hz": 90.0, "zeta": 0.02})
+    ringing = line.model_copy(update={"effects": (mode,)})
     t = np.arange(2000) * STEP_s
     u = 4 + np.where(t > 0.2, 1.0, 0.0)
-    x = simulate(ringing, np.arange(4000) * STEP_s, np.concatenate([np.linspace(0, 4, 1000), np.full(1000, 4.0), u]))[
-        2000:
-    ]
+    led = np.concatenate([np.linspace(0, 4, 1000), np.full(1000, 4.0), u])
+    x = simulate(ringing, np.arange(4000) * STEP_s, led)[2000:]
     made = modelled_run(line, GapRun("x", "train", t, u, x, None, 0, 2000, "made.csv", "", {}, {}))
     best, params = each_fitted([made], [effect("resonance"), effect("delay")])[0]
     assert best.name == "resonance"

@@ -13,7 +13,7 @@ from phaselead.errors import BadInput
 from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun, Role
-from phaselead.gap.residual import modelled_run
+from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
@@ -33,28 +33,29 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     becoming = [effect for effect in effects if effect.becomes_plays]
     if view.play_r_V or not becoming:
         return axis, None
-    by_role = {role: [run for run in runs if run.role == role] for role in ("train", "holdout", "reference")}
-    given = with_operator(axis, by_role["train"])
+    given = with_operator(axis, [run for run in runs if run.role == "train"])
+    as_line = [modelled_run(axis, run) for run in runs]
+
+    def of_role(role: Role) -> list[ModelledRun]:
+        return [modelled for modelled in as_line if modelled.run.role == role]
 
     def saved_by_plays(role: Role) -> Samples:
-        as_line, as_plays = ([modelled_run(one, run) for run in by_role[role]] for one in (axis, given))
-        return saved_by_block(as_line, (), as_plays, ())
+        lines = of_role(role)
+        return saved_by_block(lines, (), [modelled_run(given, line.run) for line in lines], ())
 
-    if by_role["reference"] and probability_by_chance(saved_by_plays("reference")) < BY_CHANCE:
+    if of_role("reference") and probability_by_chance(saved_by_plays("reference")) < BY_CHANCE:
         return axis, None
     saved = saved_by_plays("holdout")
     chance = probability_by_chance(saved)
     if chance > BY_CHANCE:
         return axis, None
-    as_line = [modelled_run(axis, run) for run in by_role["holdout"]]
-    train = [modelled_run(axis, run) for run in by_role["train"]]
+    train, held = of_role("train"), of_role("holdout")
     described = each_fitted(train, becoming[:1], base_may_be_off=True)
     others = each_fitted(train, [one for one in effects if one is not becoming[0]], base_may_be_off=True)
-    saved_by_another = max((float(saved_by_block(as_line, (), as_line, [one]).sum()) for one in others), default=0.0)
+    saved_by_another = max((float(saved_by_block(held, (), held, [one]).sum()) for one in others), default=0.0)
     if saved.sum() <= saved_by_another or not described:
         return axis, None
-    likelihood = likelihood_of([modelled_run(axis, run) for run in runs])
-    params = intervals_alone(likelihood, described)[0]
+    params = intervals_alone(likelihood_of(as_line), described)[0]
     why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
     return given, Memory(becoming[0], params, 1 - chance, why)
 

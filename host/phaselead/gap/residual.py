@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from phaselead.gap.records import GapRun
 from phaselead.identify import starting_memory
-from phaselead.model import AxisModel, Chain, Entry, Extra, Place, TimeView, effect, respond, rest_plays
+from phaselead.model import AxisModel, Chain, Entry, Extra, Place, effect, respond, rest_plays
 from phaselead.record import Samples
 
 MEMORY_ROWS = 20_000
@@ -114,10 +114,11 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
     """The memory at the start of the record, from the best last turning point; None is a step from rest."""
     view, u = axis.time, run.u_V
     assert view is not None
+    r, rest = np.asarray(view.play_r_V), rest_plays(view)
     rows = np.arange(run.start, run.stop, max(1, len(u) // MEMORY_ROWS))
 
     def began(turned_V: float) -> Began:
-        return stood_at(view, float(u[0]), turned_V)
+        return Began(np.clip(np.clip(rest, turned_V - r, turned_V + r), u[0] - r, u[0] + r), turned_V)
 
     def left(start: Began | None) -> Samples:
         return np.asarray((run.x_um - _chain(axis, run, start).run())[rows])
@@ -142,12 +143,6 @@ def _best_start(axis: AxisModel, run: GapRun) -> Began | None:
         starting_memory(variance, points, FADING_MEMORY) if _remembering(axis) else starting_memory(variance, points)
     )
     return at_rest if turned_V is None else began(turned_V)
-
-
-def stood_at(view: TimeView, u_V: float, turned_V: float = 0.0) -> Began:
-    """The memory of a stage that went from rest to ``turned_V`` and from there to ``u_V``, where it stood."""
-    r = np.asarray(view.play_r_V)
-    return Began(np.clip(np.clip(rest_plays(view), turned_V - r, turned_V + r), u_V - r, u_V + r), turned_V)
 
 
 def _operator_um(axis: AxisModel, run: GapRun, began: Began | None) -> Samples:

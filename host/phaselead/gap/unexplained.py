@@ -1,8 +1,8 @@
 """Whether what the final model leaves of held-out records can still be predicted from the voltage.
 
-The check knows nothing of the catalogue and shares nothing with the search: no noise model, no names. A
-generic model is fitted to the residuals of the training records and judged on the held-out ones. What such a model says
-that was fitted to the residuals of reference records is known misfit of the base, and is taken out first.
+The check knows nothing of the catalogue and shares nothing with the search: no noise model, no names. A generic model
+is fitted to the residuals of the training records and judged on the held-out ones. What such a model says that was
+fitted to the residuals of reference records is known misfit of the base, and is taken out first.
 """
 
 from __future__ import annotations
