@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 
 from phaselead.identify.operator.leaving_out import FOLD_BLOCKS, SIMPLER, folds_of, left_out
+from phaselead.identify.operator.likeliest import likeliest_slopes
 from phaselead.identify.operator.placing import fewest_knots, paired_plays
 from phaselead.identify.operator.regressors import (
     FADING,
@@ -420,7 +421,8 @@ def _of_all_rows(
     memories = [f.came_from_V for f in records.fits]
     fits = _thinned(records.runs, MOST_ROWS, ringing_s=ringing_s(modes), memories=memories)
     full = replace(records, fits=fits).behind_a_lag(records.fits[0].lag_s)
-    return _result(full, full.at(found.basis, found.delay_s, found.rest_fraction, found.modes), choices, messages)
+    best = full.at(found.basis, found.delay_s, found.rest_fraction, found.modes)
+    return _result(full, likeliest_slopes(full.fits, best, full.own_offsets), choices, messages)
 
 
 def _result(records: _Records, solution: Solution, choices: Sequence[Choice], messages: Sequence[str]) -> OperatorFit:

@@ -131,11 +131,14 @@ def centred(moments: Samples) -> Samples:
     return np.asarray(moments - ones[..., :, None] * ones[..., None, :] / moments[..., -2, -2, None, None])
 
 
-def solve_slopes(moments: Samples, n_segments: int, own_offsets: bool) -> tuple[Samples, float, float]:
+def solve_slopes(
+    moments: Samples, n_segments: int, own_offsets: bool, noise: float = 0.0
+) -> tuple[Samples, float, float]:
     """Slopes (k - 2,), position at rest and relative rms error from weighted moments (group, k, k).
 
-    Bounded least squares; ``own_offsets`` gives each group its own offset. Raises BadInput for moments that determine
-    nothing.
+    Bounded least squares; ``own_offsets`` gives each group its own offset. ``noise``: relative standard error of a
+    position that all rows tell together, by which the prior of the slopes counts. Raises BadInput for moments that
+    determine nothing.
     """
     total = moments.sum(axis=0)
     ones = total[:, -2]
@@ -147,8 +150,12 @@ def solve_slopes(moments: Samples, n_segments: int, own_offsets: bool) -> tuple[
     least[:n_segments] = REVERSIBLE * max(float(right[:n_segments].sum()) / straight, 0.0) if straight > 0 else 0.0
     if not np.isfinite(total).all():
         raise BadInput("the fit is singular: voltage or position hardly move; record a larger swing")
+    held = ridged(inner, SLOPES_RIDGE)
+    if noise > 0 and least.any():
+        mean = float(right[:n_segments].sum()) / straight
+        held = held + (noise / mean) ** 2 * np.diag(np.arange(size) >= n_segments)
     try:
-        root = np.linalg.cholesky(ridged(inner, SLOPES_RIDGE))
+        root = np.linalg.cholesky(held)
         above, _ = nnls(root.T, np.linalg.solve(root, right - inner @ least), maxiter=50 * size)
     except (np.linalg.LinAlgError, RuntimeError):
         raise BadInput("the fit is singular; record a larger swing, over several levels") from None
