@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 from test_gap_laws import HIDDEN, parts
 
-from phaselead.gap import axis, run
+from phaselead.gap import axis, run, search
 from phaselead.gap.findings import NAMED, WITHDRAWN
 from phaselead.gap.unexplained import Unexplained
 from phaselead.identify import fit
@@ -33,6 +33,17 @@ def answer(withdraw: bool):
         patch.setattr(run, "search_axis", kept)
         run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
     return found[0]
+
+
+def test_what_every_withdrawn_claim_was_for_is_still_there(monkeypatch):
+    """The odds of a delay are sure. Where its name is given up, since held-out records were predicted better without
+    it, something has no name: that is not nothing."""
+    reference, train, holdout = parts({"delay": HIDDEN["delay"]})
+    without = [name for name in catalogue() if name not in KEPT]
+    monkeypatch.setattr(search, "_that_pay", lambda held, entries, claims: ())
+    found = run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
+    assert found.verdicts == ("unknown",)
+    assert not found.effects
 
 
 def test_beside_a_name_that_survives_so_little_is_not_unknown():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
@@ -49,6 +50,8 @@ def select_effects(
     contest = search_sets(likelihood, left, lambda share: on_progress(0.1 + 0.9 * share))
     found = judge(contest)
     claims, entries, values = _estimated(contest, found.best.entries, found.claims, memory is not None)
+    # Where every claim was withdrawn, what it was for is still there.
+    judged = found if claims else replace(found, claims=())
     return Selection(
         base,
         axis,
@@ -58,7 +61,7 @@ def select_effects(
         contest,
         _candidates(contest, found),
         memory,
-        found.something_unnamed,
+        judged.something_unnamed,
     )
 
 
