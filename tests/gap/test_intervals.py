@@ -1,0 +1,91 @@
+"""Laws of the intervals of parameters that are taken from a covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phaselead.gap.findings import TWO_SIDED_95
+from phaselead.gap.parameters import internal, internal_unit, is_logarithmic, parameters_of
+from phaselead.gap.posterior.interval import intervals, shows_itself
+from phaselead.model.effects import effect
+
+SETS = (("softening",), ("rate_dependence",), ("delay", "softening"), ("resonance", "creep", "gain_change"))
+
+
+@st.composite
+def fitted(draw):
+    """A set of effects about its typical values and a covariance of its parameters."""
+    entries = []
+    for name in draw(st.sampled_from(SETS)):
+        params = {p.name: p.typical or (p.low + p.high) / 2 for p in effect(name).parameters}
+        entries.append((effect(name), params))
+    size = len(parameters_of(entries))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    spread = 10 ** rng.uniform(-2, 1, size=size)
+    root = rng.normal(size=(size, 2 * size)) + draw(st.floats(0, 3)) * rng.normal(size=(1, 2 * size))
+    return entries, spread[:, None] * (root @ root.T / (2 * size)) * spread
+
+
+def at_given_shapes(entries, covariance, k):
+    """Deviation of one size where the shapes of its effect are known, straight from the conditional distribution."""
+    of = parameters_of(entries)
+    shapes = [j for j, (i, p) in enumerate(of) if i == of[k][0] and p.role != "size"]
+    if not shapes:
+        return np.sqrt(covariance[k, k])
+    to_shapes = np.linalg.solve(covariance[np.ix_(shapes, shapes)], covariance[shapes, k])
+    return np.sqrt(covariance[k, k] - covariance[k, shapes] @ to_shapes)
+
+
+@given(fitted())
+def test_a_size_is_clear_of_nothing_where_it_is_at_its_shapes(case):
+    """An effect of no size has no shape, so that what the shapes might be does not bring it to nothing."""
+    entries, covariance = case
+    at = internal(entries)
+    for k, (i, p) in enumerate(parameters_of(entries)):
+        value, unit, (low, high) = intervals(entries, covariance)[i][p.name]
+        assert (value, unit) == (entries[i][1][p.name], p.unit)
+        assert low <= value <= high
+        if p.role != "size" or is_logarithmic(p):
+            continue
+        told = abs(at[k]) / (TWO_SIDED_95 * at_given_shapes(entries, covariance, k))
+        if abs(told - 1) > 1e-6:
+            assert (low > 0 or high < 0) == (told > 1)
+
+
+@given(fitted())
+def test_an_interval_is_no_narrower_than_the_covariance_says(case):
+    entries, covariance = case
+    for k, (i, p) in enumerate(parameters_of(entries)):
+        if is_logarithmic(p):
+            continue
+        value, _, (low, high) = intervals(entries, covariance)[i][p.name]
+        half = TWO_SIDED_95 * np.sqrt(covariance[k, k]) * internal_unit(p)
+        upper, lower = min(value + half, p.high), max(value - half, p.low)
+        assert high - low >= 0.4 * (upper - lower) - 1e-12
+        assert max(abs(high), abs(low)) >= min(abs(upper), abs(p.high)) * (1 - 1e-9)
+
+
+def test_what_is_sure_of_its_sign_whatever_its_shape_bears_its_name():
+    softening = effect("softening")
+    params = {p.name: p.typical for p in softening.parameters}
+    (size,) = (k for k, p in enumerate(softening.parameters) if p.role == "size")
+    (shape,) = (k for k, p in enumerate(softening.parameters) if p.name == "exponent")
+    covariance = np.diag(np.full(len(params), 0.01))
+    covariance[size, size], covariance[shape, shape] = 0.5, 1.0
+    for correlation, named in ((0.0, False), (0.99, True)):
+        covariance[size, shape] = covariance[shape, size] = correlation * np.sqrt(0.5)
+        (found,) = intervals([(softening, params)], covariance)
+        assert shows_itself(softening, found) is named
+
+
+@pytest.mark.parametrize("away", [0.0, 0.3, 3.0])
+def test_two_ways_to_weigh_the_records_may_both_be_right(away):
+    late = effect("delay")
+    (p,) = late.parameters
+    (found,) = intervals([(late, {p.name: p.typical})], np.array([[1e-6]]), [(late, {p.name: (1 + away) * p.typical})])
+    _, _, (low, high) = found[p.name]
+    assert low <= p.typical * (1 + 1e-3)
+    assert high >= (1 + away) * p.typical
