@@ -57,7 +57,7 @@ def drawn(draw):
             ):  # fmt: skip
                 found.append(left.T @ right / n)
     first = [0, *np.cumsum([len(rows) for rows in sizes]).tolist()]
-    moments = Moments(np.stack(own), np.stack(across), SharedProducts(np.stack(among)), first, p)
+    moments = Moments(np.stack(own), np.stack(across), SharedProducts(np.stack(among)), first, p, np.ones((runs, b)))
     weights = rng.exponential(size=(SETTINGS, first[-1]))
     return Drawn(moments, np.stack(dense), weights, rng.exponential(size=p))
 
@@ -138,7 +138,19 @@ def test_weighing_in_several_ways_at_a_time_is_weighing_one_by_one(case):
 def test_blocks_of_each_record_are_its_own():
     """The columns of one record are not eliminated by the blocks of another."""
     own = np.array([np.eye(2), 4 * np.eye(2), 9 * np.eye(2)])
-    moments = Moments(own, np.zeros((3, 2, 0)), SharedProducts(np.zeros((3, 0, 0))), [0, 2, 3], 0)
+    moments = Moments(own, np.zeros((3, 2, 0)), SharedProducts(np.zeros((3, 0, 0))), [0, 2, 3], 0, np.ones((2, 1)))
     normal, _ = moments.normal(np.ones((1, 3)), np.zeros(0))
     np.testing.assert_array_equal(normal.before[0, :, 0, 0], [1 + 1 + 4, 1 + 9])
     assert [b - a for a, b in pairwise(moments.runs)] == [2, 1]
+
+
+@given(drawn(), st.integers(0, 2**32 - 1))
+def test_a_column_that_does_not_count_is_one_of_zeros(case, seed):
+    moments, p = case.moments, len(case.precision)
+    moving = np.random.default_rng(seed).integers(0, 2, size=moments.moving.shape).astype(float)
+    found = moments.among(moving)
+    for run, (first, stop) in enumerate(pairwise(moments.runs)):
+        of_columns = np.concatenate([np.ones(p), moving[run], np.ones(1)])
+        np.testing.assert_array_equal(found.own[first:stop], moments.own[first:stop] * np.outer(of_columns, of_columns))
+        np.testing.assert_array_equal(found.across[first:stop], moments.across[first:stop] * of_columns[:, None])
+    assert found.moving is moving

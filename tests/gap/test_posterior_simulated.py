@@ -73,12 +73,13 @@ def test_a_set_is_simulated_together_as_each_part_alone(entries):
     np.testing.assert_allclose(found.columns[:, : len(free)], fresh[:, :-1], atol=1e-9 * scale)
     np.testing.assert_allclose(found.columns[:, -1], fresh[:, -1], atol=1e-9 * scale)
     before = before_record(run.modelled, entries)
-    assert (before is None) == (CREEP not in [e for e, _ in entries])
-    if before is None:
-        assert found.before.shape[1] == 0
-    else:
-        np.testing.assert_allclose(found.before, run.coefficients(before), atol=1e-9)
-        assert found.before.any()
+    assert [part.shape[1] > 0 for part in before] == [e.before_record is not None for e, _ in entries]
+    widths = [part.shape[1] for part in before]
+    assert found.of_effects == tuple(np.repeat(np.arange(len(entries)), widths))
+    for i, part in enumerate(before):
+        mine = found.before[:, np.equal(found.of_effects, i)]
+        np.testing.assert_allclose(mine, run.coefficients(part), atol=1e-9)
+        assert mine.any() or not part.shape[1]
     assert found.power.shape == (len(entries), len(run.sizes))
     for i, power in enumerate(found.power):
         rest = [*entries[:i], *entries[i + 1 :]]

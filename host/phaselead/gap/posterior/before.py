@@ -15,21 +15,22 @@ NEAR_RATIO, NEAR_PART = 0.3, 0.2
 """Deviation of a shape that is near another: of its logarithm, or as a part of its range."""
 
 
-def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]]) -> Samples | None:
-    """Columns (n, k) in um of what slow effects had done before the record began, one deviation of the state of each
-    of their lags; None without a slow effect. What stood off as a voltage passes the hysteresis."""
+def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]]) -> list[Samples]:
+    """Columns (n, k) in um of what each effect had done before the record began, one deviation of the state of each of
+    its lags; k is 0 of one that is not slow. What stood off as a voltage passes the hysteresis."""
     run = modelled.run
     since_s = run.t_s - run.t_s[0]
     found: list[Samples] = []
     for effect, params in entries:
         if effect.before_record is None:
+            found.append(np.zeros((run.stop - run.start, 0)))
             continue
         columns = effect.before_record(since_s, params, modelled.axis)
         if effect.place <= Place.AMPLIFIER:
-            found += [modelled.after_voltage(column) for column in columns.T]
+            found.append(np.stack([modelled.after_voltage(column) for column in columns.T], axis=1))
         else:
-            found += list(columns[run.rows].T)
-    return np.stack(found, axis=1) if found else None
+            found.append(columns[run.rows])
+    return found
 
 
 def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:

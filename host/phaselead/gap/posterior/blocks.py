@@ -46,6 +46,8 @@ class Simulated:
     """p, of a reference record 0."""
     power: Samples
     """(entries, blocks) mean power of what each effect adds to the others."""
+    of_effects: tuple[int, ...]
+    """(b,) The entry that had done each of the b things before."""
 
     @property
     def before(self) -> Samples:
@@ -108,11 +110,9 @@ class BlockedRun:
     @cached_property
     def _started(self) -> tuple[Samples, Samples]:
         """Columns (n, k) of where the base may have stood when the record began, and (k, k) to project them out."""
-        columns = self.modelled.nuisances[:, 1:]
-        before = before_record(self.modelled, [(effect(one.name), one.params) for one in self.modelled.axis.effects])
-        if before is not None:
-            columns = np.concatenate([columns, before], axis=1)
-        columns = columns[self.skipped :]
+        of_base = [(effect(one.name), one.params) for one in self.modelled.axis.effects]
+        before = before_record(self.modelled, of_base)
+        columns = np.concatenate([self.modelled.nuisances[:, 1:], *before], axis=1)[self.skipped :]
         columns = columns - columns.mean(axis=0)
         normal = columns.T @ columns + self.usual_um**2 * np.eye(columns.shape[1])
         return columns, np.linalg.inv(normal)
@@ -145,17 +145,15 @@ class BlockedRun:
 
     def _simulated(self, entries: tuple[SizedEffect, ...]) -> Simulated:
         if not self.changed:
-            return Simulated(entries, self.base_error, 0, np.zeros((len(entries), len(self.sizes))))
+            return Simulated(entries, self.base_error, 0, np.zeros((len(entries), len(self.sizes))), ())
         answer, e, p = self.modelled.answer(entries), len(entries), len(parameters_of(entries))
         added = [answer - self.modelled.answer([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
-        fresh, before = (
-            fresh_columns(self.modelled, entries, parameters_of(entries)),
-            before_record(self.modelled, entries),
-        )
-        of_before = [] if before is None else [before]
-        columns = self.coefficients(np.column_stack([*added, fresh[:, :-1], *of_before, fresh[:, -1]]))
+        fresh = fresh_columns(self.modelled, entries, parameters_of(entries))
+        before = before_record(self.modelled, entries)
+        columns = self.coefficients(np.column_stack([*added, fresh[:, :-1], *before, fresh[:, -1]]))
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
-        return Simulated(entries, columns[:, e:].copy(), p, squares / self.sizes)
+        of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
+        return Simulated(entries, columns[:, e:].copy(), p, squares / self.sizes, of)
 
     def power(self, column: Samples) -> Samples:
         """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""

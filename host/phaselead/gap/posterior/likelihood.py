@@ -45,6 +45,7 @@ from phaselead.gap.posterior.missed import (
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused
+from phaselead.gap.posterior.still_moving import still_moving
 from phaselead.record import Samples
 
 LIKE_RIVALS = 0.1
@@ -152,7 +153,9 @@ class Likelihood:
             none = width - one.columns.shape[1]
             own[a:b, none:, none:] = run.products(one.columns, one.columns)
             across[a:b, none:] = run.products(one.columns, shared)
-        return Moments(own, across, self._among_shared, self._blocks, max(one.tangents for one in found))
+        p = max(one.tangents for one in found)
+        moving = np.ones((len(found), width - 1 - p))
+        return Moments(own, across, self._among_shared, self._blocks, p, moving)
 
     def _near(self, terms: Terms, entries: tuple[SizedEffect, ...]) -> Terms:
         """A set at parameters near those of ``terms``, without tangents, for their likelihood alone."""
@@ -315,8 +318,10 @@ class Likelihood:
         """Evidence and covariance of a set at its most likely parameters."""
         grid = shares_of(terms.entries)
         prior = np.array([log_prior_of_share(terms.entries, one) for one in grid])
-        every = prior + self._log_evidence(terms, grid, self.every)
-        fitted = prior + self._log_evidence(terms, grid, self.fitted)
+        terms, of_records = self._still_moving(terms, share)
+        of_fitted = [one for run, one in zip(self.runs, of_records, strict=True) if run.modelled.run.role != "holdout"]
+        every = prior + self._log_evidence(terms, grid, self.every) + sum(of_records)
+        fitted = prior + self._log_evidence(terms, grid, self.fitted) + sum(of_fitted)
         likely = np.exp(every - every.max())
         named = float(likely[[share <= MOST_MISSED for share in grid]].sum() / likely.sum())
         p = len(terms.prior.centre)
@@ -326,6 +331,23 @@ class Likelihood:
             kept = np.flatnonzero(probability > NEGLIGIBLE)
             covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
         return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance)
+
+    def _still_moving(self, terms: Terms, share: float) -> tuple[Terms, list[float]]:
+        """The set with what its effects had done before in the records alone in which that still goes on, and the log
+        prior (runs,) of that."""
+        moments = terms.moments.integrated
+        moving, of_records = moments.moving.copy(), [0.0] * len(self.runs)
+        if not moving.size:
+            return terms, of_records
+        at = self.settled(terms, [share], self.every)
+        normal, right = moments.normal(self.weights(at.power, at.variance, self.every), np.zeros(0))
+        slopes = right.before[0, :, :, 0] - (normal.beside[0] @ at.amounts.common[0])[:, :, 0]
+        for i, run in enumerate(self.runs):
+            of_effects = run.simulated(terms.entries).of_effects
+            if of_effects:
+                information = normal.before[0, i] - np.eye(len(of_effects))
+                moving[i], of_records[i] = still_moving(information, slopes[i], of_effects)
+        return replace(terms, moments=terms.moments.among(moving), settled={}), of_records
 
     def _log_evidence(self, terms: Terms, shares: Sequence[float], which: Samples) -> Samples:
         normal, _ = self.information(terms, shares, which)

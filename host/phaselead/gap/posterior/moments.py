@@ -100,6 +100,15 @@ class Moments:
     """Blocks at which the records begin, and their number."""
     tangents: int
     """p"""
+    moving: Samples
+    """(runs, b) 1 where a column of a record counts, 0 where what it is for is over."""
+
+    def among(self, moving: Samples) -> Moments:
+        """The same where only these (runs, b) columns of the records count."""
+        always = np.ones((len(moving), self.tangents + 1))
+        of_records = np.concatenate([always[:, :-1], moving, always[:, -1:]], axis=1)
+        kept = np.repeat(of_records, np.diff(self.runs), axis=0)[:, :, None]
+        return replace(self, own=self.own * kept * kept.transpose(0, 2, 1), across=self.across * kept, moving=moving)
 
     @property
     def _before(self) -> int:

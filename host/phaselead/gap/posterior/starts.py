@@ -169,7 +169,7 @@ class Starts:
             weighed = columns[i] * roots
             cross = (of_set.astype(np.float32) * roots).T @ weighed
             common += cross[: c + 1]
-            before[i] = cross[c + 1 :]
+            before[i] = cross[c + 1 :] * terms.moments.moving[i][:, None]
             for at, products in zip(places, own, strict=True):
                 products += weighed[:, at].T @ weighed[:, at]
         with_set = Amounts(common[None, :-1], before[None])
