@@ -12,6 +12,7 @@ from test_posterior_likelihood import Toy
 
 from phaselead.gap.findings import Bound, Detectable
 from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
+from phaselead.gap.posterior.missed import SHARES
 from phaselead.gap.posterior.priors import SIZES
 from phaselead.gap.posterior.starts import at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
@@ -99,6 +100,32 @@ def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
     end = size.high / group.steps[0]
     for times in (0.5 * end, end, 20 * end):
         np.testing.assert_allclose(expected._simulated(0, times)[0], column, rtol=1e-6)
+
+
+@pytest.mark.parametrize("references", [1, 2, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(references, seed):
+    """Records are outliers at most, those that have it or those that have it not, and may be few of either."""
+    toy = Toy(seed, roles=(*["reference"] * references, "train", "train", "train", "holdout"))
+    runs, v = toy.likelihood.runs, toy.likelihood.noise + toy.likelihood.base
+    everywhere = [run.coefficients(run.modelled.columns["gain_change"][:, None]) for run in runs]
+    column = [one * run.changed for run, one in zip(runs, everywhere, strict=True)]
+    expected = _Expected.__new__(_Expected)
+    expected._likelihood, expected._without_um2, expected._of_material = toy.likelihood, v, False
+    asked = 12.0
+    found = expected._times(column, [everywhere], [1e3], asked)
+
+    def powers(columns):
+        return [run.products(one, one)[:, 0, 0] for run, one in zip(runs, columns, strict=True)]
+
+    def odds(times, lacks):
+        past = np.concatenate(powers([a - lacks * b for a, b in zip(column, everywhere, strict=True)]))
+        signal = np.concatenate([run.spread(one) for run, one in zip(runs, powers(column), strict=True)])
+        return 0.5 * np.log1p(times**2 * past / (v + (SHARES[0] * times) ** 2 * signal)).sum()
+
+    least = min(odds(found, lacks) for lacks in np.linspace(-0.5, 1.5, 201))
+    assert least > 0.7 * asked
+    assert min(odds(0.9 * found, lacks) for lacks in (*np.linspace(0, 1, 11), 1.0)) < asked
 
 
 @pytest.mark.parametrize(

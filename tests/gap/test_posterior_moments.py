@@ -145,12 +145,14 @@ def test_blocks_of_each_record_are_its_own():
 
 
 @given(drawn(), st.integers(0, 2**32 - 1))
-def test_a_column_that_does_not_count_is_one_of_zeros(case, seed):
-    moments, p = case.moments, len(case.precision)
+def test_a_column_that_does_not_count_changes_nothing(case, seed):
+    """Whatever its amount, and whatever the records say of it."""
+    moments = case.moments
     moving = np.random.default_rng(seed).integers(0, 2, size=moments.moving.shape).astype(float)
-    found = moments.among(moving)
-    for run, (first, stop) in enumerate(pairwise(moments.runs)):
-        of_columns = np.concatenate([np.ones(p), moving[run], np.ones(1)])
-        np.testing.assert_array_equal(found.own[first:stop], moments.own[first:stop] * np.outer(of_columns, of_columns))
-        np.testing.assert_array_equal(found.across[first:stop], moments.across[first:stop] * of_columns[:, None])
-    assert found.moving is moving
+    found = moments.where_moving(moving)
+    amounts = some(moments)
+    kept = Amounts(amounts.common, amounts.before * moving[:, :, None])
+    np.testing.assert_allclose(found.power(amounts), moments.power(kept), rtol=1e-9, atol=1e-12)
+    normal, right = found.normal(case.weights, case.precision)
+    solved = normal.solve(right)
+    assert not (solved.before * (1 - moving)[:, :, None]).any()

@@ -218,6 +218,17 @@ def test_beside_a_name_something_may_remain_as_well(something):
     assert found.something_unnamed is something
 
 
+@pytest.mark.parametrize(("short", "something"), [(0.002, False), (-0.002, True)])
+def test_beside_a_name_what_remains_must_be_as_sure_as_a_name(short, something):
+    """Where nothing is named to be sure of something in 95 of 100 is enough not to say that there is nothing."""
+    alone = 1 - SURE + short
+    other = 40.0 + np.log((1 - alone) / alone / 2)
+    found = judge(contest({(): 0.0, ("delay",): 40.0, ("creep", "delay"): other, ("backlash", "delay"): other}))
+    assert [claim.effect.name for claim in found.claims] == ["delay"]
+    assert found.sets["delay",] == pytest.approx(alone)
+    assert found.something_unnamed is something
+
+
 @given(st.integers(1, 40))
 def test_the_prior_of_all_sets_sums_to_one_and_every_number_of_effects_is_as_likely(size):
     by_number = [comb(size, k) * exp(log_prior_of_set(k, size)) for k in range(size + 1)]

@@ -26,6 +26,7 @@ from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_blo
 from phaselead.gap.selection import Selection
 from phaselead.model import AxisModel, Effect
 
+NOT_NAMED = "most probable, not named"
 SHOWN_SETS = 12
 """Sets in the table of candidates."""
 
@@ -59,7 +60,7 @@ def select_effects(
         claims,
         {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
         contest,
-        _candidates(contest, found),
+        _candidates(contest, judged),
         memory,
         judged.something_unnamed,
     )
@@ -119,7 +120,8 @@ def _candidates(contest: Contest, found: Judgement) -> tuple[Candidate, ...]:
     for names, fit in ranked:
         if names:
             behind = best - contest.log_posterior(names)
-            remark = NAMED if fit is found.best and found.claims else f"log odds {behind:.1f} behind {leader}"
+            remark = NAMED if found.claims else NOT_NAMED
+            remark = remark if fit is found.best else f"log odds {behind:.1f} behind {leader}"
             gained = fit.log_evidence - nothing
             rows.append(Candidate(len(names), " + ".join(names), gained, remark))
     return tuple(rows)

@@ -184,17 +184,23 @@ class _Expected:
         widths = [one[0].shape[1] for one in others]
         precision = np.diag(np.repeat(np.array(deviations, dtype=np.float64) ** -2, widths))
         taken = np.linalg.solve(total[:-1, :-1] + precision, total[:-1, -1])
-        past = np.append(-taken, 1.0)
-        left = np.maximum((moments @ past) @ past, 0.0)
+        # The others may also take all of it where it acts, and leave records without it as if these were outliers.
+        acting = np.tensordot(likelihood.changed / self._without_um2, moments, 1)
+        everywhere = np.linalg.solve(acting[:-1, :-1] + precision, acting[:-1, -1])
         parts = np.split(moments[:, -1, -1], np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
         power = np.concatenate([run.spread(part) for run, part in zip(likelihood.runs, parts, strict=True)])
         squares = TRIED[:, None] ** 2
         variance = self._without_um2 + missed_um2(SHARES[0], squares * power, squares * power * self._of_material)
-        odds = 0.5 * np.log1p(squares * left / variance).sum(axis=1)
-        information = float((left / self._without_um2).sum())
-        asked = log_odds + (max(0.5 * np.log(max(information, 1e-300)), 0.0) if priced else 0.0)
-        enough = np.flatnonzero(odds >= asked)
-        return float(TRIED[enough[0]]) if len(enough) else np.inf
+        needed = 0.0
+        for amounts in (taken, everywhere):
+            past = np.append(-amounts, 1.0)
+            left = np.maximum((moments @ past) @ past, 0.0)
+            odds = 0.5 * np.log1p(squares * left / variance).sum(axis=1)
+            information = float((left / self._without_um2).sum())
+            asked = log_odds + (max(0.5 * np.log(max(information, 1e-300)), 0.0) if priced else 0.0)
+            enough = np.flatnonzero(odds >= asked)
+            needed = max(needed, float(TRIED[enough[0]]) if len(enough) else np.inf)
+        return needed
 
 
 def _added(run: BlockedRun, entry: SizedEffect) -> Samples:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
-from phaselead.gap.parameters import SizedEffect, from_internal, internal, is_logarithmic, parameters_of
+from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.model import Effect
 from phaselead.record import Samples
@@ -21,33 +21,37 @@ def intervals(
     internal units about ``entries``. An interval ends where the catalogue does. The values are those of ``chosen``, by
     default the same; by how much two ways to weigh the same records differ, either may be off to either side.
 
-    An effect of no size has no shape: whether a size is clear of nothing is asked at the shapes that were found. One
-    that is, but whose interval would hold nothing, has one that reaches as far in its logarithm."""
+    An effect of no size has no shape: whether a size is clear of nothing is asked at the shapes that were found, and
+    the interval of one that is ends next to nothing."""
     values = entries if chosen is None else chosen
     at, middle = internal(values), internal(entries)
-    reach = TWO_SIDED_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0)) + np.abs(at - middle)
-    nearest = TWO_SIDED_95 * _at_given_shapes(entries, covariance) + np.abs(at - middle)
+    off = np.abs(at - middle)
+    reach = TWO_SIDED_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0)) + off
+    clear = np.abs(at) > TWO_SIDED_95 * _at_given_shapes(entries, covariance) + off
     found: list[dict[str, Estimate]] = [{} for _ in entries]
     for k, (i, p) in enumerate(parameters_of(entries)):
         value = float(values[i][1][p.name])
-        if p.role == "size" and not is_logarithmic(p) and nearest[k] < abs(at[k]) <= reach[k]:
-            ends = at[k] * np.exp(np.array([-1, 1]) * reach[k] / abs(at[k]))
-        else:
-            ends = at[k] + np.array([-1, 1]) * reach[k]
+        ends = [at[k] - reach[k], at[k] + reach[k]]
+        if p.role == "size" and not is_logarithmic(p) and clear[k]:
+            nearest = 0 if at[k] > 0 else 1
+            ends[nearest] = max(ends[nearest] / at[k], AT_END) * at[k]
         low, high = sorted(from_internal(p, float(end)) for end in ends)
         found[i][p.name] = (value, p.unit, (min(low, value), max(high, value)))
     return found
 
 
 def _at_given_shapes(entries: Sequence[SizedEffect], covariance: Samples) -> Samples:
-    """Deviations (parameters,) in internal units, of an effect's sizes at its shapes as they are."""
+    """Deviations (parameters,) in internal units, of an effect's sizes at its shapes as they are; of shapes
+    infinite."""
     of = parameters_of(entries)
-    precision, found = np.linalg.inv(covariance), np.zeros(len(of))
+    found: Samples = np.full(len(of), np.inf)
     for i in range(len(entries)):
-        kept = np.array([j != i or p.role == "size" for j, p in of])
-        mine = np.array([j == i and p.role == "size" for j, p in of])
-        variances = np.diag(np.linalg.inv(precision[np.ix_(kept, kept)]))
-        found[mine] = np.sqrt(np.maximum(variances[mine[kept]], 0.0))
+        sizes = [k for k, (j, p) in enumerate(of) if j == i and p.role == "size"]
+        shapes = [k for k, (j, p) in enumerate(of) if j == i and p.role != "size"]
+        across = covariance[np.ix_(shapes, sizes)]
+        told = np.linalg.solve(covariance[np.ix_(shapes, shapes)], across)
+        variances = np.diag(covariance[np.ix_(sizes, sizes)] - across.T @ told)
+        found[sizes] = np.where(variances > 0, np.sqrt(np.maximum(variances, 0.0)), np.inf)
     return found
 
 

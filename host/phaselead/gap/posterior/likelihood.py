@@ -45,7 +45,7 @@ from phaselead.gap.posterior.missed import (
 from phaselead.gap.posterior.moments import Amounts, Moments, Normal, SharedProducts, together
 from phaselead.gap.posterior.priors import Prior, prior_of
 from phaselead.gap.posterior.sets import Fit, Settled, Terms, confused
-from phaselead.gap.posterior.still_moving import still_moving
+from phaselead.gap.posterior.still_moving import likeliest_moving, log_sum_over_records
 from phaselead.record import Samples
 
 LIKE_RIVALS = 0.1
@@ -134,14 +134,17 @@ class Likelihood:
         """Root of the squares, over all records, of what one effect adds to the others."""
         return float(np.sqrt(sum(run.simulated(entries).power[index] @ run.sizes for run in self.runs)))
 
-    def terms(self, entries: Sequence[SizedEffect]) -> Terms:
-        """A set of effects at its parameters."""
+    def terms(self, entries: Sequence[SizedEffect], moving: Samples | None = None) -> Terms:
+        """A set of effects at its parameters. ``moving`` (runs, b): 1 for what still goes on in a record of what had
+        been done before, by default all."""
         found = [run.simulated(entries) for run in self.runs]
         pairs = zip(self.runs, found, strict=True)
         of_effects = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
         material = of_effects[is_of_material(entries)].sum(axis=0)
         prior = prior_of(entries, self.step_s)
-        return Terms(tuple(entries), self._moments(found), of_effects.sum(axis=0), material, prior)
+        moments = self._moments(found)
+        moments = moments if moving is None else moments.where_moving(moving)
+        return Terms(tuple(entries), moments, of_effects.sum(axis=0), material, prior)
 
     def _moments(self, found: Sequence[Simulated]) -> Moments:
         """Of tangents, of what is integrated out, and of the residual."""
@@ -166,6 +169,8 @@ class Likelihood:
             mine = np.concatenate([run.simulated(terms.entries).before, left], axis=1)
             own[a:b, own.shape[1] - mine.shape[1] :] = run.products(left, mine)[:, 0]
             across[a:b] = run.products(left, shared)[:, 0]
+        of_records = np.repeat(terms.moments.moving, np.diff(self._blocks), axis=0)
+        own[:, :-1] *= of_records
         moments = terms.moments.with_residual(own, across)
         prior = prior_of(entries, self.step_s)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
@@ -291,7 +296,22 @@ class Likelihood:
     def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
         """The most likely parameters near those of ``start``, which may be terms of this likelihood."""
         terms, share, _ = self.fitted_terms(start, steps)
-        return self.judged(terms, share)
+        moving = terms.moments.moving
+        if not moving.size:
+            return self.judged(terms, share)
+        found = [self._fit_where_moving(terms, share, one, steps) for one in (moving, np.zeros_like(moving))]
+        return max(found, key=lambda fit: fit.log_evidence)
+
+    def _fit_where_moving(self, terms: Terms, share: float, moving: Samples, steps: int) -> Fit:
+        """The fit that is reached where what had been done before goes on in these records (runs, b) at first, and then
+        in those that bear it out."""
+        near = self.terms(terms.entries, moving)
+        if not moving.all():
+            near, share, _ = self.fitted_terms(near, steps)
+        chosen, _ = self._moving(near, share)
+        if not np.array_equal(chosen, moving):
+            near, share, _ = self.fitted_terms(self.terms(near.entries, chosen), steps)
+        return self.judged(near, share)
 
     def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, float, float]:
         """A set at its most likely parameters near those of ``start``, the share there and the log density."""
@@ -306,7 +326,7 @@ class Likelihood:
                 near = self._near(terms, entries)
                 gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
-                    terms, damping = self.terms(entries), max(damping / 5, 1e-6)
+                    terms, damping = self.terms(entries, terms.moments.moving), max(damping / 5, 1e-6)
                     best, share = self.likeliest_share(terms, share)
                     break
                 damping = max(damping, 1e-3) * 10
@@ -318,10 +338,12 @@ class Likelihood:
         """Evidence and covariance of a set at its most likely parameters."""
         grid = shares_of(terms.entries)
         prior = np.array([log_prior_of_share(terms.entries, one) for one in grid])
-        terms, of_records = self._still_moving(terms, share)
-        of_fitted = [one for run, one in zip(self.runs, of_records, strict=True) if run.modelled.run.role != "holdout"]
-        every = prior + self._log_evidence(terms, grid, self.every) + sum(of_records)
-        fitted = prior + self._log_evidence(terms, grid, self.fitted) + sum(of_fitted)
+        _, ratios = self._moving(terms, share)
+        held = {i for i, run in enumerate(self.runs) if run.modelled.run.role == "holdout"}
+        of_all = sum(log_sum_over_records(list(of_runs.values())) for of_runs in ratios)
+        of_fitted = sum(log_sum_over_records([r for i, r in of_runs.items() if i not in held]) for of_runs in ratios)
+        every = prior + self._log_evidence(terms, grid, self.every) + of_all
+        fitted = prior + self._log_evidence(terms, grid, self.fitted) + of_fitted
         likely = np.exp(every - every.max())
         named = float(likely[[share <= MOST_MISSED for share in grid]].sum() / likely.sum())
         p = len(terms.prior.centre)
@@ -332,22 +354,24 @@ class Likelihood:
             covariance = np.tensordot(probability[kept], self._covariances(terms, [grid[i] for i in kept]), 1)
         return Fit(terms, _log_sum(every), _log_sum(fitted), named, share, covariance)
 
-    def _still_moving(self, terms: Terms, share: float) -> tuple[Terms, list[float]]:
-        """The set with what its effects had done before in the records alone in which that still goes on, and the log
-        prior (runs,) of that."""
-        moments = terms.moments.integrated
-        moving, of_records = moments.moving.copy(), [0.0] * len(self.runs)
+    def _moving(self, terms: Terms, share: float) -> tuple[Samples, list[dict[int, float]]]:
+        """Which columns (runs, b) of the records most likely go on, beside the set as it is; and for each of its slow
+        effects, by run, the log evidence of that above its being over."""
+        moving, ratios = terms.moments.moving.copy(), [dict[int, float]() for _ in terms.entries]
         if not moving.size:
-            return terms, of_records
+            return moving, []
         at = self.settled(terms, [share], self.every)
-        normal, right = moments.normal(self.weights(at.power, at.variance, self.every), np.zeros(0))
+        every = self.terms(terms.entries).moments.integrated
+        normal, right = every.normal(self.weights(at.power, at.variance, self.every), np.zeros(0))
         slopes = right.before[0, :, :, 0] - (normal.beside[0] @ at.amounts.common[0])[:, :, 0]
         for i, run in enumerate(self.runs):
             of_effects = run.simulated(terms.entries).of_effects
             if of_effects:
                 information = normal.before[0, i] - np.eye(len(of_effects))
-                moving[i], of_records[i] = still_moving(information, slopes[i], of_effects)
-        return replace(terms, moments=terms.moments.among(moving), settled={}), of_records
+                moving[i], of_run = likeliest_moving(information, slopes[i], of_effects)
+                for effect, ratio in of_run.items():
+                    ratios[effect][i] = ratio
+        return moving, [of_runs for of_runs in ratios if of_runs]
 
     def _log_evidence(self, terms: Terms, shares: Sequence[float], which: Samples) -> Samples:
         normal, _ = self.information(terms, shares, which)

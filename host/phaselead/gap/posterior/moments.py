@@ -103,7 +103,7 @@ class Moments:
     moving: Samples
     """(runs, b) 1 where a column of a record counts, 0 where what it is for is over."""
 
-    def among(self, moving: Samples) -> Moments:
+    def where_moving(self, moving: Samples) -> Moments:
         """The same where only these (runs, b) columns of the records count."""
         always = np.ones((len(moving), self.tangents + 1))
         of_records = np.concatenate([always[:, :-1], moving, always[:, -1:]], axis=1)

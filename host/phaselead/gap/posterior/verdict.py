@@ -20,8 +20,8 @@ from phaselead.model import Effect
 MORE_LIKELY_THAN_NOT = 0.5
 """Probability from which the nearest set is no more than that, and names nothing."""
 SOMETHING = 0.95
-"""Probability of some effect, whichever, from which something remains that no name is sure to be: that of the intervals
-of parameters and of bounds."""
+"""Probability of some effect, whichever, from which records without a name do not show nothing: that of the intervals
+of parameters and of bounds. Beside a name, that something more is there is a claim, and must be as sure as one."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -67,7 +67,8 @@ class Judgement:
     def something_unnamed(self) -> bool:
         """Whether something is there, beside what is claimed, that no name is sure to be."""
         claimed = {name for claim in self.claims for name in claim.tied}
-        return 1 - sum(p for names, p in self.sets.items() if claimed.issuperset(names)) > SOMETHING
+        more = 1 - sum(p for names, p in self.sets.items() if claimed.issuperset(names))
+        return more > (SURE if claimed else SOMETHING)
 
 
 def judge(contest: Contest) -> Judgement:
