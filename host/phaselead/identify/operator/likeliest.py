@@ -15,9 +15,11 @@ from phaselead.identify.operator.solution import Solution, moments, solve_slopes
 
 
 def likeliest_slopes(fits: list[FitRun], found: Solution, own_offsets: bool) -> Solution:
-    """The same operator with the likeliest slopes where no play weighs more than all of the stage, a priori.
+    """The same operator with the likeliest slopes, where the weight of a play has the mean slope as its deviation
+    beforehand.
 
-    What an operator misses is smooth, so that a record says it once.
+    What an operator misses is smooth, so that a record says it once. Plays of a symmetric fit, and how many plays there
+    are, are chosen without this.
     """
     of_all = moments(fits, found.basis, found.delay_s, found.rest_fraction, found.modes)
     noise = found.error / float(np.sqrt(len(fits)))

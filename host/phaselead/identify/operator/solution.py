@@ -136,9 +136,9 @@ def solve_slopes(
 ) -> tuple[Samples, float, float]:
     """Slopes (k - 2,), position at rest and relative rms error from weighted moments (group, k, k).
 
-    Bounded least squares; ``own_offsets`` gives each group its own offset. ``noise``: relative standard error of a
-    position that all rows tell together, by which the prior of the slopes counts. Raises BadInput for moments that
-    determine nothing.
+    Bounded least squares; ``own_offsets`` gives each group its own offset. ``noise``: relative rms error of the
+    position by which a prior of the weights of plays counts, whose deviation is the mean slope; 0 is without a prior.
+    Raises BadInput for moments that determine nothing.
     """
     total = moments.sum(axis=0)
     ones = total[:, -2]
@@ -147,13 +147,13 @@ def solve_slopes(
     size = len(right)
     least = np.zeros(size)
     straight = float(inner[:n_segments, :n_segments].sum())
-    least[:n_segments] = REVERSIBLE * max(float(right[:n_segments].sum()) / straight, 0.0) if straight > 0 else 0.0
+    mean_slope = max(float(right[:n_segments].sum()) / straight, 0.0) if straight > 0 else 0.0
+    least[:n_segments] = REVERSIBLE * mean_slope
     if not np.isfinite(total).all():
         raise BadInput("the fit is singular: voltage or position hardly move; record a larger swing")
     held = ridged(inner, SLOPES_RIDGE)
-    if noise > 0 and least.any():
-        mean = float(right[:n_segments].sum()) / straight
-        held = held + (noise / mean) ** 2 * np.diag(np.arange(size) >= n_segments)
+    if noise > 0 and mean_slope > 0:
+        held = held + (noise / mean_slope) ** 2 * np.diag(np.arange(size) >= n_segments)
     try:
         root = np.linalg.cholesky(held)
         above, _ = nnls(root.T, np.linalg.solve(root, right - inner @ least), maxiter=50 * size)
