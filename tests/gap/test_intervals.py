@@ -56,7 +56,7 @@ def test_a_size_is_clear_of_nothing_where_it_is_at_its_shapes(case):
 
 
 @given(fitted())
-def test_an_interval_is_no_narrower_than_the_covariance_says(case):
+def test_only_next_to_nothing_is_an_interval_cut_short(case):
     entries, covariance = case
     for k, (i, p) in enumerate(parameters_of(entries)):
         if is_logarithmic(p):

@@ -186,13 +186,13 @@ class _Expected:
         taken = np.linalg.solve(total[:-1, :-1] + precision, total[:-1, -1])
         # The others may also take all of it where it acts, and leave records without it as if these were outliers.
         acting = np.tensordot(likelihood.changed / self._without_um2, moments, 1)
-        everywhere = np.linalg.solve(acting[:-1, :-1] + precision, acting[:-1, -1])
+        all_taken = np.linalg.solve(acting[:-1, :-1] + precision, acting[:-1, -1])
         parts = np.split(moments[:, -1, -1], np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
         power = np.concatenate([run.spread(part) for run, part in zip(likelihood.runs, parts, strict=True)])
         squares = TRIED[:, None] ** 2
         variance = self._without_um2 + missed_um2(SHARES[0], squares * power, squares * power * self._of_material)
         needed = 0.0
-        for amounts in (taken, everywhere):
+        for amounts in (taken, all_taken):
             past = np.append(-amounts, 1.0)
             left = np.maximum((moments @ past) @ past, 0.0)
             odds = 0.5 * np.log1p(squares * left / variance).sum(axis=1)
