@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
+from scipy.fft import dct, next_fast_len
 
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.before import before_record
@@ -73,12 +73,16 @@ class BlockedRun:
     def skipped(self) -> int:
         """Rows at its beginning that do not count."""
         run = self.modelled.run
-        return min(round(CARRIED_OVER_s / run.step_s), (run.stop - run.start) // 2)
+        return run.stop - run.start - self.rows
 
-    @property
+    @cached_property
     def rows(self) -> int:
-        """How many count, n."""
-        return self.modelled.run.stop - self.modelled.run.start - self.skipped
+        """How many count, n, of small prime factors: the transform of a number with large ones takes ten times as
+        long, and at most two rows of a hundred are lost where there are a thousand."""
+        run = self.modelled.run
+        scored = run.stop - run.start
+        most = scored - min(round(CARRIED_OVER_s / run.step_s), scored // 2)
+        return next(n for n in range(most, 0, -1) if next_fast_len(n) == n)
 
     @cached_property
     def edges(self) -> Counts:

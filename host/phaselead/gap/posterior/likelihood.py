@@ -305,12 +305,12 @@ class Likelihood:
     def _fit_where_moving(self, terms: Terms, share: float, moving: Samples, steps: int) -> Fit:
         """The fit that is reached where what had been done before goes on in these records (runs, b) at first, and then
         in those that bear it out."""
-        near = self.terms(terms.entries, moving)
+        near = terms.where_moving(moving)
         if not moving.all():
             near, share, _ = self.fitted_terms(near, steps)
         chosen, _ = self._moving(near, share)
         if not np.array_equal(chosen, moving):
-            near, share, _ = self.fitted_terms(self.terms(near.entries, chosen), steps)
+            near, share, _ = self.fitted_terms(near.where_moving(chosen), steps)
         return self.judged(near, share)
 
     def fitted_terms(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> tuple[Terms, float, float]:
@@ -322,7 +322,10 @@ class Likelihood:
             information, slope = self.information(terms, [share], self.every)
             gained = 0.0
             for _ in range(DAMPINGS):
-                entries = _moved(terms.entries, information.damped(damping).solve(slope).common[0, :, 0])
+                step = information.damped(damping).solve(slope)
+                if slope.along(step).item() / 2 < LEAST_GAIN:  # what it would gain were all normal
+                    break
+                entries = _moved(terms.entries, step.common[0, :, 0])
                 near = self._near(terms, entries)
                 gained = self._log_joints(near, [share])[share] - best
                 if gained > 0:
@@ -361,7 +364,7 @@ class Likelihood:
         if not moving.size:
             return moving, []
         at = self.settled(terms, [share], self.every)
-        every = self.terms(terms.entries).moments.integrated
+        every = (terms.moments.all_moving or terms.moments).integrated
         normal, right = every.normal(self.weights(at.power, at.variance, self.every), np.zeros(0))
         slopes = right.before[0, :, :, 0] - (normal.beside[0] @ at.amounts.common[0])[:, :, 0]
         for i, run in enumerate(self.runs):

@@ -102,13 +102,17 @@ class Moments:
     """p"""
     moving: Samples
     """(runs, b) 1 where a column of a record counts, 0 where what it is for is over."""
+    all_moving: Moments | None = None
+    """The same where every column counts; None where that is so here."""
 
     def where_moving(self, moving: Samples) -> Moments:
         """The same where only these (runs, b) columns of the records count."""
+        every = self.all_moving or self
         always = np.ones((len(moving), self.tangents + 1))
         of_records = np.concatenate([always[:, :-1], moving, always[:, -1:]], axis=1)
         kept = np.repeat(of_records, np.diff(self.runs), axis=0)[:, :, None]
-        return replace(self, own=self.own * kept * kept.transpose(0, 2, 1), across=self.across * kept, moving=moving)
+        own, across = every.own * kept * kept.transpose(0, 2, 1), every.across * kept
+        return replace(every, own=own, across=across, moving=moving, all_moving=every)
 
     @property
     def _before(self) -> int:
@@ -128,7 +132,8 @@ class Moments:
     def integrated(self) -> Moments:
         """The same without the tangents."""
         p = self.tangents
-        return replace(self, own=self.own[:, p:, p:].copy(), across=self.across[:, p:].copy(), tangents=0)
+        own, across = self.own[:, p:, p:].copy(), self.across[:, p:].copy()
+        return replace(self, own=own, across=across, tangents=0, all_moving=None)
 
     def with_residual(self, own: Samples, across: Samples) -> Moments:
         """The same without the tangents, of another residual: its products (blocks, b + 1) with the columns of the

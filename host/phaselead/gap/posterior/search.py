@@ -171,6 +171,7 @@ def _last_contest(likelihood: Likelihood, pool: Mapping[Names, Fit], catalogue_s
             starts.setdefault(names_of(rest), pool[names_of(rest)].entries if names_of(rest) in pool else rest)
         among = likelihood.with_misfit_of(best)
         contest = Contest(among, {names: among.fit(entries) for names, entries in starts.items()}, catalogue_size)
+        starts = {names: fit.entries for names, fit in contest.fits.items()}
         best = max(contest.fits.values(), key=lambda fit: contest.log_posterior(fit.names)).entries
     return contest
 

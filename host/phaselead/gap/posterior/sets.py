@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior.moments import Amounts, Moments
@@ -45,6 +45,10 @@ class Terms:
     prior: Prior
     settled: dict[tuple[float, bool], Settled] = field(default_factory=dict)
     """Where what is integrated out settles, by share and whether held-out records counted, once found."""
+
+    def where_moving(self, moving: Samples) -> Terms:
+        """The same where of what had been done before only this (runs, b) still goes on."""
+        return replace(self, moments=self.moments.where_moving(moving), settled={})
 
 
 @dataclass(frozen=True)
