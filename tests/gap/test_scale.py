@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 
@@ -9,12 +10,14 @@ import numpy as np
 import pytest
 from rig import Rig
 
+from phaselead.errors import BadInput
 from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
-from phaselead.gap.scale import LEAST_GAIN, MOST_GAIN, scale_doubts
+from phaselead.gap.scale import LEAST_GAIN, MOST_GAIN, refuse_other_units, scale_doubts
 from phaselead.identify import fit
 from phaselead.model import catalogue
-from phaselead.record.recording import AxisRecord
+from phaselead.model.effects.filters import resonant
+from phaselead.record.recording import AxisRecord, Recording
 
 WAVES = ("multisine0.9", "multisine0.25")
 
@@ -82,3 +85,50 @@ def test_every_role_that_is_off_is_said():
     holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
     (line,) = scale_doubts(stage(), axis_runs(stage(), train, holdout, records()[0]))
     assert line.startswith("x: the training and held-out records move -1.0 and 1.0e+03 times")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda u, x: (1000 * u, x), 1e-3),
+        (lambda u, x: (u, x / 1000), 1e-3),
+        (lambda u, x: (u, x * 1e6), 1e6),
+    ],
+    ids=["mV for V", "mm for um", "pm for um"],
+)
+@pytest.mark.parametrize("of", [(True, True), (True, False), (False, True)])
+def test_records_in_another_unit_are_refused(change, said, of):
+    train, holdout = (as_written(part, change) if off else part for part, off in zip(records(), of, strict=True))
+    with pytest.raises(BadInput, match="another unit") as refused:
+        run_gap(stage(), train, holdout)
+    assert float(str(refused.value).split(" moves ")[1].split()[0]) == pytest.approx(said, rel=0.1)
+    assert "--map" in str(refused.value)
+    assert ("model is of another stage" in str(refused.value)) == all(of)
+
+
+def test_one_record_in_another_unit_among_others_is_refused_by_its_name():
+    train = [records()[0][0], *as_written(records()[0][1:], lambda u, x: (u, x / 1000))]
+    with pytest.raises(BadInput, match=train[1].source.split(".")[0]):
+        run_gap(stage(), train, records()[1])
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(15.0, True), (1 / 15, True), (1.2, False), (0.5, False)])
+def test_two_scales_that_no_change_of_one_stage_gives_are_refused(factor, refused):
+    held = as_written(records()[1], lambda u, x: (u, factor * x))
+    runs = axis_runs(stage(), records()[0], held, [])
+    expected = pytest.raises(BadInput, match=r"training records move 1 times as far .* held-out records")
+    with expected if refused else nullcontext() as said:
+        refuse_other_units(stage(), runs)
+    assert not refused or "\n" not in str(said.value)
+
+
+def test_motion_behind_a_mode_is_in_no_other_unit():
+    """It is as small, and against the voltage."""
+    t_s = np.arange(4000) / 1000.0
+
+    def fast(f_Hz: float) -> Recording:
+        u_V = 4 + 3 * np.sin(2 * np.pi * f_Hz * t_s)
+        x_um = resonant(8 * u_V, 20.0, 0.02, 1e-3)
+        return Recording(t_s, {"x": AxisRecord(u_V, x_um)}, slice(2000, 4000), f"{f_Hz}.csv")
+
+    refuse_other_units(stage(), axis_runs(stage(), [fast(200.0)], [fast(210.0)], []))

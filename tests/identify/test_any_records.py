@@ -251,6 +251,16 @@ def test_what_cannot_be_used_is_left_out_and_said(few):
         fit([still])
 
 
+@pytest.mark.parametrize(("u", "x"), [(1000.0, 1.0), (1.0, 1e-3), (1.0, 1e6)], ids=["mV", "mm", "pm"])
+@pytest.mark.parametrize("which", [0, -1])
+def test_a_record_in_another_unit_is_refused_by_its_name(few, u, x, which):
+    odd = changed(few[which], lambda u_V: u * u_V, lambda x_um: x * x_um)
+    records = [odd if r is few[which] else r for r in few]
+    with pytest.raises(BadInput, match="another unit") as refused:
+        fit(records)
+    assert str(refused.value).startswith(odd.source)
+
+
 def test_a_set_without_a_loop_is_refused():
     one_way = record_of(NO_MODE, ramp(10.0, 500.0), 500.0, 0, "ramp")
     with pytest.raises(BadInput, match=r"ramp: .* turns round less than twice"):

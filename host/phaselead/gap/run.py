@@ -16,7 +16,7 @@ from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import scale_doubts
+from phaselead.gap.scale import refuse_other_units, scale_doubts
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -50,6 +50,7 @@ def run_gap(
     began = time.monotonic()
     report = on_progress or _silent
     runs = axis_runs(stage, train, holdout, reference)
+    refuse_other_units(stage, runs)
     doubts = scale_doubts(stage, runs)
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]

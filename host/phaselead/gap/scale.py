@@ -3,17 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
-from phaselead.gap.records import GapRun
+from phaselead.errors import BadInput
+from phaselead.gap.records import GapRun, Role
 from phaselead.model import Chain, Stage, catalogue
-from phaselead.record import slow_gain
+from phaselead.record import in_another_unit, slow_gain
 
 _GAIN = catalogue()["gain_change"].parameters[0]
 LEAST_GAIN, MOST_GAIN = 1 + _GAIN.low, 1 + _GAIN.high
 """What a change of the scale may come to; beyond it units, signs or columns are other ones."""
-ROLES = {"train": "training", "holdout": "held-out", "reference": "reference"}
+GIVE_FACTOR = "give the factor of a column, --map x_um=COLUMN*1e6 or u_V=COLUMN*0.001"
+ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
+
+
+def refuse_other_units(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> None:
+    """Refuse records in another unit than the model's, and records of two scales that no change of one stage gives.
+    Raises BadInput, one line."""
+    for axis, of_axis in runs.items():
+        driven = [run for run in of_axis if run.driven]
+        gains = [(run, _gain(stage, [run])) for run in driven]
+        off = [(run, gain) for run, gain in gains if gain is not None and in_another_unit(gain)]
+        if off:
+            run, gain = off[0]
+            others = f" ({len(off) - 1} more like it)" if len(off) > 1 else ""
+            whose = ", or the model is of another stage" if len(off) == len(driven) else ""
+            raise BadInput(
+                f"{run.name}: axis {axis} moves {gain:.2g} times as far as the model says{others}: a column is in "
+                f"another unit{whose}; {GIVE_FACTOR}, or leave the record out"
+            )
+        of_roles = _gains_of_roles(stage, driven)
+        for (one, gain), (other, beside) in combinations(of_roles.items(), 2):
+            if gain / beside > 0 and not LEAST_GAIN <= gain / beside <= MOST_GAIN:
+                raise BadInput(
+                    f"axis {axis}: the {ROLES[one]} records move {gain:.2g} times as far as the model says, the "
+                    f"{ROLES[other]} records {beside:.2g} times: no change of one stage does that; {GIVE_FACTOR}, or "
+                    "leave out what is of another stage"
+                )
 
 
 def scale_doubts(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> tuple[str, ...]:
@@ -22,8 +50,7 @@ def scale_doubts(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> tuple[st
 
 
 def _doubt(stage: Stage, axis: str, runs: Sequence[GapRun]) -> list[str]:
-    gains = {role: _gain(stage, [run for run in runs if run.role == role and run.driven]) for role in ROLES}
-    known = {role: gain for role, gain in gains.items() if gain is not None}
+    known = _gains_of_roles(stage, [run for run in runs if run.driven])
     off = {role: gain for role, gain in known.items() if not LEAST_GAIN <= gain <= MOST_GAIN}
     if not off:
         return []
@@ -34,6 +61,12 @@ def _doubt(stage: Stage, axis: str, runs: Sequence[GapRun]) -> list[str]:
         f"{axis}: the {which} move {gains_off} times as far as the model says: check units, signs and columns, or give "
         "--map; or the model is of another stage"
     ]
+
+
+def _gains_of_roles(stage: Stage, driven: Sequence[GapRun]) -> dict[Role, float]:
+    """The factor of each role, where its records tell one."""
+    gains = {role: _gain(stage, [run for run in driven if run.role == role]) for role in ROLES}
+    return {role: gain for role, gain in gains.items() if gain is not None}
 
 
 def _gain(stage: Stage, runs: Sequence[GapRun]) -> float | None:

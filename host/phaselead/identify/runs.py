@@ -16,7 +16,15 @@ from scipy.optimize import minimize_scalar
 
 from phaselead.errors import BadInput
 from phaselead.model import plays
-from phaselead.record import Recording, Samples, counts_backwards, refuse_clipped, refuse_gapped
+from phaselead.record import (
+    Recording,
+    Samples,
+    counts_backwards,
+    in_another_unit,
+    refuse_clipped,
+    refuse_gapped,
+    slow_gain,
+)
 
 STILL_S = 1.0
 """A voltage that stands still for longer shows creep: of a hysteresis no more than where it began."""
@@ -202,6 +210,23 @@ def turning_points(u: Samples) -> int:
 def sensor_counts_backwards(runs: Sequence[AxisRun]) -> bool:
     """Whether the position falls where the voltage rises, slowly."""
     return counts_backwards((run.u_V[run.scored], run.x_um[run.scored]) for run in runs)
+
+
+def refuse_other_units(runs: Sequence[AxisRun]) -> None:
+    """Refuse records that move beside their voltage as if they were in another unit than most. Raises BadInput."""
+    known = [(run, gain) for run in runs if (gain := slow_gain([(run.u_V, run.x_um)]))]
+    apart = [[in_another_unit(gain / other) for _, other in known] for _, gain in known]
+    if not np.any(apart):
+        return
+    like = min(range(len(known)), key=lambda i: sum(apart[i]))
+    (most, usual_um_per_V), off = known[like], [one for one, other in zip(known, apart[like], strict=True) if other]
+    run, um_per_V = off[0]
+    others = f" ({len(off) - 1} more like it)" if len(off) > 1 else ""
+    raise BadInput(
+        f"{run.source}: axis {run.axis} moves {um_per_V:.3g} um/V{others}, but {usual_um_per_V:.3g} um/V in "
+        f"{most.source}: a column of one is in another unit; give its factor, --map x_um=COLUMN*1e6 or "
+        "u_V=COLUMN*0.001, or fit them apart"
+    )
 
 
 def still_share(run: AxisRun) -> float:

@@ -8,7 +8,7 @@ from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
 from phaselead.record.digest import Source, file_sha256
-from phaselead.record.direction import counts_backwards, slow_gain
+from phaselead.record.direction import counts_backwards, in_another_unit, slow_gain
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
@@ -51,6 +51,7 @@ __all__ = [
     "hdf5_in_parts",
     "import_files",
     "import_names",
+    "in_another_unit",
     "is_special",
     "parse_axes",
     "parse_column_map",

@@ -10,6 +10,8 @@ from phaselead.record.axis_record import Samples
 
 MOSTLY = 0.5
 """Of the power of a position: what follows what was expected, before a factor between the two says anything."""
+PREFIX = 1000.0
+"""From one unit to the next: mV and V, nm and um, um and mm."""
 
 
 def counts_backwards(pairs: Iterable[tuple[Samples, Samples]]) -> bool:
@@ -33,6 +35,11 @@ def slow_gain(pairs: Sequence[tuple[Samples, Samples]]) -> float | None:
     if not common**2 > MOSTLY * own * seen:
         return None
     return common / own
+
+
+def in_another_unit(factor: float) -> bool:
+    """Whether a factor is nearer to a prefix of a unit than to 1. One below 0 may be motion behind a resonance."""
+    return factor > 0 and abs(np.log(factor)) > np.log(PREFIX) / 2
 
 
 def _slowly(values: Samples) -> Samples:
