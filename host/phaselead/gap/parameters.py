@@ -68,7 +68,7 @@ def fresh_columns(
     does, by finite differences, and the residual last."""
     answer = modelled.answer(entries)
     columns = [(modelled.answer(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries, free)]
-    return np.stack([*columns, modelled.run.x_um[modelled.run.rows] - answer], axis=1)
+    return np.stack([*columns, modelled.run.x_um[modelled.run.rows] - answer]).T
 
 
 def _differences(
