@@ -110,6 +110,8 @@ class NextExperiment:
 
 NAMED: Final = "named"
 """Remark of a candidate that was named, and status of an adopted effect that was."""
+NOT_NAMED: Final = "most probable, not named"
+"""Remark of the most probable candidate where none is named."""
 WITHDRAWN: Final = "withdrawn: too much is left that the voltage predicts"
 """Remark of a candidate that would have been named."""
 PROVISIONAL: Final = "provisional"

@@ -162,11 +162,13 @@ def _gap(final: FinalFit, noise: Noise) -> GapSize:
 
 def more_than_equations_miss(left: Unexplained, gap: GapSize) -> bool:
     """Whether more can be predicted from the voltage beside names than their equations may miss of what these explain
-    of the held-out records."""
+    of the held-out records. Unlike ``too_little_described`` it asks about a share of what the names explain, not of the
+    gap before, and the names stay: then something is there beside them."""
     explained_um2 = max(gap.before**2 - gap.after**2, 0.0)
     return left.something_missing and left.share * gap.after**2 > MOST_MISSED**2 * explained_um2
 
 
 def too_little_described(left: Unexplained, gap: GapSize) -> bool:
-    """Whether of what can be predicted from the voltage the names leave more than equations that bear them may miss."""
+    """Whether of what can be predicted from the voltage the names leave more than equations that bear them may miss.
+    Unlike ``more_than_equations_miss`` it asks about a share of the gap before, and the names are withdrawn."""
     return left.something_missing and left.share * gap.after**2 > (MOST_MISSED * gap.before) ** 2

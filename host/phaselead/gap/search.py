@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
-from phaselead.gap.findings import NAMED, Candidate, Estimate
+from phaselead.gap.findings import NAMED, NOT_NAMED, Candidate, Estimate
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import (
     Claim,
@@ -26,7 +26,6 @@ from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_blo
 from phaselead.gap.selection import Selection
 from phaselead.model import AxisModel, Effect
 
-NOT_NAMED = "most probable, not named"
 SHOWN_SETS = 12
 """Sets in the table of candidates."""
 
