@@ -1,14 +1,21 @@
-"""The noise that no model is expected to beat: that of the references, or what the richest model leaves."""
+"""The noise that no model is expected to beat: that of the references, or what the richest model leaves.
+
+A person is told which of them it is."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from phaselead.gap.findings import GapSize
 from phaselead.gap.floor import noise_of
+from phaselead.gap.goodness_of_fit import OF_THE_RICHEST, FinalFit
 from phaselead.gap.posterior import Contest, Starts, likelihood_of
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import modelled_run
+from phaselead.gap.run import _gap
 from phaselead.model import catalogue
 from phaselead.model.axis import AxisModel, TimeView
 
@@ -43,3 +50,26 @@ def test_with_references_it_is_what_the_base_leaves_of_them(roles):
     noise = noise_of(contest(3000, [*roles, "train", "holdout"]))
     assert noise.sigma_um == pytest.approx(NOISE_um, rel=0.2)
     assert noise.misfit_um < 0.5 * NOISE_um
+
+
+@pytest.mark.parametrize(("richest_um", "own"), [(0.005, False), (0.1, True)])
+def test_a_floor_says_whose_it_is(richest_um, own):
+    """Where nothing leaves less than the next model, the floor is what that leaves, and none of other records."""
+    runs = tuple(run.modelled for run in contest(300, ["train", "holdout"], lambda u: 0.3 * u).likelihood.runs)
+    alone = FinalFit(LINE, (), runs, runs, GapSize(2.0, 1.0, richest_um), richest_um)
+    gain = catalogue()["gain_change"]
+    closed = alone.with_entries([(gain, {"gain": 0.3 / 8})]).gap
+    assert 0.005 < closed.after < 0.1
+    assert closed.floor == min(richest_um, closed.after)
+    assert closed.floor_is_after is own
+    assert (closed.floor_from == OF_THE_RICHEST) is not own
+    assert closed.floor_from.startswith("what the next model leaves itself; ") is own
+
+
+def test_a_floor_that_is_not_the_same_on_all_axes_names_them():
+    kept = [SimpleNamespace(axis=a, gap=GapSize.below(1.0, 0.2, f, "noise"), rows=9) for a, f in (("x", 0.1), ("y", 1))]
+    joined = _gap(kept)
+    assert joined.floor_from == "on x noise; on y what the next model leaves itself; noise is no less"
+    assert not joined.floor_is_after
+    assert _gap(kept[:1]).floor_from == "noise"
+    assert _gap(kept[1:]).floor_is_after

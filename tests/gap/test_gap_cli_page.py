@@ -116,6 +116,20 @@ def test_what_remains_is_counted_above_the_floor(after, words):
     assert words in remains(replace(result(), gap=GapSize(0.3, after, 0.015)))
 
 
+def test_a_floor_that_is_the_rest_itself_is_no_measure_of_it():
+    own = replace(result(), gap=GapSize.below(0.2, 0.1, 0.15, "what the modes leave of the training records"))
+    said = text(gap_page(own, STAGE, "model.toml"))
+    assert "25.0 % of the unexplained power remains on the held-out records. How much of that is noise is not" in said
+    for wrong in ("other records set", "power above the floor", "no larger than the floor"):
+        assert wrong not in said
+
+
+def test_the_page_says_whose_floor_a_gap_has_come_down_to():
+    near = text(gap_page(replace(result(), gap=replace(result().gap, after=0.016)), STAGE, "model.toml"))
+    assert "0.0 % of the power above the floor remains on the held-out records. The floor is what the model" in near
+    assert "The floor is" not in text(gap_page(result(), STAGE, "model.toml"))
+
+
 def test_the_terminal_says_the_same():
     said = "\n".join(map(str, printed(result(), ["next.toml"])))
     for words in (

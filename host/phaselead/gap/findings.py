@@ -85,6 +85,17 @@ class GapSize:
     floor: float
     unit: str = "um"
     floor_from: str = ""
+    """What the floor is, for a person."""
+    floor_is_after: bool = False
+    """Whether the floor is ``after`` itself, since nothing is known to leave less: then what is left above it is 0 by
+    definition and says nothing."""
+
+    @classmethod
+    def below(cls, before: float, after: float, level: float, level_from: str) -> GapSize:
+        """The gap in um whose floor is a ``level`` of other records, or ``after`` where the next model leaves less."""
+        if level < after:
+            return cls(before, after, level, "um", level_from)
+        return cls(before, after, after, "um", f"what the next model leaves itself; {level_from} is no less", True)
 
 
 @dataclass(frozen=True)

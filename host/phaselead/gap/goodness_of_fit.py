@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,8 @@ from phaselead.record import Samples
 
 OPERATOR_ROUNDS = 2
 """In which the operator and the effects that lie behind it are fitted in turn."""
+OF_THE_RICHEST = "what the richest model of all leaves of the training records"
+"""What the floor is without reference records."""
 CLEARLY_ABOVE_FLOOR = 2.0
 """Times the floor, which is what the model leaves of the reference records, from which what is left of the held-out
 records may shift their means as well."""
@@ -40,6 +43,8 @@ class FinalFit:
     after: tuple[ModelledRun, ...]
     """Every run under ``axis``, the effects not yet in it."""
     gap: GapSize
+    richest_um: float = math.inf
+    """RMS that the richest model of all leaves of the training records: the floor where no reference record says."""
 
     @property
     def rows(self) -> int:
@@ -65,8 +70,9 @@ class FinalFit:
         richer = replace(self, entries=(*self.entries, *entries))
         after = float(np.sqrt(_power([left.error_um for left in richer.residuals("holdout")])))
         referenced = any(t.run.role == "reference" for t in self.after)
-        floor = self.gap.floor if referenced else min(self.gap.floor, after)
-        return replace(richer, gap=replace(self.gap, after=after, floor=floor))
+        if referenced:
+            return replace(richer, gap=replace(self.gap, after=after))
+        return replace(richer, gap=GapSize.below(self.gap.before, after, self.richest_um, OF_THE_RICHEST))
 
     def with_plays_refitted(self) -> FinalFit:
         """The same with plays fitted anew to what the effects leave of the training records, where that leaves less:
@@ -124,8 +130,8 @@ def final_fit(selection: Selection, runs: Sequence[GapRun], noise: Noise) -> Fin
         axis = _refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
-    final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0))
-    return FinalFit(axis, entries, before, after, _gap(final, noise))
+    final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0), noise.level_um)
+    return replace(final, gap=_gap(final))
 
 
 def _refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
@@ -147,7 +153,7 @@ def _train_power(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequenc
     return _power([_about_mean(t.error(entries)) for t in (modelled_run(axis, run) for run in train)])
 
 
-def _gap(final: FinalFit, noise: Noise) -> GapSize:
+def _gap(final: FinalFit) -> GapSize:
     """RMS before and after over all held-out rows, and the floor."""
     before = float(np.sqrt(_power([left.error_um for left in final.residuals_before("holdout")])))
     after = float(np.sqrt(_power([left.error_um for left in final.residuals("holdout")])))
@@ -155,9 +161,7 @@ def _gap(final: FinalFit, noise: Noise) -> GapSize:
     if reference:
         floor = float(np.sqrt(_power([left.error_um for left in reference])))
         return GapSize(before, after, floor, "um", "what the model leaves of the reference records")
-    return GapSize(
-        before, after, min(noise.level_um, after), "um", "what the richest model of all leaves of the training records"
-    )
+    return GapSize.below(before, after, final.richest_um, OF_THE_RICHEST)
 
 
 def more_than_equations_miss(left: Unexplained, gap: GapSize) -> bool:

@@ -159,8 +159,19 @@ def _gap(results: Sequence[AxisResult]) -> GapSize:
         pooled([r.gap.after for r in results]),
         pooled([r.gap.floor for r in results]),
         "um",
-        results[0].gap.floor_from,
+        _floor_from(results),
+        all(r.gap.floor_is_after for r in results),
     )
+
+
+def _floor_from(results: Sequence[AxisResult]) -> str:
+    """What the floor is, with the axes where it is not the same on all."""
+    axes: dict[str, list[str]] = {}
+    for r in results:
+        axes.setdefault(r.gap.floor_from, []).append(r.axis)
+    if len(axes) == 1:
+        return next(iter(axes))
+    return "; ".join(f"on {', '.join(of_axes)} {floor_from}" for floor_from, of_axes in axes.items())
 
 
 def keep_freed_memory() -> bool:

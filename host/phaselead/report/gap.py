@@ -40,6 +40,8 @@ MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
 SIZES_ON_CARD = 2
 """Parameters of the first effect."""
+NEAR_FLOOR = 1.1
+"""Times the floor up to which the page says with the rest what the floor is."""
 USUAL_UNITS = {"s": ("ms", 1e3), "um": ("nm", 1e3), "V": ("mV", 1e3)}
 """The next smaller unit, and how many of it make one."""
 DENSITY_SEGMENT = 8192
@@ -77,7 +79,6 @@ def gap_page(
         candidates=candidate_rows(result.candidates, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
         spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
-        gap=result.gap,
         remains=remains(result),
         messages=result.messages,
         residual_figure=residual_figure(result.traces) if result.traces else None,
@@ -183,18 +184,27 @@ def scaled_row(name: str, value: float, low: float, high: float, unit: str) -> d
 
 def _below_floor(result: GapResult) -> str:
     """The floor is of other records or of the noise, and a model can do better by chance."""
-    return ", no more than the floor, which other records set" if result.gap.after <= result.gap.floor else ""
+    gap = result.gap
+    below = gap.after <= gap.floor and not gap.floor_is_after
+    return ", no more than the floor, which other records set" if below else ""
 
 
 def remains(result: GapResult) -> str:
     """How much of the gap remains, in words."""
     gap = result.gap
+    if gap.floor_is_after:
+        left = 100 * (gap.after / gap.before) ** 2 if gap.before > 0 else 0.0
+        return (
+            f"{left:.1f} % of the unexplained power remains on the held-out records. How much of that is noise is not "
+            f"known, since the floor is {gap.floor_from}."
+        )
     before, after = gap.before**2 - gap.floor**2, gap.after**2 - gap.floor**2
     if before <= 0:
         return "The gap was at its floor from the start."
     left = 100 * max(after, 0.0) / before
     beside = " The floor is measured on other records, which the model fits less well." if after < 0 else ""
-    return f"{left:.1f} % of the power above the floor remains on the held-out records.{beside}"
+    near = f" The floor is {gap.floor_from}." if gap.floor_from and gap.after <= NEAR_FLOOR * gap.floor else ""
+    return f"{left:.1f} % of the power above the floor remains on the held-out records.{beside}{near}"
 
 
 def effect_part(effect: NamedEffect) -> dict[str, Any]:

@@ -237,11 +237,9 @@ def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
     left = after.rms(name)
     noise = noise_um(found.held, axis)
     if noise is not None:
-        return GapSize(
-            found.before.rms(name), left, min(noise, left), "um", "what does not repeat from period to period"
-        )
+        return GapSize.below(found.before.rms(name), left, noise, "what does not repeat from period to period")
     train = float(np.sqrt(np.mean([np.mean(_error(s, found.fit, axis) ** 2) for s in found.train])))
-    return GapSize(found.before.rms(name), left, min(train, left), "um", "what the modes leave of the training records")
+    return GapSize.below(found.before.rms(name), left, train, "what the modes leave of the training records")
 
 
 def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
