@@ -53,7 +53,14 @@ def test_a_gap_below_its_floor_is_explained(nothing):
 
 @pytest.mark.parametrize(
     ("value", "unit", "said"),
-    [(5.03e-4, "s", "0.503 ms"), (2e-6, "s", "0.002 ms"), (2.0, "s", "2 s"), (0.03, "um", "30 nm"), (0.2, "1", "0.2")],
+    [
+        (5.03e-4, "s", "0.503 ms"),
+        (2e-6, "s", "0.002 ms"),
+        (2.0, "s", "2 s"),
+        (0.03, "um", "30 nm"),
+        (0.2, "1", "0.2"),
+        (1e3, "Hz", "1000 Hz"),
+    ],
 )
 def test_units_are_those_a_person_uses(value, unit, said):
     assert in_usual_unit(value, unit) == said

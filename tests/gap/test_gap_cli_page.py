@@ -19,6 +19,9 @@ from phaselead.report.gap import gap_page, remains, standing_out
 
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
 
+PAIR = ("delay", "amplifier_lowpass")
+EXPERIMENT = NextExperiment("multisine", 2.0, (5.0, 1000.0), 3.0, None, 2.0, 120.0, 0.99, tells_apart=PAIR)
+
 
 def result() -> GapResult:
     """A resonance named, a tie, and everything else that a page can show."""
@@ -32,7 +35,7 @@ def result() -> GapResult:
         effects=(
             NamedEffect("resonance", None, {"f_Hz": (200.0, "Hz", (199.0, 201.0))}, 0.9, "beats no effect by 50", 0.97),
         ),
-        ties=(("delay", "amplifier_lowpass"),),
+        ties=(PAIR,),
         excluded=(Bound("creep", 0.002, "per decade"), Bound("softening", 0.2, "1", "y")),
         untestable=("vibration",),
         where=(
@@ -41,7 +44,7 @@ def result() -> GapResult:
             Cell("frequency", "0..32 Hz", 0.1, "10 % lies between 0 and 32 Hz", 0.002),
         ),
         gap=GapSize(0.3, 0.02, 0.015, "um", "what the model leaves of the reference records"),
-        next_experiment=NextExperiment("multisine", 2.0, (5.0, 500.0), 3.0, None, 2.0, 120.0, 0.99),
+        next_experiment=EXPERIMENT,
         holdout_sha256=("ab" * 32,),
         candidates=(
             Candidate(1, "resonance", 50.0, "named"),
@@ -79,8 +82,8 @@ def test_the_page_says_what_where_and_what_remains():
         "delay 9.0 leads a tie",
         "phaselead gap next tie.json --port P",
         "vibration : needs idle records",
-        "A multisine of 2 V peak-to-peak about 3 V",
-        "and names the true one 99 times in 100.",
+        "A multisine of 2 V peak-to-peak about 3 V, 5 to 1000 Hz, for 2 s. It is to tell apart delay and amplifier "
+        "low-pass. It is expected to bring log odds of 120 for the true one, and names it 99 times in 100.",
     ):
         assert words in said
     assert page.count("<svg") == 3
@@ -140,15 +143,38 @@ def test_the_terminal_says_the_same():
         "80 % of the unexplained power lies between 64 and 128 Hz",
         "held-out gap 0.3 -> 0.02 um rms; floor 0.015",
         "creep < 0.002 per decade",
-        "next: multisine, 2 V peak-to-peak about 3 V",
+        "next, to tell delay, amplifier_lowpass apart: multisine, 2 V peak-to-peak about 3 V, 5..1000 Hz, 2 s",
         "names the true one 99 times in 100",
         "wrote next.toml",
     ):
         assert words in said
 
 
-def test_gap_json_says_how_often_the_experiment_names_the_true_one():
-    assert result().as_json()["next_experiment"]["chance"] == 0.99
+def test_gap_json_says_what_the_experiment_tells_apart_and_how_often_it_names_the_true_one():
+    proposed = result().as_json()["next_experiment"]
+    assert proposed["chance"] == 0.99
+    assert proposed["tells_apart"] == list(PAIR)
+
+
+def test_of_two_ties_both_are_in_the_headline_and_the_experiment_says_which_it_decides():
+    two = replace(result(), verdicts=("tie",), effects=(), ties=(("creep", "thermal_drift"), PAIR))
+    said = text(gap_page(two, STAGE, "model.toml"))
+    assert "Creep or thermal drift; delay or amplifier low-pass verdict: tie" in said
+    assert "It is to tell apart delay and amplifier low-pass." in said
+    assert "to tell delay, amplifier_lowpass apart: " in str(two)
+
+
+def test_without_a_tie_the_experiment_is_for_the_power_of_the_level():
+    alone = replace(result(), ties=(), next_experiment=replace(EXPERIMENT, axis="x,y", tells_apart=()))
+    assert "next, to tell which power of the level softening grows by: multisine, on x, y at once" in str(alone)
+    said = text(gap_page(alone, STAGE, "model.toml"))
+    assert "on x,y at once, each with other phases. It is to tell apart the powers of the level" in said
+
+
+def test_an_experiment_of_one_frequency_says_it_once():
+    sine = replace(result(), next_experiment=replace(EXPERIMENT, waveform="sine", band=(1000.0, 1000.0)))
+    assert "about 3 V, 1000 Hz, 2 s; predicted log odds" in str(sine)
+    assert "about 3 V, 1000 Hz, for 2 s." in text(gap_page(sine, STAGE, "model.toml"))
 
 
 def test_where_something_unknown_remains_the_terminal_says_which_record_would_show_what_is_untestable():

@@ -133,6 +133,8 @@ def test_an_undetermined_power_of_the_level_has_a_record_that_would_tell(tmp_pat
     assert said.exit_code == 2
     assert "drives x,y,z at once" in said.stderr
     assert said.stderr.count("\n") == 1
+    assert proposed["tells_apart"] == []
+    assert "next, to tell which power of the level softening grows by: " in str(result)
     assert "on x, y, z at once" in str(result)
 
 

@@ -72,6 +72,7 @@ def test_two_equations_that_predict_alike_are_a_tie(records, monkeypatch):
     assert "these records cannot tell apart: " + ", ".join(tie) in str(result)
     # Nothing tells what is the same in every prediction.
     assert result.next_experiment.separation < 1
+    assert result.next_experiment.tells_apart == tie
     assert result.next_experiment.needs_sensor == "a voltage monitor at the amplifier's output"
 
 

@@ -9,11 +9,12 @@ from phaselead.gap.findings import (
     Candidate,
     Cell,
     NamedEffect,
+    NextExperiment,
     Spectrum,
     Trace,
     parameter_rows,
 )
-from phaselead.gap.locate import LEVEL, excludes, headline, percent, typical_of, unit_of
+from phaselead.gap.locate import LEVEL, excludes, headline, percent, three_digits, typical_of, unit_of
 from phaselead.gap.posterior import MOST_STATED, SURE
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
@@ -29,6 +30,7 @@ __all__ = [
     "Cell",
     "GapResult",
     "NamedEffect",
+    "NextExperiment",
     "Spectrum",
     "Trace",
     "TrackedPath",
@@ -45,6 +47,7 @@ __all__ = [
     "read_proposal",
     "run_gap",
     "run_proposal",
+    "three_digits",
     "typical_of",
     "unit_of",
     "verified_on",

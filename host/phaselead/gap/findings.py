@@ -100,7 +100,7 @@ class GapSize:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The excitation that would best tell the members of a tie apart."""
+    """The excitation that would best tell the members of one tie apart."""
 
     waveform: str
     level: float
@@ -117,6 +117,14 @@ class NextExperiment:
     """File of the record whose waveform it repeats."""
     points: tuple[float, ...] | None = None
     """One period of that waveform as shares of the level."""
+    tells_apart: tuple[str, ...] = ()
+    """Names of the effects that it tells apart, those of one tie. Empty where it tells which power of the level
+    softening grows by."""
+
+    @property
+    def several_axes(self) -> bool:
+        """Whether it drives several axes at once."""
+        return self.axis is not None and "," in self.axis
 
 
 NAMED: Final = "named"

@@ -26,7 +26,7 @@ from phaselead.gap.findings import (
     parameter_rows,
     parameter_texts,
 )
-from phaselead.gap.locate import excludes, headline, percent, unit_of
+from phaselead.gap.locate import excludes, headline, percent, three_digits, unit_of
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Scene, Stage, derived_sizes
@@ -239,11 +239,12 @@ def _with_axis(bound: Bound) -> str:
 
 def _experiment_text(e: NextExperiment) -> str:
     low, high = e.band
-    band = f"{low:.3g} Hz" if low == high else f"{low:.3g}..{high:.4g} Hz"
+    band = f"{three_digits(low)} Hz" if low == high else f"{three_digits(low)}..{three_digits(high)} Hz"
     waveform = f"the waveform of {e.source} again" if e.source else e.waveform
-    together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and "," in e.axis else ""
+    together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and e.several_axes else ""
+    rivals = f"{', '.join(e.tells_apart)} apart" if e.tells_apart else "which power of the level softening grows by"
     text = (
-        f"next: {waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
+        f"next, to tell {rivals}: {waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
         f"{e.seconds:.3g} s; predicted log odds {e.separation:.3g}, "
         f"names the true one {100 * e.chance:.0f} times in 100"
     )
@@ -268,5 +269,6 @@ def _experiment(experiment: NextExperiment | None) -> dict[str, Any] | None:
         if values[name] is None:
             del values[name]
     values["band"] = list(experiment.band)
+    values["tells_apart"] = list(experiment.tells_apart)
     values["separation"] = experiment.separation if math.isfinite(experiment.separation) else None
     return values

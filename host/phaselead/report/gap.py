@@ -20,6 +20,7 @@ from phaselead.gap import (
     Cell,
     GapResult,
     NamedEffect,
+    NextExperiment,
     Spectrum,
     Trace,
     TrackedPath,
@@ -27,6 +28,7 @@ from phaselead.gap import (
     excludes,
     parameter_rows,
     percent,
+    three_digits,
     typical_of,
     unit_of,
 )
@@ -66,6 +68,7 @@ def gap_page(
     """
     return render(
         "gap.html",
+        three_digits=three_digits,
         model_name=model_name,
         headline=headline(result),
         unknown="unknown" in result.verdicts,
@@ -87,6 +90,7 @@ def gap_page(
         json_name=json_name,
         untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
         experiment=result.next_experiment,
+        apart=told_apart(result.next_experiment) if result.next_experiment else "",
         tracking=tracking_part(verification) if verification else None,
         origin=Origin(
             {_USES[part]: sources for part, sources in result.sources.items()},
@@ -146,7 +150,8 @@ def verdict_card(result: GapResult) -> dict[str, str]:
         more = f", and {_listed([_title(e) for e in others])}" if others else ""
         return {"value": _title(first).capitalize(), "label": f"{size}{more}; {sure}"}
     if result.ties:
-        return {"value": _listed([_plain(n) for n in result.ties[0]], "or").capitalize(), "label": sure}
+        alike = [_listed([_plain(n) for n in tie], "or") for tie in result.ties]
+        return {"value": "; ".join(alike).capitalize(), "label": sure}
     if "unknown" in result.verdicts:
         return {"value": "Something unnamed", "label": sure}
     return {"value": "Nothing is missing", "label": sure}
@@ -165,7 +170,7 @@ def sizes_of(effect: NamedEffect) -> list[str]:
 def in_usual_unit(value: float, unit: str) -> str:
     """With three digits; below 1 in the next smaller unit."""
     factor, unit = usual_unit(value, unit)
-    return f"{value * factor:.3g} {unit}" if unit != "1" else f"{value:.3g}"
+    return f"{three_digits(value * factor)} {unit}" if unit != "1" else three_digits(value)
 
 
 def usual_unit(value: float, unit: str) -> tuple[float, str]:
@@ -224,6 +229,12 @@ def tie_part(tie: tuple[str, ...]) -> dict[str, str]:
     known = catalogue()
     reveals = "; ".join(f"{_plain(n)}: {known[n].reveals}" for n in tie if n in known)
     return {"names": _listed([_plain(n) for n in tie], "or"), "adopted": _plain(tie[0]), "reveals": reveals}
+
+
+def told_apart(experiment: NextExperiment) -> str:
+    """What an experiment decides between, in words."""
+    names = experiment.tells_apart
+    return _listed([_plain(n) for n in names]) if names else "the powers of the level by which softening may grow"
 
 
 def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:

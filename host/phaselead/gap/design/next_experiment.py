@@ -78,12 +78,11 @@ def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperim
     found = _best(_Predicted(selection, contest, tied.rivals))
     if found is None:
         return None
-    one, sensor = found.excitation, None
-    if found.chance <= MORE_LIKELY_THAN_NOT:
-        sensor = sensor_for([entries[-1][0] for entries in tied.rivals])
+    one, members = found.excitation, [entries[-1][0] for entries in tied.rivals]
+    sensor = sensor_for(members) if found.chance <= MORE_LIKELY_THAN_NOT else None
     return NextExperiment(
         one.waveform, one.level_V, one.band_Hz, one.bias_V, label, one.seconds, found.log_odds, found.chance, sensor,
-        one.source, one.points,
+        one.source, one.points, tuple(member.name for member in members),
     )  # fmt: skip
 
 

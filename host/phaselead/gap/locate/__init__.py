@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.locate.ranking import ResidualAndNoise, axis_cells, rank_cells
-from phaselead.gap.locate.sentences import LEVEL, excludes, headline, percent, typical_of, unit_of
+from phaselead.gap.locate.sentences import LEVEL, excludes, headline, percent, three_digits, typical_of, unit_of
 
 __all__ = [
     "LEVEL",
@@ -13,6 +13,7 @@ __all__ = [
     "headline",
     "percent",
     "rank_cells",
+    "three_digits",
     "typical_of",
     "unit_of",
 ]

@@ -47,6 +47,11 @@ def unit_of(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
+def three_digits(value: float) -> str:
+    """A number with three digits that count, up to a million without an exponent: "1000", not "1e+03"."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
 def percent(share: float) -> str:
     """A share of the power in per cent; a small one is never printed as 0."""
     return "less than 1 %" if 0 < share < 0.005 else f"{100 * share:.0f} %"

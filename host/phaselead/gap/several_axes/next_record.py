@@ -67,7 +67,7 @@ def propose_together(found: StageFit) -> NextExperiment | None:
     best = best or max(tried, key=lambda one: one.log_odds)
     unlikely = best.chance <= MORE_LIKELY_THAN_NOT
     sensor = sensor_for([catalogue()[n] for n in tie.names]) if tie is not None and unlikely else None
-    return _experiment(found, best, sensor)
+    return _experiment(found, best, sensor, () if tie is None else tie.names)
 
 
 def _at_level(found: StageFit, record: JointRecord, level_V: float) -> JointRecord:
@@ -136,7 +136,7 @@ def _per_line(noise: dict[int, Samples], rows: int) -> Samples:
     return np.maximum(np.array(at), 1e-300)
 
 
-def _experiment(found: StageFit, one: _Predicted, sensor: str | None) -> NextExperiment:
+def _experiment(found: StageFit, one: _Predicted, sensor: str | None, names: tuple[str, ...]) -> NextExperiment:
     record = one.record
     rows = slice(record.rows.start - 1, record.rows.stop - 1)
     period = common_period([record.experiment])
@@ -156,4 +156,5 @@ def _experiment(found: StageFit, one: _Predicted, sensor: str | None) -> NextExp
         one.chance,
         sensor,
         None if multisine else record.source,
+        tells_apart=names,
     )
