@@ -15,6 +15,7 @@ from phaselead.gap.unexplained import Unexplained
 from phaselead.model import catalogue
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage
+from phaselead.record import Source
 from phaselead.report.gap import gap_page, remains, standing_out
 
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
@@ -73,7 +74,7 @@ def test_the_page_says_what_where_and_what_remains():
         "It accounts for 90 % of the unexplained power; its probability is 0.97. Evidence: beats no effect by 50.",
         "Tie: delay or amplifier low-pass",
         "Adopted provisionally: delay",
-        "A generic model predicts 42 % of what the names leave from the voltage; by chance it would 5 %",
+        "From the voltage a generic model predicts 42 % of what the names leave. By chance it would predict 5 %",
         "of the power above the floor remains on the held-out records",
         "creep 0.002 0.015 per decade If any of these were larger",
         "These may be present at their typical size",
@@ -110,6 +111,43 @@ def test_a_page_of_the_unknown_does_not_say_that_nothing_is_there():
     assert "The data call for no effect" not in said
 
 
+HELP = "records of the unchanged stage, given as --reference, would help"
+
+
+def test_where_nothing_is_named_it_is_the_model_that_leaves_a_rest():
+    for verdicts in (("unknown",), ("tie", "unknown"), ("tie",)):
+        found = replace(result(), verdicts=verdicts, effects=())
+        for said in (str(found), text(gap_page(found, STAGE, "model.toml")).replace(HELP.capitalize(), HELP)):
+            assert "generic model predicts 42 % of what the model leaves" in said
+            assert "what the names leave" not in said
+            assert (HELP in said) is ("unknown" in verdicts)
+
+
+def test_references_are_not_asked_for_where_they_are_or_something_is_named():
+    source = Source("before.h5", "ab" * 32)
+    given = replace(result(), verdicts=("unknown",), effects=(), sources={"reference": (source,)})
+    assert HELP not in str(given)
+    assert HELP not in str(replace(result(), verdicts=("named", "unknown")))
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        (True, "the names leave; that is no more than 9 % of the power that they explain, and is put down to their"),
+        (
+            False,
+            "the model leaves; that is no more than 9 % of the power that the tie explains, and is put down to",
+        ),
+    ],
+)
+def test_a_rest_that_is_put_down_to_equations_says_so(effects, words):
+    found = replace(result(), unexplained=Unexplained(0.42, 0.05, of_equations=True))
+    found = found if effects else replace(found, effects=())
+    for said in (str(found), text(gap_page(found, STAGE, "model.toml"))):
+        assert words in " ".join(said.split())
+    assert "put down" not in str(result())
+
+
 def test_only_the_largest_sure_cell_of_a_kind_is_a_bullet():
     assert [c.cell for c in standing_out(result().where)] == ["64..128 Hz"]
 
@@ -139,7 +177,7 @@ def test_the_terminal_says_the_same():
         "verdict: named, tie",
         "these records cannot tell apart: delay, amplifier_lowpass",
         "adopted provisionally, for the prediction; not vouched for: delay",
-        "a generic model predicts 42 % of what the names leave from the voltage",
+        "from the voltage a generic model predicts 42 % of what the names leave",
         "80 % of the unexplained power lies between 64 and 128 Hz",
         "held-out gap 0.3 -> 0.02 um rms; floor 0.015",
         "creep < 0.002 per decade",

@@ -127,7 +127,8 @@ def test_no_more_than_all_is_told_of():
     other_way = [[run(r.run.u_V, -r.error_um) for r in records] for records in (train, held)]
     found = unexplained(*other_way, reference)
     assert found.share > 1
-    assert found.sentence == "a generic model predicts 100 % of what the names leave from the voltage"
+    assert found.sentence(named=True) == "from the voltage a generic model predicts 100 % of what the names leave"
+    assert found.sentence(named=False) == "from the voltage a generic model predicts 100 % of what the model leaves"
 
 
 @pytest.mark.parametrize(("more", "too_little"), [(0.9, False), (1.1, True)])

@@ -51,6 +51,7 @@ def test_beside_a_name_that_survives_so_little_is_not_unknown():
     found = answer(False)
     assert [one.name for one in found.effects] == ["delay"]
     assert not found.unknown
+    assert found.unexplained.of_equations
     assert "delay" not in {one.name for one in found.excluded} | set(found.untestable)
     assert found.candidates[0].remark == NAMED
 
@@ -59,6 +60,7 @@ def test_a_withdrawn_name_closes_no_gap():
     found = answer(True)
     assert not found.effects
     assert found.unknown
+    assert not found.unexplained.of_equations
 
 
 def test_a_withdrawn_name_is_bounded_by_no_less_than_its_estimate():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class AxisResult:
     detectable: list[Detectable]
     """From which size each effect was expected to be named."""
     unexplained: Unexplained
-    """How much of what the names leave can be predicted from the voltage."""
+    """How much of what the model with its names leaves can be predicted from the voltage."""
 
 
 def search_axis(
@@ -121,6 +121,7 @@ def search_axis(
         named, ties, surviving = [], [], selection.withdrawn()
     elif (named or ties) and selection.runs("reference"):
         predictable = more_than_equations_miss(left, final.gap)
+        left = replace(left, of_equations=left.something_missing and not predictable)
     ties += other.ties
     taken = _names([*named, *other.named], ties)
     # Plays that the base was given stay in it under whatever name: neither bounded nor tried beside themselves.

@@ -27,6 +27,7 @@ from phaselead.gap.findings import (
     parameter_texts,
 )
 from phaselead.gap.locate import excludes, headline, percent, three_digits, unit_of
+from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
 from phaselead.model import Scene, Stage, derived_sizes
@@ -85,7 +86,8 @@ class GapResult(Result):
     adopted: tuple[Adopted, ...] = ()
     """What the next stage has that the one compared had not, and whether each name is vouched for."""
     unexplained: Unexplained | None = None
-    """How much of what the names leave can be predicted from the voltage, on the axis where it is most."""
+    """How much of what the model with its names leaves can be predicted from the voltage, on the axis where it is
+    most."""
     detectable: tuple[Detectable, ...] = ()
     """The size from which each effect is expected to be named, by noise, the base's misfit and the excitation alone."""
     base: Stage | None = None
@@ -168,6 +170,27 @@ class GapResult(Result):
         """Names of the effects that the next model has though they are not vouched for, each once."""
         return list(dict.fromkeys(one.name for one in self.adopted if one.status == PROVISIONAL))
 
+    @property
+    def unexplained_sentence(self) -> str:
+        """How much of the rest a generic model predicts, for a person; empty where that was not asked."""
+        if self.unexplained is None:
+            return ""
+        said = self.unexplained.sentence(named=bool(self.effects))
+        if not self.unexplained.of_equations:
+            return said
+        explain, whose = ("they explain", "their") if self.effects else ("the tie explains", "its")
+        allowed = f"no more than {100 * MOST_MISSED**2:.0f} % of the power that {explain}"
+        return f"{said}; that is {allowed}, and is put down to {whose} equations"
+
+    @property
+    def advice(self) -> str:
+        """Which records would help where something is there and nothing is named; otherwise empty."""
+        if "unknown" not in self.verdicts or self.effects or self.sources.get("reference"):
+            return ""
+        return (
+            "records of the unchanged stage, given as --reference, would help: they show what the model misses anyway"
+        )
+
     def tables(self) -> list[Table | str]:
         gap = self.gap
         parts: list[Table | str] = [f"verdict: {', '.join(self.verdicts)}"]
@@ -184,7 +207,9 @@ class GapResult(Result):
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
         parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}")
         if self.unexplained is not None and self.unexplained.something_missing:
-            parts.append(self.unexplained.sentence)
+            parts.append(self.unexplained_sentence)
+        if self.advice:
+            parts.append(self.advice)
         parts += _bounds(self.excluded)
         if self.untestable and "unknown" in self.verdicts:
             records = tuple(records_that_show(self.untestable).items())

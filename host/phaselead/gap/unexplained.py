@@ -35,16 +35,18 @@ class Unexplained:
     and above 1 where what the reference records show as well, which is taken out first, hid a part of it."""
     chance: float
     """Share that chance alone reaches with a probability of 1 %, 0 or more."""
+    of_equations: bool = False
+    """Whether it is put down to the equations of the effects that were added, and so to nothing unknown."""
 
     def as_dict(self) -> dict[str, float]:
         """As gap.json has it."""
         return {"share": self.share, "chance": self.chance}
 
-    @property
-    def sentence(self) -> str:
-        """For a person."""
+    def sentence(self, named: bool) -> str:
+        """For a person. ``named``: whether any effect was named."""
         share = min(max(self.share, 0.0), 1.0)
-        return f"a generic model predicts {100 * share:.0f} % of what the names leave from the voltage"
+        leaves = "the names leave" if named else "the model leaves"
+        return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves}"
 
     @property
     def something_missing(self) -> bool:

@@ -79,6 +79,8 @@ def gap_page(
         ties=[tie_part(tie) for tie in result.ties],
         provisional=_listed([_plain(name) for name in result.provisional]) if result.provisional else "",
         unexplained=result.unexplained,
+        unexplained_sentence=result.unexplained_sentence,
+        advice=result.advice,
         candidates=candidate_rows(result.candidates, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
         spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
