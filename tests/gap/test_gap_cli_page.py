@@ -9,7 +9,19 @@ import numpy as np
 import pytest
 
 from phaselead.cli.gap_run import printed
-from phaselead.gap.findings import Adopted, Bound, Candidate, Cell, GapSize, NamedEffect, NextExperiment, Trace
+from phaselead.gap.findings import (
+    NOT_NAMED,
+    Adopted,
+    Bound,
+    Candidate,
+    Cell,
+    Detectable,
+    GapSize,
+    NamedEffect,
+    NextExperiment,
+    Spectrum,
+    Trace,
+)
 from phaselead.gap.result import GapResult
 from phaselead.gap.unexplained import Unexplained
 from phaselead.model import catalogue
@@ -76,13 +88,14 @@ def test_the_page_says_what_where_and_what_remains():
         "Adopted provisionally: delay",
         "From the voltage a generic model predicts 42 % of what the names leave. By chance it would predict 5 %",
         "of the power above the floor remains on the held-out records",
-        "creep 0.002 0.015 per decade If any of these were larger",
-        "These may be present at their typical size",
-        "could be one of them. effect at most (95 %) expected to be named from typical size unit",
+        "Each of these effects is, with a probability of 95 %, no larger than its bound; to be named it would have",
+        "These are not present at their typical size. effect bound (95 %) expected to be named from typical size unit",
+        "creep 0.002 0.015 per decade These may be present at their typical size",
+        "could be one of them. effect bound (95 %) expected to be named from typical size unit",
         "softening (y) 0.2 0.15",
         "delay 9.0 leads a tie",
         "phaselead gap next tie.json --port P",
-        "vibration : needs idle records",
+        "Vibration : needs idle records",
         "A multisine of 2 V peak-to-peak about 3 V, 5 to 1000 Hz, for 2 s. It is to tell apart delay and amplifier "
         "low-pass. It is expected to bring log odds of 120 for the true one, and names it 99 times in 100.",
     ):
@@ -163,6 +176,48 @@ def test_a_floor_that_is_the_rest_itself_is_no_measure_of_it():
     assert "25.0 % of the unexplained power remains on the held-out records. How much of that is noise is not" in said
     for wrong in ("other records set", "power above the floor", "no larger than the floor"):
         assert wrong not in said
+
+
+def test_a_bound_and_the_size_that_would_be_named_are_two_things():
+    bounds = (Bound("creep", 0.002, "per decade"), Bound("delay", 5e-5, "s"))
+    found = replace(result(), adopted=(), excluded=bounds, detectable=(Detectable("delay", 1.3e-3, "s"),))
+    said = text(gap_page(found, STAGE, "model.toml"))
+    assert "creep 0.002 beyond 10 typical sizes, if at all 0.015 per decade" in said
+    assert "delay 0.05 1.3 " in said
+    assert "the records would have shown it" not in said
+
+
+def test_the_runners_up_say_that_their_log_odds_count_a_prior():
+    said = text(gap_page(result(), STAGE, "model.toml"))
+    assert "The log odds in the last column are not the difference of two scores: they also count the prior" in said
+
+
+def test_the_page_calls_an_effect_by_its_title_wherever_a_person_reads_it():
+    """Names of stage files stand where these are meant alone."""
+    codes = sorted(name for name in catalogue() if "_" in name)
+    found = replace(
+        result(),
+        effects=tuple(NamedEffect(n, None, {"size": (1.0, "1", (0.0, 2.0))}, 0.1) for n in codes),
+        candidates=(Candidate(2, " + ".join(codes), 9.0, NOT_NAMED),),
+        untestable=("load_change",),
+        untestable_why={"load_change": "one axis cannot tell it from sensor_nonlinearity, which stands for both"},
+        messages=("thermal_drift or gain_change would be named.",),
+        spectra=(Spectrum("mains_hum", "x", np.arange(3.0), np.ones(3), None),),
+        adopted=(Adopted("dead_band", None, "provisional"),),
+    )
+    page = gap_page(found, STAGE, "model.toml")
+    said = text(re.sub(r"<code>.*?</code>", "", page))
+    assert [name for name in codes if re.search(rf"{name}(?!\.\w)", said)] == []
+    for words in (
+        "Load change : one axis cannot tell it from sensor nonlinearity, which",
+        "amplifier low-pass + asymmetric hysteresis",
+        "DAC nonlinearity It accounts",
+        "Thermal drift or gain change would be named",
+        "Mains hum Spectrum",
+    ):
+        assert words.lower() in said.lower()
+    assert "dac" not in said.replace("dac_nonlinearity.predistorted", "")
+    assert "<code>amplifier_lowpass</code>" in page
 
 
 def test_the_page_says_whose_floor_a_gap_has_come_down_to():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -83,14 +84,16 @@ def gap_page(
         advice=result.advice,
         candidates=candidate_rows(result.candidates, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
-        spectra=[{"name": s.name, "figure": spectrum_figure(s)} for s in result.spectra],
+        spectra=[{"name": _begun(_plain(s.name)), "figure": spectrum_figure(s)} for s in result.spectra],
         remains=remains(result),
-        messages=result.messages,
+        messages=[_in_prose(message) for message in result.messages],
         residual_figure=residual_figure(result.traces) if result.traces else None,
         excluded=[bound_row(bound, result) for bound in result.excluded if excludes(bound)],
         possible=[bound_row(bound, result) for bound in result.excluded if not excludes(bound)],
         json_name=json_name,
-        untestable=[{"name": n, "why": result.untestable_why.get(n, "")} for n in result.untestable],
+        untestable=[
+            {"name": _begun(_plain(n)), "why": _in_prose(result.untestable_why.get(n, ""))} for n in result.untestable
+        ],
         experiment=result.next_experiment,
         apart=told_apart(result.next_experiment) if result.next_experiment else "",
         tracking=tracking_part(verification) if verification else None,
@@ -124,8 +127,21 @@ def _title(effect: NamedEffect) -> str:
 
 
 def _plain(name: str) -> str:
+    """The title of an effect as it stands within a sentence: "amplifier low-pass", "DAC nonlinearity"."""
     known = catalogue()
-    return known[name].title.lower() if name in known else name.replace("_", " ")
+    title = known[name].title if name in known else name.replace("_", " ")
+    return title if title[1:2].isupper() else title[:1].lower() + title[1:]
+
+
+def _in_prose(text: str) -> str:
+    """A text in which effects have their titles, not the names that stage files give them."""
+    names = "|".join(name for name in catalogue() if "_" in name)
+    return re.sub(rf"(`?)\b({names})\b(?!\.\w)\1", lambda found: _plain(found[2]), text)
+
+
+def _begun(text: str) -> str:
+    """A text as it begins a sentence."""
+    return text[:1].upper() + text[1:]
 
 
 def _listed(words: Sequence[str], last: str = "and") -> str:
@@ -150,10 +166,10 @@ def verdict_card(result: GapResult) -> dict[str, str]:
         first, *others = result.effects
         size = ", ".join(sizes_of(first))
         more = f", and {_listed([_title(e) for e in others])}" if others else ""
-        return {"value": _title(first).capitalize(), "label": f"{size}{more}; {sure}"}
+        return {"value": _begun(_title(first)), "label": f"{size}{more}; {sure}"}
     if result.ties:
         alike = [_listed([_plain(n) for n in tie], "or") for tie in result.ties]
-        return {"value": "; ".join(alike).capitalize(), "label": sure}
+        return {"value": _begun("; ".join(alike)), "label": sure}
     if "unknown" in result.verdicts:
         return {"value": "Something unnamed", "label": sure}
     return {"value": "Nothing is missing", "label": sure}
@@ -219,10 +235,10 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
     entry = catalogue().get(effect.name)
     rows = [scaled_row(*row) for row in parameter_rows(effect.params)]
     return {
-        "title": _title(effect).capitalize(), "share": percent(effect.share), "why": effect.why, "rows": rows,
-        "probability": f"{effect.probability:.3g}",
-        "equation": entry.equation if entry else "", "shows": entry.shows if entry else "",
-        "compensation": entry.compensation if entry else "", "source": entry.source if entry else "",
+        "title": _begun(_title(effect)), "name": effect.name, "share": percent(effect.share), "why": effect.why,
+        "rows": rows, "probability": f"{effect.probability:.3g}",
+        "equation": _in_prose(entry.equation) if entry else "", "shows": _in_prose(entry.shows) if entry else "",
+        "compensation": _in_prose(entry.compensation) if entry else "", "source": entry.source if entry else "",
     }  # fmt: skip
 
 
@@ -244,7 +260,7 @@ def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ..
     leading = {tie[0] for tie in ties}
     return [
         {
-            "step": c.step, "name": _plain(c.name), "score": c.score,
+            "step": c.step, "name": " + ".join(_plain(n) for n in c.name.split(" + ")), "score": c.score,
             "remark": "leads a tie" if c.remark == NAMED and c.name in leading else c.remark,
         }
         for c in candidates
@@ -366,7 +382,7 @@ def bound_row(bound: Bound, result: GapResult) -> dict[str, Any]:
     effect = catalogue()[bound.name]
     searched = effect.moves_zero == "steadily" or (effect.kind != "disturbance" and effect.moves_zero is None)
     stated = bool(result.detectable) and searched
-    typical, nowhere = typical_of(bound), f"not within {MOST_STATED:g} typical sizes" if stated else ""
+    typical, nowhere = typical_of(bound), f"beyond {MOST_STATED:g} typical sizes, if at all" if stated else ""
     return {
         "name": _plain(bound.name), "axis": bound.axis, "upper": factor * bound.upper_95,
         "typical": None if typical is None else factor * typical,
