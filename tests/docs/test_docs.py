@@ -105,6 +105,11 @@ def test_every_command_has_an_example() -> None:
     assert set(commands_that_exist()) <= shown
 
 
+def test_the_gap_workflow_is_wrapped_where_it_is_prose() -> None:
+    prose = [line for line in parted(text_of("gap.md"))[1] if not line.startswith(("|", "!["))]
+    assert [line for line in prose if len(line) > 120] == []
+
+
 def slugs(text: str) -> set[str]:
     """The anchors of a page's headings."""
     headings = [line.lstrip("#").strip() for line in parted(text)[1] if line.startswith("#")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -247,6 +248,8 @@ def test_gap_json_says_what_the_experiment_tells_apart_and_how_often_it_names_th
     proposed = result().as_json()["next_experiment"]
     assert proposed["chance"] == 0.99
     assert proposed["tells_apart"] == list(PAIR)
+    page = (Path(__file__).parents[2] / "docs" / "gap.md").read_text("utf-8")
+    assert [key for key in proposed if f"`{key}`" not in page] == []
 
 
 def test_of_two_ties_both_are_in_the_headline_and_the_experiment_says_which_it_decides():
