@@ -62,7 +62,7 @@ def result() -> GapResult:
         holdout_sha256=("ab" * 32,),
         candidates=(
             Candidate(1, "resonance", 50.0, "named"),
-            Candidate(2, "delay", 9.0, "named"),
+            Candidate(2, "creep + delay", 9.0, "named"),
         ),
         traces=(Trace("rec.csv", "x", t, x / 10, x, before, after),),
         untestable_why={"vibration": "needs idle records"},
@@ -94,7 +94,7 @@ def test_the_page_says_what_where_and_what_remains():
         "creep 0.002 0.015 per decade These may be present at their typical size",
         "could be one of them. effect bound (95 %) expected to be named from typical size unit",
         "softening (y) 0.2 0.15",
-        "delay 9.0 leads a tie",
+        "creep + delay 9.0 most probable; delay in a tie",
         "phaselead gap next tie.json --port P",
         "Vibration : needs idle records",
         "A multisine of 2 V peak-to-peak about 3 V, 5 to 1000 Hz, for 2 s. It is to tell apart delay and amplifier "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -256,15 +256,20 @@ def told_apart(experiment: NextExperiment) -> str:
 
 
 def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:
-    """Every candidate, the best first; one that leads a tie is not called named."""
+    """Every candidate, the best first; a set of which an effect leads a tie is not called named."""
     leading = {tie[0] for tie in ties}
     return [
         {
             "step": c.step, "name": " + ".join(_plain(n) for n in c.name.split(" + ")), "score": c.score,
-            "remark": "leads a tie" if c.remark == NAMED and c.name in leading else c.remark,
+            "remark": _leads(leading.intersection(c.name.split(" + "))) if c.remark == NAMED else c.remark,
         }
         for c in candidates
     ]  # fmt: skip
+
+
+def _leads(names: Collection[str]) -> str:
+    """What is said of the best set, of which effects of these ``names`` lead a tie."""
+    return f"most probable; {_listed([_plain(n) for n in sorted(names)])} in a tie" if names else NAMED
 
 
 def _largest(traces: Sequence[Trace]) -> list[Trace]:
