@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -38,6 +37,7 @@ from phaselead.model import Stage, catalogue
 from phaselead.record import Samples
 from phaselead.report.origin import Origin, of_stage
 from phaselead.report.page import render
+from phaselead.report.wording import begun, effect_title, in_prose, listed
 
 MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
@@ -78,21 +78,22 @@ def gap_page(
         cells_figure=cells_figure(result.where) if result.where else None,
         effects=[effect_part(effect) for effect in result.effects],
         ties=[tie_part(tie) for tie in result.ties],
-        provisional=_listed([_plain(name) for name in result.provisional]) if result.provisional else "",
+        provisional=listed([effect_title(name) for name in result.provisional]) if result.provisional else "",
         unexplained=result.unexplained,
         unexplained_sentence=result.unexplained_sentence,
         advice=result.advice,
         candidates=candidate_rows(result.candidates, result.ties),
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
-        spectra=[{"name": _begun(_plain(s.name)), "figure": spectrum_figure(s)} for s in result.spectra],
+        spectra=[{"name": begun(effect_title(s.name)), "figure": spectrum_figure(s)} for s in result.spectra],
         remains=remains(result),
-        messages=[_in_prose(message) for message in result.messages],
+        messages=[in_prose(message) for message in result.messages],
         residual_figure=residual_figure(result.traces) if result.traces else None,
         excluded=[bound_row(bound, result) for bound in result.excluded if excludes(bound)],
         possible=[bound_row(bound, result) for bound in result.excluded if not excludes(bound)],
         json_name=json_name,
         untestable=[
-            {"name": _begun(_plain(n)), "why": _in_prose(result.untestable_why.get(n, ""))} for n in result.untestable
+            {"name": begun(effect_title(n)), "why": in_prose(result.untestable_why.get(n, ""))}
+            for n in result.untestable
         ],
         experiment=result.next_experiment,
         apart=told_apart(result.next_experiment) if result.next_experiment else "",
@@ -109,9 +110,9 @@ def headline(result: GapResult) -> str:
     """The answer in a sentence or two."""
     said = []
     if result.effects:
-        said.append("The model lacks: " + _listed([_title(e) for e in result.effects]) + ".")
+        said.append("The model lacks: " + listed([_title(e) for e in result.effects]) + ".")
     for tie in result.ties:
-        said.append(f"These records cannot tell apart: {_listed([_plain(n) for n in tie], 'or')}.")
+        said.append(f"These records cannot tell apart: {listed([effect_title(n) for n in tie], 'or')}.")
     if "unknown" in result.verdicts:
         said.append("Something remains that no name is sure to explain.")
     where = cells_headline(result.where)
@@ -123,29 +124,7 @@ def headline(result: GapResult) -> str:
 
 
 def _title(effect: NamedEffect) -> str:
-    return f"{_plain(effect.name)} on axis {effect.axis}" if effect.axis else _plain(effect.name)
-
-
-def _plain(name: str) -> str:
-    """The title of an effect as it stands within a sentence: "amplifier low-pass", "DAC nonlinearity"."""
-    known = catalogue()
-    title = known[name].title if name in known else name.replace("_", " ")
-    return title if title[1:2].isupper() else title[:1].lower() + title[1:]
-
-
-def _in_prose(text: str) -> str:
-    """A text in which effects have their titles, not the names that stage files give them."""
-    names = "|".join(name for name in catalogue() if "_" in name)
-    return re.sub(rf"(`?)\b({names})\b(?!\.\w)\1", lambda found: _plain(found[2]), text)
-
-
-def _begun(text: str) -> str:
-    """A text as it begins a sentence."""
-    return text[:1].upper() + text[1:]
-
-
-def _listed(words: Sequence[str], last: str = "and") -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+    return f"{effect_title(effect.name)} on axis {effect.axis}" if effect.axis else effect_title(effect.name)
 
 
 def cards(result: GapResult) -> list[dict[str, str]]:
@@ -165,11 +144,11 @@ def verdict_card(result: GapResult) -> dict[str, str]:
     if result.effects:
         first, *others = result.effects
         size = ", ".join(sizes_of(first))
-        more = f", and {_listed([_title(e) for e in others])}" if others else ""
-        return {"value": _begun(_title(first)), "label": f"{size}{more}; {sure}"}
+        more = f", and {listed([_title(e) for e in others])}" if others else ""
+        return {"value": begun(_title(first)), "label": f"{size}{more}; {sure}"}
     if result.ties:
-        alike = [_listed([_plain(n) for n in tie], "or") for tie in result.ties]
-        return {"value": _begun("; ".join(alike)), "label": sure}
+        alike = [listed([effect_title(n) for n in tie], "or") for tie in result.ties]
+        return {"value": begun("; ".join(alike)), "label": sure}
     if "unknown" in result.verdicts:
         return {"value": "Something unnamed", "label": sure}
     return {"value": "Nothing is missing", "label": sure}
@@ -235,24 +214,24 @@ def effect_part(effect: NamedEffect) -> dict[str, Any]:
     entry = catalogue().get(effect.name)
     rows = [scaled_row(*row) for row in parameter_rows(effect.params)]
     return {
-        "title": _begun(_title(effect)), "name": effect.name, "share": percent(effect.share), "why": effect.why,
+        "title": begun(_title(effect)), "name": effect.name, "share": percent(effect.share), "why": effect.why,
         "rows": rows, "probability": f"{effect.probability:.3g}",
-        "equation": _in_prose(entry.equation) if entry else "", "shows": _in_prose(entry.shows) if entry else "",
-        "compensation": _in_prose(entry.compensation) if entry else "", "source": entry.source if entry else "",
+        "equation": in_prose(entry.equation) if entry else "", "shows": in_prose(entry.shows) if entry else "",
+        "compensation": in_prose(entry.compensation) if entry else "", "source": entry.source if entry else "",
     }  # fmt: skip
 
 
 def tie_part(tie: tuple[str, ...]) -> dict[str, str]:
     """One tie for the template."""
     known = catalogue()
-    reveals = "; ".join(f"{_plain(n)}: {known[n].reveals}" for n in tie if n in known)
-    return {"names": _listed([_plain(n) for n in tie], "or"), "adopted": _plain(tie[0]), "reveals": reveals}
+    reveals = "; ".join(f"{effect_title(n)}: {known[n].reveals}" for n in tie if n in known)
+    return {"names": listed([effect_title(n) for n in tie], "or"), "adopted": effect_title(tie[0]), "reveals": reveals}
 
 
 def told_apart(experiment: NextExperiment) -> str:
     """What an experiment decides between, in words."""
     names = experiment.tells_apart
-    return _listed([_plain(n) for n in names]) if names else "the powers of the level by which softening may grow"
+    return listed([effect_title(n) for n in names]) if names else "the powers of the level by which softening may grow"
 
 
 def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ...]] = ()) -> list[dict[str, Any]]:
@@ -260,7 +239,7 @@ def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ..
     leading = {tie[0] for tie in ties}
     return [
         {
-            "step": c.step, "name": " + ".join(_plain(n) for n in c.name.split(" + ")), "score": c.score,
+            "step": c.step, "name": " + ".join(effect_title(n) for n in c.name.split(" + ")), "score": c.score,
             "remark": _leads(leading.intersection(c.name.split(" + "))) if c.remark == NAMED else c.remark,
         }
         for c in candidates
@@ -269,7 +248,7 @@ def candidate_rows(candidates: Sequence[Candidate], ties: Sequence[tuple[str, ..
 
 def _leads(names: Collection[str]) -> str:
     """What is said of the best set, of which effects of these ``names`` lead a tie."""
-    return f"most probable; {_listed([_plain(n) for n in sorted(names)])} in a tie" if names else NAMED
+    return f"most probable; {listed([effect_title(n) for n in sorted(names)])} in a tie" if names else NAMED
 
 
 def _largest(traces: Sequence[Trace]) -> list[Trace]:
@@ -389,7 +368,7 @@ def bound_row(bound: Bound, result: GapResult) -> dict[str, Any]:
     stated = bool(result.detectable) and searched
     typical, nowhere = typical_of(bound), f"beyond {MOST_STATED:g} typical sizes, if at all" if stated else ""
     return {
-        "name": _plain(bound.name), "axis": bound.axis, "upper": factor * bound.upper_95,
+        "name": effect_title(bound.name), "axis": bound.axis, "upper": factor * bound.upper_95,
         "typical": None if typical is None else factor * typical,
         "named_from": f"{factor * of_effect[0]:.3g}" if of_effect else nowhere, "unit": unit_of(unit),
     }  # fmt: skip
