@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phaselead.api import gap_next
 from phaselead.errors import BadInput
 from phaselead.gap.records import refuse_overlap
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage, save_stage
 from phaselead.record.atomic import write_texts
+from phaselead.record.read import read_recording
 from phaselead.record.recording import AxisRecord, Recording
 
 RATE_HZ = 1000.0
@@ -274,3 +276,22 @@ def test_a_proposed_experiment_is_run_and_recorded(run, tmp_path):
     path.write_text(json.dumps({**TIE, "next_experiment": idle}))
     assert run("gap", "next", path, "-o", tmp_path / "idle.h5").status == 0
     assert run("log", "info", tmp_path / "idle.h5", "--json", "-").json["samples"] == 1000
+
+
+def test_the_experiment_is_run_on_the_axis_of_its_tie(run, tmp_path):
+    """Also where gap.json has no axis because the data have a single one."""
+    path, more = tmp_path / "gap.json", tmp_path / "more.h5"
+    content = {**TIE, "next_experiment": {**EXPERIMENT, "bias": 3.0, "drives": "y"}}
+    path.write_text(json.dumps(content))
+    outcome = run("gap", "next", path, "--axis", "x", "-o", more)
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "the tie is of axis y" in outcome.err
+    for axis in ("q", "xy", "x"):
+        with pytest.raises(BadInput, match=f"axis '?{axis}"):
+            gap_next(path, output=more, axis=axis)
+    assert os.listdir(tmp_path) == ["gap.json"]
+    assert run("gap", "next", path, "-o", more).status == 0
+    assert list(read_recording(more).axes) == ["y"]
+    path.write_text(json.dumps({**content, "next_experiment": {**content["next_experiment"], "drives": ["y"]}}))
+    outcome = run("gap", "next", path, "-o", tmp_path / "again.h5")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)

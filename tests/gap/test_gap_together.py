@@ -123,6 +123,7 @@ def test_an_undetermined_power_of_the_level_has_a_record_that_would_tell(tmp_pat
     assert exponent[2] == (0.5, 2.0)
     assert not result.ties
     assert (proposed["waveform"], proposed["axis"], proposed["needs_sensor"]) == ("multisine", "x,y,z", None)
+    assert proposed["drives"] == "x,y,z"
     played = sorted(float(np.max([np.ptp(a.u_V) for a in r.axes.values()])) for r in train)
     assert played[2] < 0.8 * proposed["level"]
     assert proposed["level"] < 0.8 * played[3]

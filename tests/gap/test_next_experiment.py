@@ -80,6 +80,7 @@ def test_the_proposed_experiment_breaks_the_tie_for_the_truth():
     assert proposed.separation > NEEDED
     assert proposed.chance > 0.95
     assert proposed.tells_apart in first.ties
+    assert (proposed.axis, proposed.drives) == (None, "x")
     excitation = excitation_of(vars(proposed))
     t = np.arange(round(proposed.seconds * RATE_HZ)) / RATE_HZ
     then = after(truth, record(stage_with(truth), excitation.voltage(t), 400))

@@ -68,23 +68,24 @@ def gap_next(
     port: str | None = None,
     *,
     output: str | os.PathLike[str],
-    axis: str = "x",
+    axis: str | None = None,
     model: StageLike | None = None,
     overwrite: bool = False,
     on_progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """Runs the experiment that a tie asks for, open loop, and keeps the record in ``output`` (.h5).
 
-    ``proposal`` is the result of ``gap`` or a gap.json. ``axis`` counts where the proposal names none. ``model`` has
-    limits and calibration; it is uploaded first. Raises BadInput when no experiment is proposed, and for an output that
-    exists unless ``overwrite``, and what the device says.
+    ``proposal`` is the result of ``gap`` or a gap.json. ``axis`` is needed only where the proposal does not say which
+    axis the tie is of. ``model`` has limits and calibration; it is uploaded first. Raises BadInput when no experiment
+    is proposed, for another axis than the tie's, and for an output that exists unless ``overwrite``, and what the
+    device says.
 
     >>> import phaselead as pl
     >>> pl.gap_next("gap.json", output="more.h5")
     Traceback (most recent call last):
     phaselead.errors.BadInput: gap.json: cannot be read (No such file or directory); make it with phaselead gap --json
     """
-    from phaselead.gap import proposal_of, read_proposal, run_proposal
+    from phaselead.gap import axis_driven, proposal_of, read_proposal, run_proposal
     from phaselead.model import as_stage
     from phaselead.record import RUN_SUFFIXES, check_output, gather_one
     from phaselead.serial_ports import default_port
@@ -96,7 +97,8 @@ def gap_next(
     else:
         proposed = proposal_of(proposal.as_json(), "this result")
     stage = None if model is None else as_stage(model)
-    run_proposal(proposed, port or default_port(), proposed.get("axis") or axis, os.fspath(output), stage, on_progress)
+    driven = axis_driven(proposed, axis)
+    run_proposal(proposed, port or default_port(), driven, os.fspath(output), stage, on_progress)
     return gather_one(output)
 
 

@@ -89,7 +89,9 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 @click.option(
     "--port", default=DEFAULT_PORT, envvar=PORT_VARIABLE, callback=named_port, show_default=True, help="The device."
 )
-@click.option("--axis", type=click.Choice(["x", "y", "z"]), default="x", show_default=True)
+@click.option(
+    "--axis", type=click.Choice(["x", "y", "z"]), help="Needed only where gap.json does not say whose tie it is."
+)
 @click.option(
     "--model", "model_path", metavar="M", type=INPUT, help="Stage file with limits and calibration; uploaded first."
 )
@@ -99,7 +101,7 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
 def next_experiment(
     gap_json: str,
     port: str,
-    axis: str,
+    axis: str | None,
     model_path: str | None,
     output: str,
     yes: bool,

@@ -11,6 +11,7 @@ from phaselead.cli.outputs import overwriting
 from phaselead.errors import BadInput
 from phaselead.gap import (
     GapResult,
+    axis_driven,
     check_port,
     excitation_of,
     keep_freed_memory,
@@ -70,7 +71,7 @@ def printed(result: GapResult, written: Sequence[str]) -> list[Table | str]:
 def run_next(
     gap_json: str,
     port: str,
-    axis: str,
+    axis: str | None,
     output: str,
     model_path: str | None,
     yes: bool,
@@ -79,7 +80,7 @@ def run_next(
     """Record the experiment that gap.json proposes, once somebody has agreed to what it does to a known mode."""
     proposed = read_proposal(gap_json)
     stage = load_stage(model_path) if model_path else None
-    driven = proposed.get("axis") or axis
+    driven = axis_driven(proposed, axis)
     modes_Hz = modes_crossed_Hz(proposed, stage, driven)
     if modes_Hz:
         low, high = excitation_of(proposed).driven_Hz
@@ -88,7 +89,7 @@ def run_next(
         confirmed(f"This drives {driven} with {drive}, across its mode at {where}. May it?", yes)
     with progress("recording", 1.0) as advance:
         recording = gap_next(
-            gap_json, port, output=output, axis=axis, model=stage, overwrite=overwriting(), on_progress=advance
+            gap_json, port, output=output, axis=driven, model=stage, overwrite=overwriting(), on_progress=advance
         )
     said = (
         f"wrote {output}, {len(recording.t_s)} samples; add it to --train (to --reference if the stage was as before), "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design import excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
+from phaselead.gap.design import axis_driven, excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
 from phaselead.gap.findings import (
     NAMED,
     Bound,
@@ -35,6 +35,7 @@ __all__ = [
     "Trace",
     "TrackedPath",
     "TrackingComparison",
+    "axis_driven",
     "check_port",
     "excitation_of",
     "excludes",

@@ -120,6 +120,8 @@ class NextExperiment:
     tells_apart: tuple[str, ...] = ()
     """Names of the effects that it tells apart, those of one tie. Empty where it tells which power of the level
     softening grows by."""
+    drives: str | None = None
+    """The axis, or axes, that it is for, also where ``axis`` is None because the data have a single one."""
 
     @property
     def several_axes(self) -> bool:

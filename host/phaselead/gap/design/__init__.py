@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from phaselead.gap.design.next_experiment import GOOD, passes, propose, sensor_for
 from phaselead.gap.design.proposal import (
+    axis_driven,
     excitation_of,
     modes_crossed_Hz,
     proposal_of,
@@ -14,6 +15,7 @@ from phaselead.gap.design.proposal import (
 
 __all__ = [
     "GOOD",
+    "axis_driven",
     "excitation_of",
     "modes_crossed_Hz",
     "passes",

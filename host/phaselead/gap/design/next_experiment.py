@@ -82,7 +82,7 @@ def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperim
     sensor = sensor_for(members) if found.chance <= MORE_LIKELY_THAN_NOT else None
     return NextExperiment(
         one.waveform, one.level_V, one.band_Hz, one.bias_V, label, one.seconds, found.log_odds, found.chance, sensor,
-        one.source, one.points, tuple(member.name for member in members),
+        one.source, one.points, tuple(member.name for member in members), contest.likelihood.runs[0].modelled.run.axis,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from phaselead.device import Device
 from phaselead.errors import BadInput
 from phaselead.gap.design.excitation import RECORD, SHAPES, Excitation
 from phaselead.model import Stage, catalogue, small_signal
+from phaselead.record import AXES
 from phaselead.waveforms import POINTS
 
 KEYS = ("waveform", "level", "band", "bias", "seconds")
@@ -53,6 +54,25 @@ def proposal_of(content: Any, path: str) -> Mapping[str, Any]:
             "a column of volts an axis: phaselead log record --drive path:FILE"
         )
     return proposed
+
+
+def axis_driven(proposed: Mapping[str, Any], asked: str | None = None) -> str:
+    """The axis on which a proposal is run: its own; where it names none, the one ``asked`` for, else x.
+
+    Raises BadInput for another than its own, on which it would tell nothing, and for what is no axis.
+    """
+    own = proposed.get("drives") or proposed.get("axis")
+    if asked is not None and asked not in AXES:
+        raise BadInput(f"axis {asked!r}: gap next drives one axis; give one of {', '.join(AXES)}")
+    if own is not None and asked not in (None, own):
+        raise BadInput(
+            f"axis {asked}: the tie is of axis {own}, and a record of {asked} cannot decide it; give {own}, or leave "
+            "the axis out"
+        )
+    found = own or asked or AXES[0]
+    if found not in AXES:
+        raise BadInput(f"the next experiment names no axis but {found!r}; make gap.json anew")
+    return str(found)
 
 
 def records_that_show(names: Iterable[str]) -> dict[str, str]:

@@ -157,4 +157,5 @@ def _experiment(found: StageFit, one: _Predicted, sensor: str | None, names: tup
         sensor,
         None if multisine else record.source,
         tells_apart=names,
+        drives=",".join(found.axes),
     )
