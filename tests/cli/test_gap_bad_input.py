@@ -77,15 +77,46 @@ def test_what_must_be_given(run, folder):
 
 def test_records_at_another_rate(run, folder):
     write(folder / "slow.csv", rows(3, seconds=5.0, rate_Hz=500.0))
-    refused(run, folder, "slow.csv", "500 Hz", "1000 Hz", "resample", train=folder / "slow.csv")
-    refused(run, folder, "slow.csv", "500 Hz", "resample", reference=folder / "slow.csv")
+    said = "slow.csv", "500 Hz", "record at 1000 Hz", "phaselead fit"
+    refused(run, folder, *said, train=folder / "slow.csv")
+    refused(run, folder, *said, reference=folder / "slow.csv")
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("ms", 1e-3), ("us", 1e-6)])
+def test_times_in_another_unit(run, folder, unit, seconds):
+    """The map that the message shows mends it."""
+    for i, name in enumerate(("train", "other")):
+        write(folder / f"{name}_{unit}.csv", rows(i) / [seconds, 1, 1])
+    of = {"train": folder / f"train_{unit}.csv", "holdout": folder / f"other_{unit}.csv"}
+    shown = f"t_s=1*{seconds:g},u_V=2,x_um=3"
+    refused(run, folder, f"train_{unit}.csv", f"are its times in {unit}?", f"--map {shown}", **of)
+    outcome = run("gap", "--model", folder / "model.toml", "--train", of["train"], "--holdout", of["holdout"],
+                  "--map", shown)  # fmt: skip
+    assert outcome.status == 0, outcome.err
 
 
 def test_records_of_another_axis(run, folder):
     values = np.column_stack([rows(3), rows(4)[:, 1:]])
     path = write(folder / "yz.csv", values[:, [0, 1, 3, 2, 4]], "t_s,uy_V,uz_V,y_um,z_um")
-    said = "no common channel", "axes x", "both voltage and position of y, z"
+    said = "no common channel", "axis x", "both voltage and position of y, z"
     refused(run, folder, *said, train=f"{path}@0:1", holdout=f"{path}@1:2")
+
+
+def test_one_record_of_another_axis(run, folder):
+    """It is the one that is named, not one that has the axis of the model."""
+    write(folder / "y.csv", rows(3), "t_s,uy_V,y_um")
+    said = "phaselead: " + str(folder / "y.csv"), "is of axis y, the model has axis x; leave it out"
+    refused(run, folder, *said, train=[folder / "train.csv", "--train", folder / "y.csv"])
+    refused(run, folder, *said, holdout=[folder / "y.csv", "--holdout", folder / "other.csv"])
+
+
+def test_records_without_a_common_axis(run, folder):
+    view = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=RATE_HZ)
+    both = Stage(name="plane", axes={"x": AxisModel(time=view), "y": AxisModel(time=view)})
+    save_stage(folder / "both.toml", both)
+    write(folder / "y.csv", rows(3), "t_s,uy_V,y_um")
+    said = "no axis is in all", "train.csv has axis x", "y.csv has axis y", "one axis at a time"
+    refused(run, folder, *said, model=folder / "both.toml", holdout=folder / "y.csv")
 
 
 def test_a_model_without_a_time_view(run, folder):

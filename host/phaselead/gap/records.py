@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
-from typing import Literal
+from typing import Literal, NoReturn
 
 import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.identify import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
-from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped
+from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, times_in
 
 Role = Literal["train", "holdout", "reference"]
 
@@ -91,7 +91,10 @@ def axis_runs(
 ) -> dict[str, list[GapRun]]:
     """The runs of every axis that model and records share. Raises BadInput, one line, for what cannot be used."""
     if not train or not holdout:
-        raise BadInput("the gap needs records to train on (--train) and others to hold out (--holdout)")
+        raise BadInput(
+            "the gap needs records to train on and others to hold out; give --train and --holdout (in Python train= "
+            "and holdout=)"
+        )
     refuse_overlap(train, holdout, "training")
     refuse_overlap(reference, holdout, "reference")
     refuse_overlap(reference, train, "reference", "training")
@@ -110,17 +113,32 @@ def axis_runs(
             "(phaselead fit)"
         )
     if not axes:
-        poorest = min([*train, *holdout], key=lambda record: len(_complete_axes(record)))
-        whole = ", ".join(_complete_axes(poorest)) or "no axis"
-        raise BadInput(
-            f"{poorest.source}: no common channel: the model has axes {', '.join(sorted(stage.axes))}, the record has "
-            f"both voltage and position of {whole}; map the missing column or fit that axis first"
-        )
+        _refuse_without_common_axis(stage, [*train, *holdout])
     runs = {a: [_run(r, a, role) for role, rs in parts for r in rs if _has(r, a)] for a in axes}
     for a, of_axis in runs.items():
         _refuse_other_rate(stage, a, of_axis)
     _refuse_all_still([r for of_axis in runs.values() for r in of_axis])
     return runs
+
+
+def _refuse_without_common_axis(stage: Stage, records: Sequence[Recording]) -> NoReturn:
+    """Say which record has not the axis that the model and the others have, or that no two agree."""
+    strangers = [record for record in records if not set(_complete_axes(record)) & set(stage.axes)]
+    if not strangers:
+        each = ", ".join(f"{record.source} has {_said(_complete_axes(record))}" for record in records)
+        raise BadInput(f"no axis is in all of the records: {each}; compare one axis at a time")
+    one = min(strangers, key=lambda record: len(_complete_axes(record)))
+    found = _complete_axes(one)
+    if found and len(strangers) < len(records):
+        raise BadInput(f"{one.source}: is of {_said(found)}, the model has {_said(sorted(stage.axes))}; leave it out")
+    raise BadInput(
+        f"{one.source}: no common channel: the model has {_said(sorted(stage.axes))}, the record has both voltage and "
+        f"position of {', '.join(found) or 'no axis'}; map the missing column or fit that axis first"
+    )
+
+
+def _said(axes: Sequence[str]) -> str:
+    return f"{'axis' if len(axes) == 1 else 'axes'} {', '.join(axes)}"
 
 
 INSTEAD = {
@@ -237,10 +255,11 @@ def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[GapRun]) -> None:
     assert view is not None
     for run in runs:
         rate_Hz = 1 / run.step_s
+        instead = f"record at {view.rate_Hz:.6g} Hz, or fit a model to records of {rate_Hz:.6g} Hz (phaselead fit)"
         if abs(rate_Hz / view.rate_Hz - 1) > SAME_RATE:
             raise BadInput(
                 f"{run.source}: is sampled at {rate_Hz:.6g} Hz but the model was fitted at {view.rate_Hz:.6g} Hz; "
-                "resample the record or fit a model at its rate"
+                f"{times_in(rate_Hz, view.rate_Hz) or instead}"
             )
         if np.ptp(run.x_um[run.rows]) == 0:
             raise BadInput(f"{run.source}: the position of {axis} never changes; is the sensor connected and mapped?")

@@ -15,7 +15,7 @@ from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
-from phaselead.record.plausible import doubts_about
+from phaselead.record.plausible import doubts_about, times_in
 from phaselead.record.read import read_recording, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
@@ -65,6 +65,7 @@ __all__ = [
     "scored_alone",
     "slow_gain",
     "split_argument",
+    "times_in",
     "write_csv",
     "write_hdf5",
     "write_text",

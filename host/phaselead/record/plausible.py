@@ -14,8 +14,23 @@ ROUGHER = 1.5
 """Times, in fourth differences, of which slow motion has next to nothing: of a multisine both columns have alike, the
 voltage up to a tenth more, which the mechanics take off. Chosen, not measured: five times
 that tenth."""
+NEARLY = 0.01
+"""Largest relative difference between two rates that count as one."""
 SLOWLY = 0.01
 """Roughness of a sine of forty rows a period. Of what is driven faster the mechanics may keep the smoother part."""
+
+
+TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
+"""Of times that are taken for seconds."""
+
+
+def times_in(rate_Hz: float, expected_Hz: float) -> str:
+    """Where a rate is lower than expected by what takes times from one unit to another: the question whether they are
+    in that unit, and the map that mends it. Otherwise empty."""
+    for unit, seconds in TIME_UNITS.items():
+        if abs(rate_Hz / (seconds * expected_Hz) - 1) < NEARLY:
+            return f"are its times in {unit}? Map them with their factor, e.g. --map t_s=1*{seconds:g},u_V=2,x_um=3"
+    return ""
 
 
 def doubts_about(recording: Recording) -> list[str]:
