@@ -13,10 +13,11 @@ from rig import Rig
 from phaselead.errors import BadInput
 from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
-from phaselead.gap.scale import LEAST_GAIN, MOST_GAIN, refuse_other_units, scale_doubts
+from phaselead.gap.scale import refuse_other_units, scale_doubts
 from phaselead.identify import fit
 from phaselead.model import catalogue
 from phaselead.model.effects.filters import resonant
+from phaselead.model.scale import scale_range
 from phaselead.record.recording import AxisRecord, Recording
 
 WAVES = ("multisine0.9", "multisine0.25")
@@ -63,7 +64,8 @@ def test_another_unit_sign_or_column_is_said_in_one_line(change, said):
 
 def test_what_a_stage_can_come_to_is_no_doubt():
     rng = np.random.default_rng(1)
-    for gain in (1.0, 1.05 * LEAST_GAIN, 0.95 * MOST_GAIN):
+    least, most = scale_range()
+    for gain in (1.0, 1.05 * least, 0.95 * most):
         assert doubts(lambda u, x, gain=gain: (u, gain * x)) == ()
     assert doubts(lambda u, x: (u, 30 * rng.normal(size=len(x)))) == ()  # nothing but noise
 

@@ -82,7 +82,9 @@ def verify(
     ``model``: a stage, the result of a fit, or a stage file's name. ``view`` "time" starts from rest at 0 V before the
     first row; "table" answers the sine that the voltage is. Errors in um and in per cent of the measured range.
 
-    Raises BadInput when the model lacks that view or a record cannot be used.
+    Records of which nothing can be used (clipped, gapped, still) are left out: ``left_out`` says which and why, and
+    ``doubts`` which seem to be in other units or of another stage. Raises BadInput when none remains and when the model
+    lacks that view.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
@@ -91,15 +93,13 @@ def verify(
     >>> pl.verify(fitted, other)[0].mean_pct < 5
     True
     """
-    from phaselead.identify import Verifications
-    from phaselead.identify import verify as verify_stage
+    from phaselead.identify import judge
     from phaselead.model import as_stage
     from phaselead.record import gather
 
     stage = as_stage(model)
     given = PurePath(model).name if isinstance(model, str | os.PathLike) else stage.name
-    found = verify_stage(stage, gather(records, map, rate), view, refit_offset=refit_offset)
-    return Verifications(found, view, given, stage.sha256)
+    return judge(stage, gather(records, map, rate), view, given, refit_offset=refit_offset)
 
 
 def predict(

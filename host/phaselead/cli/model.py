@@ -41,7 +41,7 @@ stage_output_option = click.option("-o", "--output", metavar="STAGE.toml", type=
 
 def verification_table(found: Verifications, title: str) -> Table:
     """Errors of a model on recordings under this title."""
-    (table,) = found.tables()
+    table, *_ = found.tables()
     assert isinstance(table, Table)
     return replace(table.without("axis"), title=title)
 
@@ -106,9 +106,9 @@ def verify(
     """Judge a stage file on recordings that it was not fitted on."""
     recordings = read_recordings(records, column_map, rate)
     found = verify_stage(model_path, recordings, view=view)
-    warn(driven_far_beyond(load_stage(model_path), recordings))
+    warn(found.doubts)
     table = verification_table(found, f"{view} view of {Path(model_path).name}")
-    emit(found.as_dict(), json_to, [table, *write_page(found, report)])
+    emit(found.as_dict(), json_to, [table, *found.remarks(), *write_page(found, report)])
 
 
 @top_level(order=50, group="model")

@@ -9,12 +9,9 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.gap.records import GapRun, Role
-from phaselead.model import Chain, Stage, catalogue
+from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
 from phaselead.record import in_another_unit, slow_gain
 
-_GAIN = catalogue()["gain_change"].parameters[0]
-LEAST_GAIN, MOST_GAIN = 1 + _GAIN.low, 1 + _GAIN.high
-"""What a change of the scale may come to; beyond it units, signs or columns are other ones."""
 GIVE_FACTOR = "give the factor of a column, --map x_um=COLUMN*1e6 or u_V=COLUMN*0.001"
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
 
@@ -36,7 +33,7 @@ def refuse_other_units(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> No
             )
         of_roles = _gains_of_roles(stage, driven)
         for (one, gain), (other, beside) in combinations(of_roles.items(), 2):
-            if gain / beside > 0 and not LEAST_GAIN <= gain / beside <= MOST_GAIN:
+            if gain / beside > 0 and out_of_scale(gain / beside):
                 raise BadInput(
                     f"axis {axis}: the {ROLES[one]} records move {gain:.2g} times as far as the model says, the "
                     f"{ROLES[other]} records {beside:.2g} times: no change of one stage does that; {GIVE_FACTOR}, or "
@@ -51,16 +48,13 @@ def scale_doubts(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> tuple[st
 
 def _doubt(stage: Stage, axis: str, runs: Sequence[GapRun]) -> list[str]:
     known = _gains_of_roles(stage, [run for run in runs if run.driven])
-    off = {role: gain for role, gain in known.items() if not LEAST_GAIN <= gain <= MOST_GAIN}
+    off = {role: gain for role, gain in known.items() if out_of_scale(gain)}
     if not off:
         return []
     roles = " and ".join(ROLES[role] for role in off)
     which = "records" if len(off) == len(known) else f"{roles} records"
     gains_off = " and ".join(dict.fromkeys(f"{gain:#.2g}" for gain in off.values()))
-    return [
-        f"{axis}: the {which} move {gains_off} times as far as the model says: check units, signs and columns, or give "
-        "--map; or the model is of another stage"
-    ]
+    return [f"{axis}: the {which} move {scale_doubt(gains_off)}"]
 
 
 def _gains_of_roles(stage: Stage, driven: Sequence[GapRun]) -> dict[Role, float]:

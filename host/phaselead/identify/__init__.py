@@ -24,7 +24,7 @@ from phaselead.identify.plan import HELD_OUT, Experiment, plan_as_time_allows, p
 from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verify
-from phaselead.identify.verifications import Verifications
+from phaselead.identify.verifications import Verifications, judge
 from phaselead.identify.words import noise_um_rms
 
 __all__ = [
@@ -56,6 +56,7 @@ __all__ = [
     "fit_plays",
     "frequency_response",
     "identify_device",
+    "judge",
     "keeping",
     "noise_um_rms",
     "plan_as_time_allows",

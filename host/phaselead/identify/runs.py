@@ -114,7 +114,7 @@ def driven_axes(recording: Recording) -> list[str]:
         raise BadInput(f"{recording.source}: has no voltage; record u_V beside x_um")
     largest = max(spans.values())
     if largest < STILL_V:
-        raise BadInput(f"{recording.source}: the voltage never moves; record the stage while it is driven")
+        raise BadInput(f"{recording.source}: the voltage never moves; give a record of the stage while it is driven")
     return [name for name, span in spans.items() if span > DRIVEN_SHARE * largest]
 
 

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify.runs import AxisRun, axis_run, driven_axes
+from phaselead.identify.runs import AxisRun, driven_runs
 from phaselead.model import Stage, TableView, predict
-from phaselead.record import Recording, Samples
+from phaselead.record import Recording, Samples, slow_gain
 
 View = Literal["time", "table"]
 
@@ -29,12 +29,14 @@ class Verification:
     axis: str = "x"
     sha256: str = ""
     """Of the recording's file, else of its samples."""
+    gain: float | None = None
+    """By which factor the measured position follows the model's, slowly; None where most of it does not."""
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
     """As it goes into JSON."""
     figures = asdict(verification)
-    del figures["sha256"]  # of the page; a reader of the JSON has the file
+    del figures["sha256"], figures["gain"]  # of the page and of doubts; a reader of the JSON has the file
     if verification.axis == "x":
         del figures["axis"]  # the plain form of a one-axis recording
     return figures
@@ -43,19 +45,20 @@ def verification_dict(verification: Verification) -> dict[str, Any]:
 def verify(
     stage: Stage, recordings: Sequence[Recording], view: View = "time", *, refit_offset: bool = False
 ) -> list[Verification]:
-    """Judge ``view`` of the stage on every driven axis of every recording.
+    """Judge ``view`` of the stage on every driven axis of every recording that can be used.
 
     The time view starts from rest at 0 V before the first row; rows ahead of a window warm its memory. The
     table view answers the sine that the voltage is. ``refit_offset`` removes the mean error of each record.
-    Raises BadInput.
+    Raises BadInput for a recording of which nothing can be used.
     """
     found = []
     for recording in recordings:
-        driven = driven_axes(recording)
+        runs, left_out = driven_runs(recording)
+        if not runs:
+            raise BadInput(left_out[0])
         predicted = predict(stage, recording) if view == "time" else None
         sha256 = recording.traced.sha256
-        for axis in driven:
-            run = axis_run(recording, axis)
+        for axis, run in runs.items():
             if predicted is None:
                 model = _table_response(stage, run)
             else:
@@ -68,12 +71,14 @@ def verify(
 
 
 def _judge(run: AxisRun, model: Samples, refit_offset: bool, sha256: str) -> Verification:
-    error = run.x_um[run.scored] - model
+    measured = run.x_um[run.scored]
+    error = measured - model
     if refit_offset:
         error = error - error.mean()
     largest, mean, range_um = float(np.abs(error).max()), float(np.abs(error).mean()), run.range_um
     shares_pct = 100 * largest / range_um, 100 * mean / range_um
-    return Verification(run.source, largest, mean, range_um, *shares_pct, run.axis, sha256)
+    gain = slow_gain([(model, measured)])
+    return Verification(run.source, largest, mean, range_um, *shares_pct, run.axis, sha256, gain)
 
 
 def _table_response(stage: Stage, run: AxisRun) -> Samples:

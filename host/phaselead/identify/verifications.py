@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from phaselead.identify.verification import Verification, View, verification_dict
+from phaselead.errors import BadInput
+from phaselead.identify.runs import usable
+from phaselead.identify.verification import Verification, View, verification_dict, verify
+from phaselead.model import Stage, driven_far_beyond, out_of_scale, scale_doubt
+from phaselead.record import Recording
 from phaselead.result import Result, Table
 
 if TYPE_CHECKING:
@@ -18,7 +22,8 @@ class Verifications(Result, list[Verification]):
     """Errors of one view of a model, one entry for each driven axis of each recording: a list that prints as a table.
 
     Each entry has ``file``, ``axis``, ``max_um``, ``mean_um`` (mean of the error's size), ``range_um`` (measured
-    peak-to-peak), and ``max_pct`` and ``mean_pct`` of that range.
+    peak-to-peak), and ``max_pct`` and ``mean_pct`` of that range. ``left_out`` are lines on recordings of which nothing
+    could be used, and ``doubts`` on those that do not seem to be of this model or in its units.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
@@ -39,11 +44,14 @@ class Verifications(Result, list[Verification]):
         view: View = "time",
         model: str = "",
         model_sha256: str = "",
+        left_out: Iterable[str] = (),
+        doubts: Iterable[str] = (),
     ) -> None:
         list.__init__(self, verifications)
         self.model_sha256 = model_sha256
         self.view: View = view
         self.model_name = model
+        self.left_out, self.doubts = list(left_out), list(doubts)
 
     @property
     def columns(self) -> dict[str, list[Any]]:
@@ -52,8 +60,13 @@ class Verifications(Result, list[Verification]):
         return {name: [asdict(one)[name] for one in self] for name in names}
 
     def as_dict(self) -> dict[str, Any]:
-        """As ``phaselead verify --json`` writes it."""
-        return {"records": [verification_dict(one) for one in self]}
+        """As ``phaselead verify --json`` writes it; with ``left_out`` where some were."""
+        records = {"records": [verification_dict(one) for one in self]}
+        return records | ({"left_out": self.left_out} if self.left_out else {})
+
+    def remarks(self) -> list[str]:
+        """One line for each recording, or axis of one, that was left out."""
+        return [f"left out: {line}" for line in self.left_out]
 
     def tables(self) -> list[Table | str]:
         headings = ("record", "axis", "max (µm)", "mean |e| (µm)", "range (µm)", "max (%)", "mean (%)")
@@ -66,7 +79,8 @@ class Verifications(Result, list[Verification]):
             )
             for v in self
         )
-        return [Table(headings, rows, f"{self.view} view of {self.model_name}" if self.model_name else "")]
+        table = Table(headings, rows, f"{self.view} view of {self.model_name}" if self.model_name else "")
+        return [table, *self.remarks(), *self.doubts]
 
     def plot(self) -> Figure:
         """Largest and mean error of every record, in per cent of its range."""
@@ -77,3 +91,25 @@ class Verifications(Result, list[Verification]):
 
     def __repr__(self) -> str:
         return f"<{len(self)} verifications, {self.view} view>"
+
+
+def judge(
+    stage: Stage, recordings: Sequence[Recording], view: View, model: str, *, refit_offset: bool = False
+) -> Verifications:
+    """``verify`` on the recordings of which something can be used; the others are left out. ``model`` is what the stage
+    is called. Raises BadInput where none is left."""
+    if not recordings:
+        raise BadInput("no recordings to verify the model on; give at least one file")
+    kept, left_out = usable(recordings)
+    found = verify(stage, kept, view, refit_offset=refit_offset)
+    doubts = [*driven_far_beyond(stage, kept), *_out_of_scale(found)]
+    return Verifications(found, view, model, stage.sha256, left_out, doubts)
+
+
+def _out_of_scale(found: Sequence[Verification]) -> list[str]:
+    """Records that move as no change of the stage makes them, in one line for all."""
+    off = [one for one in found if out_of_scale(one.gain)]
+    if not off:
+        return []
+    more = f" ({len(off) - 1} more like it)" if len(off) > 1 else ""
+    return [f"{off[0].file}: axis {off[0].axis} moves {scale_doubt(f'{off[0].gain:#.2g}')}{more}"]

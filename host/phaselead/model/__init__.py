@@ -63,6 +63,7 @@ from phaselead.model.operator import (
     turned_view,
 )
 from phaselead.model.prediction import driven_far_beyond, predict
+from phaselead.model.scale import out_of_scale, scale_doubt
 from phaselead.model.sections import HOLD_S, LATCH_S, TICK_S, Section
 from phaselead.model.sensor_lag import sensor_lag_s
 from phaselead.model.stage_argument import StageLike, as_stage
@@ -141,6 +142,7 @@ __all__ = [
     "load_stage",
     "mode_coefficients",
     "modes_of",
+    "out_of_scale",
     "parse_stage",
     "plays",
     "predict",
@@ -154,6 +156,7 @@ __all__ = [
     "rest_plays",
     "rest_position_um",
     "save_stage",
+    "scale_doubt",
     "second_order_residual",
     "sensor_lag_s",
     "shares",

@@ -101,7 +101,8 @@ def _parts_of_axes(result: FitResult) -> list[Part]:
 
 @result_page.register
 def _(result: Verifications) -> str:
-    part = Part("How far is the model from each record?", (), _html(result.tables()), result.plot())
+    said, tables = _parted(result.tables())
+    part = Part("How far is the model from each record?", said, tables, result.plot())
     worst = max(result, key=lambda one: one.max_pct, default=None)
     cards = [] if worst is None else [
         {"value": f"{worst.mean_pct:.2g} %", "label": f"mean error on {worst.file}, the worst, of its range"},

@@ -1,0 +1,25 @@
+"""How far records move beside what a model says of them, and from where on it is the doing of units or columns."""
+
+from __future__ import annotations
+
+from phaselead.model.effects import effect
+
+
+def scale_range() -> tuple[float, float]:
+    """What a change of the scale may come to, at least and at most; beyond it units, signs or columns are others."""
+    gain = effect("gain_change").parameters[0]
+    return 1 + gain.low, 1 + gain.high
+
+
+def out_of_scale(gain: float | None) -> bool:
+    """Whether no change of a stage multiplies its motion by this; None: it is not known."""
+    low, high = scale_range()
+    return gain is not None and not low <= gain <= high
+
+
+def scale_doubt(gains: str) -> str:
+    """What is said of records that move ``gains``, a number or several in words, times as far as they should."""
+    return (
+        f"{gains} times as far as the model says: check units, signs and columns, or give --map; or the model is of "
+        "another stage"
+    )

@@ -1,0 +1,58 @@
+"""A model judged on records: which are left out, and which do not seem to be of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phaselead.api import recording, verify
+from phaselead.errors import BadInput
+from phaselead.model import AxisModel, Stage, TimeView
+from phaselead.record import Recording
+
+RATE_HZ = 500.0
+VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 5.0), rate_Hz=RATE_HZ)
+STAGE = Stage(name="line", axes={"x": AxisModel(time=VIEW)})
+T_s = np.arange(500) / RATE_HZ
+U_V = 2.5 - 2.5 * np.cos(2 * np.pi * 5 * T_s)
+
+
+def record(gain: float = 1.0, volts: float = 1.0, source: str = "rec.csv") -> Recording:
+    noise_um = np.random.default_rng(0).normal(0, 0.01, len(T_s))
+    return recording(t_s=T_s, u_V=volts * U_V, x_um=gain * (20 * U_V + noise_um), source=source)
+
+
+PARKED = recording(t_s=T_s, u_V=0 * T_s, x_um=np.random.default_rng(1).normal(0, 0.01, len(T_s)), source="park.csv")
+
+
+def test_a_parked_record_is_left_out_and_said_to_be():
+    found = verify(STAGE, [record(source="a.csv"), PARKED, record(source="b.csv")])
+    assert [one.file for one in found] == ["a.csv", "b.csv"]
+    assert found.left_out == found.as_dict()["left_out"] == [str(found.left_out[0])]
+    assert "left out: park.csv: the voltage never moves" in str(found)
+    assert "left_out" not in verify(STAGE, record()).as_dict()
+
+
+def test_where_no_record_is_left_it_is_refused():
+    with pytest.raises(BadInput, match=r"park\.csv: the voltage never moves; give a record"):
+        verify(STAGE, [PARKED])
+    with pytest.raises(BadInput, match="no recordings to verify the model on; give at least one file"):
+        verify(STAGE, [])
+
+
+@pytest.mark.parametrize(
+    ("gain", "volts", "said"),
+    [(1e-6, 1.0, "moves 1.0e-06 times"), (1.0, 15.0, "moves 0.067 times"), (-1.0, 1.0, "moves -1.0 times")],
+    ids=["metres for um", "volts of the amplifier's output", "turned round"],
+)
+def test_another_unit_or_sign_is_said_in_one_line(gain, volts, said):
+    found = verify(STAGE, [record(gain, volts, "a.csv"), record(gain, volts, "b.csv")])
+    (line,) = [line for line in found.doubts if said in line]
+    assert line.startswith("a.csv: axis x")
+    assert line.endswith("(1 more like it)")
+    assert "check units, signs and columns" in line
+    assert line in str(found)
+
+
+def test_what_a_stage_can_come_to_is_no_doubt():
+    assert verify(STAGE, [record(0.2), record(), record(2.9)]).doubts == []
