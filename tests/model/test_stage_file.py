@@ -132,7 +132,7 @@ MISTAKES = [
     ("bits = 16", "bits = 0", "axes.x.sensor.bits = 0: is out of range; it must be at least 1"),
     ("bits = 16", "bits = 1.5", "axes.x.sensor.bits = 1.5: must be a whole number"),
     ("x_max_um = 270.0", "x_max_um = -20.0", "axes.x.sensor.x_max_um = -20 is not above x_min_um = -10"),
-    ('name = "creep"', 'name = "crep"', "axes.x.effects[0].name = 'crep': is no known effect; one of: hysteresis"),
+    ('name = "creep"', 'name = "crep"', "axes.x.effects[0].name = 'crep': is no known effect; did you mean creep?"),
     ("share = 0.3", "share = 1.5", "axes.x.effects[0].share = 1.5: is out of range"),
     ("tau_s = 0.1\n", 'tau_s = "fast"\n', "axes.x.effects[0].params.tau_s = 'fast': must be a number"),
     ("k = [0.004, 0.006]", "k = [0.004, nan]", "axes.x.effects[0].params.k[1]: must be a finite number"),
@@ -167,7 +167,7 @@ def test_mistakes_are_named(tmp_path: Path, right: str, wrong: str, told: str) -
     [
         (b"", "is no stage file"),
         (b"\xff\xfe\x00", "is not text"),
-        (b"t_s,u_V\n0,1\n", "is not TOML"),
+        (b"t_s,u_V\n0,1\n", "is it a recording?"),
         (b"a = " + b"[" * 100_000, "is not TOML"),
         (b"a = 1" + b"0" * 10_000, "is no"),
         (b"#" * (16 * 2**20 + 1), "larger than any stage file"),
@@ -285,7 +285,8 @@ def test_a_stage_with_one_more_effect():
 @pytest.mark.parametrize(
     ("name", "params", "said"),
     [
-        ("load_change", {"mas": 0.2}, "params.mas is no parameter of load_change; it has mass"),
+        ("load_change", {"mas": 0.2}, "params.mas is no parameter of load_change; did you mean mass?"),
+        ("load_change", {"wide": 0.2}, "params.wide is no parameter of load_change; it has mass"),
         ("load_change", {"mass": -3}, "params.mass = -3 is out of range; load_change takes -0.5..3 (of moving mass)"),
         ("creep", {"gamma": 5}, "params.gamma = 5 is out of range; creep takes -0.2..0.2 (per decade)"),
         (
@@ -320,3 +321,18 @@ def test_what_a_search_may_find_is_taken(name):
 def test_modes_and_lags_are_taken_wherever_a_fit_finds_them():
     example_stage().with_effect("resonance", f_Hz=[4.0, 7000.0], zeta=[0.9, 0.001], c=[3.0, -2.0])
     example_stage().with_effect("amplifier_lowpass", tau_s=0.05)
+
+
+@pytest.mark.parametrize(
+    "text", ["t_s,u_V,x_um\n0,0,0\n", "# t_s,u_V\n0,1.5e-3\n", "0;0,5;1\n", "-1\t2\n", '"t_ms","u_mV"\n0,1\n']
+)
+def test_a_recording_in_place_of_a_stage_file_is_told(tmp_path, text):
+    (tmp_path / "rec.csv").write_text(text)
+    with pytest.raises(BadInput, match=r"rec\.csv: has columns.*is it a recording\?"):
+        load_stage(tmp_path / "rec.csv")
+
+
+def test_other_text_is_not_taken_for_a_recording(tmp_path):
+    (tmp_path / "broken.toml").write_text('format = "phaselead-stage"\nname = \n')
+    with pytest.raises(BadInput, match=r"is not TOML: .*repair the line"):
+        load_stage(tmp_path / "broken.toml")

@@ -157,7 +157,7 @@ def line_of(refusal: pytest.ExceptionInfo[BadInput]) -> str:
         ("", ["is empty", "t_s,u_V,x_um"]),
         (" \n\n", ["is empty"]),
         ("t_s,u_V,x_um\n", ["no rows"]),
-        ("t_s,u_V,x_um\n0,1,2\n", ["1 rows", "at least 2"]),
+        ("t_s,u_V,x_um\n0,1,2\n", ["1 row of data", "at least 2"]),
         ("0,1,2\n1,2,3\n", ["first line", "'0,1,2'", "--map u_V=1,x_um=2 --rate 200Hz"]),
         ("foo,bar\n1,2\n", ["first line", "'foo,bar'", "--map"]),
         (GOOD.replace("u_V", "u_mV"), ["column 2", "'u_mV'", "expected u_V (volts)", "u_V=2*0.001"]),
@@ -296,3 +296,9 @@ def test_reads_measured_records() -> None:
     )
     assert stage150.scored == slice(25000, 35000)
     assert stage150.rate_Hz == pytest.approx(5000, rel=1e-6)
+
+
+@pytest.mark.parametrize(("rows", "said"), [("", "has no rows of data"), ("0,1,10\n", "has 1 row of data")])
+def test_too_few_rows_are_refused_with_what_to_do(tmp_path: Path, rows: str, said: str) -> None:
+    with pytest.raises(BadInput, match=rf"rec\.csv: {said}, at least 2 are needed; record for longer, or give"):
+        read_recording(write(tmp_path, "t_s,u_V,x_um\n" + rows))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path, PurePath
@@ -24,7 +25,8 @@ from phaselead.model.fields import Matrix3, Part
 from phaselead.model.stage_toml import toml_text
 from phaselead.model.summary import axis_table, parameter_columns, parameter_table, stage_figure
 from phaselead.model.validation_errors import explain, explained, fault, key_path
-from phaselead.record import AXES, Recording, write_text
+from phaselead.nearest import nearest
+from phaselead.record import AXES, Recording, own_header, write_text
 from phaselead.result import Result, Table, pairs_table
 from phaselead.version import VERSION as PROGRAM_VERSION
 
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 FORMAT: Literal["phaselead-stage"] = "phaselead-stage"
 VERSION: Literal[1] = 1
 LARGEST_FILE = 16 * 2**20
+_NUMBER = re.compile(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 
 
 def _axis_name(name: str) -> str:
@@ -123,8 +126,8 @@ class Stage(Result, Part):
         for axis, model in self.axes.items():
             for i, adopted in enumerate(model.effects):
                 if adopted.name not in catalogue():
-                    known = ", ".join(catalogue())
-                    fault(f"= {adopted.name!r}: is no known effect; one of: {known}", f"axes.{axis}.effects[{i}].name")
+                    known = nearest(adopted.name, catalogue())
+                    fault(f"= {adopted.name!r}: is no known effect; {known}", f"axes.{axis}.effects[{i}].name")
         return self
 
     @property
@@ -210,6 +213,8 @@ def parse_stage(text: str, source: str = "stage") -> Stage:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
+        if _is_table(text):
+            raise BadInput(f"{source}: has columns, but a stage file (.toml) has keys; is it a recording?") from None
         reason = " ".join(str(error).split())[:200]
         raise BadInput(f"{source}: is not TOML: {reason}; repair the line, or fit the stage file again") from None
     if content.get("format") != FORMAT:
@@ -228,6 +233,13 @@ def parse_stage(text: str, source: str = "stage") -> Stage:
         for i, adopted in enumerate(model.effects):
             _refuse_parameters(source, adopted, f"axes.{axis}.effects[{i}].params")
     return stage
+
+
+def _is_table(text: str) -> bool:
+    """Whether the first line is one of a recording: names of columns, or numbers."""
+    first = next((line for line in text.splitlines() if line.strip() and line.lstrip()[0] not in "#%"), "")
+    fields = [field.strip(' "') for field in re.split(r"[,;\t]", first)]
+    return own_header(fields) or (len(fields) > 1 and all(_NUMBER.fullmatch(field) for field in fields))
 
 
 def _refuse_parameters(source: str, adopted: AdoptedEffect, key: str) -> None:

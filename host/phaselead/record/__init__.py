@@ -6,7 +6,7 @@ from phaselead.record.atomic import RUN_SUFFIXES, atomic_path, check_output, is_
 from phaselead.record.axis_record import AxisRecord, Samples
 from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import refuse_clipped, refuse_gapped
-from phaselead.record.columns import AXES, parse_axes, parse_column_map, parse_rate
+from phaselead.record.columns import AXES, own_header, parse_axes, parse_column_map, parse_rate
 from phaselead.record.digest import Source, file_sha256
 from phaselead.record.direction import counts_backwards, in_another_unit, slow_gain
 from phaselead.record.exporting import SUFFIXES, export, write_csv
@@ -53,6 +53,7 @@ __all__ = [
     "import_names",
     "in_another_unit",
     "is_special",
+    "own_header",
     "parse_axes",
     "parse_column_map",
     "parse_rate",

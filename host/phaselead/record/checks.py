@@ -33,13 +33,19 @@ def require_finite(name: str, values: Samples, where: Where, source: str) -> Non
         )
 
 
+def require_rows(rows: int, source: str) -> None:
+    """Refuse fewer than the two rows that have a sampling rate."""
+    if rows < 2:
+        there = "1 row" if rows else "no rows"
+        raise BadInput(f"{source}: has {there} of data, at least 2 are needed; record for longer, or give another file")
+
+
 def require_uniform(t_s: Samples, where: Where, source: str, *, gapped: bool = False) -> None:
     """Refuse fewer than two rows, time that does not advance, and steps that differ by more than 1 %.
 
     ``gapped``: rows are known to be missing, so that a step may be any number of usual ones.
     """
-    if len(t_s) < 2:
-        raise BadInput(f"{source}: has {len(t_s)} rows of data; at least 2 are needed")
+    require_rows(len(t_s), source)
     steps = np.diff(t_s)
     still = np.flatnonzero(steps <= 0)
     if still.size:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
 
 from phaselead.errors import BadInput
+from phaselead.nearest import nearest
 from phaselead.record.axis_record import AxisRecord, Samples
 
 AXES = ("x", "y", "z")
@@ -134,8 +134,7 @@ def _did_you_mean(name: str) -> str:
     meant, scale = _meant(name)
     if meant:
         return f"write {meant}=COLUMN" + (f"*{scale:g}" if scale != 1 else "")
-    close = difflib.get_close_matches(name, UNITS, n=1)
-    return f"did you mean {close[0]}?" if close else f"one of {', '.join(UNITS)}"
+    return nearest(name, UNITS)
 
 
 def parse_rate(text: str) -> float:

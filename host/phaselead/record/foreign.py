@@ -13,6 +13,7 @@ import numpy as np
 from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
 from phaselead.record.bounded import require_walkable
+from phaselead.record.checks import require_rows
 from phaselead.record.hdf5 import SIGNATURE
 
 FEWEST_ROWS = 16
@@ -172,8 +173,7 @@ def _text_table(path: str) -> ForeignTable:
             raise BadInput(f"{path}: line {i}: has {len(fields)} fields, {len(first)} expected; remove or repair it")
         rows.append([_value(field, comma) for field in fields[: len(first)]])
     table = np.array(rows, np.float64)
-    if len(table) < 2:
-        raise BadInput(f"{path}: has {len(table)} rows of data; at least 2 are needed")
+    require_rows(len(table), path)
     columns = [
         ForeignColumn(i + 1, labels[i], table[:, i], units[i])
         for i in range(len(first))

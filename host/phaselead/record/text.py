@@ -16,7 +16,7 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
-from phaselead.record.checks import MISSING_FROM, Where, missing_samples, require_finite, require_uniform
+from phaselead.record.checks import MISSING_FROM, Where, missing_samples, require_finite, require_rows, require_uniform
 from phaselead.record.columns import (
     MAP_EXAMPLE,
     ColumnMap,
@@ -72,8 +72,7 @@ def read_text(
         require_finite(name, table[name], where, source)
         if scale != 1:
             table[name] = table[name] * scale
-    if not len(next(iter(table.values()))):
-        raise BadInput(f"{source}: has no rows of data; at least 2 are needed")
+    require_rows(len(next(iter(table.values()))), source)
     if rate_Hz is not None:
         table["t_s"] = _times_at(rate_Hz, table, where, source)
     require_uniform(table["t_s"], where, source)

@@ -26,6 +26,7 @@ from phaselead.model.effects.parameters import CheckedParameters, Parameter, Val
 from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.softening import push_level
 from phaselead.model.effects.virtual import NotPlayed, VirtualAxis
+from phaselead.nearest import nearest
 from phaselead.record import Samples
 
 __all__ = [
@@ -84,7 +85,7 @@ def catalogue(without: Sequence[str] = ()) -> Mapping[str, Effect]:
 def effect(name: str) -> Effect:
     """One effect. Raises BadInput when the catalogue has none of that name."""
     if name not in _all():
-        raise BadInput(f"no effect is called {name!r}; there are {', '.join(_all())}")
+        raise BadInput(f"no effect is called {name!r}; {nearest(name, _all(), 'there are')}")
     return _all()[name]
 
 

@@ -21,6 +21,7 @@ from phaselead.model.effects.place import MODES_FROM, Place
 from phaselead.model.effects.virtual import VirtualAxis
 from phaselead.model.operator import range_um, rest_plays, rest_position_um
 from phaselead.model.sections import Undone
+from phaselead.nearest import nearest
 from phaselead.record import Samples
 
 __all__ = [
@@ -365,7 +366,10 @@ class Effect:
         """What is wrong with a value that is given for one of its parameters; None where it may be."""
         found = next((p for p in self.parameters if p.name == name), None)
         if found is None:
-            return None if name in self.accepts else f"is no parameter of {self.name}; it has {self._known()}"
+            if name in self.accepts:
+                return None
+            known = [*(p.name for p in self.parameters), *self.accepts]
+            return f"is no parameter of {self.name}; {nearest(name, known, 'it has')}"
         low, high = found.low, found.high
         if self.has_free_sizes:
             low, high = 0.0 if low >= 0 else -math.inf, math.inf
