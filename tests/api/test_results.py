@@ -121,8 +121,13 @@ def test_a_model_is_taken_however_it_is_given(fitted: pl.FitResult, records: pl.
 
 
 @pytest.mark.parametrize(
-    "call", [lambda: pl.verify(3, []), lambda: pl.fit(3), lambda: pl.fit([3]), lambda: pl.read("*.no")]
-)
+    "call",
+    [
+        lambda: pl.verify(3, []), lambda: pl.fit(3), lambda: pl.fit([3]), lambda: pl.read("*.no"),
+        lambda: pl.read("a.csv", map=3), lambda: pl.read("a.csv", map={"u_V": "drive"}),
+        lambda: pl.read("a.csv", map={"u_V": (1, "a")}), lambda: pl.read("a.csv", map={"u_V": (1,)}),
+    ],
+)  # fmt: skip
 def test_what_is_no_model_or_record_is_refused(call: Callable[[], Any]) -> None:
     with pytest.raises(pl.BadInput):
         call()
@@ -137,11 +142,38 @@ def test_what_is_no_model_or_record_is_refused(call: Callable[[], Any]) -> None:
         {"t_s": [0, 1], "v": [0, 1]},
         {"u_V": [0, 1]},
         {"t_s": [0, 1]},
+        {"t_s": "a", "u_V": "b", "x_um": "c"},
+        {"t_s": [0, 1, 2], "u_V": ["a", 1, 1]},
+        {"t_s": [0, 1, 2], "u_V": [1j, 1, 1]},
+        {"t_s": [0, 1, 2], "u_V": np.array([1j, 1, 1])},
+        {"t_s": [0, 1, 2], "u_V": [[1], 1, 1]},
+        {"t_s": [0, 1, 2], "u_V": {"a": 1}},
     ],
 )
 def test_arrays_that_are_no_recording_are_refused(columns: dict[str, Any]) -> None:
     with pytest.raises(pl.BadInput):
         pl.recording(**columns)
+
+
+def test_arguments_that_are_none_of_the_choices_are_refused(records: pl.Recordings, tmp_path: Path) -> None:
+    """They raised a KeyError, an AttributeError or a TypeError, or were taken for one of them without a word."""
+    stage: Any = "sim://xyz250"
+    rate: Any = [200]
+    anything: Any = "no"
+    calls: list[tuple[Callable[[], Any], str]] = [
+        (lambda: pl.gap(pl.load(stage), train=records[:1], holdout=records[1:], frozen=anything), "frozen='no'"),
+        (lambda: pl.gap_next(3, output=tmp_path / "more.h5"), "a int proposes no experiment"),  # type: ignore[arg-type]
+        (lambda: pl.verify(pl.load(stage), records, view=anything), "view='no'"),
+        (lambda: pl.fit(records, base=anything), "base='no'"),
+        (lambda: pl.plot(records, of=anything), "of='no'"),
+        (lambda: pl.write_report(anything, tmp_path / "page.html"), "a str has no page; give the result itself"),
+        (lambda: pl.read(tmp_path / "rig.csv", map="u_V=1", rate=rate), "no sampling rate"),
+    ]
+    (tmp_path / "rig.csv").write_text("0\n1\n")
+    for call, said in calls:
+        with pytest.raises(pl.BadInput, match=said):
+            call()
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.csv"]
 
 
 cells = st.text(st.characters(blacklist_categories=["Cc", "Cs", "Zl", "Zp"]), max_size=8)

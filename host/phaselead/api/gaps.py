@@ -36,7 +36,8 @@ def gap(
     a port: the same paths are tracked there under the model before and the one after. The given model is untouched;
     ``next_model`` of the result holds what was found.
 
-    Raises BadInput, one line, for records that cannot be compared; LinkError at once when ``verify_on`` is no device.
+    Raises BadInput, one line, for records that cannot be compared and for a ``frozen`` that is neither True, False nor
+    None; LinkError at once when ``verify_on`` is no device.
 
     >>> import numpy as np
     >>> import phaselead as pl
@@ -54,6 +55,8 @@ def gap(
     from phaselead.model import as_stage
     from phaselead.record import gather
 
+    if frozen not in (True, False, None):
+        raise BadInput(f"frozen={frozen!r}: give True, False, or None to have the references decide")
     stage = as_stage(model)
     parts = [gather(part, map, rate) for part in (train, holdout, reference)]
     if verify_on is not None:
@@ -85,7 +88,7 @@ def gap_next(
     Traceback (most recent call last):
     phaselead.errors.BadInput: gap.json: cannot be read (No such file or directory); make it with phaselead gap --json
     """
-    from phaselead.gap import axis_driven, proposal_of, read_proposal, run_proposal
+    from phaselead.gap import GapResult, axis_driven, proposal_of, read_proposal, run_proposal
     from phaselead.model import as_stage
     from phaselead.record import RUN_SUFFIXES, check_output, gather_one
     from phaselead.serial_ports import default_port
@@ -94,8 +97,10 @@ def gap_next(
     check_output(os.fspath(output), suffixes=RUN_SUFFIXES, inputs=inputs, overwrite=overwrite)
     if isinstance(proposal, str | os.PathLike):
         proposed = read_proposal(os.fspath(proposal))
-    else:
+    elif isinstance(proposal, GapResult):
         proposed = proposal_of(proposal.as_json(), "this result")
+    else:
+        raise BadInput(f"a {type(proposal).__name__} proposes no experiment; give the result of gap, or a gap.json")
     stage = None if model is None else as_stage(model)
     driven = axis_driven(proposed, axis)
     run_proposal(proposed, port or default_port(), driven, os.fspath(output), stage, on_progress)
@@ -113,8 +118,8 @@ def write_report(
     verification, a run or what was learned its figures and tables. One file, no network.
 
     ``model_name`` is what the page of a gap calls the model; default its name. Raises BadInput for a gap that ``gap``
-    did not make and for a file that exists unless ``overwrite``, TypeError for a result without a page, OSError where
-    the file cannot be written.
+    did not make, for what has no page, and for a file that exists unless ``overwrite``, OSError where the file cannot
+    be written.
 
     >>> import numpy as np
     >>> import phaselead as pl

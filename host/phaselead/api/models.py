@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
+
+from phaselead.errors import BadInput
 
 if TYPE_CHECKING:
     from phaselead.control import GainsLike, Loop
@@ -49,7 +51,7 @@ def fit(
     for it. The result is taken wherever a model is.
 
     Records of which nothing can be used (clipped, gapped, still) are left out: ``report.left_out`` says which and why.
-    Raises BadInput, one line, when none remains, none goes round a loop, or rates are mixed.
+    Raises BadInput, one line, when none remains, none goes round a loop, or rates are mixed, and for another ``base``.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
@@ -58,11 +60,13 @@ def fit(
     True
     """
     from phaselead.control import with_gains
-    from phaselead.identify import FitResult
+    from phaselead.identify import Base, FitResult
     from phaselead.identify import fit as fit_stage
     from phaselead.model import as_stage
     from phaselead.record import gather
 
+    if base not in get_args(Base):
+        raise BadInput(f"base={base!r}: a fit has one of the bases {', '.join(get_args(Base))}")
     found = gather(records, map, rate)
     stage, report = fit_stage(found, base, name=name, parent=None if parent is None else as_stage(parent))
     return FitResult(with_gains(stage), report, found)

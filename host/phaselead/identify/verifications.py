@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from phaselead.errors import BadInput
 from phaselead.identify.runs import usable
@@ -98,6 +98,8 @@ def judge(
 ) -> Verifications:
     """``verify`` on the recordings of which something can be used; the others are left out. ``model`` is what the stage
     is called. Raises BadInput where none is left."""
+    if view not in get_args(View):
+        raise BadInput(f"view={view!r}: a model has the views {' and '.join(get_args(View))}")
     if not recordings:
         raise BadInput("no recordings to verify the model on; give at least one file")
     kept, left_out = usable(recordings)

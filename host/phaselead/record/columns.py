@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from numbers import Real
 
 from phaselead.errors import BadInput
 from phaselead.nearest import nearest
@@ -149,7 +150,7 @@ def parse_rate(text: str) -> float:
 
 def check_rate(rate_Hz: float, given: str = "") -> float:
     """The rate itself when it is one."""
-    if not (math.isfinite(rate_Hz) and rate_Hz > 0):
+    if not (isinstance(rate_Hz, Real) and math.isfinite(rate_Hz) and rate_Hz > 0):
         raise BadInput(f"rate {given or rate_Hz}: is no sampling rate; give one such as 200Hz")
     return rate_Hz
 

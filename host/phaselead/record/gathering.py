@@ -5,14 +5,16 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Iterable, Mapping
-from typing import Protocol, runtime_checkable
+from numbers import Integral, Real
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from phaselead.errors import BadInput
+from phaselead.record.axis_record import Samples
 from phaselead.record.checks import require_finite, require_uniform
-from phaselead.record.columns import UNITS, ColumnMap, axes_of, parse_column_map, parse_rate
+from phaselead.record.columns import UNITS, ColumnMap, axes_of, parse_column_map, parse_rate, shown
 from phaselead.record.read import read_recording, split_argument
 from phaselead.record.recording import Recording, Recordings
 
@@ -70,7 +72,7 @@ def from_columns(columns: Mapping[str, ArrayLike], source: str = "arrays") -> Re
             f"{source}: {unknown[0] if unknown else 't_s'} {'is no column' if unknown else 'is missing'}; "
             f"there are {', '.join(UNITS)}"
         )
-    arrays = {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
+    arrays = {name: _real(name, values, source) for name, values in columns.items()}
     t_s = arrays.pop("t_s")
 
     def where(row: int) -> str:
@@ -83,6 +85,17 @@ def from_columns(columns: Mapping[str, ArrayLike], source: str = "arrays") -> Re
     require_finite("t_s", t_s, where, source)
     require_uniform(t_s, where, source)
     return Recording(t_s=t_s, axes=axes_of(arrays, source), source=source)
+
+
+def _real(name: str, values: ArrayLike, source: str) -> Samples:
+    """A column as an array of its own. Raises BadInput for what holds anything but real numbers."""
+    try:
+        found = np.array(values)
+        if np.iscomplexobj(found):  # whose imaginary part would be dropped with a warning
+            raise TypeError
+        return found.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise BadInput(f"{source}: {name} holds what is no real number; give an array of one for each time") from None
 
 
 def _each(records: RecordsLike) -> Iterable[RecordLike]:
@@ -107,4 +120,16 @@ def _names(argument: str) -> list[str]:
 def _column_map(columns: MapLike | None) -> ColumnMap | None:
     if columns is None or isinstance(columns, str):
         return parse_column_map(columns) if columns else None
-    return {name: (where, 1.0) if isinstance(where, int) else where for name, where in columns.items()}
+    if not isinstance(columns, Mapping):
+        raise BadInput(f"column map: {shown(str(columns))} is none; give one such as {{'u_V': 1, 'x_um': (3, 1e6)}}")
+    return {name: _placed(name, where) for name, where in columns.items()}
+
+
+def _placed(name: str, where: Any) -> tuple[int, float]:
+    """A column and its factor, however they are given. Raises BadInput."""
+    column, factor = where if isinstance(where, tuple) and len(where) == 2 else (where, 1.0)
+    if not isinstance(column, Integral) or not isinstance(factor, Real):
+        raise BadInput(
+            f"column map: {name}={shown(str(where))} is no column; give its number, counted from 1, or (number, factor)"
+        )
+    return int(column), float(factor)

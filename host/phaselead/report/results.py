@@ -11,6 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from phaselead.control import Learned, Run, Tuned
+from phaselead.errors import BadInput
 from phaselead.identify import FitResult, Verifications
 from phaselead.record import Source
 from phaselead.report.axis_figures import (
@@ -47,8 +48,10 @@ class Part:
 
 @singledispatch
 def result_page(result: Any) -> str:
-    """The page as HTML. Raises TypeError for a result that has none."""
-    raise TypeError(f"a {type(result).__name__} has no page")
+    """The page as HTML. Raises BadInput for what has none."""
+    raise BadInput(
+        f"a {type(result).__name__} has no page; give the result itself, of gap, fit, verify, track, learn or tune"
+    )
 
 
 @result_page.register

@@ -35,6 +35,8 @@ def runs_figure(recordings: Sequence[Recording], shown: Shown = "position", *, t
 
     Raises BadInput when no recording has what is asked for.
     """
+    if shown not in SHOWN:
+        raise BadInput(f"of={shown!r}: a figure shows one of {', '.join(SHOWN)}")
     axes = [axis for axis in ("x", "y", "z") if any(_signal(one, axis, shown) is not None for one in recordings)]
     if not axes:
         what = "a reference, so no error: plot --of position" if shown == "error" else "a measured position"
