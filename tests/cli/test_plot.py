@@ -60,6 +60,16 @@ def test_errors_are_named_with_their_size(runs):
     assert "reference" in panel.get_ylabel()
 
 
+@pytest.mark.parametrize(
+    ("names", "of"),
+    [(["fast", "slow"], "error"), (["still"], "position"), (["fast", "still"], "error or position")],
+)
+def test_a_spectrum_says_what_it_is_of(runs, names, of):
+    figure = pl.plot([runs / f"{name}.h5" for name in names], of="spectrum")
+    assert figure.get_suptitle() == f"At which frequencies is the {of}?"
+    assert figure.axes[0].get_ylabel().startswith(f"x: {of} (")
+
+
 def test_the_reference_has_one_name_in_the_legend(runs):
     (panel,) = pl.plot([runs / "still.h5", runs / "fast.h5", runs / "slow.h5"]).axes
     labels = [text.get_text() for text in panel.get_legend().get_texts()]

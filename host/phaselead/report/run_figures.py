@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 from typing import Literal, get_args
 
@@ -21,11 +21,7 @@ COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE)
 """Of the first recordings; of more a scale of colours."""
 SEGMENT_S = 1.0
 """Of a periodogram: lines 1 Hz apart, and as many averages as the record has seconds."""
-TITLES = {
-    "position": "Where did the stage go?",
-    "error": "How far was it from where it should be?",
-    "spectrum": "At which frequencies is the error?",
-}
+TITLES = {"position": "Where did the stage go?", "error": "How far was it from where it should be?"}
 
 
 def runs_figure(recordings: Sequence[Recording], shown: Shown = "position", *, titled: bool = True) -> Figure:
@@ -50,7 +46,8 @@ def runs_figure(recordings: Sequence[Recording], shown: Shown = "position", *, t
             panel.set(xlabel=_across(shown), ylabel=f"{axis}: {_up(shown, recordings, axis)}")
             panel.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4)
         if titled:
-            figure.suptitle(TITLES[shown], x=0.02, ha="left")
+            title = TITLES.get(shown) or f"At which frequencies is the {_spectra_of(recordings, axes)}?"
+            figure.suptitle(title, x=0.02, ha="left")
         return figure
 
 
@@ -60,9 +57,15 @@ def _across(shown: Shown) -> str:
 
 def _up(shown: Shown, recordings: Sequence[Recording], axis: str) -> str:
     if shown == "spectrum":
-        asked = any(axis in one.axes and one.axes[axis].r_um is not None for one in recordings)
-        return f"{'error' if asked else 'position'} (\u00b5m/\u221aHz)"
+        return f"{_spectra_of(recordings, axis)} (\u00b5m/\u221aHz)"
     return {"position": "position (\u00b5m)", "error": "reference \u2212 measured (\u00b5m)"}[shown]
+
+
+def _spectra_of(recordings: Sequence[Recording], axes: Iterable[str]) -> str:
+    """Whether their spectra are of the error, of the position, or of the error here and of the position there."""
+    drawn = [one.axes[a] for one in recordings for a in axes if a in one.axes and one.axes[a].x_um is not None]
+    each = dict.fromkeys("error" if record.r_um is not None else "position" for record in drawn)
+    return " or ".join(sorted(each))
 
 
 def _signal(recording: Recording, axis: str, shown: Shown) -> Samples | None:
