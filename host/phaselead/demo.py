@@ -39,7 +39,7 @@ def run_demo(
     ``say`` is given a line per chapter, ``on_progress`` the fraction done.
 
     Raises:
-        BadInput: ``out`` holds a demo already and ``overwrite`` is False, or is no folder that can be written to.
+        BadInput: ``out`` is a folder that holds anything and ``overwrite`` is False, or is none that can be written to.
         PhaseleadError: a step failed, or a recording did not replay bit for bit.
     """
     made = not Path(out).exists()
@@ -93,17 +93,18 @@ def _run(folder: Path, say: Say, step: Callable[[float], None]) -> Path:
 
 
 def _own_folder(folder: Path, overwrite: bool) -> Path:
-    """Made where it is not there. Without files of an earlier demo, so that none of them is taken for this one's."""
-    there = [path for path in (folder / STAGE_FILE, folder / REPORT, *folder.glob("*.h5")) if path.exists()]
-    if there and not overwrite:
-        raise BadInput(
-            f"{folder}: holds {there[0].name} of an earlier demo; give another folder with --out, or write over it "
-            "with --overwrite (in Python overwrite=True)"
-        )
+    """Made where it is not there. Empty but for hidden files, so that nothing in it is taken for this demo's."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        there = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     except OSError as error:
         raise BadInput(f"{folder}: no folder can be made there ({error.strerror}); give another with --out") from None
+    if there and not overwrite:
+        earlier = " of an earlier demo" if STAGE_FILE in there and REPORT in there else ""
+        raise BadInput(
+            f"{folder}: holds {there[0]}{earlier}, and the demo keeps its files in a folder of its own; give another "
+            "with --out, or write into this one with --overwrite (in Python overwrite=True)"
+        )
     check_output(folder / REPORT)
     return folder
 

@@ -74,3 +74,12 @@ def test_an_earlier_demo_is_not_written_over(folder):
     assert ended.exit_code == 2
     assert "--overwrite" in ended.output
     assert {file.name: file.stat().st_mtime_ns for file in folder.iterdir()} == before
+
+
+def test_it_does_not_mix_its_files_into_a_folder_of_others(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    ended = CliRunner().invoke(main, ["demo", "--out", str(tmp_path)])
+    assert ended.exit_code == 2
+    assert ended.stderr.count("\n") == 1
+    assert "holds notes.txt, and the demo keeps" in ended.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

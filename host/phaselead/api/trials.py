@@ -23,7 +23,7 @@ def demo(
     """The whole story on the built-in stage: identify, fit, verify, upload, track, record, replay. About a minute.
 
     Keeps every file in the folder ``out`` and returns the path of the report; ``say`` is given a line per chapter.
-    Raises BadInput where the folder holds a demo already, unless ``overwrite``, PhaseleadError when a step fails.
+    Raises BadInput where the folder holds anything already, unless ``overwrite``, PhaseleadError when a step fails.
 
     >>> import phaselead as pl
     >>> report = pl.demo("demo")  # doctest: +SKIP
