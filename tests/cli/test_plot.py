@@ -80,5 +80,5 @@ def test_a_record_without_a_reference_has_a_spectrum_but_no_error(run, runs, tmp
     assert run("plot", runs / "still.h5", "--of", "spectrum", "-o", tmp_path / "noise.png").status == 0
     outcome = run("plot", runs / "still.h5", "--of", "error", "-o", tmp_path / "none.png")
     assert outcome.status == 2
-    assert "--of position" in outcome.err
+    assert '--of position (in Python of="position")' in outcome.err
     assert not (tmp_path / "none.png").exists()

@@ -56,3 +56,9 @@ def test_another_unit_or_sign_is_said_in_one_line(gain, volts, said):
 
 def test_what_a_stage_can_come_to_is_no_doubt():
     assert verify(STAGE, [record(0.2), record(), record(2.9)]).doubts == []
+
+
+def test_a_view_that_is_not_there_is_told_in_the_words_of_both():
+    """From Python the remedy was an option of the command line."""
+    with pytest.raises(BadInput, match=r'has no table view.*--view time \(in Python view="time"\)'):
+        verify(STAGE, record(), view="table")

@@ -14,6 +14,7 @@ from phaselead.model import Stage, TableView, predict
 from phaselead.record import Recording, Samples, slow_gain
 
 View = Literal["time", "table"]
+TIME_VIEW = 'judge the time view: --view time (in Python view="time")'
 
 
 @dataclass(frozen=True)
@@ -87,11 +88,11 @@ def _table_response(stage: Stage, run: AxisRun) -> Samples:
     if table is None:
         raise BadInput(
             f"stage {stage.name!r} has no table view for axis {run.axis}; "
-            "fit it to sines of several levels and frequencies, or verify with --view time"
+            f"fit it to sines of several levels and frequencies, or {TIME_VIEW}"
         )
     sine = run.sine
     if sine is None or not sine.starts_at_zero:
-        raise BadInput(f"{run.source}: the table view answers only a sine that starts at 0 V; use --view time")
+        raise BadInput(f"{run.source}: the table view answers only a sine that starts at 0 V; {TIME_VIEW}")
     return table_response(table, run, sine.swing_V, sine.f_Hz)
 
 

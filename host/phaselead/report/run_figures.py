@@ -35,7 +35,8 @@ def runs_figure(recordings: Sequence[Recording], shown: Shown = "position", *, t
         raise BadInput(f"of={shown!r}: a figure shows one of {', '.join(SHOWN)}")
     axes = [axis for axis in ("x", "y", "z") if any(_signal(one, axis, shown) is not None for one in recordings)]
     if not axes:
-        what = "a reference, so no error: plot --of position" if shown == "error" else "a measured position"
+        instead = 'a reference, so no error; give --of position (in Python of="position")'
+        what = instead if shown == "error" else "a measured position"
         raise BadInput(f"none of these recordings has {what}")
     with figure_style():
         figure = new_figure(9.4, 1.0 + 2.8 * len(axes))
