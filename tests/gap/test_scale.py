@@ -19,6 +19,7 @@ from phaselead.model import catalogue
 from phaselead.model.effects.filters import resonant
 from phaselead.model.scale import scale_range
 from phaselead.record.recording import AxisRecord, Recording
+from phaselead.report.gap import gap_page
 
 WAVES = ("multisine0.9", "multisine0.25")
 
@@ -78,8 +79,10 @@ def test_records_of_one_part_alone_are_named():
 def test_the_answer_says_it():
     train, holdout = (as_written(part, lambda u, x: (u, -x)) for part in records())
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
-    assert [line for line in found.messages if "-1.0 times" in line]
-    assert "-1.0 times" in str(found)
+    assert "-1.0 times" in found.doubts[0]
+    assert str(found).splitlines()[1].startswith("x: the records move -1.0 times")
+    assert found.as_json()["doubts"] == list(found.doubts)
+    assert "move -1.0 times" in gap_page(found, stage(), "model.toml").split("<h2>")[0]
 
 
 def test_every_role_that_is_off_is_said():

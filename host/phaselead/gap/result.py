@@ -82,6 +82,8 @@ class GapResult(Result):
     adopted_of_ties: dict[str, str] = field(default_factory=dict)
     """For each tie, by its names joined with " | ", the member that the next stage contains."""
     messages: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    """Whether records and model are of one stage and in the same units: said first, since all else rests on it."""
     seconds: float = 0.0
     adopted: tuple[Adopted, ...] = ()
     """What the next stage has that the one compared had not, and whether each name is vouched for."""
@@ -127,6 +129,7 @@ class GapResult(Result):
             },
             "unexplained": None if self.unexplained is None else self.unexplained.as_dict(),
             "next_experiment": _experiment(self.next_experiment),
+            "doubts": list(self.doubts),
             "holdout_sha256": list(self.holdout_sha256),
             **tracked,
         }
@@ -193,7 +196,7 @@ class GapResult(Result):
 
     def tables(self) -> list[Table | str]:
         gap = self.gap
-        parts: list[Table | str] = [f"verdict: {', '.join(self.verdicts)}"]
+        parts: list[Table | str] = [f"verdict: {', '.join(self.verdicts)}", *self.doubts]
         for effect in self.effects:
             on = f" ({effect.axis})" if effect.axis else ""
             parts.append(f"{effect.name}{on}: {percent(effect.share)} of the unexplained power; {effect.why}")

@@ -62,7 +62,7 @@ def run_gap(
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
     parts = {"train": train, "holdout": holdout, "reference": reference}
     sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
-    return replace(found, base=stage, messages=doubts + found.messages, sources=sources)
+    return replace(found, base=stage, doubts=doubts, sources=sources)
 
 
 def verified_on(port: str, base: Stage, result: GapResult, on_progress: Progress | None = None) -> GapResult:

@@ -86,6 +86,7 @@ def gap_page(
         traces=[{"name": t.source, "axis": t.axis, "figure": trace_figure(t)} for t in _largest(result.traces)],
         spectra=[{"name": begun(effect_title(s.name)), "figure": spectrum_figure(s)} for s in result.spectra],
         remains=remains(result),
+        doubts=result.doubts,
         messages=[in_prose(message) for message in result.messages],
         residual_figure=residual_figure(result.traces) if result.traces else None,
         excluded=[bound_row(bound, result) for bound in result.excluded if excludes(bound)],
