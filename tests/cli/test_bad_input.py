@@ -411,7 +411,7 @@ def test_json_goes_into_a_pipe_by_name(tmp_path):
 def test_lines_say_what_to_do_next(run, stage_file, tmp_path):
     path = write(tmp_path / "record.csv", sine_rows())
     assert_one_line(run("log", "recover", path, "-o", tmp_path / "out.h5"), 2, "no capture journal; give")
-    assert_one_line(run("upload", path), 2, "not TOML", "fit the stage file again")
+    assert_one_line(run("upload", path), 2, "a stage file (.toml) has keys; is it a recording?")
     assert_one_line(run("log", "info", f"{path}@50:60"), 2, "0 rows", "0 to 1.999 s, choose FROM:TO inside")
     assert_one_line(run("replay", tmp_path / "nope.h5"), 2, "does not exist; check the path")
     assert_one_line(run("replay", path), 2, "is no HDF5 file; give a run")

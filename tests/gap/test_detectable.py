@@ -132,10 +132,10 @@ def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(referenc
     ("name", "stated", "said"),
     [
         ("delay", "delay", "0.3"),
-        ("delay", "gain_change", "not within 10 typical sizes"),
+        ("delay", "gain_change", "beyond 10 typical sizes, if at all"),
         ("delay", None, ""),
         ("offset", "delay", ""),
-        ("thermal_drift", "delay", "not within 10 typical sizes"),
+        ("thermal_drift", "delay", "beyond 10 typical sizes, if at all"),
     ],
 )
 def test_a_report_says_where_no_size_is_stated(name, stated, said):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from phaselead.cli import main
 from phaselead.errors import BadInput
 from phaselead.gap.run import run_gap
 from phaselead.gap.several_axes.base_modes import has_common_modes
+from phaselead.gap.several_axes.common_modes import _best_at_rest
 from phaselead.identify.fitting import fit
 from phaselead.model.axis import AdoptedEffect
 from phaselead.model.prediction import predict
@@ -153,3 +155,16 @@ def test_a_bound_says_of_which_axis_it_is(one_level):
     assert {b["axis"] for b in bounds} == {"x", "y", "z"}
     assert len({(b["name"], b["axis"]) for b in bounds}) == len(bounds)
     assert all(f"{b['name']} ({b['axis']}) < " in " ".join(str(result).split()) for b in bounds)
+
+
+def test_a_power_whose_modes_grow_at_rest_is_not_chosen():
+    """Between two levels it may fit best, but a model is asked at others too."""
+
+    def fit(*zeta: float):
+        return SimpleNamespace(model=SimpleNamespace(zeta=np.array(zeta)))
+
+    powers = {0.5: fit(0.02, -0.001), 1.0: fit(0.02, 0.01), 2.0: fit(0.02, 0.02)}
+    assert _best_at_rest({0.5: 1.0, 1.0: 2.0, 2.0: 3.0}, powers) == 1.0
+    assert _best_at_rest({0.5: 1.0, 1.0: 3.0, 2.0: 2.0}, powers) == 2.0
+    powers[0.5] = fit(0.02, 0.001)
+    assert _best_at_rest({0.5: 1.0, 1.0: 2.0, 2.0: 3.0}, powers) == 0.5

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -75,22 +73,6 @@ def test_a_state_spans_displacement_and_velocity(f_Hz, zeta, seed):
         assert way == pytest.approx(moved[-1] - moved[0], abs=2e-2 * np.ptp(x))
     back = mode_bank.shares(weights, np.array([zeta]))
     assert np.concatenate(back) == pytest.approx([c, v])
-
-
-@given(damping=st.floats(-0.5, 0.001), seed=st.integers(0, 100))
-@settings(max_examples=8, deadline=None)
-def test_a_fit_that_begins_with_a_growing_mode_begins_with_a_damped_one(records, damping, seed):
-    poles = mode_bank.poles(np.array(F_HZ), np.array(ZETA))
-    grown = np.random.default_rng(seed).integers(len(poles))
-    size = np.abs(poles[grown])
-    poles[grown] = size * (-damping + 1j * np.sqrt(1 - damping**2))
-    shift = np.where(np.arange(len(poles)) == grown, 5.0, 0.0).astype(complex)
-    one = records[:1]
-    levels = [replace(drive(r), level=np.ones((len(r.t_s) + 1, 3))) for r in one]
-    none = np.zeros(0)
-    fit = fit_modes(poles, Shaping(lambda _: levels, none, none, none, none), shift=shift, most_steps=0)
-    assert (fit.model.zeta >= LEAST_ZETA * (1 - 1e-9)).all()
-    assert (-(poles_at := fit.model.poles * (1 - fit.shift)).real > 0).all(), poles_at
 
 
 @given(f_Hz=frequencies, zeta=dampings, seed=st.integers(0, 1000))

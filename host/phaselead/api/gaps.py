@@ -55,7 +55,7 @@ def gap(
     from phaselead.model import as_stage
     from phaselead.record import gather
 
-    if frozen not in (True, False, None):
+    if not (frozen is None or isinstance(frozen, bool)):
         raise BadInput(f"frozen={frozen!r}: give True, False, or None to have the references decide")
     stage = as_stage(model)
     parts = [gather(part, map, rate) for part in (train, holdout, reference)]
@@ -78,10 +78,10 @@ def gap_next(
 ) -> Recording:
     """Runs the experiment that a tie asks for, open loop, and keeps the record in ``output`` (.h5).
 
-    ``proposal`` is the result of ``gap`` or a gap.json. ``axis`` is needed only where the proposal does not say which
-    axis the tie is of. ``model`` has limits and calibration; it is uploaded first. Raises BadInput when no experiment
-    is proposed, for another axis than the tie's, and for an output that exists unless ``overwrite``, and what the
-    device says.
+    ``proposal`` is the result of ``gap`` or a gap.json. ``axis`` is by default that of the tie, and x where the
+    proposal does not say. ``model`` has limits and calibration; it is uploaded first. Raises BadInput when no
+    experiment is proposed, for another axis than the tie's, and for an output that exists unless ``overwrite``, and
+    what the device says.
 
     >>> import phaselead as pl
     >>> pl.gap_next("gap.json", output="more.h5")

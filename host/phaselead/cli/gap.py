@@ -90,7 +90,7 @@ def gap(ctx: click.Context, /, **options: Any) -> None:
     "--port", default=DEFAULT_PORT, envvar=PORT_VARIABLE, callback=named_port, show_default=True, help="The device."
 )
 @click.option(
-    "--axis", type=click.Choice(["x", "y", "z"]), help="Needed only where gap.json does not say whose tie it is."
+    "--axis", type=click.Choice(["x", "y", "z"]), help="Default: that of the tie; x where gap.json does not say."
 )
 @click.option(
     "--model", "model_path", metavar="M", type=INPUT, help="Stage file with limits and calibration; uploaded first."

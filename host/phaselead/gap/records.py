@@ -11,7 +11,7 @@ from typing import Literal, NoReturn
 import numpy as np
 
 from phaselead.errors import BadInput
-from phaselead.identify import SAME_RATE, STILL_V, AxisRun, SineDrive
+from phaselead.identify import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
 from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, times_in
 
@@ -75,6 +75,12 @@ class GapRun:
     def driven(self) -> bool:
         """Whether its own voltage moves where it is scored."""
         return bool(np.ptp(self.u_V[self.rows]) > STILL_V)
+
+    @property
+    def driven_well(self) -> bool:
+        """Whether its own voltage moves, and not by what a monitor sees of that of another axis."""
+        spans_V = [float(np.ptp(u[self.rows])) for u in self.others_V.values()]
+        return self.driven and float(np.ptp(self.u_V[self.rows])) > DRIVEN_SHARE * max(spans_V, default=0.0)
 
     @cached_property
     def idle(self) -> bool:

@@ -16,7 +16,7 @@ from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import refuse_other_units, scale_doubts
+from phaselead.gap.scale import refuse_unlike_model, scale_doubts
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -50,7 +50,7 @@ def run_gap(
     began = time.monotonic()
     report = on_progress or _silent
     runs = axis_runs(stage, train, holdout, reference)
-    refuse_other_units(stage, runs)
+    refuse_unlike_model(stage, runs)
     doubts = scale_doubts(stage, runs)
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
@@ -92,7 +92,9 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
         seconds=seconds,
         adopted=tuple(a for r in results for a in r.adopted),
         detectable=tuple(d for r in results for d in r.detectable),
-        unexplained=max((r.unexplained for r in results), key=lambda left: left.share - left.chance),
+        unexplained=max(
+            (r.unexplained for r in results), key=lambda left: (not left.of_equations, left.share - left.chance)
+        ),
     )
 
 

@@ -3,42 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 
 import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.gap.records import GapRun, Role
 from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
-from phaselead.record import in_another_unit, slow_gain
+from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain, unit_remedy
 
-GIVE_FACTOR = "give the factor of a column, --map x_um=COLUMN*1e6 or u_V=COLUMN*0.001"
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
 
 
-def refuse_other_units(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> None:
-    """Refuse records in another unit than the model's, and records of two scales that no change of one stage gives.
-    Raises BadInput, one line."""
+def refuse_unlike_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> None:
+    """Refuse records that move beside what the model says as if a column were in another unit. Raises BadInput, one
+    line."""
     for axis, of_axis in runs.items():
-        driven = [run for run in of_axis if run.driven]
-        gains = [(run, _gain(stage, [run])) for run in driven]
-        off = [(run, gain) for run, gain in gains if gain is not None and in_another_unit(gain)]
+        driven = [run for run in of_axis if run.driven_well]
+        found = factors_moved([_expected(stage, run) for run in driven], [run.step_s for run in driven])
+        off = {i: factor for i, factor in found.items() if in_another_unit(factor)}
         if off:
-            run, gain = off[0]
-            others = f" ({len(off) - 1} more like it)" if len(off) > 1 else ""
-            whose = ", or the model is of another stage" if len(off) == len(driven) else ""
+            (first, factor), *more = off.items()
+            others = f" ({len(more)} more like it)" if more else ""
+            instead = "fit the model to this stage" if len(off) == len(found) else "leave the record out"
             raise BadInput(
-                f"{run.name}: axis {axis} moves {gain:.2g} times as far as the model says{others}: a column is in "
-                f"another unit{whose}; {GIVE_FACTOR}, or leave the record out"
+                f"{driven[first].name}: axis {axis} moves {factor:.2g} times as far as the model says{others}; "
+                f"{unit_remedy(factor)}, or {instead}"
             )
-        of_roles = _gains_of_roles(stage, driven)
-        for (one, gain), (other, beside) in combinations(of_roles.items(), 2):
-            if gain / beside > 0 and out_of_scale(gain / beside):
-                raise BadInput(
-                    f"axis {axis}: the {ROLES[one]} records move {gain:.2g} times as far as the model says, the "
-                    f"{ROLES[other]} records {beside:.2g} times: no change of one stage does that; {GIVE_FACTOR}, or "
-                    "leave out what is of another stage"
-                )
 
 
 def scale_doubts(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> tuple[str, ...]:
@@ -65,6 +55,10 @@ def _gains_of_roles(stage: Stage, driven: Sequence[GapRun]) -> dict[Role, float]
 
 def _gain(stage: Stage, runs: Sequence[GapRun]) -> float | None:
     """By how much the model's answer is to be multiplied to give the records, slowly; None where it does not tell."""
-    model = stage.axes
-    pairs = [(Chain(model[r.axis], r.t_s, r.u_V).run()[r.rows], r.x_um[r.rows]) for r in runs]
+    pairs = [_expected(stage, run) for run in runs]
     return slow_gain([(p, x) for p, x in pairs if np.ptp(p) > 0])
+
+
+def _expected(stage: Stage, run: GapRun) -> tuple[Samples, Samples]:
+    """What the model says of a record, by its own voltage alone, and its position, (n,) in um over the scored rows."""
+    return Chain(stage.axes[run.axis], run.t_s, run.u_V).run()[run.rows], run.x_um[run.rows]

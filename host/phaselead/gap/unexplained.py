@@ -38,9 +38,9 @@ class Unexplained:
     of_equations: bool = False
     """Whether it is put down to the equations of the effects that were added, and so to nothing unknown."""
 
-    def as_dict(self) -> dict[str, float]:
+    def as_dict(self) -> dict[str, float | bool]:
         """As gap.json has it."""
-        return {"share": self.share, "chance": self.chance}
+        return {"share": self.share, "chance": self.chance, "of_equations": self.of_equations}
 
     def sentence(self, named: bool) -> str:
         """For a person. ``named``: whether any effect was named."""

@@ -21,13 +21,14 @@ from phaselead.identify.modal import (
 )
 from phaselead.identify.operator import effective_rows, fit_plays, play_thresholds, starting_memory
 from phaselead.identify.plan import HELD_OUT, Experiment, plan_as_time_allows, plan_of, plan_seconds
-from phaselead.identify.runs import SAME_RATE, STILL_V, AxisRun, SineDrive
+from phaselead.identify.runs import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.identify.table import compare_with_table_1
 from phaselead.identify.verification import Verification, View, verify
 from phaselead.identify.verifications import Verifications, judge
 from phaselead.identify.words import noise_um_rms
 
 __all__ = [
+    "DRIVEN_SHARE",
     "HELD_OUT",
     "SAME_RATE",
     "STILL_V",

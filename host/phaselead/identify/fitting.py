@@ -17,7 +17,7 @@ from phaselead.identify.runs import (
     SineDrive,
     driven_axes,
     driven_runs,
-    refuse_other_units,
+    refuse_unlike_others,
     refuse_without_loop,
     sensor_counts_backwards,
     still_share,
@@ -133,7 +133,7 @@ def fit(
         own = _runs_by_axis(decoupled(less, coupling[0]) if coupling else less)[0]
     time, table, modes = {}, {}, {}
     for axis, axis_runs in runs.items():
-        refuse_other_units(axis_runs)
+        refuse_unlike_others(axis_runs)
         backwards = sensor_counts_backwards(axis_runs)
         forward = [turned(run) for run in own[axis]] if backwards else own[axis]
         with explained(f"axis {axis}: the fit leaves what a stage file can hold"):

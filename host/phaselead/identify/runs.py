@@ -20,10 +20,11 @@ from phaselead.record import (
     Recording,
     Samples,
     counts_backwards,
+    factors_moved,
     in_another_unit,
     refuse_clipped,
     refuse_gapped,
-    slow_gain,
+    unit_remedy,
 )
 
 STILL_S = 1.0
@@ -212,20 +213,19 @@ def sensor_counts_backwards(runs: Sequence[AxisRun]) -> bool:
     return counts_backwards((run.u_V[run.scored], run.x_um[run.scored]) for run in runs)
 
 
-def refuse_other_units(runs: Sequence[AxisRun]) -> None:
-    """Refuse records that move beside their voltage as if they were in another unit than most. Raises BadInput."""
-    known = [(run, gain) for run in runs if (gain := slow_gain([(run.u_V, run.x_um)]))]
-    apart = [[in_another_unit(gain / other) for _, other in known] for _, gain in known]
-    if not np.any(apart):
+def refuse_unlike_others(runs: Sequence[AxisRun]) -> None:
+    """Refuse records that move beside their voltage as if a column were in another unit than in most. Raises
+    BadInput."""
+    gains = factors_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs])
+    apart = {i: [j for j in gains if in_another_unit(gains[j] / gains[i])] for i in gains}
+    most = min(apart, key=lambda i: len(apart[i]), default=None)
+    if most is None or not apart[most]:
         return
-    like = min(range(len(known)), key=lambda i: sum(apart[i]))
-    (most, usual_um_per_V), off = known[like], [one for one, other in zip(known, apart[like], strict=True) if other]
-    run, um_per_V = off[0]
-    others = f" ({len(off) - 1} more like it)" if len(off) > 1 else ""
+    odd, *more = apart[most]
+    others = f" ({len(more)} more like it)" if more else ""
     raise BadInput(
-        f"{run.source}: axis {run.axis} moves {um_per_V:.3g} um/V{others}, but {usual_um_per_V:.3g} um/V in "
-        f"{most.source}: a column of one is in another unit; give its factor, --map x_um=COLUMN*1e6 or "
-        "u_V=COLUMN*0.001, or fit them apart"
+        f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{others}, but {gains[most]:.3g} um/V in "
+        f"{runs[most].source}; {unit_remedy(gains[odd] / gains[most])}, or fit them apart"
     )
 
 

@@ -60,9 +60,10 @@ class Verifications(Result, list[Verification]):
         return {name: [asdict(one)[name] for one in self] for name in names}
 
     def as_dict(self) -> dict[str, Any]:
-        """As ``phaselead verify --json`` writes it; with ``left_out`` where some were."""
+        """As ``phaselead verify --json`` writes it; with ``left_out`` and ``doubts`` where there are any."""
+        remarks = {"left_out": self.left_out, "doubts": self.doubts}
         records = {"records": [verification_dict(one) for one in self]}
-        return records | ({"left_out": self.left_out} if self.left_out else {})
+        return records | {name: lines for name, lines in remarks.items() if lines}
 
     def remarks(self) -> list[str]:
         """One line for each recording, or axis of one, that was left out."""

@@ -8,7 +8,7 @@ from phaselead.record.bounded import require_walkable
 from phaselead.record.checks import refuse_clipped, refuse_gapped
 from phaselead.record.columns import AXES, own_header, parse_axes, parse_column_map, parse_rate
 from phaselead.record.digest import Source, file_sha256
-from phaselead.record.direction import counts_backwards, in_another_unit, slow_gain
+from phaselead.record.direction import counts_backwards, slow_gain
 from phaselead.record.exporting import SUFFIXES, export, write_csv
 from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
@@ -19,6 +19,7 @@ from phaselead.record.plausible import doubts_about, times_in
 from phaselead.record.read import read_recording, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
+from phaselead.record.units import factors_moved, in_another_unit, unit_remedy
 
 __all__ = [
     "AXES",
@@ -43,6 +44,7 @@ __all__ = [
     "counts_backwards",
     "doubts_about",
     "export",
+    "factors_moved",
     "facts_of",
     "file_sha256",
     "from_columns",
@@ -67,6 +69,7 @@ __all__ = [
     "slow_gain",
     "split_argument",
     "times_in",
+    "unit_remedy",
     "write_csv",
     "write_hdf5",
     "write_text",

@@ -91,7 +91,7 @@ def _real(name: str, values: ArrayLike, source: str) -> Samples:
     """A column as an array of its own. Raises BadInput for what holds anything but real numbers."""
     try:
         found = np.array(values)
-        if np.iscomplexobj(found):  # whose imaginary part would be dropped with a warning
+        if found.dtype.kind not in "biufO":  # of text, times, or with an imaginary part that would be dropped
             raise TypeError
         return found.astype(np.float64, copy=False)
     except (TypeError, ValueError):

@@ -70,6 +70,7 @@ def gap_page(
     return render(
         "gap.html",
         three_digits=three_digits,
+        begun=begun,
         model_name=model_name,
         headline=headline(result),
         unknown="unknown" in result.verdicts,

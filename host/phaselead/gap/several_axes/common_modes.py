@@ -143,13 +143,21 @@ def fit_softening(
     left = {exponent: _squares_left(train, fit, replace(front, exponent=exponent)) for exponent, fit in powers.items()}
     exponents = _between(left, effect_of("level").parameter("exponent"))
     if (exponents[0], exponents[1]) != (min(left), max(left)):
-        front = replace(front, exponent=min(left, key=lambda p: left[p]))
+        front = replace(front, exponent=_best_at_rest(left, powers))
+        exponents = (min(exponents[0], front.exponent), max(exponents[1], front.exponent))
     report(1.0)
     fit = powers[front.exponent]
     entries = front.entries(fit.values.tolist())
     taus_s = _between(tried, effect_of("level").parameter("tau_s"))
     found = replace(start, fit=fit, front=front, entries=entries, taus_s=taus_s, exponents=exponents)
     return replace(found, other_powers=tuple(_under_power(found, front, powers[p], p) for p in EXPONENTS))
+
+
+def _best_at_rest(left: Mapping[float, float], powers: Mapping[float, ModalFit]) -> float:
+    """The power that leaves least, of those whose modes are damped at rest too: between the levels of the records
+    others may fit as well, but a model must hold wherever it is asked."""
+    damped = [power for power, fit in powers.items() if (fit.model.zeta > 0).all()]
+    return min(damped or left, key=lambda power: left[power])
 
 
 def _under_power(found: CommonModes, front: InFront, fit: ModalFit, exponent: float) -> CommonModes:

@@ -140,8 +140,7 @@ def fit_modes(
     held: ModalModel | None = None,
     report: Callable[[float], None] | None = None,
 ) -> ModalFit:
-    """Fit from ``poles`` (m,), and from ``shift`` (m,) where poles may fall with the levels; from the nearest that are
-    damped, since an extrapolation may not be.
+    """Fit from ``poles`` (m,), and from ``shift`` (m,) where poles may fall with the levels.
 
     ``split`` (m, inputs), rows of sum 1: whose level moves a pole; by default all alike. ``weights`` (records,): of
     their squares; by default estimated on the way. ``held``: a model of these poles that stays as it is, so that only
@@ -151,7 +150,7 @@ def fit_modes(
     drives = shaping.drives(shaping.values)
     inputs = drives[0].push_um.shape[1]
     even = np.full((len(poles), inputs), 1 / inputs)
-    point = _damped(Point(poles, shift, shaping.values.copy(), even if split is None else split, held), drives)
+    point = Point(poles, shift, shaping.values.copy(), even if split is None else split, held)
     start = _fitted(point, drives, _first_weights(drives) if weights is None else weights, FIRST_DAMPING)
 
     def reweighed(at: _Fitted, step: int) -> _Fitted:
@@ -169,18 +168,6 @@ def fit_modes(
     )
     found = found if held is None else _reweighed(found)
     return _result(found, _normal_of(found, shaping))
-
-
-def _damped(point: Point, drives: Sequence[Drive]) -> Point:
-    """The point with modes that are damped at every level, as those of a step are."""
-    poles = stable(point.poles) if point.held is None else point.poles
-    shift = None if point.shift is None else stable_shift(poles, point.shift, _highest(drives))
-    return replace(point, poles=poles, shift=shift)
-
-
-def _highest(drives: Sequence[Drive]) -> float:
-    """The level up to which poles stay damped."""
-    return LEVEL_MARGIN * max((float(d.level.max()) for d in drives if d.level is not None), default=0)
 
 
 def _reweighed(at: _Fitted) -> _Fitted:
@@ -323,7 +310,7 @@ def _trials(at: _Fitted, shaping: Shaping) -> Iterator[_Fitted]:
     matrix = normal.matrix[fixed:, fixed:]
     scale = np.diag(matrix)
     guard = GUARD * scale.max() * np.eye(len(scale))
-    highest = _highest(at.drives)
+    highest = LEVEL_MARGIN * max((float(d.level.max()) for d in at.drives if d.level is not None), default=0)
     while damping < MOST_DAMPING:
         change = np.zeros(len(normal.slope))
         change[fixed:] = np.linalg.solve(matrix + damping * np.diag(scale) + guard, normal.slope[fixed:])

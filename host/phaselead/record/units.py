@@ -1,0 +1,49 @@
+"""Whether a column is in another unit: it then moves a thousand times as far as expected, or a thousandth of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from phaselead.record.axis_record import Samples
+from phaselead.record.direction import slow_gain, summed
+
+PREFIX = 3
+"""Decades from one unit to the next: mV and V, nm and um, um and mm."""
+NEAR = 0.5
+"""Decades about that within which a factor is one of units. No stage does as much: the catalogue's change of gain comes
+to 0.1 at least, a saturated or dead-banded one to some hundredths."""
+AS_SLOW = 10.0
+"""Times the frequency of the slowest record up to which another is judged. Behind a mode the motion falls with the
+square of the frequency: over a decade to a hundredth, which is no unit yet."""
+
+
+def in_another_unit(factor: float) -> bool:
+    """Whether motion by this positive factor of what was expected says that a column is in another unit."""
+    return abs(math.log10(factor)) > PREFIX - NEAR
+
+
+def factors_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float]) -> dict[int, float]:
+    """Positive factors by which positions follow what was expected of them, of the records that tell: by their place
+    in ``pairs``, what was expected and the position (n,), of rows ``steps_s`` apart. What runs against it may be behind
+    a mode, as far down as that, or seen by a sensor that counts backwards."""
+    slow_Hz = {i: _frequency_Hz(pairs[i][0], step_s) for i, step_s in enumerate(steps_s) if np.ptp(pairs[i][0]) > 0}
+    slowest_Hz = min(slow_Hz.values(), default=0.0)
+    gains = {i: slow_gain([pairs[i]]) for i, f_Hz in slow_Hz.items() if f_Hz <= AS_SLOW * slowest_Hz}
+    return {i: gain for i, gain in gains.items() if gain is not None and gain > 0}
+
+
+def unit_remedy(factor: float) -> str:
+    """What to do about a column that is in another unit by this factor."""
+    whole = 10.0 ** (PREFIX * round(math.log10(factor) / PREFIX))
+    return (
+        f"give the factor of the column that is in another unit, --map x_um=COLUMN*{1 / whole:g} or "
+        f"u_V=COLUMN*{whole:g} (in Python map=)"
+    )
+
+
+def _frequency_Hz(values: Samples, step_s: float) -> float:
+    """Of what counts in ``slow_gain``."""
+    return float(np.std(values) / (2 * np.pi * step_s * np.std(summed(values))))
