@@ -30,7 +30,7 @@ TAUS_s = (0.1, 0.3, 1.0, 3.0)
 """Memories of the level that are tried."""
 EXPONENTS = (0.5, 2.0)
 """Powers of the level that are tried beside Rayleigh's 1."""
-STEPS, SOFT_STEPS, LAST_STEPS, EXPONENT_STEPS = 10, 20, 6, 4
+STEPS, SOFT_STEPS, LAST_STEPS, EXPONENT_STEPS = 10, 20, 6, 12
 """Most steps of a fit of the modes, of one with softening, of a last refinement, and under another exponent."""
 
 
