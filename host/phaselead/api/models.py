@@ -88,7 +88,7 @@ def verify(
 
     Records of which nothing can be used (clipped, gapped, still) are left out: ``left_out`` says which and why, and
     ``doubts`` which seem to be in other units or of another stage. Raises BadInput when none remains and when the model
-    lacks that view.
+    lacks that view, or an axis of a record.
 
     >>> import phaselead as pl
     >>> with pl.connect() as dev:
