@@ -130,7 +130,7 @@ def test_motion_behind_a_mode_is_in_no_other_unit():
 
 def test_what_a_monitor_sees_of_another_axis_is_no_drive():
     """Its axis moves by cross-talk, of which its own voltage knows nothing."""
-    three = Stage(name="two axes", axes={"x": stage().axes["x"], "y": stage().axes["x"]})
+    both = Stage(name="two axes", axes={"x": stage().axes["x"], "y": stage().axes["x"]})
 
     def beside(record: Recording) -> Recording:
         x = record.axes["x"]
@@ -138,4 +138,4 @@ def test_what_a_monitor_sees_of_another_axis_is_no_drive():
         return replace(record, axes={"x": x, "y": y})
 
     train, holdout = ([beside(record) for record in part] for part in records())
-    refuse_unlike_model(three, axis_runs(three, train, holdout, []))
+    refuse_unlike_model(both, axis_runs(both, train, holdout, []))
