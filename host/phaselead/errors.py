@@ -51,3 +51,12 @@ class DeviceRefused(PhaseleadError):
     """
 
     exit_status = 4
+
+
+def more_like_it(others: int) -> str:
+    """What a line about one thing says of so many others of which the same is true.
+
+    >>> more_like_it(2), more_like_it(0)
+    (' (2 more like it)', '')
+    """
+    return f" ({others} more like it)" if others else ""

@@ -12,7 +12,7 @@ from rig import Rig
 from phaselead.errors import BadInput
 from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
-from phaselead.gap.scale import refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
 from phaselead.model import Stage, catalogue
 from phaselead.model.effects.filters import resonant
@@ -42,7 +42,7 @@ def as_written(part, change):
 
 def doubts(change, of=(True, True)):
     train, holdout = (as_written(part, change) if off else part for part, off in zip(records(), of, strict=True))
-    return scale_doubts(stage(), axis_runs(stage(), train, holdout, []))
+    return scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, [])))
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_the_answer_says_it():
 def test_every_role_that_is_off_is_said():
     train = as_written(records()[0], lambda u, x: (u, -x))
     holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
-    (line,) = scale_doubts(stage(), axis_runs(stage(), train, holdout, records()[0]))
+    (line,) = scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, records()[0])))
     assert line.startswith("x: the training and held-out records move -1.0 and 1.0e+03 times")
 
 
@@ -125,7 +125,9 @@ def test_motion_behind_a_mode_is_in_no_other_unit():
         x_um = resonant(8 * u_V, 20.0, 0.02, 1e-3)
         return Recording(t_s, {"x": AxisRecord(u_V, x_um)}, slice(2000, 4000), f"{f_Hz}.csv")
 
-    refuse_unlike_model(stage(), axis_runs(stage(), [fast(5.0), fast(200.0)], [fast(60.0), fast(450.0)], []))
+    refuse_unlike_model(
+        beside_model(stage(), axis_runs(stage(), [fast(5.0), fast(200.0)], [fast(60.0), fast(450.0)], []))
+    )
 
 
 def test_what_a_monitor_sees_of_another_axis_is_no_drive():
@@ -138,4 +140,4 @@ def test_what_a_monitor_sees_of_another_axis_is_no_drive():
         return replace(record, axes={"x": x, "y": y})
 
     train, holdout = ([beside(record) for record in part] for part in records())
-    refuse_unlike_model(both, axis_runs(both, train, holdout, []))
+    refuse_unlike_model(beside_model(both, axis_runs(both, train, holdout, [])))

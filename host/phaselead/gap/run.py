@@ -16,7 +16,7 @@ from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, refuse_unlike_model, scale_doubts
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -50,8 +50,9 @@ def run_gap(
     began = time.monotonic()
     report = on_progress or _silent
     runs = axis_runs(stage, train, holdout, reference)
-    refuse_unlike_model(stage, runs)
-    doubts = scale_doubts(stage, runs)
+    driven = beside_model(stage, runs)
+    refuse_unlike_model(driven)
+    doubts = scale_doubts(driven)
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     results = search_together(stage, runs, holdout, reference, effects, frozen, seed, report)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.coupling import CouplingMatrix, cross_coupling, decoupled
 from phaselead.identify.modal import FittedModes, fit_straight, fit_together, measured_response
 from phaselead.identify.operator import OperatorFit
@@ -166,7 +166,7 @@ def fit(
 def _doubts(recordings: Sequence[Recording]) -> list[str]:
     """Whether the columns are what they were taken for, in one line for all that raise the same doubt."""
     each = [line for lines in map(doubts_about, recordings) for line in lines]
-    return [f"{each[0]} ({len(each) - 1} more like it)" if len(each) > 1 else each[0]] if each else []
+    return [each[0] + more_like_it(len(each) - 1)] if each else []
 
 
 def _refuse_mixture(recordings: Sequence[Recording]) -> None:

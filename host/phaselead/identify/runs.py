@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, more_like_it
 from phaselead.model import plays
 from phaselead.record import (
     Recording,
@@ -222,10 +222,9 @@ def refuse_unlike_others(runs: Sequence[AxisRun]) -> None:
     if most is None or not apart[most]:
         return
     odd, *more = apart[most]
-    others = f" ({len(more)} more like it)" if more else ""
     raise BadInput(
-        f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{others}, but {gains[most]:.3g} um/V in "
-        f"{runs[most].source}; {unit_remedy(gains[odd] / gains[most])}, or fit them apart"
+        f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, but "
+        f"{gains[most]:.3g} um/V in {runs[most].source}; {unit_remedy(gains[odd] / gains[most])}, or fit them apart"
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, get_args
 
-from phaselead.errors import BadInput
+from phaselead.errors import BadInput, more_like_it
 from phaselead.identify.runs import usable
 from phaselead.identify.verification import Verification, View, verification_dict, verify
 from phaselead.model import Stage, driven_far_beyond, out_of_scale, scale_doubt
@@ -114,5 +114,5 @@ def _out_of_scale(found: Sequence[Verification]) -> list[str]:
     off = [one for one in found if out_of_scale(one.gain)]
     if not off:
         return []
-    more = f" ({len(off) - 1} more like it)" if len(off) > 1 else ""
-    return [f"{off[0].file}: axis {off[0].axis} moves {scale_doubt(f'{off[0].gain:#.2g}')}{more}"]
+    (first, *more) = off
+    return [f"{first.file}: axis {first.axis} moves {scale_doubt(f'{first.gain:#.2g}')}{more_like_it(len(more))}"]
