@@ -12,7 +12,7 @@ from test_posterior_likelihood import Toy
 
 from phaselead.gap.findings import Bound, Detectable
 from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
-from phaselead.gap.posterior.missed import SHARES
+from phaselead.gap.posterior.missed import MOST_MISSED, SHARES, counted
 from phaselead.gap.posterior.priors import SIZES
 from phaselead.gap.posterior.starts import at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
@@ -107,11 +107,13 @@ def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
 def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(references, seed):
     """Records are outliers at most, those that have it or those that have it not, and may be few of either."""
     toy = Toy(seed, roles=(*["reference"] * references, "train", "train", "train", "holdout"))
-    runs, v = toy.likelihood.runs, toy.likelihood.noise + toy.likelihood.base
+    runs, noise, base = toy.likelihood.runs, toy.likelihood.noise, toy.likelihood.base
+    sizes, v = toy.likelihood.sizes, noise + base
     everywhere = [run.coefficients(run.modelled.columns["gain_change"][:, None]) for run in runs]
     column = [one * run.changed for run, one in zip(runs, everywhere, strict=True)]
     expected = _Expected.__new__(_Expected)
-    expected._likelihood, expected._without_um2, expected._of_material = toy.likelihood, v, False
+    expected._likelihood, expected._of_material = toy.likelihood, False
+    expected._without_um2 = v / counted(sizes, noise, base)
     asked = 12.0
     found = expected._times(column, [everywhere], [1e3], asked)
 
@@ -121,7 +123,8 @@ def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(referenc
     def odds(times, lacks):
         past = np.concatenate(powers([a - lacks * b for a, b in zip(column, everywhere, strict=True)]))
         signal = np.concatenate([run.spread(one) for run, one in zip(runs, powers(column), strict=True)])
-        return 0.5 * np.log1p(times**2 * past / (v + (SHARES[0] * times) ** 2 * signal)).sum()
+        n = counted(sizes, noise, base + (MOST_MISSED * times) ** 2 * signal)
+        return 0.5 * (n * np.log1p(times**2 * past / (v + (SHARES[0] * times) ** 2 * signal))).sum()
 
     least = min(odds(found, lacks) for lacks in np.linspace(-0.5, 1.5, 201))
     assert least > 0.7 * asked

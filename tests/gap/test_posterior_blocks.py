@@ -12,6 +12,7 @@ from scipy.fft import idct, next_fast_len
 
 from phaselead.gap.posterior.blocks import FALLS_BY, BlockedRun, CARRIED_OVER_s, blocked
 from phaselead.gap.posterior.expected import BASE_SHARE, LEAST_UM2, UNTOLD, expected_of
+from phaselead.gap.posterior.missed import counted
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 
 STEP_S = 1e-3
@@ -267,3 +268,31 @@ def test_without_references_the_noise_is_the_quietest_and_the_share_a_prior():
     assert 0.0016 <= noise[0] < 0.09  # the quietest octave, smoothed with those beside it
     np.testing.assert_allclose(missed, BASE_SHARE**2 * motion)
     assert np.all((told >= UNTOLD) & (told <= 2 * UNTOLD))
+
+
+def test_the_share_is_the_likeliest_not_that_of_the_record_that_moves_most():
+    """Without noise the mean, over all records, of what each misses for how much it moves."""
+    run = blocks(256)
+    motion = np.cumsum(np.random.default_rng(5).normal(size=256))
+    records = []
+    for swing, share in ((1.0, 0.01), (1.0, 0.03), (30.0, 0.002)):
+        of_it = run.spread(run.power(swing * motion))
+        left = of_power(run, share**2 * of_it, np.random.default_rng(6))
+        records.append(record(swing * motion + left, swing * motion, "reference"))
+    still = record(np.zeros(256), role="reference", idle=True)
+    found, (first, *_) = expected(*records, still)
+    _, missed, _ = found.of(first, run.spread(run.power(motion)))
+    mean = np.mean([0.01**2, 0.03**2, 0.002**2])
+    np.testing.assert_allclose(missed / run.spread(run.power(motion)), mean, rtol=0.01)
+
+
+@given(sizes=st.integers(1, 10**6), noise=st.floats(1e-6, 1e3), missed=st.floats(0.0, 1e3), times=st.floats(1e-3, 1e3))
+def test_what_is_missed_counts_once_and_noise_in_each_coefficient(sizes, noise, missed, times):
+    """In any unit; chance makes the power of noise differ, and no less is taken to be missed."""
+    n = counted(sizes, noise, missed)
+    assert 1 - 1e-9 <= n <= sizes + 1e-6
+    assert n == pytest.approx(counted(sizes, times * noise, times * missed))
+    assert n <= counted(sizes, noise, missed / 2) + 1e-9
+    assert n <= counted(2 * sizes, noise, missed) + 1e-9
+    assert counted(sizes, noise, 1e6 * noise) == pytest.approx(1.0, rel=1e-5)
+    assert counted(sizes, noise, 0.0) >= np.sqrt(sizes / 2) * (1 - 1e-9) if sizes > 1 else True

@@ -6,7 +6,6 @@ from types import SimpleNamespace as Made
 
 import numpy as np
 from scipy.fft import idct
-from scipy.stats import t as student
 
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.expected import Expected
@@ -52,7 +51,8 @@ class LinearRun:
 
 class Toy:
     """Records drawn from the model: effects of some amounts, a ``share`` of them that their equations miss, ``times``
-    as much as expected that the base misses, noise. ``fault``: amounts of effects that the base lacks in all records.
+    as much as expected that the base misses, noise, which alone says something new in each coefficient of an octave.
+    ``fault``: amounts of effects that the base lacks in all records.
 
     What is missed looks like the gain in every octave, or at random, as ``like_effect`` says; ``in_all``: with the same
     sign and share in all records."""
@@ -73,9 +73,10 @@ class Toy:
         noise, base = np.full(count, NOISE_UM2), np.full(count, BASE_SHARE**2)
         none = tuple(np.zeros((run.rows - 1, 0)) for run in found)
         of_both = np.full(count, told)
-        self.likelihood = Likelihood(tuple(found), Expected(int(octaves[0]), noise, base, of_both, of_both), none)
+        self.expected = Expected(int(octaves[0]), noise, base, of_both, of_both)
         for run in found:
             self._measure(run, rng, amounts, share, times, fault, like_effect)
+        self.likelihood = Likelihood(tuple(found), self.expected, none)
 
     def _measure(self, run, rng, amounts, share, times, fault, like_effect):
         modelled = run.modelled
@@ -83,15 +84,16 @@ class Toy:
         v = NOISE_UM2 + times**2 * BASE_SHARE**2 * run.spread(run.power(modelled.motion))
         for one in amounts if run.changed else ():
             v = v + share**2 * run.spread(run.power(modelled.answer([one]) - modelled.motion))
-        *_, told = self.likelihood.expected.of(run, run.spread(run.power(modelled.motion)))
+        *_, told = self.expected.of(run, run.spread(run.power(modelled.motion)))
         like = run.coefficients(modelled.columns[GAIN.name][:, None])[:, 0]
         shape = like if like_effect else rng.normal(size=len(like))
-        drawn = np.sqrt(v) * student.rvs(told, size=len(v), random_state=rng)
-        if self.common is not None:
-            drawn = drawn * np.sqrt(NOISE_UM2 / v) + np.sqrt(v - NOISE_UM2) * self.common[: len(v)]
-        size = drawn / np.sqrt(run.products(shape[:, None], shape[:, None])[:, 0, 0])
+        alike = shape / np.repeat(np.sqrt(run.products(shape[:, None], shape[:, None])[:, 0, 0]), run.sizes)
+        scale = np.sqrt(told / rng.chisquare(told, size=len(v)))
+        once = scale * rng.normal(size=len(v)) if self.common is None else self.common[: len(v)]
+        noise = np.repeat(scale * np.sqrt(NOISE_UM2), run.sizes) * rng.normal(size=len(like))
+        drawn = noise + np.repeat(np.sqrt(v - NOISE_UM2) * once, run.sizes) * alike
         modelled.run.x_um = modelled.answer(acting)
-        modelled.run.x_um[run.skipped :] += idct(np.append(0.0, np.repeat(size, run.sizes) * shape), norm="ortho")
+        modelled.run.x_um[run.skipped :] += idct(np.append(0.0, drawn), norm="ortho")
 
     def log_odds(self, entries, against=(), beside=None):
         among = beside or self.likelihood

@@ -1,7 +1,7 @@
 """From which size an effect is expected to be named, stated before anything that the records show is used.
 
 An effect of some size is taken to be all that the base lacks. What is left of it where it must be a fault of the base
-in all records instead, or an effect that it is confused with, brings the log odds of one coefficient for each octave,
+in all records instead, or an effect that it is confused with, brings the log odds of as many coefficients as count,
 beside the noise and what the base and the equation are expected to miss. Asked is the size at which these pay for a
 name, at a shape such that half of the prior's shapes need less.
 """
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import SHARES, is_of_material, missed_um2
+from phaselead.gap.posterior.missed import MOST_MISSED, SHARES, counted, is_of_material, missed_um2
 from phaselead.gap.posterior.priors import SIZES, SURE, prior_of
 from phaselead.gap.posterior.sets import confused
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
@@ -79,7 +79,8 @@ class _Expected:
 
     def __init__(self, likelihood: Likelihood, shapes: Shapes, name: str) -> None:
         self._likelihood, self._shapes = likelihood, shapes
-        self._without_um2 = likelihood.noise + likelihood.base
+        noise, base = likelihood.noise, likelihood.base
+        self._without_um2 = (noise + base) / counted(likelihood.sizes, noise, base)
         mine = shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
         likely = np.exp([prior_of([self._entry(i, 1.0)], likelihood.step_s).log_density for i in mine])
@@ -190,12 +191,14 @@ class _Expected:
         parts = np.split(moments[:, -1, -1], np.cumsum([len(run.sizes) for run in likelihood.runs])[:-1])
         power = np.concatenate([run.spread(part) for run, part in zip(likelihood.runs, parts, strict=True)])
         squares = TRIED[:, None] ** 2
-        variance = self._without_um2 + missed_um2(SHARES[0], squares * power, squares * power * self._of_material)
+        added = squares * power
+        variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
+        n = counted(likelihood.sizes, likelihood.noise, likelihood.base + MOST_MISSED**2 * added)
         needed = 0.0
         for amounts in (taken, all_taken):
             past = np.append(-amounts, 1.0)
             left = np.maximum((moments @ past) @ past, 0.0)
-            odds = 0.5 * np.log1p(squares * left / variance).sum(axis=1)
+            odds = 0.5 * (n * np.log1p(squares * left / variance)).sum(axis=1)
             information = float((left / self._without_um2).sum())
             asked = log_odds + (max(0.5 * np.log(max(information, 1e-300)), 0.0) if priced else 0.0)
             enough = np.flatnonzero(odds >= asked)

@@ -21,6 +21,8 @@ NEIGHBOURS = (0.25, 0.5, 0.25)
 """Weights of an octave and those beside it, over which noise and share are smoothed."""
 UNTOLD = 4.0
 """As many coefficients as a guess without reference records is worth."""
+SETTLING = 60
+"""Steps in which a share settles."""
 LEAST_UM2 = 1e-14
 """Power of a coefficient below which no sensor's noise lies, (0.1 pm)^2 a row."""
 
@@ -71,15 +73,27 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     driven = ~at_rest
     if not driven.any():
         return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold)
-    beyond = np.maximum(power[driven] - noise[octave[driven]], 0.0)
-    missed = _smooth(np.bincount(octave[driven], beyond, count).astype(float))
-    moved = _smooth(np.bincount(octave[driven], motion[driven], count).astype(float))
-    blocks = np.bincount(octave[driven], minlength=count).astype(float)
+    octave, power, motion = octave[driven], power[driven], motion[driven]
+    share = _likeliest_share(octave, power, motion, noise)
+    blocks = np.bincount(octave, minlength=count).astype(float)
     near = _smooth(blocks)
-    share = np.where(near > 0, missed / np.maximum(moved, 1e-30), BASE_SHARE**2)
     share_told = np.where(near > 0, near**2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
     # Records differ in their noise too: it is never known better than what the base misses.
     return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told)
+
+
+def _likeliest_share(octave: Samples, power: Samples, motion: Samples, noise: Samples) -> Samples:
+    """Share (octaves,) of the motion under which what blocks show is most likely, each block one coefficient and those
+    of the octaves beside it counting too; where no block tells, the prior. Not the ratio of what is missed in all to
+    what moves in all: the block that moves most would decide, and where little moves nothing would be expected."""
+    apart = np.abs(np.arange(len(noise))[:, None] - octave)
+    weights = np.select([apart == 0, apart == 1], [NEIGHBOURS[1], NEIGHBOURS[0]], 0.0)
+    share = np.full(len(noise), BASE_SHARE**2)
+    for _ in range(SETTLING):
+        variance = noise[octave] + share[:, None] * motion
+        wanted = (weights * motion * power / variance**2).sum(axis=1)
+        share *= np.sqrt(wanted / np.maximum((weights * motion / variance).sum(axis=1), 1e-300))
+    return np.where((weights * motion).any(axis=1), share, BASE_SHARE**2)
 
 
 def _noise(octave: Samples, power: Samples, at_rest: Samples, sizes: Samples, count: int) -> tuple[Samples, Samples]:

@@ -9,7 +9,7 @@ import numpy as np
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import is_of_material, missed_um2
+from phaselead.gap.posterior.missed import MOST_MISSED, counted, is_of_material, missed_um2
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
@@ -35,15 +35,16 @@ class Forecast:
         tangents = [self._tangents(run, fit) if free else np.zeros((len(answer), 0)) for fit in self._fits]
         found = np.zeros((len(self._fits),) * 2)
         for j, true in enumerate(self._fits):
-            variance = self._variance(run, true)
+            variance, n = self._expected(run, true)
             for i, other in enumerate(self._fits):
                 if i != j:
                     columns = np.concatenate([tangents[i], answer[:, [j]] - answer[:, [i]]], axis=1)
-                    found[i, j] = _apart(run.products(columns, columns), variance, other.covariance)
+                    found[i, j] = _apart(run.products(columns, columns), variance, n, other.covariance)
         return found
 
-    def _variance(self, run: BlockedRun, true: Fit) -> Samples:
-        """(blocks,) in um^2 of what the record would hold beside the answer of the set that is true."""
+    def _expected(self, run: BlockedRun, true: Fit) -> tuple[Samples, Samples]:
+        """Power (blocks,) in um^2 of what the record would hold beside the answer of the set that is true, and as how
+        many coefficients a block would count."""
         motion = run.spread(run.power(run.modelled.answer()))
         noise, base, _ = self._likelihood.expected.of(run, motion)
         added = np.zeros((len(true.entries), len(run.sizes)))
@@ -51,22 +52,22 @@ class Forecast:
             rest = [*true.entries[:i], *true.entries[i + 1 :]]
             added[i] = run.spread(run.power(run.modelled.answer(true.entries) - run.modelled.answer(rest)))
         missed = missed_um2(true.share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
-        return np.asarray(noise + base + missed)
+        return noise + base + missed, counted(run.sizes, noise, base + MOST_MISSED**2 * added.sum(axis=0))
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
         """Coefficients (n - 1, parameters): what one internal unit of each parameter does."""
         return run.coefficients(fresh_columns(run.modelled, fit.entries, parameters_of(fit.entries))[:, :-1])
 
 
-def _apart(moments: Samples, variance: Samples, covariance: Samples) -> float:
-    """From the mean products (blocks, p + 1, p + 1) of tangents and a difference what is left of it: a coefficient for
-    each block, by how much likelier it is under a variance that holds it."""
+def _apart(moments: Samples, variance: Samples, n: Samples, covariance: Samples) -> float:
+    """From the mean products (blocks, p + 1, p + 1) of tangents and a difference what is left of it: by how much
+    likelier it is, as ``n`` coefficients of each block, under a variance that holds it."""
     p = moments.shape[1] - 1
     if p:
-        normal = np.tensordot(1 / variance, moments, 1)
+        normal = np.tensordot(n / variance, moments, 1)
         moved = np.linalg.solve(normal[:p, :p] + np.linalg.pinv(covariance, hermitian=True), normal[:p, -1])
         with_difference = np.append(-moved, 1.0)
     else:
         with_difference = np.ones(1)
     left = np.maximum((moments @ with_difference) @ with_difference, 0.0)
-    return float(np.log1p(left / variance).sum())
+    return float((n * np.log1p(left / variance)).sum())

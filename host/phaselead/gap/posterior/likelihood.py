@@ -8,8 +8,8 @@ with ``base`` what the base is expected to leave (``expected``) and ``signal_j``
 stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
 but never less than what is left by the best equations of a material. What the base misses differs from record to
 record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
-say it once: they count as one. Where few coefficients told the variance, Student's t takes the place of the normal
-distribution.
+say it once, where noise says something new in each: a block counts as so many (``missed.counted``). Where few told the
+variance, Student's t takes the place of the normal distribution.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from phaselead.gap.posterior.missed import (
     MOST_MISSED,
     TIMES_BASE,
     beside_one_another,
+    counted,
     is_of_material,
     log_prior_of_share,
     missed_um2,
@@ -85,6 +86,11 @@ class Likelihood:
         pairs = zip(self.runs, self.shared, strict=True)
         self._among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
         self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
+        self.sizes = np.concatenate([run.sizes for run in self.runs])
+        # What the equations may miss of whatever is there, the same for all sets: they are compared on the same data.
+        left = np.concatenate([run.spread(run.products(run.base_error, run.base_error)[:, 0, 0]) for run in self.runs])
+        gap = np.where(self.changed, np.maximum(left - self.noise - self.base, 0.0), 0.0)
+        self.counted = counted(self.sizes, self.noise, self.base + MOST_MISSED**2 * gap)
 
     @property
     def step_s(self) -> float:
@@ -183,10 +189,10 @@ class Likelihood:
         return np.asarray(self.noise + of_base + missed[:, None])
 
     def _log_densities(self, power: Samples, variance: Samples) -> Samples:
-        """(s, k, blocks) of the residual's power (s, blocks), one coefficient for each block."""
-        t = self.told
-        one = gammaln((t + 1) / 2) - gammaln(t / 2) - 0.5 * np.log(t * np.pi * variance)
-        return np.asarray(one - (t + 1) / 2 * np.log1p(power[:, None] / (t * variance)))
+        """(s, k, blocks) of the residual's power (s, blocks), as many coefficients of each block as count."""
+        t, n = self.told, self.counted
+        one = gammaln((t + n) / 2) - gammaln(t / 2) - n / 2 * np.log(t * np.pi * variance)
+        return np.asarray(one - (t + n) / 2 * np.log1p(n * power[:, None] / (t * variance)))
 
     def _of_records(self, power: Samples, variance: Samples, which: Samples) -> Samples:
         """Log density (s, k, records) of the residual's power (s, blocks)."""
@@ -200,10 +206,10 @@ class Likelihood:
 
     def weights(self, power: Samples, variance: Samples, which: Samples) -> Samples:
         """By which squares (s, blocks) count near a residual of this power."""
-        t = self.told
+        t, n = self.told, self.counted
         of_records = softmax(self._of_records(power, variance, which), axis=1)
         likely = np.repeat(of_records, np.diff(self._blocks), axis=-1)
-        each = (t + 1) / (t * variance + power[:, None])
+        each = n * (t + n) / (t * variance + n * power[:, None])
         return np.where(which, np.sum(likely * each, axis=1), 0.0)
 
     def settled(self, terms: Terms, shares: Sequence[float], which: Samples) -> Settled:
@@ -264,7 +270,8 @@ class Likelihood:
         told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        return np.asarray(variance / (self.noise + records * np.maximum(variance - self.noise, 0.0)))
+        noise = self.noise / self.sizes
+        return np.asarray(variance / (noise + records * np.maximum(variance - noise, 0.0)))
 
     def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """(s, p, p) of the parameters in internal units."""
