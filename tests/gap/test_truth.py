@@ -18,6 +18,8 @@ from truth.cases import EFFECTS, KINDS, SIZES, cases
 from truth.coupling import CrossCoupling
 from truth.stage import Character, Stage, draw
 
+from phaselead.validation.truth import load_truth
+
 Samples = NDArray[np.float64]
 RATE_HZ = 2000.0
 
@@ -311,3 +313,21 @@ def test_time_runs_on_from_record_to_record(monkeypatch):
     ends = [(r.t_s[0], r.t_s[-1]) for r in [*reference, *train, *holdout]]
     assert all(a[1] + 1 < b[0] for a, b in pairwise(ends))
     assert len({r.sha256 for r in [*reference, *train, *holdout]}) == len(ends)
+
+
+def test_a_noisy_sensor_adds_white_noise_and_nothing_else():
+    folder, name = Path(__file__).parent, "tuning/single/delay/1/fast/0"
+    still = load_truth(folder / "truth").case(name).records()
+    noisy = load_truth(folder / "truth_noisy").case(name)
+    added = [
+        seen.axes["x"].x_um - record.axes["x"].x_um
+        for part, quiet_part in zip(noisy.records(), still, strict=True)
+        for seen, record in zip(part, quiet_part, strict=True)
+    ]
+    assert (noisy.name, noisy.hidden[0].name) == (name, "delay")
+    for one in added:
+        assert one.std() == pytest.approx(0.5, rel=0.05)
+        assert abs(np.mean(one[1:] * one[:-1])) < 0.02
+    assert abs(np.mean(added[1][:1000] * added[2][:1000])) < 0.03
+    again = noisy.records()[1][1].axes["x"].x_um
+    np.testing.assert_array_equal(again, noisy.records()[1][1].axes["x"].x_um)
