@@ -12,7 +12,7 @@ from test_posterior_likelihood import Toy
 
 from phaselead.gap.findings import Bound, Detectable
 from phaselead.gap.posterior.detectable import MOST_STATED, Shapes, _Expected, detectable
-from phaselead.gap.posterior.missed import MOST_MISSED, SHARES, counted
+from phaselead.gap.posterior.missed import MOST_MISSED, SHARES
 from phaselead.gap.posterior.priors import SIZES
 from phaselead.gap.posterior.starts import at_all_sizes
 from phaselead.gap.regressors import regressor_groups, typical_sizes
@@ -108,7 +108,7 @@ def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(referenc
     """Records are outliers at most, those that have it or those that have it not, and may be few of either."""
     toy = Toy(seed, roles=(*["reference"] * references, "train", "train", "train", "holdout"))
     runs, noise, base = toy.likelihood.runs, toy.likelihood.noise, toy.likelihood.base
-    sizes, v = toy.likelihood.sizes, noise + base
+    sizes, v, counted = toy.likelihood.sizes, noise + base, toy.expected.counted
     everywhere = [run.coefficients(run.modelled.columns["gain_change"][:, None]) for run in runs]
     column = [one * run.changed for run, one in zip(runs, everywhere, strict=True)]
     expected = _Expected.__new__(_Expected)

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.fft import idct, next_fast_len
 
 from phaselead.gap.posterior.blocks import FALLS_BY, BlockedRun, CARRIED_OVER_s, blocked
-from phaselead.gap.posterior.expected import BASE_SHARE, LEAST_UM2, UNTOLD, expected_of
-from phaselead.gap.posterior.missed import counted
+from phaselead.gap.posterior.expected import BASE_SHARE, LEAST_UM2, UNTOLD, Expected, expected_of
 from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 
 STEP_S = 1e-3
@@ -289,6 +288,8 @@ def test_the_share_is_the_likeliest_not_that_of_the_record_that_moves_most():
 @given(sizes=st.integers(1, 10**6), noise=st.floats(1e-6, 1e3), missed=st.floats(0.0, 1e3), times=st.floats(1e-3, 1e3))
 def test_what_is_missed_counts_once_and_noise_in_each_coefficient(sizes, noise, missed, times):
     """In any unit; chance makes the power of noise differ, and no less is taken to be missed."""
+    of_one = np.ones(1)
+    counted = Expected(0, of_one, of_one, of_one, of_one, at_rest=True).counted
     n = counted(sizes, noise, missed)
     assert 1 - 1e-9 <= n <= sizes + 1e-6
     assert n == pytest.approx(counted(sizes, times * noise, times * missed))
@@ -296,3 +297,15 @@ def test_what_is_missed_counts_once_and_noise_in_each_coefficient(sizes, noise, 
     assert n <= counted(2 * sizes, noise, missed) + 1e-9
     assert counted(sizes, noise, 1e6 * noise) == pytest.approx(1.0, rel=1e-5)
     assert counted(sizes, noise, 0.0) >= np.sqrt(sizes / 2) * (1 - 1e-9) if sizes > 1 else True
+
+
+@pytest.mark.parametrize("role", ["reference", "train"])
+def test_what_no_record_at_rest_shows_to_be_noise_counts_once(role):
+    """It may be missed as well."""
+    rng, run = np.random.default_rng(4), blocks(256)
+    motion = np.cumsum(rng.normal(size=256))
+    driven = record(motion + of_power(run, np.ones(len(run.sizes)), rng), motion, role)
+    still = record(of_power(run, np.ones(len(run.sizes)), rng), role=role, idle=True)
+    noise, missed = np.ones(len(run.sizes)), 1e-3 * np.ones(len(run.sizes))
+    assert np.all(expected(driven)[0].counted(run.sizes, noise, missed) == 1)
+    assert np.all(expected(driven, still)[0].counted(run.sizes, noise, missed)[1:] > 1)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import MOST_MISSED, SHARES, counted, is_of_material, missed_um2
+from phaselead.gap.posterior.missed import MOST_MISSED, SHARES, is_of_material, missed_um2
 from phaselead.gap.posterior.priors import SIZES, SURE, prior_of
 from phaselead.gap.posterior.sets import confused
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
@@ -80,7 +80,7 @@ class _Expected:
     def __init__(self, likelihood: Likelihood, shapes: Shapes, name: str) -> None:
         self._likelihood, self._shapes = likelihood, shapes
         noise, base = likelihood.noise, likelihood.base
-        self._without_um2 = (noise + base) / counted(likelihood.sizes, noise, base)
+        self._without_um2 = (noise + base) / likelihood.expected.counted(likelihood.sizes, noise, base)
         mine = shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
         likely = np.exp([prior_of([self._entry(i, 1.0)], likelihood.step_s).log_density for i in mine])
@@ -193,7 +193,8 @@ class _Expected:
         squares = TRIED[:, None] ** 2
         added = squares * power
         variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
-        n = counted(likelihood.sizes, likelihood.noise, likelihood.base + MOST_MISSED**2 * added)
+        missed = likelihood.base + MOST_MISSED**2 * added
+        n = likelihood.expected.counted(likelihood.sizes, likelihood.noise, missed)
         needed = 0.0
         for amounts in (taken, all_taken):
             past = np.append(-amounts, 1.0)

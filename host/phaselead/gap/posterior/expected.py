@@ -41,6 +41,8 @@ class Expected:
     """(octaves,) As many coefficients as tell the noise."""
     share_told: Samples
     """(octaves,) As many as tell the share."""
+    at_rest: bool
+    """Whether records at rest tell the noise. What else is taken for it may as well be missed."""
 
     def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples, Samples]:
         """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
@@ -49,6 +51,15 @@ class Expected:
         noise, base = self.noise_um2[at], self.share[at] * motion
         told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
         return noise, base, told
+
+    def counted(self, sizes: NDArray[np.integer], noise: Samples, missed: Samples) -> Samples:
+        """As how many coefficients a block counts whose ``sizes`` coefficients hold noise and something missed, each of
+        this power: noise says something new in each of them, what is missed is smooth and says it once. No less is
+        taken to be missed than what the power of noise differs from block to block by chance."""
+        if not self.at_rest:
+            return np.ones(np.shape(missed))
+        missed = missed + noise * np.sqrt(2 / sizes)
+        return np.asarray(sizes * (noise + missed) / (noise + sizes * missed))
 
 
 def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expected:
@@ -69,17 +80,17 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     if not references:
         floor = np.full(count, float(np.min(noise)))
         noise, noise_told = (noise, noise_told) if idle else (floor, untold)
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold)
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, bool(idle))
     driven = ~at_rest
     if not driven.any():
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold)
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, bool(idle))
     octave, power, motion = octave[driven], power[driven], motion[driven]
     share = _likeliest_share(octave, power, motion, noise)
     blocks = np.bincount(octave, minlength=count).astype(float)
     near = _smooth(blocks)
     share_told = np.where(near > 0, near**2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
     # Records differ in their noise too: it is never known better than what the base misses.
-    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told)
+    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told, bool(idle))
 
 
 def _likeliest_share(octave: Samples, power: Samples, motion: Samples, noise: Samples) -> Samples:

@@ -8,7 +8,7 @@ with ``base`` what the base is expected to leave (``expected``) and ``signal_j``
 stage obeys an equation exactly, and what the equation of an effect misses is a share rho of it, one for all effects
 but never less than what is left by the best equations of a material. What the base misses differs from record to
 record, by kappa. Both are unknown and summed over. What a model misses is smooth, so that all coefficients of a block
-say it once, where noise says something new in each: a block counts as so many (``missed.counted``). Where few told the
+say it once, where noise says something new in each: a block counts as so many (``expected``). Where few told the
 variance, Student's t takes the place of the normal distribution.
 """
 
@@ -37,7 +37,6 @@ from phaselead.gap.posterior.missed import (
     MOST_MISSED,
     TIMES_BASE,
     beside_one_another,
-    counted,
     is_of_material,
     log_prior_of_share,
     missed_um2,
@@ -90,7 +89,7 @@ class Likelihood:
         # What the equations may miss of whatever is there, the same for all sets: they are compared on the same data.
         left = np.concatenate([run.spread(run.products(run.base_error, run.base_error)[:, 0, 0]) for run in self.runs])
         gap = np.where(self.changed, np.maximum(left - self.noise - self.base, 0.0), 0.0)
-        self.counted = counted(self.sizes, self.noise, self.base + MOST_MISSED**2 * gap)
+        self.counted = self.expected.counted(self.sizes, self.noise, self.base + MOST_MISSED**2 * gap)
 
     @property
     def step_s(self) -> float:

@@ -51,11 +51,3 @@ def log_prior_of_share(entries: Sequence[SizedEffect], share: float) -> float:
     within = sum(one <= MOST_MISSED for one in SHARES)
     of_share = (1 - OUTSIDE) / within if share <= MOST_MISSED else OUTSIDE / (len(SHARES) - within)
     return float(np.log(of_share)) if entries else 0.0
-
-
-def counted(sizes: NDArray[np.integer], noise: Samples, missed: Samples) -> Samples:
-    """As how many coefficients a block counts whose ``sizes`` coefficients hold noise and something missed, each of
-    this power: noise says something new in each of them, what is missed is smooth and says it once. No less is taken to
-    be missed than what the power of noise differs from block to block by chance."""
-    missed = missed + noise * np.sqrt(2 / sizes)
-    return np.asarray(sizes * (noise + missed) / (noise + sizes * missed))
