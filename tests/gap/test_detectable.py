@@ -107,13 +107,13 @@ def test_beyond_its_range_an_effect_is_taken_to_grow_from_its_end():
 def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(references, seed):
     """Records are outliers at most, those that have it or those that have it not, and may be few of either."""
     toy = Toy(seed, roles=(*["reference"] * references, "train", "train", "train", "holdout"))
-    runs, noise, base = toy.likelihood.runs, toy.likelihood.noise, toy.likelihood.base
-    sizes, v, counted = toy.likelihood.sizes, noise + base, toy.expected.counted
+    runs, base = toy.likelihood.runs, toy.likelihood.base
+    v, counted = toy.likelihood.noise + base, toy.likelihood.counted_beside
     everywhere = [run.coefficients(run.modelled.columns["gain_change"][:, None]) for run in runs]
     column = [one * run.changed for run, one in zip(runs, everywhere, strict=True)]
     expected = _Expected.__new__(_Expected)
     expected._likelihood, expected._of_material = toy.likelihood, False
-    expected._without_um2 = v / counted(sizes, noise, base)
+    expected._without_um2 = v / counted(base)
     asked = 12.0
     found = expected._times(column, [everywhere], [1e3], asked)
 
@@ -123,7 +123,7 @@ def test_it_is_told_however_much_of_it_the_base_may_lack_in_all_records(referenc
     def odds(times, lacks):
         past = np.concatenate(powers([a - lacks * b for a, b in zip(column, everywhere, strict=True)]))
         signal = np.concatenate([run.spread(one) for run, one in zip(runs, powers(column), strict=True)])
-        n = counted(sizes, noise, base + (MOST_MISSED * times) ** 2 * signal)
+        n = counted(base + (MOST_MISSED * times) ** 2 * signal)
         return 0.5 * (n * np.log1p(times**2 * past / (v + (SHARES[0] * times) ** 2 * signal))).sum()
 
     least = min(odds(found, lacks) for lacks in np.linspace(-0.5, 1.5, 201))

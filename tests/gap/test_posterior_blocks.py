@@ -285,27 +285,61 @@ def test_the_share_is_the_likeliest_not_that_of_the_record_that_moves_most():
     np.testing.assert_allclose(missed / run.spread(run.power(motion)), mean, rtol=0.01)
 
 
-@given(sizes=st.integers(1, 10**6), noise=st.floats(1e-6, 1e3), missed=st.floats(0.0, 1e3), times=st.floats(1e-3, 1e3))
-def test_what_is_missed_counts_once_and_noise_in_each_coefficient(sizes, noise, missed, times):
-    """In any unit; chance makes the power of noise differ, and no less is taken to be missed."""
+@given(size=st.integers(1, 10**6), noise=st.floats(1e-6, 1e3), missed=st.floats(0.0, 1e3), times=st.floats(1e-3, 1e3))
+def test_what_is_missed_counts_once_and_noise_in_each_coefficient(size, noise, missed, times):
+    """In any unit; beside what is missed, the mean power of noise differs by chance."""
     of_one = np.ones(1)
-    counted = Expected(0, of_one, of_one, of_one, of_one, at_rest=True).counted
-    n = counted(sizes, noise, missed)
-    assert 1 - 1e-9 <= n <= sizes + 1e-6
-    assert n == pytest.approx(counted(sizes, times * noise, times * missed))
-    assert n <= counted(sizes, noise, missed / 2) + 1e-9
-    assert n <= counted(2 * sizes, noise, missed) + 1e-9
-    assert counted(sizes, noise, 1e6 * noise) == pytest.approx(1.0, rel=1e-5)
-    assert counted(sizes, noise, 0.0) >= np.sqrt(sizes / 2) * (1 - 1e-9) if sizes > 1 else True
+    of_noise = Expected(0, of_one, of_one, of_one, of_one, noise_spread=of_one)
+
+    def counted(size, noise, missed):
+        return of_noise.counted(np.array([0]), np.array([size]), np.array([noise]), np.array([missed])).item()
+
+    n = counted(size, noise, missed)
+    root = np.sqrt(2 * size)
+    assert 1 - 1e-9 <= n <= (size + root) / (1 + root) * (1 + 1e-9)
+    assert n == pytest.approx(counted(size, times * noise, times * missed))
+    assert n <= counted(size, noise, missed / 2) + 1e-9
+    assert n <= counted(2 * size, noise, missed) + 1e-9
+    assert counted(size, noise, 1e6 * noise) == pytest.approx(1.0, rel=1e-5)
+    assert counted(size, noise, 0.0) == pytest.approx((size + root) / (1 + root))
 
 
 @pytest.mark.parametrize("role", ["reference", "train"])
 def test_what_no_record_at_rest_shows_to_be_noise_counts_once(role):
-    """It may be missed as well."""
-    rng, run = np.random.default_rng(4), blocks(256)
-    motion = np.cumsum(rng.normal(size=256))
-    driven = record(motion + of_power(run, np.ones(len(run.sizes)), rng), motion, role)
-    still = record(of_power(run, np.ones(len(run.sizes)), rng), role=role, idle=True)
-    noise, missed = np.ones(len(run.sizes)), 1e-3 * np.ones(len(run.sizes))
-    assert np.all(expected(driven)[0].counted(run.sizes, noise, missed) == 1)
-    assert np.all(expected(driven, still)[0].counted(run.sizes, noise, missed)[1:] > 1)
+    """It may be missed as well: without such a record, and in octaves below its own. So does a line."""
+    rng, run = np.random.default_rng(4), blocks(1024)
+    motion = np.cumsum(rng.normal(size=1024))
+    white = of_power(run, np.ones(len(run.sizes)), rng)
+    driven = record(motion + white, motion, role)
+    missed = 1e-3 * np.ones(len(run.sizes))
+
+    def counted(*records):
+        return expected(*records)[0].counted(run.octaves, run.sizes, np.ones(len(run.sizes)), missed)
+
+    def still(x_um):
+        return record(x_um, role=role, idle=True)
+
+    assert np.all(counted(driven) == 1)
+    assert np.all(counted(driven, still(white))[3:] > 2)
+    short = counted(driven, still(white[:256]))
+    assert np.all(short[:2] == 1)
+    assert np.all(short[3:] > 2)
+    line = white + 30 * np.sin(2 * np.pi * 300 * np.arange(1024) / 1024)
+    fewer = counted(driven, still(line)) / counted(driven, still(white))
+    at = int(np.searchsorted(run.edges, 600 * run.rows // 1024, side="right")) - 1
+    assert fewer[at] < 0.3
+    assert np.all(np.delete(fewer, at)[3:] > 0.5)
+
+
+def test_the_share_of_the_noise_that_motion_adds_is_found_however_small():
+    """Blocks that show a little more than noise, and such as show less, which leave none."""
+    rng, run = np.random.default_rng(8), blocks(1024)
+    noise = np.ones(len(run.sizes))
+    motion = rng.normal(size=1024)
+    of_motion = run.spread(run.power(motion))
+    still = record(of_power(run, noise, rng), role="reference", idle=True)
+    for more in (0.05, 0.3, -0.1):
+        driven = record(motion + of_power(run, noise + more * of_motion, rng), motion, "reference")
+        found, _ = expected(driven, still)
+        share = found.of(run, np.ones(len(noise)))[1]
+        np.testing.assert_allclose(share, max(more, 0.0), rtol=1e-3, atol=1e-9)

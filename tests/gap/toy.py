@@ -73,7 +73,7 @@ class Toy:
         noise, base = np.full(count, NOISE_UM2), np.full(count, BASE_SHARE**2)
         none = tuple(np.zeros((run.rows - 1, 0)) for run in found)
         of_both = np.full(count, told)
-        self.expected = Expected(int(octaves[0]), noise, base, of_both, of_both, True)
+        self.expected = Expected(int(octaves[0]), noise, base, of_both, of_both, np.ones(count))
         for run in found:
             self._measure(run, rng, amounts, share, times, fault, like_effect)
         self.likelihood = Likelihood(tuple(found), self.expected, none)

@@ -14,21 +14,21 @@ from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain,
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it by its own voltage alone, and its position, (n,) in um over the scored rows."""
-Beside = Mapping[str, Sequence[Moved]]
+Compared = Mapping[str, Sequence[Moved]]
 """By axis its driven records."""
 
 
-def beside_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> Beside:
+def beside_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> Compared:
     """By axis the driven records, each with what the model says of it and its position."""
     return {axis: [(run, *_expected(stage, run)) for run in of_axis if run.driven] for axis, of_axis in runs.items()}
 
 
-def scale_doubts(driven: Beside) -> tuple[str, ...]:
+def scale_doubts(driven: Compared) -> tuple[str, ...]:
     """One line for each axis whose records move as no change of the stage makes them: out of scale, or backwards."""
     return tuple(line for axis, of_axis in driven.items() for line in _doubt(axis, of_axis))
 
 
-def refuse_unlike_model(driven: Beside) -> None:
+def refuse_unlike_model(driven: Compared) -> None:
     """Refuse records that move beside what the model says as if a column were in another unit. Raises BadInput, one
     line."""
     for axis, of_axis in driven.items():

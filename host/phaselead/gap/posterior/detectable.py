@@ -79,8 +79,7 @@ class _Expected:
 
     def __init__(self, likelihood: Likelihood, shapes: Shapes, name: str) -> None:
         self._likelihood, self._shapes = likelihood, shapes
-        noise, base = likelihood.noise, likelihood.base
-        self._without_um2 = (noise + base) / likelihood.expected.counted(likelihood.sizes, noise, base)
+        self._without_um2 = (likelihood.noise + likelihood.base) / likelihood.counted_beside(likelihood.base)
         mine = shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
         likely = np.exp([prior_of([self._entry(i, 1.0)], likelihood.step_s).log_density for i in mine])
@@ -194,14 +193,14 @@ class _Expected:
         added = squares * power
         variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
         missed = likelihood.base + MOST_MISSED**2 * added
-        n = likelihood.expected.counted(likelihood.sizes, likelihood.noise, missed)
+        n = likelihood.counted_beside(missed)
         needed = 0.0
         for amounts in (taken, all_taken):
             past = np.append(-amounts, 1.0)
             left = np.maximum((moments @ past) @ past, 0.0)
             odds = 0.5 * (n * np.log1p(squares * left / variance)).sum(axis=1)
-            information = float((left / self._without_um2).sum())
-            asked = log_odds + (max(0.5 * np.log(max(information, 1e-300)), 0.0) if priced else 0.0)
+            information = (n * left / (likelihood.noise + likelihood.base)).sum(axis=1)
+            asked = log_odds + (0.5 * np.log(np.maximum(information, 1.0)) if priced else 0.0)
             enough = np.flatnonzero(odds >= asked)
             needed = max(needed, float(TRIED[enough[0]]) if len(enough) else np.inf)
         return needed

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from phaselead.gap.posterior.blocks import BlockedRun
+from phaselead.gap.posterior.blocks import BlockedRun, Counts
 from phaselead.record import Samples
 
 BASE_SHARE = 0.01
@@ -21,8 +22,8 @@ NEIGHBOURS = (0.25, 0.5, 0.25)
 """Weights of an octave and those beside it, over which noise and share are smoothed."""
 UNTOLD = 4.0
 """As many coefficients as a guess without reference records is worth."""
-SETTLING = 60
-"""Steps in which a share settles."""
+WITHIN = (1e-16, 1e8)
+"""Least and most share of the power of the base's motion that is looked at: from nothing to all that a sensor sees."""
 LEAST_UM2 = 1e-14
 """Power of a coefficient below which no sensor's noise lies, (0.1 pm)^2 a row."""
 
@@ -41,8 +42,9 @@ class Expected:
     """(octaves,) As many coefficients as tell the noise."""
     share_told: Samples
     """(octaves,) As many as tell the share."""
-    at_rest: bool
-    """Whether records at rest tell the noise. What else is taken for it may as well be missed."""
+    noise_spread: Samples
+    """(octaves,) Over which part of a block's coefficients noise is spread: all, where it is white, and few, where it
+    is a line. None where no record at rest shows it: what is taken for it may be missed as well."""
 
     def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples, Samples]:
         """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
@@ -52,14 +54,14 @@ class Expected:
         told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
         return noise, base, told
 
-    def counted(self, sizes: NDArray[np.integer], noise: Samples, missed: Samples) -> Samples:
-        """As how many coefficients a block counts whose ``sizes`` coefficients hold noise and something missed, each of
-        this power: noise says something new in each of them, what is missed is smooth and says it once. No less is
-        taken to be missed than what the power of noise differs from block to block by chance."""
-        if not self.at_rest:
-            return np.ones(np.shape(missed))
-        missed = missed + noise * np.sqrt(2 / sizes)
-        return np.asarray(sizes * (noise + missed) / (noise + sizes * missed))
+    def counted(self, octaves: Counts, sizes: Counts, noise: Samples, missed: Samples) -> Samples:
+        """Effective number of coefficients (..., blocks) of blocks of ``sizes`` that hold noise and something missed,
+        each of this power: noise says something new in each that it is spread over, what is missed is smooth and says
+        it once. To what is missed comes by how much the mean power of noise differs by chance."""
+        at = np.clip(octaves - self.first, 0, len(self.share) - 1)
+        n = np.maximum(sizes * self.noise_spread[at], 1.0)
+        missed = missed + noise * np.sqrt(2 / n)
+        return np.asarray(n * (noise + missed) / (noise + n * missed))
 
 
 def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expected:
@@ -76,35 +78,64 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     ]
     octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     noise, noise_told = _noise(octave, power, at_rest, sizes, count)
+    noise_spread = _spread([runs[i] for i in idle], first, count)
     untold = np.full(count, UNTOLD)
     if not references:
         floor = np.full(count, float(np.min(noise)))
         noise, noise_told = (noise, noise_told) if idle else (floor, untold)
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, bool(idle))
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread)
     driven = ~at_rest
     if not driven.any():
-        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, bool(idle))
+        return Expected(first, noise, np.full(count, BASE_SHARE**2), noise_told, untold, noise_spread)
     octave, power, motion = octave[driven], power[driven], motion[driven]
-    share = _likeliest_share(octave, power, motion, noise)
+    share = _share_of_motion(octave, power, motion, noise)
     blocks = np.bincount(octave, minlength=count).astype(float)
     near = _smooth(blocks)
     share_told = np.where(near > 0, near**2 / np.maximum(_smooth_squared(blocks), 1e-30), UNTOLD)
     # Records differ in their noise too: it is never known better than what the base misses.
-    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told, bool(idle))
+    return Expected(first, noise, share, np.minimum(noise_told, share_told), share_told, noise_spread)
 
 
-def _likeliest_share(octave: Samples, power: Samples, motion: Samples, noise: Samples) -> Samples:
+def _share_of_motion(octave: Samples, power: Samples, motion: Samples, noise: Samples) -> Samples:
     """Share (octaves,) of the motion under which what blocks show is most likely, each block one coefficient and those
     of the octaves beside it counting too; where no block tells, the prior. Not the ratio of what is missed in all to
-    what moves in all: the block that moves most would decide, and where little moves nothing would be expected."""
-    apart = np.abs(np.arange(len(noise))[:, None] - octave)
-    weights = np.select([apart == 0, apart == 1], [NEIGHBOURS[1], NEIGHBOURS[0]], 0.0)
-    share = np.full(len(noise), BASE_SHARE**2)
-    for _ in range(SETTLING):
-        variance = noise[octave] + share[:, None] * motion
-        wanted = (weights * motion * power / variance**2).sum(axis=1)
-        share *= np.sqrt(wanted / np.maximum((weights * motion / variance).sum(axis=1), 1e-300))
-    return np.where((weights * motion).any(axis=1), share, BASE_SHARE**2)
+    what moves in all: the block that moves most would decide."""
+    logs = np.log(np.geomspace(*WITHIN, 200))
+    found = np.full(len(noise), BASE_SHARE**2)
+    for o in range(len(noise)):
+        near = (np.abs(octave - o) <= 1) & (motion > 0)
+        if not near.any():
+            continue
+        weights = np.where(octave[near] == o, NEIGHBOURS[1], NEIGHBOURS[0])
+        blocks = weights, power[near], motion[near], noise[octave[near]]
+        best = int(np.argmin([_unlikely(one, *blocks) for one in logs]))
+        about = logs[max(best - 1, 0)], logs[min(best + 1, len(logs) - 1)]
+        found[o] = np.exp(
+            minimize_scalar(_unlikely, bounds=about, args=blocks, method="bounded", options={"xatol": 1e-9}).x
+        )
+    return found
+
+
+def _unlikely(log_share: float, weights: Samples, power: Samples, motion: Samples, noise: Samples) -> float:
+    """How unlikely blocks (n,) are under a share of their motion, each counting by its weight."""
+    variance = noise + np.exp(log_share) * motion
+    return float(weights @ (np.log(variance) + power / variance))
+
+
+def _spread(at_rest: Sequence[BlockedRun], first: int, count: int) -> Samples:
+    """Over which part of an octave's coefficients (octaves,) the noise of records at rest is spread: the participation
+    ratio of their squares, which is a third where each is normal."""
+    squares, fourths, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
+    for run in at_rest:
+        c, at = run.base_error[:, 0], run.octaves - first
+        np.add.at(squares, at, np.add.reduceat(c**2, run.edges[:-1]))
+        np.add.at(fourths, at, np.add.reduceat(c**4, run.edges[:-1]))
+        np.add.at(sizes, at, run.sizes)
+    told = np.flatnonzero(fourths)
+    if not len(told):
+        return np.zeros(count)
+    shares = np.minimum(3 * squares[told] ** 2 / (fourths[told] * sizes[told]), 1.0)
+    return np.interp(np.arange(count), told, shares, left=0.0, right=0.0)
 
 
 def _noise(octave: Samples, power: Samples, at_rest: Samples, sizes: Samples, count: int) -> tuple[Samples, Samples]:

@@ -35,14 +35,14 @@ class Forecast:
         tangents = [self._tangents(run, fit) if free else np.zeros((len(answer), 0)) for fit in self._fits]
         found = np.zeros((len(self._fits),) * 2)
         for j, true in enumerate(self._fits):
-            variance, n = self._expected(run, true)
+            variance, n = self._power_and_count(run, true)
             for i, other in enumerate(self._fits):
                 if i != j:
                     columns = np.concatenate([tangents[i], answer[:, [j]] - answer[:, [i]]], axis=1)
                     found[i, j] = _apart(run.products(columns, columns), variance, n, other.covariance)
         return found
 
-    def _expected(self, run: BlockedRun, true: Fit) -> tuple[Samples, Samples]:
+    def _power_and_count(self, run: BlockedRun, true: Fit) -> tuple[Samples, Samples]:
         """Power (blocks,) in um^2 of what the record would hold beside the answer of the set that is true, and as how
         many coefficients a block would count."""
         motion = run.spread(run.power(run.modelled.answer()))
@@ -53,7 +53,7 @@ class Forecast:
             added[i] = run.spread(run.power(run.modelled.answer(true.entries) - run.modelled.answer(rest)))
         missed = missed_um2(true.share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
         may_be_missed = base + MOST_MISSED**2 * added.sum(axis=0)
-        return noise + base + missed, self._likelihood.expected.counted(run.sizes, noise, may_be_missed)
+        return noise + base + missed, self._likelihood.expected.counted(run.octaves, run.sizes, noise, may_be_missed)
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
         """Coefficients (n - 1, parameters): what one internal unit of each parameter does."""

@@ -80,16 +80,20 @@ class Likelihood:
         self.fitted = ~np.concatenate(held)
         self.every = np.ones(len(self.fitted), dtype=bool)
         self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
-        octaves = np.concatenate([run.octaves for run in self.runs])
-        self._in_octave = (octaves[:, None] == np.unique(octaves)).astype(float)
+        self._octaves = np.concatenate([run.octaves for run in self.runs])
+        self._in_octave = (self._octaves[:, None] == np.unique(self._octaves)).astype(float)
         pairs = zip(self.runs, self.shared, strict=True)
         self._among_shared = SharedProducts(np.concatenate([run.products(one, one) for run, one in pairs]))
         self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
-        self.sizes = np.concatenate([run.sizes for run in self.runs])
+        self._sizes = np.concatenate([run.sizes for run in self.runs])
         # What the equations may miss of whatever is there, the same for all sets: they are compared on the same data.
         left = np.concatenate([run.spread(run.products(run.base_error, run.base_error)[:, 0, 0]) for run in self.runs])
         gap = np.where(self.changed, np.maximum(left - self.noise - self.base, 0.0), 0.0)
-        self.counted = self.expected.counted(self.sizes, self.noise, self.base + MOST_MISSED**2 * gap)
+        self.counted = self.counted_beside(self.base + MOST_MISSED**2 * gap)
+
+    def counted_beside(self, missed: Samples) -> Samples:
+        """As how many coefficients (..., blocks) a block counts beside the noise and something missed of this power."""
+        return self.expected.counted(self._octaves, self._sizes, self.noise, missed)
 
     @property
     def step_s(self) -> float:
@@ -269,7 +273,7 @@ class Likelihood:
         told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
-        noise = self.noise / self.sizes
+        noise = self.noise / self.counted_beside(np.zeros_like(self.noise))
         return np.asarray(variance / (noise + records * np.maximum(variance - noise, 0.0)))
 
     def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:

@@ -23,7 +23,8 @@ power."""
 OUTSIDE = 0.1
 """Prior probability that more is missed: that the effect is none of the catalogue, and this one only the nearest."""
 TIMES_BASE = (0.5, 1.0, 2.0, 4.0)
-"""By which the base may miss more, or less, in one record than the reference records say, in um: all as likely."""
+"""Factors, in um and not in power, between what the base misses in one record and what the references say, all as
+likely."""
 
 
 def is_of_material(entries: Sequence[SizedEffect]) -> NDArray[np.bool_]:
