@@ -107,3 +107,23 @@ def test_a_bound_holds_the_size_of_what_is_too_small_to_be_named(hidden, params)
         bounds += [bound.upper_95 for bound in found]
     assert sum(upper >= size for upper in bounds) >= FEWEST_HELD
     assert np.median(bounds) < 20 * size
+
+
+def test_noise_that_rest_shows_is_averaged_over_a_longer_record():
+    """A small lag is told from a small delay the better, the more rows there are; where no record at rest tells the
+    noise, what looks like it may be missed in all of them."""
+    lag_s = 1e-5
+    sets = [((effect("sensor_lowpass"), {"tau_s": lag_s}),), ((effect("delay"), {"delay_s": 3 * lag_s}),)]
+    without_rest = learned(lag_s)
+    still = modelled_run(LINE, run_of(np.full(4 * ROWS, 4.0), "reference", 5))
+    with_rest = likelihood_of([still, *(run.modelled for run in without_rest.runs)])
+    gained = []
+    for likelihood in (without_rest, with_rest):
+        found = []
+        for count in (1, 8):
+            u = np.tile(wave(FAST), count)
+            proposed = modelled_run(LINE, replace(run_of(u, "train", 0), x_um=np.zeros(len(u))))
+            found.append(Forecast(likelihood, sets).squared_distances(proposed, free=False)[1, 0])
+        gained.append(found[1] / found[0])
+    assert gained[0] < 1.15
+    assert 1.3 < gained[1] < 8
