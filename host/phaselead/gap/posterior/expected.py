@@ -1,7 +1,8 @@
 """What the base alone is expected to leave of a record: the sensor's noise, and a share of its own motion.
 
 Reference records tell both, octave by octave: those at rest the noise, driven ones what the base misses for how much it
-moves there. Without them the noise is the quietest that the records have, and the share a prior.
+moves there. Without them the noise is that of the other records at rest, or the quietest that any has, and the share a
+prior.
 """
 
 from __future__ import annotations
