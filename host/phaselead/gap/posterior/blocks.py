@@ -136,6 +136,11 @@ class BlockedRun:
         """Coefficients (n - 1, 1) of what the base leaves."""
         return self.coefficients(self.modelled.error()[:, None])
 
+    @cached_property
+    def base_left_um2(self) -> Samples:
+        """Mean power (blocks,) of what the base leaves."""
+        return self.products(self.base_error, self.base_error)[:, 0, 0]
+
     def simulated(self, entries: Sequence[SizedEffect]) -> Simulated:
         """What a set of effects does in the record."""
         key = tuple((id(effect), *(params[p.name] for p in effect.parameters)) for effect, params in entries)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import MOST_MISSED, SHARES, is_of_material, missed_um2
+from phaselead.gap.posterior.missed import SHARES, is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.priors import SIZES, SURE, prior_of
 from phaselead.gap.posterior.sets import confused
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
@@ -79,6 +79,7 @@ class _Expected:
 
     def __init__(self, likelihood: Likelihood, shapes: Shapes, name: str) -> None:
         self._likelihood, self._shapes = likelihood, shapes
+        # Of a block that counts as so many coefficients, as if it were one.
         self._without_um2 = (likelihood.noise + likelihood.base) / likelihood.counted_beside(likelihood.base)
         mine = shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
@@ -192,8 +193,7 @@ class _Expected:
         squares = TRIED[:, None] ** 2
         added = squares * power
         variance = likelihood.noise + likelihood.base + missed_um2(SHARES[0], added, added * self._of_material)
-        missed = likelihood.base + MOST_MISSED**2 * added
-        n = likelihood.counted_beside(missed)
+        n = likelihood.counted_beside(may_be_missed_um2(likelihood.base, added))
         needed = 0.0
         for amounts in (taken, all_taken):
             past = np.append(-amounts, 1.0)

@@ -23,8 +23,9 @@ NEIGHBOURS = (0.25, 0.5, 0.25)
 """Weights of an octave and those beside it, over which noise and share are smoothed."""
 UNTOLD = 4.0
 """As many coefficients as a guess without reference records is worth."""
-WITHIN = (1e-16, 1e8)
-"""Least and most share of the power of the base's motion that is looked at: from nothing to all that a sensor sees."""
+LOG_SHARES = np.linspace(np.log(1e-16), np.log(1e8), 200)
+"""Logarithms of the shares of the power of the base's motion near which the likeliest is looked for, from nothing to
+all that a sensor sees."""
 LEAST_UM2 = 1e-14
 """Power of a coefficient below which no sensor's noise lies, (0.1 pm)^2 a row."""
 
@@ -50,7 +51,7 @@ class Expected:
     def of(self, run: BlockedRun, motion: Samples) -> tuple[Samples, Samples, Samples]:
         """Noise and misfit (blocks,) in um^2 per coefficient of a run whose base has this power (blocks,), and how many
         coefficients tell their sum: degrees of freedom of Student's t (Welch 1947)."""
-        at = np.clip(run.octaves - self.first, 0, len(self.share) - 1)
+        at = self._at(run.octaves)
         noise, base = self.noise_um2[at], self.share[at] * motion
         told = (noise + base) ** 2 / (noise**2 / self.noise_told[at] + base**2 / self.share_told[at])
         return noise, base, told
@@ -59,10 +60,13 @@ class Expected:
         """Effective number of coefficients (..., blocks) of blocks of ``sizes`` that hold noise and something missed,
         each of this power: noise says something new in each that it is spread over, what is missed is smooth and says
         it once. To what is missed comes by how much the mean power of noise differs by chance."""
-        at = np.clip(octaves - self.first, 0, len(self.share) - 1)
-        n = np.maximum(sizes * self.noise_spread[at], 1.0)
+        n = np.maximum(sizes * self.noise_spread[self._at(octaves)], 1.0)
         missed = missed + noise * np.sqrt(2 / n)
         return np.asarray(n * (noise + missed) / (noise + n * missed))
+
+    def _at(self, octaves: Counts) -> Counts:
+        """Places of octaves here, of those beyond the ends the nearest."""
+        return np.clip(octaves - self.first, 0, len(self.share) - 1)
 
 
 def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expected:
@@ -72,14 +76,14 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     count = max(int(run.octaves.max()) for run in runs) - first + 1
     references = [i for i, run in enumerate(runs) if run.modelled.run.role == "reference"]
     told_by = references or list(range(len(runs)))
-    left = {i: runs[i].power(runs[i].modelled.error()) for i in told_by}
+    left = {i: runs[i].base_left_um2 for i in told_by}
     idle = [i for i in told_by if runs[i].modelled.run.idle]
     rows = [
         (runs[i].octaves - first, left[i], motions[i], np.full(len(left[i]), i in idle), runs[i].sizes) for i in told_by
     ]
     octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     noise, noise_told = _noise(octave, power, at_rest, sizes, count)
-    noise_spread = _spread([runs[i] for i in idle], first, count)
+    noise_spread = _noise_spread([runs[i] for i in idle], first, count)
     untold = np.full(count, UNTOLD)
     if not references:
         floor = np.full(count, float(np.min(noise)))
@@ -101,7 +105,6 @@ def _share_of_motion(octave: Samples, power: Samples, motion: Samples, noise: Sa
     """Share (octaves,) of the motion under which what blocks show is most likely, each block one coefficient and those
     of the octaves beside it counting too; where no block tells, the prior. Not the ratio of what is missed in all to
     what moves in all: the block that moves most would decide."""
-    logs = np.log(np.geomspace(*WITHIN, 200))
     found = np.full(len(noise), BASE_SHARE**2)
     for o in range(len(noise)):
         near = (np.abs(octave - o) <= 1) & (motion > 0)
@@ -109,11 +112,10 @@ def _share_of_motion(octave: Samples, power: Samples, motion: Samples, noise: Sa
             continue
         weights = np.where(octave[near] == o, NEIGHBOURS[1], NEIGHBOURS[0])
         blocks = weights, power[near], motion[near], noise[octave[near]]
-        best = int(np.argmin([_unlikely(one, *blocks) for one in logs]))
-        about = logs[max(best - 1, 0)], logs[min(best + 1, len(logs) - 1)]
-        found[o] = np.exp(
-            minimize_scalar(_unlikely, bounds=about, args=blocks, method="bounded", options={"xatol": 1e-9}).x
-        )
+        best = int(np.argmin([_unlikely(one, *blocks) for one in LOG_SHARES]))
+        about = LOG_SHARES[max(best - 1, 0)], LOG_SHARES[min(best + 1, len(LOG_SHARES) - 1)]
+        likeliest = minimize_scalar(_unlikely, bounds=about, args=blocks, method="bounded", options={"xatol": 1e-9})
+        found[o] = np.exp(likeliest.x)
     return found
 
 
@@ -123,9 +125,9 @@ def _unlikely(log_share: float, weights: Samples, power: Samples, motion: Sample
     return float(weights @ (np.log(variance) + power / variance))
 
 
-def _spread(at_rest: Sequence[BlockedRun], first: int, count: int) -> Samples:
-    """Over which part of an octave's coefficients (octaves,) the noise of records at rest is spread: the participation
-    ratio of their squares, which is a third where each is normal."""
+def _noise_spread(at_rest: Sequence[BlockedRun], first: int, count: int) -> Samples:
+    """Over which part of an octave's coefficients (octaves,) the noise of records at rest is spread: three times the
+    participation ratio of their squares, which makes 1 where they are normal and alike."""
     squares, fourths, sizes = np.zeros(count), np.zeros(count), np.zeros(count)
     for run in at_rest:
         c, at = run.base_error[:, 0], run.octaves - first

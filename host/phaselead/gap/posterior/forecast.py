@@ -9,7 +9,7 @@ import numpy as np
 from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import MOST_MISSED, is_of_material, missed_um2
+from phaselead.gap.posterior.missed import is_of_material, may_be_missed_um2, missed_um2
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
@@ -52,7 +52,7 @@ class Forecast:
             rest = [*true.entries[:i], *true.entries[i + 1 :]]
             added[i] = run.spread(run.power(run.modelled.answer(true.entries) - run.modelled.answer(rest)))
         missed = missed_um2(true.share, added.sum(axis=0), added[is_of_material(true.entries)].sum(axis=0))
-        may_be_missed = base + MOST_MISSED**2 * added.sum(axis=0)
+        may_be_missed = may_be_missed_um2(base, added.sum(axis=0))
         return noise + base + missed, self._likelihood.expected.counted(run.octaves, run.sizes, noise, may_be_missed)
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:

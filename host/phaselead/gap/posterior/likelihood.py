@@ -39,6 +39,7 @@ from phaselead.gap.posterior.missed import (
     beside_one_another,
     is_of_material,
     log_prior_of_share,
+    may_be_missed_um2,
     missed_um2,
     shares_of,
 )
@@ -87,9 +88,9 @@ class Likelihood:
         self._blocks = [0, *np.cumsum([len(run.sizes) for run in self.runs]).tolist()]
         self._sizes = np.concatenate([run.sizes for run in self.runs])
         # What the equations may miss of whatever is there, the same for all sets: they are compared on the same data.
-        left = np.concatenate([run.spread(run.products(run.base_error, run.base_error)[:, 0, 0]) for run in self.runs])
+        left = np.concatenate([run.spread(run.base_left_um2) for run in self.runs])
         gap = np.where(self.changed, np.maximum(left - self.noise - self.base, 0.0), 0.0)
-        self.counted = self.counted_beside(self.base + MOST_MISSED**2 * gap)
+        self.counted = self.counted_beside(may_be_missed_um2(self.base, gap))
 
     def counted_beside(self, missed: Samples) -> Samples:
         """As how many coefficients (..., blocks) a block counts beside the noise and something missed of this power."""

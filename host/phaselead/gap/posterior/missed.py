@@ -37,6 +37,11 @@ def missed_um2(share: Samples | float, signal: Samples, of_material: Samples) ->
     return np.asarray(share**2 * signal + np.maximum(LEAST_OF_MATERIAL**2 - share**2, 0.0) * of_material)
 
 
+def may_be_missed_um2(base: Samples, gap: Samples) -> Samples:
+    """Power (blocks,) that is missed of a base and of a gap by equations that only just bear their names."""
+    return np.asarray(base + MOST_MISSED**2 * gap)
+
+
 def shares_of(entries: Sequence[SizedEffect]) -> list[float]:
     """The shares that the equations of some effects may miss."""
     return list(SHARES if entries else SHARES[:1])
