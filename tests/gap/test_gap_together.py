@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
 
 from click.testing import CliRunner
-from shared_structure import F_HZ, Structure
+from shared_structure import F_HZ, PERIOD, Structure
 
 from phaselead.cli import main
 from phaselead.errors import BadInput
@@ -23,6 +24,7 @@ from phaselead.identify.fitting import fit
 from phaselead.model.axis import AdoptedEffect
 from phaselead.model.prediction import predict
 from phaselead.model.stage_file import Stage, parse_stage, save_stage, stage_text
+from phaselead.record.recording import AxisRecord
 
 NOISE_um = 9.0
 """That hides with what power of the level the structure softens."""
@@ -62,6 +64,24 @@ def test_modes_and_coupling_are_named_on_every_axis(one_level):
     found = next(e for e in result.effects if e.name == "resonance" and e.axis == "x").params["f_Hz"][0]
     for f in F_HZ:
         assert np.min(np.abs(np.array(found) - f)) < 0.005 * f
+
+
+@pytest.mark.parametrize(("share", "verdicts"), [(0.1, ["named"]), (0.4, ["named", "unknown"])])
+def test_what_equations_cannot_miss_is_unknown_beside_the_names(one_level, share, verdicts):
+    """The records are too short to show what does not repeat, so that no floor tells how much is left."""
+    stage, train, held, found = one_level
+    bow_um, rows = share * found.gap.before, slice(2 * PERIOD - 100)
+
+    def bent(record):
+        q = record.axes["x"].u_V ** 2 / np.mean(record.axes["x"].u_V ** 2)
+        added = {"x": bow_um * (q - 1) / np.std(q)}
+        axes = {a: AxisRecord(r.u_V[rows], (r.x_um + added.get(a, 0.0))[rows]) for a, r in record.axes.items()}
+        return replace(record, t_s=record.t_s[rows], axes=axes, scored=slice(PERIOD, rows.stop))
+
+    result = run_gap(stage, [bent(r) for r in train], [bent(r) for r in held])
+    assert list(result.verdicts) == verdicts
+    assert result.unexplained.something_missing
+    assert result.unexplained.of_equations == ("unknown" not in verdicts)
 
 
 def test_the_stage_file_holds_what_was_found(one_level):

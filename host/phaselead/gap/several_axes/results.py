@@ -24,6 +24,7 @@ from phaselead.gap.findings import (
     NextExperiment,
     Trace,
 )
+from phaselead.gap.goodness_of_fit import more_than_equations_miss
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.noise import fit_noise
 from phaselead.gap.records import GapRun
@@ -149,7 +150,9 @@ def axis_results(
         left = gap.after**2 - gap.floor**2
         held = [run for run in runs[a] if run.role == "holdout"]
         predictable = _predictable(found, runs[a], i)
-        missing = left > UNEXPLAINED * gap.before**2 or (predictable.something_missing and not named[a])
+        unexcused = more_than_equations_miss(predictable, gap) if named[a] else predictable.something_missing
+        predictable = replace(predictable, of_equations=predictable.something_missing and not unexcused)
+        missing = left > UNEXPLAINED * gap.before**2 or unexcused
         results.append(
             AxisResult(
                 a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,
