@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from phaselead.cli import main
 from phaselead.errors import BadInput
+from phaselead.validation import trial
 from phaselead.validation.campaign import CampaignPlan
 from phaselead.validation.journal import Journal
 from phaselead.validation.pool import run_cases
@@ -98,6 +99,42 @@ def test_a_generator_is_asked_for_the_kinds_that_it_has(folder):
     strict += "    assert tuple(kinds) == KINDS\n    return all_cases(set_name, kinds, sizes, scale)\n"
     (folder / "__init__.py").write_text(GENERATOR + strict)
     assert len(plan.cases()) == 2
+
+
+def test_narrow_cases_run_on_request(folder, tmp_path):
+    refusing = "\nall_cases = cases\ndef cases(set_name, kinds, sizes, scale):\n"
+    refusing += "    if 'narrow' in kinds:\n        raise ValueError('was asked for narrow')\n"
+    refusing += "    return all_cases(set_name, kinds, sizes, scale)\n"
+    (folder / "__init__.py").write_text(GENERATOR + refusing)
+    assert len(CampaignPlan(folder, "tuning").cases()) == 4
+    status, said = campaign(folder, tmp_path / "out", "--kinds", "single,narrow")
+    assert status == 2
+    assert "was asked for narrow" in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked"),
+    [("single", True), ("sines", True), ("closed_loop", True), ("narrow", True), ("pair", False), ("poor", False)],
+)
+def test_the_proposed_experiment_is_run_for_what_can_be_scored(kind, asked, monkeypatch):
+    class Tried:
+        without, hidden = (), ()
+
+        def __init__(self, kind):
+            self.kind = kind
+
+        def records(self):
+            return [], [], []
+
+        def bare_holdout(self):
+            return None
+
+    monkeypatch.setattr(trial, "base_model", lambda *_: None)
+    monkeypatch.setattr(trial, "run_gap", lambda *_, **__: None)
+    monkeypatch.setattr(trial, "answer", lambda *_: {})
+    monkeypatch.setattr(trial, "_after_next", lambda *_: "tried")
+    assert ("after_next" in trial._tried(Tried(kind), follow_up=True)) == asked
+    assert "after_next" not in trial._tried(Tried(kind), follow_up=False)
 
 
 @pytest.mark.parametrize(

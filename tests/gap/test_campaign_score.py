@@ -146,6 +146,29 @@ def test_numbers_count_what_they_say():
     assert reached["an effect left out of the catalogue ends as unknown or an honest tie"] == (None, 0)
 
 
+def test_narrow_cases_count_for_ties_and_names_but_not_for_single_effects():
+    tie = ["delay", "sensor_lowpass"]
+    after = {"tie": tie, "named": ["delay"], "ties": []}
+    outcomes = [
+        outcome("narrow", ties=[tie], after_next=after),
+        outcome("narrow", named=["delay"], number=1),
+        outcome("narrow", named=["creep"], number=2),
+        outcome("narrow", ties=[tie], named=["offset"], number=3),
+        outcome("narrow", named=["delay"], size=0.05),
+    ]
+    found = summary(outcomes)
+    reached = {row["what"]: (row["reached"], row["of"]) for row in found["numbers"]}
+    alone = "one kind of excitation alone: the truth named, or in an honest tie, 0.2 x and more"
+    assert reached[alone] == (50.0, 4)
+    assert reached["one proposed experiment resolves a tie"] == (100.0, 1)
+    assert reached["names that are given are right"] == (50.0, 4)
+    assert reached["names exactly right, one effect of 0.2 x its typical size and more"] == (None, 0)
+    assert reached["the same at 0.05 x"] == (None, 0)
+    assert found["accuracy_by_size"] == {"mixed": {}, "sines": {}}
+    assert (found["confusion"], found["accuracy_coverage"]) == ({}, [])
+    assert [w["case"] for w in found["wrong"]] == ["set/narrow/delay/1/2", "set/narrow/delay/1/3"]
+
+
 def test_an_interval_holds_the_true_size_of_either_sign():
     def holds(low, high):
         return score.intervals_hold(outcome(named=["delay"], sizes={"delay": [0.0, low, high]}))

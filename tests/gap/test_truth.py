@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parent))
 
 from truth import sessions
-from truth.cases import EFFECTS, KINDS, SIZES, cases
+from truth.cases import EFFECTS, KINDS, SIZES, case, cases
 from truth.coupling import CrossCoupling
+from truth.habits import EXCITATIONS, Habit
 from truth.stage import Character, Stage, draw
 
 from phaselead.validation.truth import load_truth
@@ -331,3 +332,123 @@ def test_a_noisy_sensor_adds_white_noise_and_nothing_else():
     assert abs(np.mean(added[1][:1000] * added[2][:1000])) < 0.03
     again = noisy.records()[1][1].axes["x"].x_um
     np.testing.assert_array_equal(again, noisy.records()[1][1].axes["x"].x_um)
+
+
+def of_each_habit():
+    """A narrow case of every excitation, at both rates."""
+    found = {(c.habit.excitation, c.rate): c for c in cases("tuning", ["narrow"], SIZES, 1.0)}
+    assert {excitation for excitation, _ in found} == set(EXCITATIONS)
+    return [found[key] for key in sorted(found)]
+
+
+def test_a_campaign_that_names_no_kinds_has_no_narrow_cases():
+    assert len(cases("tuning")) == 608
+    assert "narrow" not in {c.kind for c in cases("tuning")} | set(KINDS)
+
+
+def test_narrow_cases_hide_each_effect_at_each_size_as_single_ones_do():
+    found, single = (cases("tuning", [kind], (0.3, 2.0), 1.0) for kind in ("narrow", "single"))
+    assert {c.kind for c in found} == {"narrow"}
+    assert sorted((c.effects, c.size, c.rate, c.number) for c in found) == sorted(
+        (c.effects, c.size, c.rate, c.number) for c in single
+    )
+
+
+def test_habits_are_drawn_alike_whatever_is_hidden():
+    drawn = [(c.habit.excitation, c.effects[0]) for c in cases("tuning", ["narrow"], [1.0], 40.0)]
+    assert len(drawn) == 120 * len(EFFECTS)
+    for excitation in EXCITATIONS:
+        share = [sum(one == (excitation, name) for one in drawn) / 120 for name in EFFECTS]
+        assert np.mean(share) == pytest.approx(1 / len(EXCITATIONS), abs=0.03)
+        assert np.ptp(share) < 0.25  # of 23 draws of 120, six deviations
+
+
+@pytest.mark.parametrize("narrow", of_each_habit(), ids=lambda c: f"{c.habit.excitation}-{c.rate}")
+def test_a_narrow_lab_records_one_excitation_and_never_the_same_wave(narrow, monkeypatch):
+    monkeypatch.setattr(sessions, "UNIT_ROWS", 800)
+    reference, train, holdout = narrow.records()
+    mixed = replace(narrow, kind="single").records()
+    assert [r.source for r in reference] == [r.source for r in mixed[0]]
+    for part, rich, shortest in zip((train, holdout), mixed[1:], (0.85, 0.7), strict=True):
+        assert shortest < sum(len(r.t_s) for r in part) / sum(len(r.t_s) for r in rich) < 1.4
+    for part, session, driven in ((train, "train", (2,)), (holdout, "holdout", (1, 2))):
+        kinds = [record.source.removesuffix(".csv").rstrip("01") for record in part]
+        assert kinds == [f"{session}-idle", *[f"{session}-{narrow.habit.excitation}"] * (len(part) - 1)]
+        assert len(part) - 1 in driven
+    waves = [record.axes["x"].u_V for record in [*train[1:], *holdout[1:]]]
+    c = narrow.characters["x"]
+    for wave in waves:
+        assert wave.min() >= 0
+        assert wave.max() <= c.span_V + c.lsb_V
+        assert max(wave[0], wave[-1]) < 0.01 * c.span_V
+    for i, wave in enumerate(waves):
+        assert all(np.ptp(wave - other) > 0.005 * c.span_V for other in waves[:i])
+
+
+@pytest.mark.parametrize("narrow", of_each_habit()[::3], ids=lambda c: f"{c.habit.excitation}-{c.rate}")
+def test_a_narrow_case_is_the_same_each_time_and_is_followed_up(narrow, monkeypatch):
+    monkeypatch.setattr(sessions, "UNIT_ROWS", 800)
+    again = case(narrow.name)
+    assert again.habit == narrow.habit
+    parts, same = narrow.records(), again.records()
+    assert [[r.sha256 for r in part] for part in parts] == [[r.sha256 for r in part] for part in same]
+    for bare, held in zip(again.bare_holdout(), parts[2], strict=True):
+        np.testing.assert_array_equal(bare.axes["x"].u_V, held.axes["x"].u_V)
+    more = narrow.follow_up(lambda t: 2.0 + np.sin(40 * t), 0.5, None)
+    assert len(more.t_s) == round(0.5 * narrow.characters["x"].rate_Hz)
+    assert more.t_s[0] > parts[2][-1].t_s[-1]
+    assert np.ptp(more.axes["x"].x_um[100:]) > 1.0
+
+
+def full(excitation: str) -> tuple[Samples, Character]:
+    """The highest wave of a lab with that habit between its edges, 2 s in all."""
+    c, rng = replace(quiet(5000.0), f_Hz=400.0), np.random.default_rng(4)
+    return Habit(excitation, 0.3, 0.4).wave(rng, c, 2.0, 1.0)[1200:-1200], c
+
+
+def test_slow_triangles_run_at_one_rate_from_nothing_to_the_full_range():
+    wave, c = full("triangles")
+    assert np.ptp(wave) == pytest.approx(c.span_V, rel=0.01)
+    assert np.quantile(np.abs(np.diff(wave)), 0.05) == pytest.approx(np.abs(np.diff(wave)).max())
+
+
+def test_a_slow_multisine_ends_far_below_the_mode():
+    wave, c = full("multisine")
+    power = np.abs(np.fft.rfft((wave - wave.mean()) * np.hanning(len(wave)))) ** 2
+    f_Hz = np.fft.rfftfreq(len(wave), 1 / c.rate_Hz)
+    assert power[f_Hz < 0.022 * c.rate_Hz].sum() > 0.999 * power.sum()
+    assert np.sum(power > 0.01 * power.max()) > 10
+    assert 0.5 * c.span_V < np.ptp(wave) < c.span_V
+
+
+def test_steps_jump_within_a_row_and_hold():
+    wave, c = full("steps")
+    moves = np.abs(np.diff(wave)) > 0.01 * c.span_V
+    assert 4 <= moves.sum() <= 9
+    assert np.abs(np.diff(wave))[~moves].max() < 1e-9
+
+
+def test_a_sine_of_nearly_the_full_level_has_the_frequency_of_its_lab():
+    wave, c = full("sine")
+    assert np.ptp(wave) == pytest.approx(c.span_V, rel=0.02)
+    f_Hz = np.mean(np.diff(np.sign(wave - c.span_V / 2)) > 0) * c.rate_Hz
+    other = Habit("sine", 0.3, 0.6).wave(np.random.default_rng(9), c, 2.0, 0.0)[1200:-1200]
+    assert f_Hz == pytest.approx(2.5 * (100 / 2.5) ** 0.3, rel=0.1)
+    assert np.mean(np.diff(np.sign(other - c.span_V / 2)) > 0) * c.rate_Hz == pytest.approx(f_Hz)
+
+
+def test_small_loops_stay_about_the_bias_of_their_lab():
+    wave, c = full("loops")
+    assert wave.max() == pytest.approx(0.5 * c.span_V, rel=0.02)
+    assert wave.min() == pytest.approx(0.3 * c.span_V, rel=0.02)
+
+
+def test_a_small_sweep_runs_up_or_down_and_stops_below_the_mode():
+    wave, c = full("sweep")
+    assert np.ptp(wave) == pytest.approx(0.2 * c.span_V, rel=0.02)
+    crossings = np.flatnonzero(np.diff(np.sign(wave - c.span_V / 2)))
+    f_Hz = c.rate_Hz / 2 / np.diff(crossings)
+    steady = f_Hz if f_Hz[-1] > f_Hz[0] else f_Hz[::-1]
+    assert steady[-1] > 10 * steady[0]
+    assert steady[-1] < 0.5 * c.f_Hz
+    assert np.all(np.diff(steady) > -0.2 * steady[1:])

@@ -23,21 +23,22 @@ def _sizes(_context: click.Context, option: click.Parameter, text: str) -> tuple
 
 def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...] | None:
     from phaselead.errors import BadInput
-    from phaselead.validation import KINDS
+    from phaselead.validation import KINDS, ON_REQUEST
 
     if text is None:
         return None
     found = tuple(text.split(","))
-    wrong = [word for word in found if word not in KINDS]
+    every = (*KINDS, *ON_REQUEST)
+    wrong = [word for word in found if word not in every]
     if wrong:
-        raise BadInput(f"--{option.name}: there is no kind {', '.join(wrong)}; there are {', '.join(KINDS)}")
+        raise BadInput(f"--{option.name}: there is no kind {', '.join(wrong)}; there are {', '.join(every)}")
     return found
 
 
 @click.command()
 @click.option("--truth", "folder", metavar="DIR", required=True, help="Folder of the generator of hidden truths.")
 @click.option("--set", "set_name", metavar="NAME", default="tuning", show_default=True, help="Set of seeds.")
-@click.option("--kinds", metavar="KINDS", callback=_kinds, help="E.g. none,single,pair; default: all of DIR.")
+@click.option("--kinds", metavar="KINDS", callback=_kinds, help="E.g. none,single; default: all of DIR but narrow.")
 @click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_sizes, help="Sizes of single effects.")
 @click.option("--scale", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
               help="Multiplies the number of cases.")  # fmt: skip

@@ -20,8 +20,8 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """Which cases to run: ``kinds`` of them (None: all that the generator has); ``sizes`` are of single effects, as
-    multiples of the typical one.
+    """Which cases to run: ``kinds`` of them (None: all that the generator has, but none on request); ``sizes`` are of
+    single effects, as multiples of the typical one.
     """
 
     folder: Path

@@ -21,7 +21,7 @@ PLAIN = 2.0
 """Multiple of the size that was stated to be detectable, from which an effect should be named."""
 MOST_SIZES = 6
 """More distinct sizes than this are not steps of a ladder."""
-SINGLE_AXIS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside")
+SINGLE_AXIS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside", "narrow")
 """Kinds whose stage has one axis."""
 
 
@@ -95,6 +95,8 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         _share("one proposed experiment resolves a tie", ">= 80 % of 30, -", again),
         _share("names exactly right on sines alone, 0.2 x and more", "-",
                (score.exactly_right(o) for o in sines if _size(o) >= LEAST_SIZE)),
+        _share("one kind of excitation alone: the truth named, or in an honest tie, 0.2 x and more", "-",
+               (_one_right(o) for o in _of(outcomes, "narrow") if _size(o) >= LEAST_SIZE)),
         _share("names exactly right in closed loop", "-", map(score.exactly_right, _of(outcomes, "closed_loop"))),
         _share("cross-coupling named on three axes, 0.2 x and more", "-",
                (score.exactly_right(o) for o in _of(outcomes, "coupling") if _size(o) >= LEAST_SIZE)),

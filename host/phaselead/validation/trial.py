@@ -20,6 +20,8 @@ IN_UNIT = {("um", "um"): 1.0, ("LSB", "LSB"): 1.0, ("nm/min", "um/s"): 1e-3 / 60
 """Derived sizes by their unit and that of a truth, and what one is in the other."""
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
+ASKED_FOR_MORE = ("single", "sines", "closed_loop", "narrow")
+"""Kinds of whose cases the proposed experiment is run."""
 
 
 def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
@@ -59,7 +61,7 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
         "floor": _floor_um(stage, case.bare_holdout()),
         "rows": sum(len(r.t_s) * len(r.axes) for r in [*reference, *train, *holdout]),
     }
-    if follow_up and case.kind in ("single", "sines", "closed_loop"):
+    if follow_up and case.kind in ASKED_FOR_MORE:
         found["after_next"] = _after_next(case, stage, result, reference, train, holdout)
     return found
 

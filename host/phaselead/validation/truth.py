@@ -15,7 +15,8 @@ from phaselead.record import Recording, Samples
 MODULE = "phaselead_truth"
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor", "outside")
 """Kinds of cases; docs/gap-campaign.md describes them."""
-
+ON_REQUEST = ("narrow",)
+"""More kinds, which a campaign tries only where it is asked for them."""
 
 UNDER_TEST = tuple(Path(__file__).parents[1] / room for room in ("gap", "identify", "model"))
 """Folders of the package whose code a campaign tries."""
@@ -74,7 +75,8 @@ class Case(Protocol):
 
 
 class Truth(Protocol):
-    """The folder as a Python module. May also have ``KINDS``, where it does not have all of them."""
+    """The folder as a Python module. May also have ``KINDS``, where it does not have all of them;
+    those on request are not among these."""
 
     def cases(self, set_name: str, kinds: Sequence[str], sizes: Sequence[float], scale: float) -> Sequence[Case]:
         """The cases, ordered so that any first few are a fair sample. Raises ValueError for unknown options."""

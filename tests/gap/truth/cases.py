@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from phaselead.record.recording import Recording
 
-from . import electrical, ferroelectric, mechanical, sensor, sessions, surroundings
+from . import electrical, ferroelectric, habits, mechanical, sensor, sessions, surroundings
 from .coupling import CrossCoupling
 from .rig import Rig
 from .stage import Character, Effect, draw
@@ -26,11 +26,14 @@ SETS = {"tuning": "tuning-2026", "confirm": "confirm-2026-11-22", "sealed": "sea
 """Name of each set of seeds. The sealed ones are for the published figure alone; the letters
 before this one were spent on earlier versions."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
+ON_REQUEST = ("narrow",)
+"""Kinds that a campaign runs only where they are asked for: the figures of one that names no kinds stay comparable."""
 COUNTS = {
     "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
-    "poor": 20,
+    "poor": 20, "narrow": 3,
 }  # fmt: skip
-"""Cases at scale 1; of "single" and "sines" per effect and size."""
+"""Cases at scale 1; of the kinds in ``PER_EFFECT`` for each effect and size."""
+PER_EFFECT = ("single", "sines", "narrow")
 SIZES = (0.05, 0.2, 1.0)
 SLOW = {"creep", "charge_leakage", "thermal_drift", "softening"}
 FAST = {"delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "load_change", "slew_limit", "sampling_jitter",
@@ -109,6 +112,11 @@ class Case:
             Hidden(name, self.size, self.size * known[name].typical, known[name].unit, axis) for name in self.effects
         )
 
+    @cached_property
+    def habit(self) -> habits.Habit:
+        """What the lab of a narrow case always records; drawn by itself, so that it hangs on nothing that is hidden."""
+        return habits.draw(np.random.default_rng([self.seed, 4]))
+
     @property
     def bits(self) -> int:
         """Of the converters, as a lab knows them."""
@@ -122,10 +130,10 @@ class Case:
         rig = Rig(self.characters, np.random.default_rng([self.seed, 2]))
         session = {
             "sines": sessions.sines, "closed_loop": sessions.tracked, "coupling": sessions.three_axes,
-            "poor": sessions.poor,
+            "poor": sessions.poor, "narrow": partial(sessions.narrow, habit=self.habit),
         }.get(self.kind, sessions.mixed)  # fmt: skip
-        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", "poor") else []
-        reference += session(rig, "reference") if self.kind != "poor" else []
+        reference = sessions.mixed(rig, "reference") if self.kind in ("closed_loop", "poor", "narrow") else []
+        reference += session(rig, "reference") if self.kind not in ("poor", "narrow") else []
         rig.pause(30)
         if hidden:
             self.hide(rig)
@@ -164,7 +172,7 @@ def cases(
 
     Raises ValueError for a set or kind that does not exist.
     """
-    if set_name not in SETS or (wrong := set(kinds) - set(KINDS)):
+    if set_name not in SETS or (wrong := set(kinds) - {*KINDS, *ON_REQUEST}):
         raise ValueError(f"no set {set_name!r}" if set_name not in SETS else f"no kind {', '.join(sorted(wrong))}")
     found = [case for kind in kinds for case in _of_kind(set_name, kind, sizes, scale)]
     return sorted(found, key=lambda case: case.seed)
@@ -179,7 +187,7 @@ def case(name: str) -> Case:
 
 def _of_kind(set_name: str, kind: str, sizes: Sequence[float], scale: float) -> list[Case]:
     count = COUNTS[kind] * scale
-    if kind in ("single", "sines"):
+    if kind in PER_EFFECT:
         return _singles(set_name, kind, sizes, count)
     number = max(1, round(count))
     names = [_combination(set_name, kind, i) for i in range(number)]

@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 from phaselead.record.recording import Recording
 
 from . import waves
+from .habits import Habit
 from .rig import Rig
 
 Samples = NDArray[np.float64]
 UNIT_ROWS = 3000
 """Rows of a "second": records last longer where they are sampled more slowly."""
-
-FAST_ENOUGH_HZ = 1000.0
-"""Rate above which a lab sees the ringing of its stage; below it, it does not excite what it could not see."""
+TRAIN_SHARES = ((0.75, 1.0), (0.0, 0.25))
+HELD_OUT_SHARES = ((0.55, 0.7), (0.3, 0.45))
+"""Where the levels of narrow records are drawn, from the lowest to the highest; no two records share one."""
 
 
 def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
@@ -23,7 +24,7 @@ def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
     rng, (axis, stage) = rig.rng, next(iter(rig.stages.items()))
     c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
     span, rate = c.span_V, rig.rate_Hz
-    rise_rows, top = (1, 0.42) if rate > FAST_ENOUGH_HZ else (6, 0.2)
+    rise_rows, top = waves.rise_rows(rate), 0.42 if rate > waves.FAST_ENOUGH_HZ else 0.2
     fast = min(0.03 * rate, 0.25 * c.f_Hz) * rng.uniform(0.7, 1.0)
     made = {
         "idle": waves.idle(rate, (2.0 if held_out else 2.5) * unit),
@@ -105,3 +106,14 @@ def poor(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
         wave = waves.sine(c.span_V, rig.rate_Hz, 1.2 * unit, f_Hz, level, 0.5)
         found.append(rig.record(f"{name}-sine{i}", {axis: wave}))
     return found
+
+
+def narrow(rig: Rig, name: str, habit: Habit, *, held_out: bool = False) -> list[Recording]:
+    """Idle, and nothing else but what this lab always records: twice at other levels, or held out once or twice."""
+    axis, stage = next(iter(rig.stages.items()))
+    c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
+    shares = HELD_OUT_SHARES[: rig.rng.integers(1, 3)] if held_out else TRAIN_SHARES
+    made = {"idle": waves.idle(rig.rate_Hz, (2.0 if held_out else 2.5) * unit)}
+    for i, share in enumerate(shares):
+        made[f"{habit.excitation}{i}"] = habit.wave(rig.rng, c, 3.2 * unit, rig.rng.uniform(*share))
+    return [rig.record(f"{name}-{kind}", {axis: wave}) for kind, wave in made.items()]

@@ -8,6 +8,13 @@ from numpy.typing import NDArray
 Samples = NDArray[np.float64]
 EDGE = 0.1
 """Of a record: led in from 0 V, and out again."""
+FAST_ENOUGH_HZ = 1000.0
+"""Rate above which a lab sees the ringing of its stage; below it, it does not excite what it could not see."""
+
+
+def rise_rows(rate_Hz: float) -> int:
+    """Rows that a jump takes."""
+    return 1 if rate_Hz > FAST_ENOUGH_HZ else 6
 
 
 def _shaped(wave: Samples, middle_V: float, half_V: float) -> Samples:
@@ -70,6 +77,27 @@ def triangle(rng: np.random.Generator, span_V: float, rate_Hz: float, seconds: f
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners)))])
     n = round(seconds * rate_Hz)
     return span_V * np.interp(np.linspace(0, way[-1], n), way, corners)
+
+
+def triangles(span_V: float, rate_Hz: float, seconds: float, count: int, level: float) -> Samples:
+    """From 0 V up to a level and back, always at the same rate."""
+    corners = np.arange(2 * count + 1)
+    n = round(seconds * rate_Hz)
+    return span_V * level * np.interp(np.linspace(0, 2 * count, n), corners, corners % 2)
+
+
+def loops(span_V: float, rate_Hz: float, seconds: float, f_Hz: float, level: float, middle: float) -> Samples:
+    """Straight up and down about a middle, led in and out."""
+    t = np.arange(round(seconds * rate_Hz)) / rate_Hz
+    return _shaped(2 / np.pi * np.arcsin(np.sin(2 * np.pi * f_Hz * t)), span_V * middle, span_V * level / 2)
+
+
+def sweep(span_V: float, rate_Hz: float, seconds: float, first_Hz: float, last_Hz: float, level: float) -> Samples:
+    """A sine about the middle of the span whose frequency grows or falls as an exponential, led in and out."""
+    t = np.arange(round(seconds * rate_Hz)) / rate_Hz
+    growth = np.log(last_Hz / first_Hz) / seconds
+    phase = 2 * np.pi * first_Hz * np.expm1(growth * t) / growth
+    return _shaped(np.sin(phase), span_V / 2, span_V * level / 2)
 
 
 def sine(span_V: float, rate_Hz: float, seconds: float, f_Hz: float, level: float, middle: float = 0.5) -> Samples:
