@@ -77,8 +77,55 @@ def test_what_is_sure_of_its_sign_whatever_its_shape_bears_its_name():
     covariance[size, size], covariance[shape, shape] = 0.5, 1.0
     for correlation, named in ((0.0, False), (0.99, True)):
         covariance[size, shape] = covariance[shape, size] = correlation * np.sqrt(0.5)
-        (found,) = intervals([(softening, params)], covariance)
-        assert shows_itself(softening, found) is named
+        assert shows_itself([(softening, params)], covariance) == [named]
+
+
+@given(fitted(), st.floats(-0.5, 0.5))
+def test_an_effect_of_one_size_shows_itself_where_its_interval_is_clear_of_nothing(case, moved):
+    entries, covariance = case
+    chosen = [(effect, {p.name: params[p.name] * (1 + moved) for p in effect.parameters}) for effect, params in entries]
+    values = intervals(entries, covariance, chosen)
+    for (effect_, _), one, shown in zip(entries, values, shows_itself(entries, covariance, chosen), strict=True):
+        sizes = [one[p.name] for p in effect_.sizes if not p.nameless]
+        if len(sizes) == 1:
+            _, _, (low, high) = sizes[0]
+            assert shown == (low > 0 or high < 0)
+
+
+def friction(growth: float, stribeck: float, coulomb: float) -> list:
+    """An entry of ``rate_dependence`` of these sizes in typical ones, and the places of its sizes."""
+    entry = effect("rate_dependence")
+    sizes = {"growth": growth, "stribeck": stribeck, "coulomb": coulomb}
+    params = {p.name: sizes[p.name] * internal_unit(p) if p.name in sizes else p.typical for p in entry.parameters}
+    return [(entry, params)]
+
+
+@pytest.mark.parametrize(("sizes", "named"), [((2.0, 0, 0), False), ((3.0, 0, 0), True), ((0.5, 0, 9.0), False)])
+def test_friction_that_is_the_same_at_every_rate_names_no_rate_dependence(sizes, named):
+    entries = friction(*sizes)
+    assert shows_itself(entries, np.eye(len(parameters_of(entries)))) == [named]
+
+
+def test_sizes_that_cannot_be_told_from_each_other_are_asked_together():
+    """A sum that is known to a tenth of a bow and an S that are known to one each: each may be nothing, both cannot."""
+    bent = effect("sensor_nonlinearity")
+    params = {p.name: internal_unit(p) * (p.name in ("quadratic", "cubic")) for p in bent.parameters}
+    for noise, shown in ((0.1, True), (1.0, False)):
+        covariance = np.eye(4)
+        covariance[:2, :2] = [[1 + noise**2, -1], [-1, 1 + noise**2]]
+        (found,) = intervals([(bent, params)], covariance)
+        assert all(low <= 0 <= high for _, _, (low, high) in found.values())
+        assert shows_itself([(bent, params)], covariance) == [shown]
+
+
+def test_of_sizes_that_are_nothing_one_in_twenty_shows_itself():
+    bent, rng, draws = effect("sensor_nonlinearity"), np.random.default_rng(0), 2000
+    root = rng.normal(size=(4, 4))
+    found = 0
+    for at in rng.normal(size=(draws, 4)) @ root.T:
+        params = {p.name: 0.01 * internal_unit(p) * x for p, x in zip(bent.parameters, at, strict=True)}
+        found += shows_itself([(bent, params)], 1e-4 * root @ root.T)[0]
+    assert abs(found / draws - 0.05) < 3 * np.sqrt(0.05 * 0.95 / draws)
 
 
 @pytest.mark.parametrize("away", [0.0, 0.3, 3.0])

@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phaselead.gap.parameters import from_internal, is_logarithmic, to_internal
-from phaselead.gap.posterior.interval import shows_itself
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
 from phaselead.gap.posterior.sets import Fit
@@ -279,18 +278,3 @@ def test_an_end_of_nothing_is_where_it_vanishes():
     assert not at_an_end([(late, params | {"delay_s": 0.0})])
     assert at_an_end([(late, {"delay_s": late.parameters[0].high})])
     assert not at_an_end([])
-
-
-@pytest.mark.parametrize(
-    ("growth", "coulomb", "named"),
-    [((0.01, 0.03), (0.0, 0.02), True), ((-0.02, 0.01), (0.01, 0.03), False), ((-0.03, -0.01), (0.0, 0.0), True)],
-)
-def test_friction_that_is_the_same_at_every_rate_names_no_rate_dependence(growth, coulomb, named):
-    middles = {"growth": growth, "stribeck": (0.0, 0.01), "coulomb": coulomb}
-    found = {name: (sum(ends) / 2, "of range", ends) for name, ends in middles.items()}
-    assert shows_itself(effect("rate_dependence"), found) is named
-
-
-def test_an_effect_of_no_size_shows_itself_only_with_an_interval_clear_of_nothing():
-    assert shows_itself(effect("delay"), {"delay_s": (1e-4, "s", (5e-5, 2e-4))})
-    assert not shows_itself(effect("delay"), {"delay_s": (1e-4, "s", (0.0, 2e-4))})

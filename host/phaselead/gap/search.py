@@ -89,7 +89,8 @@ def _estimated(
             fit = learned.fit(entries)
             adopted = best_of(fit)
             values = intervals(fit.entries, fit.covariance, adopted)
-            nothing = {e.name for (e, _), one in zip(adopted, values, strict=True) if not shows_itself(e, one)}
+            shown = shows_itself(fit.entries, fit.covariance, adopted)
+            nothing = {effect.name for (effect, _), one in zip(adopted, shown, strict=True) if not one}
             kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in nothing)
             if len(kept) == len(claims):
                 return tuple(claims), adopted, values

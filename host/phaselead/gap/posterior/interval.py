@@ -3,15 +3,19 @@ its most likely ones, and ending where the range of the catalogue ends."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
 from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.model import Effect
 from phaselead.record import Samples
+
+INSIDE = 0.95
+"""Probability of the region of sizes that a name must be clear of nothing with: that of the intervals."""
 
 
 def intervals(
@@ -27,7 +31,10 @@ def intervals(
     at, middle = internal(values), internal(entries)
     off = np.abs(at - middle)
     reach = TWO_SIDED_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0)) + off
-    clear = np.abs(at) > TWO_SIDED_95 * _at_given_shapes(entries, covariance) + off
+    clear = np.zeros(len(at), dtype=bool)
+    for sizes, variances in _sizes_at_their_shapes(entries, covariance):
+        deviations = np.sqrt(np.maximum(np.diag(variances), 0.0))
+        clear[sizes] = (deviations > 0) & (np.abs(at[sizes]) > TWO_SIDED_95 * deviations + off[sizes])
     found: list[dict[str, Estimate]] = [{} for _ in entries]
     for k, (i, p) in enumerate(parameters_of(entries)):
         value = float(values[i][1][p.name])
@@ -40,18 +47,20 @@ def intervals(
     return found
 
 
-def _at_given_shapes(entries: Sequence[SizedEffect], covariance: Samples) -> Samples:
-    """Deviations (parameters,) in internal units, of an effect's sizes at its shapes as they are; of shapes
-    infinite."""
-    of = parameters_of(entries)
-    found: Samples = np.full(len(of), np.inf)
+def _sizes_at_their_shapes(
+    entries: Sequence[SizedEffect], covariance: Samples
+) -> list[tuple[NDArray[np.intp], Samples]]:
+    """Of each effect which parameters are sizes, (sizes,), and their covariance (sizes, sizes) in internal units at its
+    shapes as they are."""
+    of, found = parameters_of(entries), []
     for i in range(len(entries)):
-        sizes = [k for k, (j, p) in enumerate(of) if j == i and p.role == "size"]
-        shapes = [k for k, (j, p) in enumerate(of) if j == i and p.role != "size"]
+        sizes, shapes = (
+            np.array([k for k, (j, p) in enumerate(of) if j == i and (p.role == "size") is wanted], dtype=np.intp)
+            for wanted in (True, False)
+        )
         across = covariance[np.ix_(shapes, sizes)]
         told = np.linalg.solve(covariance[np.ix_(shapes, shapes)], across)
-        variances = np.diag(covariance[np.ix_(sizes, sizes)] - across.T @ told)
-        found[sizes] = np.where(variances > 0, np.sqrt(np.maximum(variances, 0.0)), np.inf)
+        found.append((sizes, np.asarray(covariance[np.ix_(sizes, sizes)] - across.T @ told)))
     return found
 
 
@@ -60,8 +69,22 @@ def intervals_alone(likelihood: Likelihood, entries: Sequence[SizedEffect]) -> l
     return intervals(entries, likelihood.fit(entries, steps=0).covariance)
 
 
-def shows_itself(effect: Effect, found: Mapping[str, Estimate]) -> bool:
-    """Whether the interval of a size by which an effect bears its name is clear of nothing; an effect without sizes
-    does."""
-    sizes = [p for p in effect.sizes if not p.nameless]
-    return not sizes or any(low > 0 or high < 0 for _, _, (low, high) in (found[p.name] for p in sizes))
+def shows_itself(
+    entries: Sequence[SizedEffect], covariance: Samples, chosen: Sequence[SizedEffect] | None = None
+) -> list[bool]:
+    """For each effect, with the same arguments as ``intervals``, whether the region of 95 % of the sizes by which it
+    bears its name is clear of nothing; an effect without sizes does.
+
+    Of several sizes each may be nothing where all of them cannot: records that tell a bow from an S badly may tell both
+    from a straight line. So they are asked together, at the shapes that were found. Of one size it is its interval."""
+    at, middle = internal(entries if chosen is None else chosen), internal(entries)
+    of, found = parameters_of(entries), []
+    for sizes, variances in _sizes_at_their_shapes(entries, covariance):
+        bearing = np.array([not of[k][1].nameless for k in sizes], dtype=bool)
+        names, among = sizes[bearing], variances[np.ix_(bearing, bearing)]
+        if not len(names) or np.linalg.eigvalsh(among).min() <= 0:
+            found.append(not len(names))
+            continue
+        away, off = (float(np.sqrt(one @ np.linalg.solve(among, one))) for one in (at[names], (at - middle)[names]))
+        found.append(away > float(np.sqrt(chi2.ppf(INSIDE, len(names)))) + off)
+    return found
