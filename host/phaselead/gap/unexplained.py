@@ -32,7 +32,7 @@ class Unexplained:
 
     share: float
     """Of the power about each record's mean that the final model leaves; below 0 where it predicts worse than nothing,
-    and above 1 where what the reference records show as well, which is taken out first, hid a part of it."""
+    or worse than what the reference records show as well."""
     chance: float
     """Share that chance alone reaches with a probability of 1 %, 0 or more."""
     of_equations: bool = False
@@ -44,7 +44,7 @@ class Unexplained:
 
     def sentence(self, named: bool) -> str:
         """For a person. ``named``: whether any effect was named."""
-        share = min(max(self.share, 0.0), 1.0)
+        share = max(self.share, 0.0)
         leaves = "the names leave" if named else "the model leaves"
         return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves}"
 
@@ -59,7 +59,9 @@ def unexplained(
 ) -> Unexplained:
     """How much of the held-out residuals a generic model predicts that was fitted to the training residuals.
 
-    They are residuals of the final model; ``reference`` records are without what was found since.
+    They are residuals of the final model; ``reference`` records are without what was found since. What such a model
+    says must be better than what the reference records show as well, and better than nothing: what these say of other
+    waveforms may be worse than that, and making it good predicts nothing.
     """
     columns = columns_of([r.run for r in (*train, *reference)])
     learned = _moments(columns, train)
@@ -68,12 +70,15 @@ def unexplained(
     else:
         new = ridge_amounts(learned)
         known = np.zeros(len(new))
-    left, said = [], []
+    left, shown, said = [], [], []
     for r in holdout:
         made, _ = columns.of(r.run)
-        left.append(r.error_um - r.error_um.mean() - made @ known)
+        left.append(r.error_um - r.error_um.mean())
+        shown.append(made @ known)
         said.append(made @ new)
-    return _judged(holdout, left, said)
+    beyond_shown = _judged(holdout, [e - s for e, s in zip(left, shown, strict=True)], said)
+    beyond_nothing = _judged(holdout, left, [s + new for s, new in zip(shown, said, strict=True)])
+    return Unexplained(min(beyond_shown.share, beyond_nothing.share), max(beyond_shown.chance, beyond_nothing.chance))
 
 
 def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
