@@ -125,6 +125,22 @@ def test_a_tie_is_resolved_by_the_name_of_the_truth_alone():
     assert score.resolved(outcome(hidden=("creep",), ties=[tie], after_next=after)) is None
 
 
+def test_of_a_tie_it_is_kept_what_was_promised_and_whether_a_sensor_was_asked_for():
+    tie, after = ["delay", "sensor_lowpass"], {"tie": ["delay", "sensor_lowpass"], "named": ["delay"], "ties": []}
+    promised = {"waveform": "steps", "chance": 0.8, "needs_sensor": None}
+    told = outcome(ties=[tie], next=promised, after_next=after)
+    asks = outcome(ties=[tie], next=promised | {"needs_sensor": "a camera", "chance": 0.1}, after_next=None)
+    assert (score.stated_chance(told), score.needs_sensor(told)) == (0.8, False)
+    assert (score.stated_chance(asks), score.needs_sensor(asks)) == (None, True)
+    assert score.needs_sensor(outcome(hidden=("creep",), ties=[tie], next=promised)) is None
+    older = outcome(ties=[tie], after_next=after)
+    assert (score.stated_chance(older), score.needs_sensor(older)) == (None, None)
+    reached = {row["what"]: (row["reached"], row["of"]) for row in numbers([told, asks, older])}
+    assert reached["one proposed experiment resolves a tie"] == (100.0, 2)
+    assert reached["mean of the chance that was stated there"] == (80.0, 1)
+    assert reached["ties of the truth for which a sensor was asked, and no experiment"] == (50.0, 2)
+
+
 def test_numbers_count_what_they_say():
     outcomes = [
         outcome(named=["delay"]),

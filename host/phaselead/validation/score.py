@@ -175,6 +175,21 @@ def resolved(outcome: Outcome) -> bool | None:
     return truths[0] in after["named"] and not (set(after["tie"]) - {truths[0]}) & set(after["named"])
 
 
+def stated_chance(outcome: Outcome) -> float | None:
+    """How probably the experiment of ``resolved`` was said to settle its tie; None without one, or where an older
+    campaign did not keep it."""
+    return None if resolved(outcome) is None else (outcome.get("next") or {}).get("chance")
+
+
+def needs_sensor(outcome: Outcome) -> bool | None:
+    """Of a hidden effect in a tie, whether the answer says that a sensor would tell, and no experiment is likely to;
+    None without such a tie, or where an older campaign did not keep it."""
+    truth = set(hidden_names(outcome))
+    if outcome["error"] or not any(truth & set(tie) for tie in outcome["ties"]) or not outcome.get("next"):
+        return None
+    return bool(outcome["next"]["needs_sensor"])
+
+
 def confidence(outcome: Outcome) -> float | None:
     """Points by which the least certain name beats none; None where nothing is named."""
     known = [s for s in (outcome.get("scores") or {}).values() if s is not None]

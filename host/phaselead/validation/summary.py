@@ -11,6 +11,7 @@ import numpy as np
 from phaselead.gap import SURE
 from phaselead.validation import score
 from phaselead.validation.journal import Outcome
+from phaselead.validation.trial import ASKED_FOR_MORE
 
 ROWS_OF_60_S = 300_000.0
 """Of one axis at 5 kHz."""
@@ -61,6 +62,8 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     ]
     given = [ok for o in outcomes for ok in score.names_right(o)]
     again = [r for o in outcomes if (r := score.resolved(o)) is not None]
+    chances = [c for o in outcomes if (c := score.stated_chance(o)) is not None]
+    asked = [a for o in _of(outcomes, *ASKED_FOR_MORE) if (a := score.needs_sensor(o)) is not None]
     times = [o["cpu_seconds"] * ROWS_OF_60_S / o["rows"] for o in _of(outcomes, *SINGLE_AXIS) if not o["error"]]
     large = [o for o in single if _size(o) >= LEAST_SIZE]
     small = [o for o in single if _size(o) < LEAST_SIZE]
@@ -93,6 +96,8 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
                (right for p, right in stated if p >= SURE)),
         _mean("mean of what was stated there", "-", [p for p, _ in stated if p >= SURE]),
         _share("one proposed experiment resolves a tie", ">= 80 % of 30, -", again),
+        _mean("mean of the chance that was stated there", "-", chances),
+        _share("ties of the truth for which a sensor was asked, and no experiment", "-", asked),
         _share("names exactly right on sines alone, 0.2 x and more", "-",
                (score.exactly_right(o) for o in sines if _size(o) >= LEAST_SIZE)),
         _share("one kind of excitation alone: the truth named, or in an honest tie, 0.2 x and more", "-",

@@ -119,11 +119,20 @@ def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
         "adopted": [[a.name, a.status] for a in result.adopted],
         "detectable": {d.name: d.size for d in result.detectable},
         "ties": [list(tie) for tie in result.ties],
+        "next": _proposed(result),
         "excluded": [{"name": b.name, "upper_95": b.upper_95, "unit": b.unit, "axis": b.axis} for b in result.excluded],
         "untestable": list(result.untestable),
         "candidates": [[c.step, c.name, round(c.score, 1), c.remark] for c in result.candidates],
         "gap": {"before": result.gap.before, "after": result.gap.after, "floor": result.gap.floor},
     }
+
+
+def _proposed(result: GapResult) -> Outcome | None:
+    """What is proposed for a tie, and how probably it is said to settle it."""
+    proposed = result.next_experiment
+    if proposed is None:
+        return None
+    return {"waveform": proposed.waveform, "chance": proposed.chance, "needs_sensor": proposed.needs_sensor}
 
 
 def _size(result: GapResult, effect: NamedEffect, unit: str) -> list[float]:
@@ -157,4 +166,4 @@ def _after_next(
     excitation = excitation_of(vars(proposed))
     more = case.follow_up(excitation.voltage, excitation.seconds, proposed.axis)
     again = run_gap(stage, [*train, more], holdout, reference, without=case.without)
-    return {"tie": list(result.ties[0]), "waveform": proposed.waveform, **answer(again, case.hidden)}
+    return {"tie": list(result.ties[0]), **answer(again, case.hidden)}
