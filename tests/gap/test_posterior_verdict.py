@@ -99,22 +99,6 @@ def test_a_tie_is_the_smallest_group_of_rivals_that_is_sure_together():
     assert claim.tied == ("delay", "amplifier_lowpass", "sensor_lowpass")
 
 
-def test_the_best_set_may_have_several_of_a_tie():
-    """That one of them is there is sure, since every probable set has one or both, and of neither by itself."""
-    both = ("gain_change", "sensor_nonlinearity")
-    found = judge(contest({(): 0.0, both: 30.0, ("sensor_nonlinearity",): 29.6, ("gain_change",): 28.5}))
-    assert found.best.names == both
-    assert [claim.tied for claim in found.claims] == [("sensor_nonlinearity", "gain_change")]
-    assert [entries[-1][0].name for entries in found.claims[0].rivals] == ["sensor_nonlinearity", "gain_change"]
-
-
-def test_what_is_sure_is_in_no_tie():
-    both = ("gain_change", "sensor_nonlinearity")
-    found = judge(contest({(): 0.0, both: 30.0, ("sensor_nonlinearity",): 29.9}))
-    assert found.best.names == both
-    assert [claim.tied for claim in found.claims] == [("sensor_nonlinearity",)]
-
-
 def test_beside_a_tie_another_effect_is_named():
     logs = {(): 0.0, ("creep", "delay"): 60.0, ("amplifier_lowpass", "creep"): 59.5, ("delay",): 20.0}
     claims = {c.effect.name: c.tied for c in judge(contest(logs)).claims}

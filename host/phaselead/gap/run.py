@@ -94,7 +94,8 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
         adopted=tuple(a for r in results for a in r.adopted),
         detectable=tuple(d for r in results for d in r.detectable),
         unexplained=max(
-            (r.unexplained for r in results), key=lambda left: (not left.of_equations, left.share - left.chance)
+            (r.unexplained for r in results),
+            key=lambda left: (left.something_missing and not left.of_equations, left.share - left.chance),
         ),
     )
 

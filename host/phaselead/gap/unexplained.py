@@ -8,7 +8,7 @@ fitted to the residuals of reference records is known misfit of the base, and is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Unexplained:
 
     share: float
     """Of the power about each record's mean that the final model leaves; below 0 where it predicts worse than nothing,
-    or worse than what the reference records show as well."""
+    or worse than what the reference records show as well. Not above 1, also where to predict like these hid a part."""
     chance: float
     """Share that chance alone reaches with a probability of 1 %, 0 or more."""
     of_equations: bool = False
@@ -76,9 +76,12 @@ def unexplained(
         left.append(r.error_um - r.error_um.mean())
         shown.append(made @ known)
         said.append(made @ new)
-    beyond_shown = _judged(holdout, [e - s for e, s in zip(left, shown, strict=True)], said)
-    beyond_nothing = _judged(holdout, left, [s + new for s, new in zip(shown, said, strict=True)])
-    return Unexplained(min(beyond_shown.share, beyond_nothing.share), max(beyond_shown.chance, beyond_nothing.chance))
+    alone = _judged(holdout, left, [one + more for one, more in zip(shown, said, strict=True)])
+    if not reference:
+        return alone
+    beyond_shown = _judged(holdout, [e - one for e, one in zip(left, shown, strict=True)], said)
+    least = min(alone, beyond_shown, key=lambda found: found.share - found.chance)
+    return replace(least, share=min(least.share, 1.0))
 
 
 def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:

@@ -14,8 +14,8 @@ from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, interna
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.record import Samples
 
-INSIDE = 0.95
-"""Probability of the region of sizes that a name must be clear of nothing with: that of the intervals."""
+SIZES_INSIDE = 0.95
+"""Probability of the region of a named effect's sizes, which must not hold 0: that of the intervals."""
 
 
 def intervals(
@@ -54,10 +54,8 @@ def _sizes_at_their_shapes(
     shapes as they are."""
     of, found = parameters_of(entries), []
     for i in range(len(entries)):
-        sizes, shapes = (
-            np.array([k for k, (j, p) in enumerate(of) if j == i and (p.role == "size") is wanted], dtype=np.intp)
-            for wanted in (True, False)
-        )
+        sizes = np.array([k for k, (j, p) in enumerate(of) if j == i and p.role == "size"], dtype=np.intp)
+        shapes = np.array([k for k, (j, p) in enumerate(of) if j == i and p.role != "size"], dtype=np.intp)
         across = covariance[np.ix_(shapes, sizes)]
         told = np.linalg.solve(covariance[np.ix_(shapes, shapes)], across)
         found.append((sizes, np.asarray(covariance[np.ix_(sizes, sizes)] - across.T @ told)))
@@ -73,10 +71,11 @@ def shows_itself(
     entries: Sequence[SizedEffect], covariance: Samples, chosen: Sequence[SizedEffect] | None = None
 ) -> list[bool]:
     """For each effect, with the same arguments as ``intervals``, whether the region of 95 % of the sizes by which it
-    bears its name is clear of nothing; an effect without sizes does.
+    bears its name does not hold 0; an effect without sizes shows itself.
 
-    Of several sizes each may be nothing where all of them cannot: records that tell a bow from an S badly may tell both
-    from a straight line. So they are asked together, at the shapes that were found. Of one size it is its interval."""
+    Of several sizes each may be 0 where all of them cannot: records that tell a bow from an S badly may tell both from
+    a straight line. So they are asked together, at the shapes that were found. As far as two ways to weigh the records
+    differ the region may be off to either side. Of one size it is its interval."""
     at, middle = internal(entries if chosen is None else chosen), internal(entries)
     of, found = parameters_of(entries), []
     for sizes, variances in _sizes_at_their_shapes(entries, covariance):
@@ -85,6 +84,10 @@ def shows_itself(
         if not len(names) or np.linalg.eigvalsh(among).min() <= 0:
             found.append(not len(names))
             continue
-        away, off = (float(np.sqrt(one @ np.linalg.solve(among, one))) for one in (at[names], (at - middle)[names]))
-        found.append(away > float(np.sqrt(chi2.ppf(INSIDE, len(names)))) + off)
+        value, off = at[names], (at - middle)[names]
+        towards, along = np.linalg.solve(among, off), 0.0
+        if off @ towards > 0:
+            along = float(np.clip(value @ towards / (off @ towards), -1.0, 1.0))
+        nearest = value - along * off
+        found.append(float(nearest @ np.linalg.solve(among, nearest)) > float(chi2.ppf(SIZES_INSIDE, len(names))))
     return found

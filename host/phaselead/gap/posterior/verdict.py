@@ -72,8 +72,7 @@ class Judgement:
 
 
 def judge(contest: Contest) -> Judgement:
-    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied. The
-    most probable set may have several of a tie: that one of them is there is sure, not which.
+    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied.
 
     Neither where the nearest set is probably no more than that.
     """
@@ -82,11 +81,9 @@ def judge(contest: Contest) -> Judgement:
     single = {name: _with_any(sets, (name,)) for names in sets for name in names}
     nearest_only = 1 - sum(probability * contest.fits[names].named for names, probability in sets.items())
     effects = {effect.name: effect for fit in contest.fits.values() for effect, _ in fit.entries}
-    claims: list[Claim] = []
-    for effect, _ in sorted(contest.fits[best].entries, key=lambda entry: -single[entry[0].name]):
-        if any(effect.name in claim.tied for claim in claims):
-            continue
-        rivals = {n: other for n, other in effects.items() if single[n] < SURE and confused(effect, other)}
+    claims = []
+    for effect, _ in contest.fits[best].entries:
+        rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
         claim = _claim(contest, effect, rivals, sets, single)
         if claim is not None and nearest_only <= MORE_LIKELY_THAN_NOT:
             claims.append(claim)

@@ -150,7 +150,8 @@ def axis_results(
         left = gap.after**2 - gap.floor**2
         held = [run for run in runs[a] if run.role == "holdout"]
         predictable = _predictable(found, runs[a], i)
-        unexcused = more_than_equations_miss(predictable, gap) if named[a] else predictable.something_missing
+        of_fit = replace(gap, after=_left_um(found, i))
+        unexcused = more_than_equations_miss(predictable, of_fit) if named[a] else predictable.something_missing
         predictable = replace(predictable, of_equations=predictable.something_missing and not unexcused)
         missing = left > UNEXPLAINED * gap.before**2 or unexcused
         results.append(
@@ -233,6 +234,11 @@ def _share(found: StageFit, without: CommonModes, axis: int) -> float:
 def _error(record: JointRecord, fit: CommonModes, axis: int) -> Samples:
     error = (record.x_um - fit.answer(record))[record.rows, axis]
     return np.asarray(error - error.mean())
+
+
+def _left_um(found: StageFit, axis: int) -> float:
+    """Rms (um) that the fit with all that was tried leaves of the held-out records."""
+    return float(np.sqrt(np.mean([np.mean(_error(record, found.fit, axis) ** 2) for record in found.held])))
 
 
 def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
