@@ -93,6 +93,7 @@ def test_several_effects():
     assert score.all_named(outcome("pair", both, named=both))
     assert score.all_named(outcome("pair", both, named=["creep"], ties=[["delay", "sensor_lowpass"]]))
     assert not score.all_named(outcome("pair", both, named=["creep"]))
+    assert not score.all_named(outcome("pair", ("delay", "sensor_lowpass"), ties=[["delay", "sensor_lowpass"]]))
     assert score.spurious(outcome("pair", both, named=[*both, "saturation"])) == [["saturation"]]
 
 
@@ -127,7 +128,7 @@ def test_a_tie_is_resolved_by_the_name_of_the_truth_alone():
 
 def test_of_a_tie_it_is_kept_what_was_promised_and_whether_a_sensor_was_asked_for():
     tie, after = ["delay", "sensor_lowpass"], {"tie": ["delay", "sensor_lowpass"], "named": ["delay"], "ties": []}
-    promised = {"waveform": "steps", "chance": 0.8, "needs_sensor": None}
+    promised = {"tie": tie, "waveform": "steps", "chance": 0.8, "needs_sensor": None}
     told = outcome(ties=[tie], next=promised, after_next=after)
     asks = outcome(ties=[tie], next=promised | {"needs_sensor": "a camera", "chance": 0.1}, after_next=None)
     assert (score.stated_chance(told), score.needs_sensor(told)) == (0.8, False)

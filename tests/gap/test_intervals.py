@@ -107,7 +107,7 @@ def test_friction_that_is_the_same_at_every_rate_names_no_rate_dependence(sizes,
 
 
 def test_sizes_that_cannot_be_told_from_each_other_are_asked_together():
-    """A sum that is known to a tenth of a bow and an S that are known to one each: each may be nothing, both cannot."""
+    """A bow and an S, each known to 1.4 or less, their sum to a tenth of that: each may be 0, both cannot."""
     bent = effect("sensor_nonlinearity")
     params = {p.name: internal_unit(p) * (p.name in ("quadratic", "cubic")) for p in bent.parameters}
     for noise, shown in ((0.1, True), (1.0, False)):
@@ -116,6 +116,18 @@ def test_sizes_that_cannot_be_told_from_each_other_are_asked_together():
         (found,) = intervals([(bent, params)], covariance)
         assert all(low <= 0 <= high for _, _, (low, high) in found.values())
         assert shows_itself([(bent, params)], covariance) == [shown]
+
+
+def test_two_ways_to_weigh_the_records_may_differ_in_another_size():
+    """Between 10 and 10, and between -9 and 0: wherever between, or as far on the other side, 0 is far away."""
+    bent = effect("sensor_nonlinearity")
+
+    def of(*sizes):
+        return [(bent, {p.name: x * internal_unit(p) for p, x in zip(bent.parameters, sizes, strict=True)})]
+
+    assert shows_itself(of(10, -9, 0, 0), np.eye(4), of(10, 0, 0, 0)) == [True]
+    assert shows_itself(of(1, -9, 0, 0), np.eye(4), of(1, 0, 0, 0)) == [False]
+    assert shows_itself(of(10, -9, 0, 0), np.eye(4), of(1, 0, 0, 0)) == [False]
 
 
 def test_of_sizes_that_are_nothing_one_in_twenty_shows_itself():

@@ -130,6 +130,20 @@ def test_no_more_than_all_is_told_of():
     assert found.share <= 1
 
 
+def test_what_is_new_beside_much_that_references_show_is_missing_in_short_records_too():
+    """Against these alone chance does little, against nothing it does much: each by itself, not the worst of both."""
+    reference = part(outsiders.gear, range(3))
+    train, held = (
+        [
+            run(r.run.u_V, r.error_um + 0.15 * more.error_um)
+            for r, more in zip(part(outsiders.gear, seeds), part(outsiders.mode, seeds), strict=True)
+        ]
+        for seeds in (range(3, 6), range(6, 7))
+    )
+    short = [run(r.run.u_V[:1000], r.error_um[:1000]) for r in held]
+    assert unexplained(train, short, reference).something_missing
+
+
 def test_to_mend_what_other_records_show_predicts_nothing():
     """Held-out records of noise alone: that they do not show what the references do was taken for something new."""
     reference, train = (part(outsiders.gear, seeds) for seeds in (range(3), range(3, 6)))

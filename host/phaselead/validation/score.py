@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 
 from phaselead.model import catalogue
 from phaselead.validation.journal import Outcome
@@ -50,8 +51,12 @@ def exactly_right(outcome: Outcome) -> float:
 
 
 def all_named(outcome: Outcome) -> bool:
-    """For several hidden effects: whether each is named, or tied with honest rivals only."""
-    return all(credit(truth, claims(outcome)) > 0 for truth in hidden_names(outcome))
+    """For several hidden effects: whether each is named, or tied with honest rivals only, by a claim of its own."""
+    truths = hidden_names(outcome)
+    return any(
+        all(credit(truth, [claim]) > 0 for truth, claim in zip(truths, claimed, strict=True))
+        for claimed in permutations(claims(outcome), len(truths))
+    )
 
 
 def abstained_honestly(outcome: Outcome) -> bool:
@@ -182,12 +187,12 @@ def stated_chance(outcome: Outcome) -> float | None:
 
 
 def needs_sensor(outcome: Outcome) -> bool | None:
-    """Of a hidden effect in a tie, whether the answer says that a sensor would tell, and no experiment is likely to;
-    None without such a tie, or where an older campaign did not keep it."""
-    truth = set(hidden_names(outcome))
-    if outcome["error"] or not any(truth & set(tie) for tie in outcome["ties"]) or not outcome.get("next"):
+    """Of a tie that holds a hidden effect, and for which something was proposed, whether that is a sensor, since no
+    experiment is likely to tell; None without such a tie, or where an older campaign did not keep it."""
+    proposed = None if outcome["error"] else outcome.get("next")
+    if not proposed or not set(hidden_names(outcome)) & set(proposed["tie"]):
         return None
-    return bool(outcome["next"]["needs_sensor"])
+    return bool(proposed["needs_sensor"])
 
 
 def confidence(outcome: Outcome) -> float | None:

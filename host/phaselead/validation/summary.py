@@ -11,7 +11,7 @@ import numpy as np
 from phaselead.gap import SURE
 from phaselead.validation import score
 from phaselead.validation.journal import Outcome
-from phaselead.validation.trial import ASKED_FOR_MORE
+from phaselead.validation.trial import FOLLOWED_UP
 
 ROWS_OF_60_S = 300_000.0
 """Of one axis at 5 kHz."""
@@ -63,7 +63,7 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     given = [ok for o in outcomes for ok in score.names_right(o)]
     again = [r for o in outcomes if (r := score.resolved(o)) is not None]
     chances = [c for o in outcomes if (c := score.stated_chance(o)) is not None]
-    asked = [a for o in _of(outcomes, *ASKED_FOR_MORE) if (a := score.needs_sensor(o)) is not None]
+    asked = [a for o in _of(outcomes, *FOLLOWED_UP) if (a := score.needs_sensor(o)) is not None]
     times = [o["cpu_seconds"] * ROWS_OF_60_S / o["rows"] for o in _of(outcomes, *SINGLE_AXIS) if not o["error"]]
     large = [o for o in single if _size(o) >= LEAST_SIZE]
     small = [o for o in single if _size(o) < LEAST_SIZE]

@@ -20,7 +20,7 @@ IN_UNIT = {("um", "um"): 1.0, ("LSB", "LSB"): 1.0, ("nm/min", "um/s"): 1e-3 / 60
 """Derived sizes by their unit and that of a truth, and what one is in the other."""
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
-ASKED_FOR_MORE = ("single", "sines", "closed_loop", "narrow")
+FOLLOWED_UP = ("single", "sines", "closed_loop", "narrow")
 """Kinds of whose cases the proposed experiment is run."""
 
 
@@ -61,7 +61,7 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
         "floor": _floor_um(stage, case.bare_holdout()),
         "rows": sum(len(r.t_s) * len(r.axes) for r in [*reference, *train, *holdout]),
     }
-    if follow_up and case.kind in ASKED_FOR_MORE:
+    if follow_up and case.kind in FOLLOWED_UP:
         found["after_next"] = _after_next(case, stage, result, reference, train, holdout)
     return found
 
@@ -128,11 +128,16 @@ def answer(result: GapResult, hidden: Sequence[Hidden]) -> Outcome:
 
 
 def _proposed(result: GapResult) -> Outcome | None:
-    """What is proposed for a tie, and how probably it is said to settle it."""
+    """What is proposed for which tie, and how probably it is said to settle it."""
     proposed = result.next_experiment
     if proposed is None:
         return None
-    return {"waveform": proposed.waveform, "chance": proposed.chance, "needs_sensor": proposed.needs_sensor}
+    return {
+        "tie": list(proposed.tells_apart),
+        "waveform": proposed.waveform,
+        "chance": proposed.chance,
+        "needs_sensor": proposed.needs_sensor,
+    }
 
 
 def _size(result: GapResult, effect: NamedEffect, unit: str) -> list[float]:
@@ -166,4 +171,4 @@ def _after_next(
     excitation = excitation_of(vars(proposed))
     more = case.follow_up(excitation.voltage, excitation.seconds, proposed.axis)
     again = run_gap(stage, [*train, more], holdout, reference, without=case.without)
-    return {"tie": list(result.ties[0]), **answer(again, case.hidden)}
+    return {"tie": list(proposed.tells_apart), **answer(again, case.hidden)}

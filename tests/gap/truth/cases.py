@@ -114,7 +114,7 @@ class Case:
 
     @cached_property
     def habit(self) -> habits.Habit:
-        """What the lab of a narrow case always records; drawn by itself, so that it hangs on nothing that is hidden."""
+        """What the lab of a narrow case always records; drawn by itself: it depends on nothing that is hidden."""
         return habits.draw(np.random.default_rng([self.seed, 4]))
 
     @property

@@ -1,4 +1,4 @@
-"""Labs that always record one kind of excitation: which one, and what stays the same in all of their records."""
+"""Labs that record one kind of excitation once their base is known: which one, and what all of its records share."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Habit:
     """Middle of small loops, of the span."""
 
     def wave(self, rng: np.random.Generator, c: Character, seconds: float, share: float) -> Samples:
-        """One record, V (n,). ``share``, 0 to 1, leads from the lowest level to the highest."""
+        """One record, V (n,). ``share``: 0 is the lowest level of the lab, 1 the highest."""
         excitation = EXCITATIONS[self.excitation]
         lowest, highest = excitation.levels
         return excitation.wave(rng, c, seconds, lowest + share * (highest - lowest), self)

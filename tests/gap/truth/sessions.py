@@ -16,7 +16,7 @@ UNIT_ROWS = 3000
 """Rows of a "second": records last longer where they are sampled more slowly."""
 TRAIN_SHARES = ((0.75, 1.0), (0.0, 0.25))
 HELD_OUT_SHARES = ((0.55, 0.7), (0.3, 0.45))
-"""Where the levels of narrow records are drawn, from the lowest to the highest; no two records share one."""
+"""Where the levels of narrow records are drawn: 0 is the lowest of the lab, 1 the highest; no two records share one."""
 
 
 def mixed(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
@@ -109,7 +109,7 @@ def poor(rig: Rig, name: str, *, held_out: bool = False) -> list[Recording]:
 
 
 def narrow(rig: Rig, name: str, habit: Habit, *, held_out: bool = False) -> list[Recording]:
-    """Idle, and nothing else but what this lab always records: twice at other levels, or held out once or twice."""
+    """Idle, and what this lab always records: twice to train, once or twice held out, at other levels."""
     axis, stage = next(iter(rig.stages.items()))
     c, unit = stage.character, UNIT_ROWS / rig.rate_Hz
     shares = HELD_OUT_SHARES[: rig.rng.integers(1, 3)] if held_out else TRAIN_SHARES
