@@ -92,15 +92,17 @@ def test_an_effect_of_one_size_shows_itself_where_its_interval_is_clear_of_nothi
             assert shown == (low > 0 or high < 0)
 
 
-def friction(growth: float, stribeck: float, coulomb: float) -> list:
-    """An entry of ``rate_dependence`` of these sizes in typical ones, and the places of its sizes."""
+def friction(growth, stribeck, coulomb):
+    """``rate_dependence`` alone, of these sizes in internal units."""
     entry = effect("rate_dependence")
     sizes = {"growth": growth, "stribeck": stribeck, "coulomb": coulomb}
     params = {p.name: sizes[p.name] * internal_unit(p) if p.name in sizes else p.typical for p in entry.parameters}
     return [(entry, params)]
 
 
-@pytest.mark.parametrize(("sizes", "named"), [((2.0, 0, 0), False), ((3.0, 0, 0), True), ((0.5, 0, 9.0), False)])
+@pytest.mark.parametrize(
+    ("sizes", "named"), [((2.0, 0, 0), False), ((3.0, 0, 0), True), ((-3.0, 0, 0), True), ((0.5, 0, 9.0), False)]
+)
 def test_friction_that_is_the_same_at_every_rate_names_no_rate_dependence(sizes, named):
     entries = friction(*sizes)
     assert shows_itself(entries, np.eye(len(parameters_of(entries)))) == [named]

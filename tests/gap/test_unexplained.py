@@ -128,6 +128,9 @@ def test_no_more_than_all_is_told_of():
     found = unexplained(*other_way, reference)
     assert found.something_missing
     assert found.share <= 1
+    all_of_it = Unexplained(1.0, 0.1)
+    assert all_of_it.sentence(named=True) == "from the voltage a generic model predicts 100 % of what the names leave"
+    assert all_of_it.sentence(named=False) == "from the voltage a generic model predicts 100 % of what the model leaves"
 
 
 def test_what_is_new_beside_much_that_references_show_is_missing_in_short_records_too():
