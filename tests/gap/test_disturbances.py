@@ -53,6 +53,35 @@ def test_a_new_vibration_is_found_where_it_is():
     assert 0.005 < found.params["rms_um"][0] < 0.015
 
 
+def coloured(rng: np.random.Generator, n: int, corner_Hz: float) -> np.ndarray:
+    """Noise that is flat below its corner and falls above, as of a sensor's electronics."""
+    pole = np.exp(-2 * np.pi * corner_Hz * STEP_s)
+    return np.asarray(lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=n + 2000))[2000:])
+
+
+@pytest.mark.parametrize("corner_Hz", [0.6, 3.0, 12.0, 60.0])
+def test_noise_that_falls_with_the_frequency_is_no_vibration_without_references(corner_Hz):
+    found = 0
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        parts = [
+            [left(0.01 * coloured(rng, n, corner_Hz) + rng.choice([0.002, 0.01]) * rng.normal(size=n))]
+            for n in (7500, 6000)
+        ]
+        found += find_vibration("vibration", *parts, []) is not None
+    assert found == 0
+
+
+@pytest.mark.parametrize("f_Hz", [38.0, 120.0, 310.0])
+def test_a_vibration_stands_above_both_of_its_sides_without_references(f_Hz):
+    rng = np.random.default_rng(4)
+    quiet = [0.01 * coloured(rng, n, 12.0) + 0.003 * rng.normal(size=n) for n in (7500, 6000)]
+    found = find_vibration("vibration", *([left(e + ringing(rng, len(e), f_Hz, 0.02))] for e in quiet), [])
+    assert found is not None
+    assert found.params["f_Hz"][0] == pytest.approx(f_Hz, abs=4)
+    assert found.params["rms_um"][0] == pytest.approx(0.01, rel=0.4)
+
+
 def test_a_line_at_the_mains_is_no_vibration():
     rng = np.random.default_rng(3)
     t = STEP_s * np.arange(4000)

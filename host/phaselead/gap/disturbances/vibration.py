@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.signal import periodogram, welch
 from scipy.stats import f as f_distribution
 
@@ -20,6 +19,8 @@ CHANCE_ANY_BAND = 1e-4
 """Probability, over all bands looked at, that training and held-out records at rest exceed the reference by chance."""
 CHANCE_THIS_BAND, AROUND = 0.01, 8
 """The same probability in the band found alone, and the lines to either side of it that say what is usual there."""
+LEAST_AROUND, LEAKS = 3, 2
+"""Lines that a side needs to say what is usual, and lines by which a Hann window spreads a peak."""
 WIDTHS = (1, 3, 7, 15)
 """Widths of the bands that are looked at, in lines of the spectrum."""
 OFF_MAINS = 0.2
@@ -31,7 +32,8 @@ SLOW_LINES = 4
 def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """A peak above the reference's spectrum, as the effect ``name``; None where there is none.
 
-    Without reference records it must stand above the spectrum around it.
+    Without reference records it must stand above the spectrum to either side of it: noise that falls with the frequency
+    stands above one of them.
     """
     spectra = _spectra(train, holdout, reference)
     live = np.array([not is_mains(float(v)) for v in spectra.f_Hz])
@@ -40,10 +42,10 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     if band is None:
         return None
     low, high = band
-    new = np.maximum(spectra.seen - spectra.before, 0.0)
-    if new[low:high] @ live[low:high] < OFF_MAINS * new[low:high].sum():
+    excess = np.maximum(spectra.seen - _usual(spectra, low, high), 0.0)
+    if excess[low:high] @ live[low:high] < OFF_MAINS * excess[low:high].sum():
         return None
-    return _vibration_found(name, spectra.f_Hz, spectra.seen - spectra.before, low, high, spectra.averages)
+    return _vibration_found(name, spectra.f_Hz, excess, low, high, spectra.averages)
 
 
 def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
@@ -59,12 +61,12 @@ def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -
 
 
 class _Spectra(NamedTuple):
-    """One-sided densities (k,) in um^2/Hz of the training records and of what was there before, and how many
-    independent periodograms the first averages."""
+    """One-sided densities (k,) in um^2/Hz of the training records and of the reference records, None without any, and
+    how many independent periodograms the first averages."""
 
     f_Hz: Samples
     seen: Samples
-    before: Samples
+    before: Samples | None
     averages: float
 
 
@@ -72,38 +74,62 @@ def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spe
     shortest = min(len(residual.error_um) for residual in [*train, *holdout, *reference])
     length = min(VIBRATION_SEGMENT, shortest // 4)
     f, seen, averages = _density(train, length)
-    before = _density(reference, length)[1] if reference else median_filter(seen, size=41, mode="nearest") / 0.97
-    return _Spectra(f, seen, before, averages)
+    return _Spectra(f, seen, _density(reference, length)[1] if reference else None, averages)
+
+
+def _usual(spectra: _Spectra, low: int, high: int) -> Samples:
+    """Density (k,) that is usual, looked at from a band: that of the reference, or of the louder of its sides."""
+    if spectra.before is not None:
+        return spectra.before
+    return np.full(len(spectra.seen), max(float(np.median(side)) if len(side) >= LEAST_AROUND else np.inf
+                                          for side in _sides(spectra.seen, low, high)))  # fmt: skip
+
+
+def _sides(lines: Samples, low: int, high: int) -> tuple[Samples, Samples]:
+    """The lines below and above a band that say what is usual there, without that of 0 Hz."""
+    first, last = max(low - LEAKS - AROUND, 1), high + LEAKS + AROUND
+    return lines[first : max(low - LEAKS, first)], lines[high + LEAKS : last]
 
 
 def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[int, int] | None:
     """First and last line (excluded) of the most significant new band among the ``live`` lines; None without one."""
-    f, seen, before, _ = spectra
-    bands, looked = _new_bands(seen * live, before * live)
-    found = [(p, band) for band in bands if (p := _newness(band, f, parts, before)) * looked <= CHANCE_ANY_BAND]
+    bands, looked = _new_bands(spectra, live)
+    found = [(p, band) for band in bands if (p := _newness(band, spectra.f_Hz, parts)) * looked <= CHANCE_ANY_BAND]
     return min(found)[1] if found else None
 
 
-def _newness(band: tuple[int, int], f: Samples, parts: Parts, before: Samples) -> float:
-    """Probability that the records at rest exceed the reference in this band by chance; 1 where training and held-out
+def _newness(band: tuple[int, int], f: Samples, parts: Parts) -> float:
+    """Probability that the records at rest exceed what is usual in this band by chance; 1 where training and held-out
     records do not both exceed it."""
     (train, holdout, reference), (low, high) = parts, band
-    edges_Hz = float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2)
-    new, again, both, old = (_band_power(part, *edges_Hz) for part in (train, holdout, [*train, *holdout], reference))
-    around = _band_power(reference, edges_Hz[0] - AROUND * f[1], edges_Hz[1] + AROUND * f[1])
+    every, edges_Hz = [*train, *holdout], (float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2))
+    new, again, both = (_band_power(part, *edges_Hz) for part in (train, holdout, every))
+    if reference:
+        # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
+        around_Hz = edges_Hz[0] - AROUND * f[1], edges_Hz[1] + AROUND * f[1]
+        usual = [_band_power(reference, *around_Hz), _band_power(reference, *edges_Hz)]
+    else:
+        sides = _sides(f, low, high)
+        if min(map(len, sides)) < LEAST_AROUND:
+            return 1.0
+        usual = [_band_power(every, side[0] - f[1] / 2, side[-1] + f[1] / 2) for side in sides]
+    chances = [float(f_distribution.sf(both[0] / one[0], both[1], one[1])) for one in usual]
+    loudest = max(one[0] for one in usual)
+    if min(new[0], again[0]) < NEW_FROM * loudest:
+        return 1.0
     if not reference:
-        old = around = float(before[low:high].mean()), np.inf
-    # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
-    p, p_here = (float(f_distribution.sf(both[0] / part[0], both[1], min(part[1], 1e6))) for part in (around, old))
-    return p if p_here <= CHANCE_THIS_BAND and min(new[0], again[0]) >= NEW_FROM * max(old[0], around[0]) else 1.0
+        return max(chances)
+    return chances[0] if chances[1] <= CHANCE_THIS_BAND else 1.0
 
 
-def _new_bands(seen: Samples, before: Samples) -> tuple[list[tuple[int, int]], int]:
-    """For each width the band with the largest ratio, as first and last line (excluded), and how many were compared."""
-    bands, looked = [], 0
+def _new_bands(spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[list[tuple[int, int]], int]:
+    """For each width the band with the largest ratio to what is usual, as first and last line (excluded), and how many
+    were compared."""
+    bands, looked, seen = [], 0, spectra.seen * live
     for width in WIDTHS:
-        box = np.ones(width)
-        new, old = np.convolve(seen, box, "valid"), np.convolve(before, box, "valid")
+        new = np.convolve(seen, np.ones(width), "valid")
+        bands_at = [slice(i, i + width) for i in range(len(new))]
+        old = np.array([_usual(spectra, at.start, at.stop)[at][live[at]].sum() for at in bands_at])
         ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
         bands.append((int(np.argmax(ratio)), int(np.argmax(ratio)) + width))
         looked += len(ratio)
