@@ -64,6 +64,25 @@ def test_loops_that_the_references_show_too_are_a_fault_of_the_base(looped):
         assert given.time.play_r_V
 
 
+def test_memory_is_found_beside_a_mode_that_moves_more():
+    made = a_track()
+    axis = made.axis.model_copy(update={"effects": (
+        AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (150.0,), "zeta": (0.02,)}),
+    )})  # fmt: skip
+    line = AxisModel(time=TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
+    rng, runs = np.random.default_rng(0), []
+    for role, level in (("train", 1.0), ("train", 0.5), ("holdout", 0.8)):
+        u = 4 + level * (3 * np.sin(2 * np.pi * 5 * made.run.t_s) + np.interp(np.arange(2000), np.arange(0, 2000, 9),
+                                                                              rng.uniform(-1, 1, 223)))  # fmt: skip
+        driven = modelled_run(axis, replace(made.run, role=role, u_V=u, sha256=f"{role}{level}"))
+        runs.append(replace(driven.run, x_um=driven.answer() + rng.normal(0, 0.01, 2000)))
+    given, memory = find_memory(line, runs, [effect("hysteresis"), effect("resonance"), effect("delay")])
+    assert memory.effect.name == "hysteresis"
+    assert memory.why.startswith("beside resonance")
+    assert given.time.play_r_V
+    assert not given.effects
+
+
 def test_a_line_is_wrong_about_the_travel_that_its_loops_take():
     """The best straight line has taken up what plays lose at each reversal: the width of a loop does not hang on it."""
     made, rng = a_track(), np.random.default_rng(0)

@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from phaselead.errors import BadInput
+from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun, Role
@@ -17,8 +20,13 @@ from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
-from phaselead.model import AxisModel, Effect
+from phaselead.model import AdoptedEffect, AxisModel, Effect
 from phaselead.record import Samples
+
+MOST_BESIDE = 2
+"""Effects at most beside which memory is looked for: what the time for an answer allows."""
+OPERATOR_ROUNDS = 2
+"""In which the operator and the effects that lie behind it are fitted in turn."""
 
 
 def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect]) -> tuple[AxisModel, Memory | None]:
@@ -26,38 +34,98 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     better than the line and than any other single effect; otherwise the axis as it is, and None. Not where they predict
     reference records better too: a base that lacks them there has a fault, and they are not what is new.
 
+    Where another effect predicts more, such as a mode that rings in every record, plays are looked for beside it. The
+    axis gets the plays alone, and the other effect is left to be found.
+
     Everything is compared in um, where memory is largest.
     """
-    view = axis.time
-    assert view is not None
+    assert axis.time is not None
     becoming = [effect for effect in effects if effect.becomes_plays]
-    if view.play_r_V or not becoming:
+    if axis.time.play_r_V or not becoming:
         return axis, None
-    given = with_operator(axis, [run for run in runs if run.role == "train"])
-    as_line = [modelled_run(axis, run) for run in runs]
-
-    def of_role(role: Role) -> list[ModelledRun]:
-        return [modelled for modelled in as_line if modelled.run.role == role]
-
-    def saved_by_plays(role: Role) -> Samples:
-        lines = of_role(role)
-        return saved_by_block(lines, (), [modelled_run(given, line.run) for line in lines], ())
-
-    if of_role("reference") and probability_by_chance(saved_by_plays("reference")) < BY_CHANCE:
-        return axis, None
-    saved = saved_by_plays("holdout")
+    train = [run for run in runs if run.role == "train"]
+    others = [effect for effect in effects if effect is not becoming[0]]
+    beside: list[SizedEffect] = []
+    while True:
+        given = refitted_operator(axis, beside, train) if beside else with_operator(axis, train)
+        as_line, as_plays = ([modelled_run(_with(one, beside), run) for run in runs] for one in (axis, given))
+        saved = saved_by_block(_of(as_line, "holdout"), (), _of(as_plays, "holdout"), ())
+        larger = _most_saving(as_line, others)
+        if larger is None or saved.sum() > larger[1].sum():
+            break
+        if len(beside) == MOST_BESIDE:
+            return axis, None
+        beside.append(larger[0])
+        others = [one for one in others if one.name != larger[0][0].name]
+    lines, plays = _of(as_line, "reference"), _of(as_plays, "reference")
     chance = probability_by_chance(saved)
-    if chance > BY_CHANCE:
+    if chance > BY_CHANCE or (lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < BY_CHANCE):
         return axis, None
-    train, held = of_role("train"), of_role("holdout")
-    described = each_fitted(train, becoming[:1], base_may_be_off=True)
-    others = each_fitted(train, [one for one in effects if one is not becoming[0]], base_may_be_off=True)
-    saved_by_another = max((float(saved_by_block(held, (), held, [one]).sum()) for one in others), default=0.0)
-    if saved.sum() <= saved_by_another or not described:
+    described = each_fitted(_of(as_line, "train"), becoming[:1], base_may_be_off=True)
+    if not described:
         return axis, None
     params = intervals_alone(likelihood_of(as_line), described)[0]
-    why = "plays of its own predict the held-out records better than the line, and than any other effect alone"
+    given = _beside_all(given, beside, runs, others)
+    besides = f"beside {' and '.join(effect.name for effect, _ in beside)} " if beside else ""
+    why = (
+        f"{besides}plays of its own predict the held-out records better than the line, and than any other effect alone"
+    )
     return given, Memory(becoming[0], params, 1 - chance, why)
+
+
+def _beside_all(
+    axis: AxisModel, beside: Sequence[SizedEffect], runs: Sequence[GapRun], others: Sequence[Effect]
+) -> AxisModel:
+    """The axis with its plays beside further effects too, as long as these predict the held-out records better. Plays
+    stand in for what lags: fitted without it they are too wide where the stage is quick."""
+    found, train = list(beside), [run for run in runs if run.role == "train"]
+    for _ in range(MOST_BESIDE):
+        larger = _most_saving([modelled_run(_with(axis, found), run) for run in runs], others)
+        if larger is None or larger[1].sum() <= 0:
+            break
+        found.append(larger[0])
+        others = [one for one in others if one.name != larger[0][0].name]
+        axis = refitted_operator(axis, found, train)
+    return axis
+
+
+def _most_saving(runs: Sequence[ModelledRun], effects: Sequence[Effect]) -> tuple[SizedEffect, Samples] | None:
+    """The effect that alone, fitted to the training runs, saves most of the squares of the held-out ones, and what it
+    saves by block; None where none can be fitted."""
+    held = _of(runs, "holdout")
+    fitted = each_fitted(_of(runs, "train"), effects, base_may_be_off=True)
+    saved = [(one, saved_by_block(held, (), held, [one])) for one in fitted]
+    return max(saved, key=lambda pair: float(pair[1].sum()), default=None)
+
+
+def _of(runs: Sequence[ModelledRun], role: Role) -> list[ModelledRun]:
+    return [modelled for modelled in runs if modelled.run.role == role]
+
+
+def _with(axis: AxisModel, entries: Sequence[SizedEffect]) -> AxisModel:
+    """The axis with more effects of its own."""
+    more = [AdoptedEffect(name=effect.name, params=params) for effect, params in entries]
+    return axis.model_copy(update={"effects": (*axis.effects, *more)})
+
+
+def refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
+    """The axis with plays fitted to what some effects leave of the training runs, where that leaves less."""
+    best, best_left = axis, _left_um2(axis, entries, train)
+    for _ in range(OPERATOR_ROUNDS):
+        modelled_runs = [modelled_run(best, run) for run in train]
+        beyond = [t.answer(entries) - t.answer() for t in modelled_runs]
+        tried = with_operator(best, train, beyond)
+        left = _left_um2(tried, entries, train)
+        if left >= best_left:
+            break
+        best, best_left = tried, left
+    return best
+
+
+def _left_um2(axis: AxisModel, entries: Sequence[SizedEffect], runs: Sequence[GapRun]) -> float:
+    """Mean square in um^2 that the axis with the effects leaves of some runs, each about its own mean."""
+    errors = [modelled_run(axis, run).error(entries) for run in runs]
+    return float(np.mean(np.concatenate([error - error.mean() for error in errors]) ** 2))
 
 
 def with_operator(axis: AxisModel, runs: Sequence[GapRun], beyond_um: Sequence[Samples] | None = None) -> AxisModel:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phaselead.gap.base_operator import with_operator
+from phaselead.gap.base_operator import refitted_operator
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
 from phaselead.gap.noise import Noise
@@ -21,8 +21,6 @@ from phaselead.gap.unexplained import Unexplained
 from phaselead.model import AxisModel
 from phaselead.record import Samples
 
-OPERATOR_ROUNDS = 2
-"""In which the operator and the effects that lie behind it are fitted in turn."""
 OF_THE_RICHEST = "what the richest model of all leaves of the training records"
 """What the floor is without reference records."""
 CLEARLY_ABOVE_FLOOR = 2.0
@@ -78,7 +76,7 @@ class FinalFit:
         """The same with plays fitted anew to what the effects leave of the training records, where that leaves less:
         they had been fitted to what is now the effects'."""
         train = [t.run for t in self.after if t.run.role == "train"]
-        axis = _refitted_operator(self.axis, self.entries, train)
+        axis = refitted_operator(self.axis, self.entries, train)
         after = tuple(modelled_run(axis, t.run) for t in self.after)
         return replace(self, axis=axis, after=after).with_entries(())
 
@@ -126,31 +124,12 @@ def final_fit(selection: Selection, runs: Sequence[GapRun], noise: Noise) -> Fin
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
     now to what the effects leave. ``noise`` is that of the base, its level the floor where no reference record says."""
     axis, entries = selection.base, selection.entries
-    if selection.memory is not None and entries:
-        axis = _refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
+    if selection.memory is not None:
+        axis = refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
     final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0), noise.level_um)
     return replace(final, gap=_gap(final))
-
-
-def _refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
-    """The axis with plays fitted to what the effects leave of the training runs, where that leaves less than before."""
-    best, best_left = axis, _train_power(axis, entries, train)
-    for _ in range(OPERATOR_ROUNDS):
-        modelled_runs = [modelled_run(best, run) for run in train]
-        beyond = [t.answer(entries) - t.answer() for t in modelled_runs]
-        tried = with_operator(best, train, beyond)
-        left = _train_power(tried, entries, train)
-        if left >= best_left:
-            break
-        best, best_left = tried, left
-    return best
-
-
-def _train_power(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> float:
-    """Mean square in um^2 that the axis with the effects leaves of the training runs."""
-    return _power([_about_mean(t.error(entries)) for t in (modelled_run(axis, run) for run in train)])
 
 
 def _gap(final: FinalFit) -> GapSize:
