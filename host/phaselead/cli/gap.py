@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import click
@@ -13,10 +12,6 @@ from phaselead.cli.listing import top_level
 from phaselead.cli.outputs import INPUT, RECORD, OutputFile
 from phaselead.errors import BadInput
 from phaselead.serial_ports import DEFAULT_PORT, PORT_VARIABLE
-
-# One thread, before the numerical libraries load: the matrices are small, and threads that wait for each other cost
-# ten times what they save.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 LISTS = ("--train", "--holdout", "--reference")
 

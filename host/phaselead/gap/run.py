@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
@@ -55,9 +56,11 @@ def run_gap(
     doubts = scale_doubts(driven)
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
-    results = search_together(stage, runs, holdout, reference, effects, frozen, seed, report)
-    if results is None:
-        results = _each_axis(stage, runs, effects, held, seed, report)
+    # The matrices are small: threads that wait for each other cost ten times what they save.
+    with threadpool_limits(1, "blas"):
+        results = search_together(stage, runs, holdout, reference, effects, frozen, seed, report)
+        if results is None:
+            results = _each_axis(stage, runs, effects, held, seed, report)
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
