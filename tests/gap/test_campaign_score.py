@@ -74,6 +74,44 @@ def test_a_removed_effect_wants_abstention():
     assert not score.abstained_honestly(outcome("removed", named=["creep"], verdicts=["named", "unknown"]))
 
 
+def test_without_references_whatever_is_claimed_is_there_and_none_is_true():
+    def right(**more):
+        return score.nothing_false(outcome("unreferenced", **more))
+
+    assert right(named=["delay"])
+    assert right(ties=[["delay", "sensor_lowpass"]])
+    assert right(verdicts=["unknown"])
+    assert right(hidden=())
+    assert not right(hidden=(), named=["vibration"], verdicts=["named"])
+    assert not right(named=["delay", "vibration"])
+    assert not right(ties=[["creep", "sensor_lowpass"]])
+    assert not right(error="broke")
+    assert not right()
+    assert right(untestable=["delay"])
+    bound = {"name": "delay", "upper_95": 1.5, "unit": "s", "axis": None}
+    assert right(excluded=[bound])
+    assert not right(excluded=[{**bound, "upper_95": 0.5}])
+
+
+def test_what_a_straight_line_lacks_may_be_named_and_is_never_nothing():
+    lacks = {"hidden": (), "allowed": ["hysteresis", "resonance"]}
+    assert score.nothing_false(outcome("straight", named=["hysteresis"], **lacks))
+    assert not score.nothing_false(outcome("straight", named=["hysteresis", "creep"], **lacks))
+    assert not score.nothing_false(outcome("straight", **lacks))
+    rows = {
+        row["what"]: (row["reached"], row["of"])
+        for row in numbers([
+            outcome("straight", named=["hysteresis"], **lacks),
+            outcome("straight", named=["creep"], hidden=("delay",), allowed=["hysteresis"], number=1),
+            outcome("unreferenced", named=["delay"], number=2),
+        ])
+    }  # fmt: skip
+    assert rows["from a straight line: right, a tie with what is there, or unknown"] == (50.0, 2)
+    assert rows["from a straight line: what is hidden named, or in an honest tie, 0.2 x and more"] == (0.0, 1)
+    assert rows["without reference records: right, a tie with what is there, or unknown"] == (100.0, 1)
+    assert rows["names that are given are right"] == (pytest.approx(200 / 3), 3)
+
+
 def test_a_system_outside_the_catalogue_wants_no_name_and_no_none():
     def answered(**more):
         return score.outside_honestly(outcome("outside", hidden=(), **more))

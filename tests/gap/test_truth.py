@@ -341,9 +341,28 @@ def of_each_habit():
     return [found[key] for key in sorted(found)]
 
 
-def test_a_campaign_that_names_no_kinds_has_no_narrow_cases():
+def test_a_campaign_that_names_no_kinds_has_none_on_request():
     assert len(cases("tuning")) == 608
-    assert "narrow" not in {c.kind for c in cases("tuning")} | set(KINDS)
+    assert not {"narrow", "unreferenced", "straight"} & ({c.kind for c in cases("tuning")} | set(KINDS))
+
+
+def test_cases_without_references_hide_each_effect_and_as_often_nothing():
+    for kind in ("unreferenced", "straight"):
+        found = cases("tuning", [kind], (0.2, 1.0), 1.0)
+        assert [c.effects for c in found].count(()) == len(EFFECTS)
+        assert sorted(c.effects[0] for c in found if c.size == 1.0) == sorted(EFFECTS)
+        assert not any(c.referenced for c in found)
+    assert next(iter(cases("tuning", ["single"]))).referenced
+
+
+def test_a_straight_line_lacks_the_stage_and_knows_no_floor():
+    straight = cases("tuning", ["straight"], (0.2,), 1.0)
+    assert {"operator", "linear"} == {c.base for c in [*straight, *cases("tuning", ["unreferenced"], (0.2,), 0.1)]}
+    assert straight[0].bare_holdout() is None
+    for one in straight:
+        assert ("creep" in one.allowed) == bool(one.characters["x"].base_creep)
+        assert {"hysteresis", "resonance"} <= set(one.allowed)
+    assert not cases("tuning", ["unreferenced"], (0.2,), 0.1)[0].allowed
 
 
 def test_narrow_cases_hide_each_effect_at_each_size_as_single_ones_do():

@@ -53,8 +53,8 @@ def campaign(
 
     ``truth`` is the folder of their generator, ``output`` the folder of cases.jsonl, campaign.json and campaign.html;
     finished cases are kept there, so that the same call goes on after an interrupt. ``kinds``: default all that the
-    generator has but ``narrow``. ``sizes`` are multiples of the typical, ``scale`` multiplies the number of cases,
-    ``limit`` takes only the first. ``jobs``: processes, default one for each core. Raises BadInput.
+    generator has but those on request. ``sizes`` are multiples of the typical, ``scale`` multiplies the number of
+    cases, ``limit`` takes only the first. ``jobs``: processes, default one for each core. Raises BadInput.
 
     >>> import phaselead as pl
     >>> pl.campaign("nowhere", "out")  # doctest: +ELLIPSIS

@@ -38,7 +38,12 @@ def _kinds(_context: click.Context, option: click.Parameter, text: str | None) -
 @click.command()
 @click.option("--truth", "folder", metavar="DIR", required=True, help="Folder of the generator of hidden truths.")
 @click.option("--set", "set_name", metavar="NAME", default="tuning", show_default=True, help="Set of seeds.")
-@click.option("--kinds", metavar="KINDS", callback=_kinds, help="E.g. none,single; default: all of DIR but narrow.")
+@click.option(
+    "--kinds",
+    metavar="KINDS",
+    callback=_kinds,
+    help="E.g. none,single; default: those of any campaign.",
+)
 @click.option("--sizes", default="0.05,0.2,1", show_default=True, callback=_sizes, help="Sizes of single effects.")
 @click.option("--scale", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
               help="Multiplies the number of cases.")  # fmt: skip

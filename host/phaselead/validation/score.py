@@ -77,6 +77,18 @@ def outside_honestly(outcome: Outcome) -> bool:
     return bool(outcome["named"]) or bool(outcome["ties"]) or "unknown" in outcome["verdicts"]
 
 
+def nothing_false(outcome: Outcome) -> bool:
+    """Whether each claim holds something that is there, and ``none`` is said only where the base lacks nothing, and
+    what is hidden is said to be untestable or lies within its bound."""
+    if outcome["error"]:
+        return False
+    lacking, hidden = set(outcome.get("allowed", ())), hidden_names(outcome)
+    if outcome["verdicts"] == ["none"]:
+        bounded = len(bounds_hold(outcome)) == len(hidden) and all(bounds_hold(outcome))
+        return not lacking and (bounded or set(hidden) <= set(outcome["untestable"]))
+    return all({*lacking, *hidden} & set(claim) for claim in claims(outcome))
+
+
 def false_names(outcome: Outcome) -> bool:
     """With nothing hidden: whether anything is claimed. A crash is no claim."""
     return bool(claims(outcome))

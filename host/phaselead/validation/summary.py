@@ -22,7 +22,10 @@ PLAIN = 2.0
 """Multiple of the size that was stated to be detectable, from which an effect should be named."""
 MOST_SIZES = 6
 """More distinct sizes than this are not steps of a ladder."""
-SINGLE_AXIS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside", "narrow")
+SINGLE_AXIS = (
+    "none", "single", "sines", "pair", "triple", "removed", "closed_loop", "outside", "narrow", "unreferenced",
+    "straight",
+)  # fmt: skip
 """Kinds whose stage has one axis."""
 
 
@@ -102,6 +105,7 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
                (score.exactly_right(o) for o in sines if _size(o) >= LEAST_SIZE)),
         _share("one kind of excitation alone: the truth named, or in an honest tie, 0.2 x and more", "-",
                (_one_right(o) for o in _of(outcomes, "narrow") if _size(o) >= LEAST_SIZE)),
+        *_without_references(outcomes),
         _share("names exactly right in closed loop", "-", map(score.exactly_right, _of(outcomes, "closed_loop"))),
         _share("cross-coupling named on three axes, 0.2 x and more", "-",
                (score.exactly_right(o) for o in _of(outcomes, "coupling") if _size(o) >= LEAST_SIZE)),
@@ -109,6 +113,20 @@ def numbers(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         {"what": "processor time for 60 s of one-axis 5 kHz data, median", "target": "<= 30 s", "unit": "s",
          "reached": float(np.median(times)) if times else None, "of": len(times)},
     ]  # fmt: skip
+
+
+def _without_references(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """Of cases whose base may be wrong: nothing false, and what is given beside that."""
+    found = []
+    for kind, base in (("unreferenced", "without reference records"), ("straight", "from a straight line")):
+        of_kind = _of(outcomes, kind)
+        large = [o for o in of_kind if o["hidden"] and _size(o) >= LEAST_SIZE]
+        found += [
+            _share(f"{base}: right, a tie with what is there, or unknown", "100 %", map(score.nothing_false, of_kind)),
+            _share(f"{base}: what is hidden named, or in an honest tie, 0.2 x and more", "-",
+                   (score.credit(score.hidden_names(o)[0], score.claims(o)) > 0 for o in large)),
+        ]  # fmt: skip
+    return found
 
 
 def _predictable(outcome: Outcome) -> bool:
@@ -193,6 +211,8 @@ RIGHT: dict[str, Callable[[Outcome], bool]] = {
     "none": lambda o: not score.false_names(o),
     "removed": score.abstained_honestly,
     "outside": score.outside_honestly,
+    "unreferenced": score.nothing_false,
+    "straight": score.nothing_false,
     "poor": lambda o: not score.spurious(o),
     "pair": lambda o: score.all_named(o) and not score.spurious(o),
     "triple": lambda o: score.all_named(o) and not score.spurious(o),

@@ -10,7 +10,7 @@ import numpy as np
 
 from phaselead.errors import PhaseleadError
 from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, run_gap
-from phaselead.identify import STILL_V, fit
+from phaselead.identify import STILL_V, Base, fit
 from phaselead.model import Actuator, AxisModel, Place, Stage, catalogue, predict
 from phaselead.record import Recording
 from phaselead.validation.journal import Outcome
@@ -20,7 +20,7 @@ IN_UNIT = {("um", "um"): 1.0, ("LSB", "LSB"): 1.0, ("nm/min", "um/s"): 1e-3 / 60
 """Derived sizes by their unit and that of a truth, and what one is in the other."""
 USUAL_BITS = 16
 """Of the output converter, which a stage file need not mention."""
-FOLLOWED_UP = ("single", "sines", "closed_loop", "narrow")
+FOLLOWED_UP = ("single", "sines", "closed_loop", "narrow", "unreferenced")
 """Kinds of whose cases the proposed experiment is run."""
 
 
@@ -51,7 +51,8 @@ def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
 
 def _tried(case: Case, follow_up: bool) -> Outcome:
     reference, train, holdout = case.records()
-    stage = base_model(case, reference)
+    stage = base_model(case, train if _base(case) == "linear" else reference)
+    reference = reference if getattr(case, "referenced", True) else []
     began, spent = time.monotonic(), time.process_time()
     result = run_gap(stage, train, holdout, reference, without=case.without)
     found = {
@@ -66,13 +67,17 @@ def _tried(case: Case, follow_up: bool) -> Outcome:
     return found
 
 
-def base_model(case: Case, reference: Sequence[Recording]) -> Stage:
-    """The model a lab would start from: a fit of the driven, open-loop reference records."""
-    driven = [r for r in reference if _driven(r)]
+def _base(case: Case) -> Base:
+    return getattr(case, "base", "operator")
+
+
+def base_model(case: Case, records: Sequence[Recording]) -> Stage:
+    """The model a lab would start from: a fit of the driven, open-loop ones of some records."""
+    driven = [r for r in records if _driven(r)]
     open_loop = [r for r in driven if all(a.r_um is None for a in r.axes.values())]
-    axes: Any = {axis: _known(case) for axis in reference[0].axes}
+    axes: Any = {axis: _known(case) for axis in records[0].axes}
     parent = Stage(name="rig", axes=axes)
-    return fit(open_loop or driven, parent=parent)[0]
+    return fit(open_loop or driven, _base(case), parent=parent)[0]
 
 
 def _known(case: Case) -> AxisModel:

@@ -15,7 +15,7 @@ from phaselead.record import Recording, Samples
 MODULE = "phaselead_truth"
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor", "outside")
 """Kinds of cases; docs/gap-campaign.md describes them."""
-ON_REQUEST = ("narrow",)
+ON_REQUEST = ("narrow", "unreferenced", "straight")
 """More kinds, which a campaign tries only where it is asked for them."""
 
 UNDER_TEST = tuple(Path(__file__).parents[1] / room for room in ("gap", "identify", "model"))
@@ -41,8 +41,10 @@ class Hidden(Protocol):
 class Case(Protocol):
     """One blind trial. The same name gives the same records in every process.
 
-    May also have ``output_V``, the voltages of the output converter's lowest code and one past the highest, where they
-    are not those of a stage file by default; and ``allowed``, names that are right for a system outside the catalogue.
+    May also have ``referenced``, False where the workflow is not given the reference records; ``base``, ``"linear"``
+    where the lab has gain and offset of the training records and no model of the reference records; ``output_V``, the
+    voltages of the output converter's lowest code and one past the highest, where they are not those of a stage file by
+    default; and ``allowed``, names that are right too, for a system outside the catalogue or a base that lacks much.
     """
 
     @property

@@ -26,18 +26,22 @@ SETS = {"tuning": "tuning-2026", "confirm": "confirm-2026-11-22", "sealed": "sea
 """Name of each set of seeds. The sealed ones are for the published figure alone; the letters
 before this one were spent on earlier versions."""
 KINDS = ("none", "single", "sines", "pair", "triple", "removed", "closed_loop", "coupling", "poor")
-ON_REQUEST = ("narrow",)
+ON_REQUEST = ("narrow", "unreferenced", "straight")
 """Kinds that a campaign runs only where they are asked for: the figures of one that names no kinds stay comparable."""
 COUNTS = {
     "none": 200, "single": 3, "sines": 1, "pair": 40, "triple": 20, "removed": 23, "closed_loop": 20, "coupling": 9,
-    "poor": 20, "narrow": 3,
+    "poor": 20, "narrow": 3, "unreferenced": 1, "straight": 1,
 }  # fmt: skip
 """Cases at scale 1; of the kinds in ``PER_EFFECT`` for each effect and size."""
-PER_EFFECT = ("single", "sines", "narrow")
+PER_EFFECT = ("single", "sines", "narrow", "unreferenced", "straight")
+AND_NOTHING = ("unreferenced", "straight")
+"""Kinds that have as many cases with nothing hidden as there are effects."""
 SIZES = (0.05, 0.2, 1.0)
 SLOW = {"creep", "charge_leakage", "thermal_drift", "softening"}
 FAST = {"delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "load_change", "slew_limit", "sampling_jitter",
         "rate_dependence"}  # fmt: skip
+STAGE = ("hysteresis", "asymmetric_hysteresis", "resonance", "delay", "amplifier_lowpass", "sensor_lowpass")
+"""What every stage has."""
 RATES_HZ = {"fast": 5000.0, "slow": 500.0}
 ALIKE = [
     {"delay", "amplifier_lowpass", "sensor_lowpass", "slew_limit"},
@@ -82,6 +86,25 @@ class Case:
     def without(self) -> tuple[str, ...]:
         """Effects to leave out of the catalogue."""
         return self.effects if self.kind == "removed" else ()
+
+    @property
+    def referenced(self) -> bool:
+        """Whether the reference records are at hand, and not the model alone that was fitted to them."""
+        return self.kind not in ("unreferenced", "straight")
+
+    @property
+    def base(self) -> str:
+        """Which model the lab has: of reference records, or no more than a straight line through the training ones."""
+        return "linear" if self.kind == "straight" else "operator"
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """What is missing from a straight line whatever is hidden."""
+        if self.kind != "straight":
+            return ()
+        character = self.characters["x"]
+        creeps = ("creep",) if character.base_creep else ()
+        return (*STAGE, *creeps)
 
     @property
     def seed(self) -> int:
@@ -142,9 +165,10 @@ class Case:
         holdout = session(rig, "holdout", held_out=True)
         return rig, (reference, train, holdout)
 
-    def bare_holdout(self) -> list[Recording]:
-        """The held-out records with nothing hidden."""
-        return self.records(hidden=False)[2]
+    def bare_holdout(self) -> list[Recording] | None:
+        """The held-out records with nothing hidden; None where the base is too poor for what it leaves of them to be
+        a floor."""
+        return None if self.kind == "straight" else self.records(hidden=False)[2]
 
     def follow_up(self, voltage: Callable[[Samples], Samples], seconds: float, axis: str | None) -> Recording:
         """One more record after the others, driven by ``voltage`` of the time from its start, within the span."""
@@ -188,7 +212,9 @@ def case(name: str) -> Case:
 def _of_kind(set_name: str, kind: str, sizes: Sequence[float], scale: float) -> list[Case]:
     count = COUNTS[kind] * scale
     if kind in PER_EFFECT:
-        return _singles(set_name, kind, sizes, count)
+        numbers = range(round(count * len(EFFECTS)) if kind in AND_NOTHING else 0)
+        nothing = [Case(set_name, kind, (), 0.0, _rate((), i), i) for i in numbers]
+        return [*nothing, *_singles(set_name, kind, sizes, count)]
     number = max(1, round(count))
     names = [_combination(set_name, kind, i) for i in range(number)]
     found = []
