@@ -72,6 +72,15 @@ def test_noise_that_falls_with_the_frequency_is_no_vibration_without_references(
     assert found == 0
 
 
+@pytest.mark.parametrize("referenced", [True, False])
+@pytest.mark.parametrize("rows", [256, 500, 1500])
+def test_white_noise_is_no_vibration_however_short_the_records(rows, referenced):
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        train, holdout, reference = ([left(rng.normal(size=rows))] for _ in range(3))
+        assert find_vibration("vibration", train, holdout, reference if referenced else []) is None
+
+
 @pytest.mark.parametrize("f_Hz", [38.0, 120.0, 310.0])
 def test_a_vibration_stands_above_both_of_its_sides_without_references(f_Hz):
     rng = np.random.default_rng(4)
