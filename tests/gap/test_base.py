@@ -28,6 +28,22 @@ def test_a_mode_that_the_base_has_a_little_wrong_gains_nothing():
     assert not [names for names in gaining if {"resonance", "load_change"} & {*names.split(" + ")}]
 
 
+@pytest.mark.parametrize("size", ["1/fast/2", "0.2/fast/1"])
+def test_a_mode_that_moved_from_a_base_without_references_is_no_other_mode(size):
+    """A load moved it, or the base was wrong: that has no name, and a mode of its own does not get it."""
+    outcome = try_case(TRUTH, f"tuning/unreferenced/load_change/{size}", follow_up=False)
+    assert outcome["verdicts"] == ["unknown"]
+    assert not outcome["named"]
+    assert "load_change" in outcome["untestable"]
+    assert "load_change" not in {bound["name"] for bound in outcome["excluded"]}
+
+
+def test_a_tie_may_hold_what_cannot_be_told_from_a_base_that_was_wrong():
+    outcome = try_case(TRUTH, "tuning/unreferenced/load_change/1/fast/0", follow_up=False)
+    assert [set(tie) for tie in outcome["ties"]] == [{"resonance", "load_change"}]
+    assert "load_change" not in outcome["untestable"]
+
+
 def a_track():
     t = np.arange(2000) * STEP_s
     u = 4 - 4 * np.cos(2 * np.pi * 5 * t)

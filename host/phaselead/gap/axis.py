@@ -107,7 +107,8 @@ def search_axis(
     """
     candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
     candidates = [effect.as_known() for effect in candidates]
-    selection = select_effects(model, runs, candidates, frozen, lambda share: on_progress(0.85 * share))
+    of_base = [effect.as_known() for effect in effects if refused.get(effect.name) == NEEDS_FROZEN]
+    selection = select_effects(model, runs, candidates, of_base, frozen, lambda share: on_progress(0.85 * share))
     assert selection.contest is not None
     noise = noise_of(selection.contest)
     final = final_fit(selection, runs, noise)

@@ -34,12 +34,21 @@ Progress = Callable[[float], None]
 
 
 def select_effects(
-    axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect], frozen: bool, on_progress: Progress
+    axis: AxisModel,
+    runs: Sequence[GapRun],
+    effects: Sequence[Effect],
+    of_base: Sequence[Effect],
+    frozen: bool,
+    on_progress: Progress,
 ) -> Selection:
     """The effects of ``effects`` that are there. The base ``axis`` has a time view.
 
     ``frozen``: without reference runs, whether nothing may be wrong with the base. A base without plays is given its
     memory first, where that explains most.
+
+    ``of_base``: effects that change what the base has, and so cannot be told from a base that was wrong. They compete
+    like any other, so that no rival gets the name in their place, and may be in a tie; what they alone explain has no
+    name.
     """
     base, memory = find_memory(axis, runs, effects)
     on_progress(0.1)
@@ -47,11 +56,13 @@ def select_effects(
     referenced = any(run.role == "reference" for run in runs)
     of_runs = [modelled_run(base, run) for run in runs]
     likelihood = likelihood_of(of_runs, base_may_be_off=not referenced and not frozen, open_plays=memory is not None)
-    contest = search_sets(likelihood, left, lambda share: on_progress(0.1 + 0.9 * share))
+    contest = search_sets(likelihood, [*left, *of_base], lambda share: on_progress(0.1 + 0.9 * share))
     found = judge(contest)
-    claims, entries, values = _estimated(contest, found.best.entries, found.claims, memory is not None)
+    nameless = {effect.name for effect in of_base}
+    vouched = [claim for claim in found.claims if not nameless.issuperset(claim.tied)]
+    claims, entries, values = _estimated(contest, found.best.entries, vouched, memory is not None)
     # Where every claim was withdrawn, what it was for is still there.
-    judged = found if claims else replace(found, claims=())
+    judged = replace(found, claims=tuple(vouched) if claims else ())
     return Selection(
         base,
         axis,
@@ -62,7 +73,14 @@ def select_effects(
         _candidates(contest, judged),
         memory,
         judged.something_unnamed,
+        tuple(_of_a_wrong_base(claim) for claim in found.claims if claim not in vouched),
     )
+
+
+def _of_a_wrong_base(claim: Claim) -> str:
+    """Why what is there has no name, for a person."""
+    names = " or ".join(claim.tied)
+    return f"{names} would explain more, but so would a base that was wrong: give --reference records, or --frozen"
 
 
 def _estimated(
