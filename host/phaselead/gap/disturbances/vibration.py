@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,13 @@ from phaselead.gap.disturbances.hum import is_mains
 from phaselead.gap.findings import Estimate
 from phaselead.record import Samples
 
+Lines = NDArray[np.int64]
+"""Numbers of lines of a spectrum, that of 0 Hz being 0."""
+
 VIBRATION_SEGMENT = 1024
 CHANCE_ANY_BAND = 1e-4
-"""Probability, over all bands looked at, that training and held-out records at rest exceed the reference by chance."""
+"""Probability, over all bands looked at, that training and held-out records at rest exceed by chance what is usual: the
+reference, or without any the sides of the band."""
 CHANCE_THIS_BAND, AROUND = 0.01, 8
 """The same probability in the band found alone, and the lines to either side of it that say what is usual there."""
 LEAST_AROUND, LEAKS = 3, 2
@@ -36,7 +41,7 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     stands above one of them.
     """
     spectra = _spectra(train, holdout, reference)
-    live = np.array([not is_mains(float(v)) for v in spectra.f_Hz])
+    live = ~spectra.mains
     live[:SLOW_LINES] = False
     band = _standing_out((train, holdout, reference), spectra, live)
     if band is None:
@@ -60,7 +65,8 @@ def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -
     return _standing_out(idle, spectra, live) is not None
 
 
-class _Spectra(NamedTuple):
+@dataclass(frozen=True)
+class _Spectra:
     """One-sided densities (k,) in um^2/Hz of the training records and of the reference records, None without any, and
     how many independent periodograms the first averages."""
 
@@ -68,6 +74,26 @@ class _Spectra(NamedTuple):
     seen: Samples
     before: Samples | None
     averages: float
+
+    @cached_property
+    def mains(self) -> NDArray[np.bool_]:
+        """Which lines (k,) are those of the mains or its first multiples."""
+        return np.array([is_mains(float(f)) for f in self.f_Hz])
+
+    @cached_property
+    def free(self) -> Lines:
+        """Those that hum does not leak into. That of 0 Hz is none of them."""
+        reached = np.convolve(self.mains, np.ones(2 * LEAKS + 1), "same") > 0
+        return np.flatnonzero(~reached[1:]) + 1
+
+    def sides(self, low: int, high: int) -> tuple[Lines, Lines]:
+        """The lines below and above a band that say what is usual there: the nearest that it does not leak into."""
+        return self._telling(1, low - LEAKS)[-AROUND:], self._telling(high + LEAKS, len(self.f_Hz))[:AROUND]
+
+    def _telling(self, first: int, last: int) -> Lines:
+        """Lines from ``first`` to ``last`` (excluded): those that are free of hum, where these are enough."""
+        free = self.free[(self.free >= first) & (self.free < last)]
+        return free if len(free) >= LEAST_AROUND else np.arange(first, last)
 
 
 def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
@@ -77,42 +103,38 @@ def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spe
     return _Spectra(f, seen, _density(reference, length)[1] if reference else None, averages)
 
 
-def _usual(spectra: _Spectra, low: int, high: int) -> Samples:
-    """Density (k,) that is usual, looked at from a band: that of the reference, or of the louder of its sides."""
+def _usual(spectra: _Spectra, low: int, high: int) -> Samples | float:
+    """Density that is usual, looked at from a band: that of the reference (k,), or that of the louder of its sides."""
     if spectra.before is not None:
         return spectra.before
-    return np.full(len(spectra.seen), max(float(np.median(side)) if len(side) >= LEAST_AROUND else np.inf
-                                          for side in _sides(spectra.seen, low, high)))  # fmt: skip
-
-
-def _sides(lines: Samples, low: int, high: int) -> tuple[Samples, Samples]:
-    """The lines below and above a band that say what is usual there, without that of 0 Hz."""
-    first, last = max(low - LEAKS - AROUND, 1), high + LEAKS + AROUND
-    return lines[first : max(low - LEAKS, first)], lines[high + LEAKS : last]
+    sides = spectra.sides(low, high)
+    if min(map(len, sides)) < LEAST_AROUND:
+        return np.inf
+    return max(float(np.median(spectra.seen[side])) for side in sides)
 
 
 def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[int, int] | None:
     """First and last line (excluded) of the most significant new band among the ``live`` lines; None without one."""
     bands, looked = _new_bands(spectra, live)
-    found = [(p, band) for band in bands if (p := _newness(band, spectra.f_Hz, parts)) * looked <= CHANCE_ANY_BAND]
+    found = [(p, band) for band in bands if (p := _newness(band, spectra, parts)) * looked <= CHANCE_ANY_BAND]
     return min(found)[1] if found else None
 
 
-def _newness(band: tuple[int, int], f: Samples, parts: Parts) -> float:
+def _newness(band: tuple[int, int], spectra: _Spectra, parts: Parts) -> float:
     """Probability that the records at rest exceed what is usual in this band by chance; 1 where training and held-out
     records do not both exceed it."""
     (train, holdout, reference), (low, high) = parts, band
-    every, edges_Hz = [*train, *holdout], (float(f[low] - f[1] / 2), float(f[high - 1] + f[1] / 2))
-    new, again, both = (_band_power(part, *edges_Hz) for part in (train, holdout, every))
+    every, step_Hz, lines = [*train, *holdout], float(spectra.f_Hz[1]), np.arange(low, high)
+    new, again, both = (_band_power(part, lines, step_Hz) for part in (train, holdout, every))
     if reference:
         # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
-        around_Hz = edges_Hz[0] - AROUND * f[1], edges_Hz[1] + AROUND * f[1]
-        usual = [_band_power(reference, *around_Hz), _band_power(reference, *edges_Hz)]
+        around = np.arange(max(low - AROUND, 0), high + AROUND)
+        usual = [_band_power(reference, where, step_Hz) for where in (around, lines)]
     else:
-        sides = _sides(f, low, high)
+        sides = spectra.sides(low, high)
         if min(map(len, sides)) < LEAST_AROUND:
             return 1.0
-        usual = [_band_power(every, side[0] - f[1] / 2, side[-1] + f[1] / 2) for side in sides]
+        usual = [_band_power(every, side, step_Hz) for side in sides]
     chances = [float(f_distribution.sf(both[0] / one[0], both[1], one[1])) for one in usual]
     loudest = max(one[0] for one in usual)
     if min(new[0], again[0]) < NEW_FROM * loudest:
@@ -125,33 +147,37 @@ def _newness(band: tuple[int, int], f: Samples, parts: Parts) -> float:
 def _new_bands(spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[list[tuple[int, int]], int]:
     """For each width the band with the largest ratio to what is usual, as first and last line (excluded), and how many
     were compared."""
-    bands, looked, seen = [], 0, spectra.seen * live
+    bands, looked = [], 0
     for width in WIDTHS:
-        new = np.convolve(seen, np.ones(width), "valid")
-        bands_at = [slice(i, i + width) for i in range(len(new))]
-        old = np.array([_usual(spectra, at.start, at.stop)[at][live[at]].sum() for at in bands_at])
+        new, lines = (np.convolve(one, np.ones(width), "valid") for one in (spectra.seen * live, live))
+        if spectra.before is not None:
+            old = np.convolve(spectra.before * live, np.ones(width), "valid")
+        else:
+            old = np.array([_usual(spectra, i, i + width) for i in range(len(new))])
+            old = np.multiply(lines, old, out=np.zeros_like(new), where=lines > 0)
         ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
         bands.append((int(np.argmax(ratio)), int(np.argmax(ratio)) + width))
         looked += len(ratio)
     return bands, looked
 
 
-def _band_power(part: Residuals, low_Hz: float, high_Hz: float) -> tuple[float, float]:
-    """Mean density in a band and its degrees of freedom: twice the number of lines, at full resolution, that carry it.
+def _band_power(part: Residuals, lines: Lines, step_Hz: float) -> tuple[float, float]:
+    """Mean density in some lines, ``step_Hz`` apart, and its degrees of freedom: twice the number of lines, at full
+    resolution, that carry it.
 
     A mode that the surroundings keep ringing fills few lines, however many segments a record is cut into.
     """
     density, freedom = [], 0.0
     for residual in part:
         f, p = periodogram(residual.error_um, residual.rate_Hz, window="hann", detrend="linear")
-        inside = p[(f >= low_Hz) & (f < high_Hz)]
+        inside = p[np.isin(np.floor(f / step_Hz + 0.5).astype(int), lines)]
         density.append(float(inside.mean()))
         freedom += 2 * float(inside.sum() ** 2 / max(float((inside**2).sum()), 1e-300))
     return (float(np.mean(density)), freedom) if density else (0.0, 0.0)
 
 
 def _vibration_found(name: str, f: Samples, excess: Samples, low: int, high: int, averages: float) -> Disturbance:
-    step, excess = float(f[1] - f[0]), np.maximum(excess, 0.0)
+    step = float(f[1] - f[0])
     top = low + int(np.argmax(excess[low:high]))
     width = (high - low) * step
     rms = float(np.sqrt(excess[max(low - 2, 1) : high + 2].sum() * step))
