@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phaselead.gap import base_operator
 from phaselead.gap.base_operator import find_memory, with_operator
 from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.records import GapRun
@@ -80,23 +81,69 @@ def test_loops_that_the_references_show_too_are_a_fault_of_the_base(looped):
         assert given.time.play_r_V
 
 
-def test_memory_is_found_beside_a_mode_that_moves_more():
-    made = a_track()
-    axis = made.axis.model_copy(update={"effects": (
-        AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (150.0,), "zeta": (0.02,)}),
-    )})  # fmt: skip
-    line = AxisModel(time=TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
-    rng, runs = np.random.default_rng(0), []
-    for role, level in (("train", 1.0), ("train", 0.5), ("holdout", 0.8)):
-        u = 4 + level * (3 * np.sin(2 * np.pi * 5 * made.run.t_s) + np.interp(np.arange(2000), np.arange(0, 2000, 9),
-                                                                              rng.uniform(-1, 1, 223)))  # fmt: skip
+RINGING = AdoptedEffect(name="resonance", params={"c": (1.0,), "f_Hz": (150.0,), "zeta": (0.02,)})
+LATE = AdoptedEffect(name="delay", params={"delay_s": 0.002})
+LINE = AxisModel(time=TimeView(gain_um_per_V=8.0, u_range_V=(0.0, 8.0), rate_Hz=1 / STEP_s))
+TRIED = [effect(name) for name in ("hysteresis", "resonance", "delay", "creep", "softening")]
+
+
+def a_session(axis, seed=0):
+    """Training and held-out runs of an axis: a slow wave and a fast one that sets modes ringing."""
+    made, rng, runs = a_track(), np.random.default_rng(seed), []
+    for role, level in (("train", 1.0), ("train", 0.5), ("holdout", 0.8), ("holdout", 0.4)):
+        quick = np.interp(np.arange(2000), np.arange(0, 2000, 9), rng.uniform(-1, 1, 223))
+        u = 4 + level * (3 * np.sin(2 * np.pi * 5 * made.run.t_s) + quick)
         driven = modelled_run(axis, replace(made.run, role=role, u_V=u, sha256=f"{role}{level}"))
         runs.append(replace(driven.run, x_um=driven.answer() + rng.normal(0, 0.01, 2000)))
-    given, memory = find_memory(line, runs, [effect("hysteresis"), effect("resonance"), effect("delay")])
+    return runs
+
+
+def left_um(axis, effects, runs):
+    """RMS that the axis with some effects leaves of the held-out runs, each about its mean."""
+    axis = axis.model_copy(update={"effects": effects})
+    errors = [modelled_run(axis, run).error() for run in runs if run.role == "holdout"]
+    return float(np.sqrt(np.mean([np.var(error) for error in errors])))
+
+
+@pytest.mark.parametrize("effects", [(RINGING,), (RINGING, LATE)])
+def test_memory_is_found_beside_what_moves_more_and_fitted_beside_it(effects):
+    runs = a_session(a_track().axis.model_copy(update={"effects": effects}))
+    given, memory = find_memory(LINE, runs, TRIED)
     assert memory.effect.name == "hysteresis"
-    assert memory.why.startswith("beside resonance")
-    assert given.time.play_r_V
+    assert all(one.name in memory.why.split(",")[0] for one in effects)
     assert not given.effects
+    as_they_stand = with_operator(LINE, [run for run in runs if run.role == "train"])
+    assert left_um(given, effects, runs) < 0.6 * left_um(as_they_stand, effects, runs)
+
+
+def test_no_memory_is_given_where_more_moves_than_it_may_be_looked_for_beside(monkeypatch):
+    runs = a_session(a_track().axis.model_copy(update={"effects": (RINGING, LATE)}))
+    monkeypatch.setattr(base_operator, "MOST_BESIDE", 1)
+    assert find_memory(LINE, runs, TRIED) == (LINE, None)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_line_that_rings_has_no_loop(seed):
+    """What a mode that is not quite right leaves looks like a loop of next to no width."""
+    runs = a_session(LINE.model_copy(update={"effects": (RINGING,)}), seed)
+    assert find_memory(LINE, runs, TRIED) == (LINE, None)
+
+
+@pytest.mark.parametrize(("share", "opens"), [(1.0, True), (0.0, False), (-1.0, False)])
+def test_a_loop_of_no_width_or_the_other_way_round_is_none(share, opens):
+    runs = a_session(LINE)
+    looped = a_session(a_track().axis.model_copy(update={"effects": ()}))
+    mixed = [
+        replace(one, x_um=one.x_um + share * (other.x_um - one.x_um)) for one, other in zip(runs, looped, strict=True)
+    ]
+    found = base_operator._loop([modelled_run(LINE, run) for run in mixed], effect("hysteresis"))
+    assert (found is not None) == opens
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_of_noise_no_effect_saves_more_than_chance(seed):
+    runs = [modelled_run(LINE, run) for run in a_session(LINE, seed)]
+    assert base_operator._most_saving(runs, TRIED[1:]) is None
 
 
 def test_a_line_is_wrong_about_the_travel_that_its_loops_take():

@@ -6,12 +6,13 @@ Asymmetry, more delay and everything else are left to be found beyond it, each o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from phaselead.errors import BadInput
+from phaselead.gap.findings import Estimate
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
@@ -24,7 +25,8 @@ from phaselead.model import AdoptedEffect, AxisModel, Effect
 from phaselead.record import Samples
 
 MOST_BESIDE = 2
-"""Effects at most beside which memory is looked for: what the time for an answer allows."""
+"""Effects at most beside which memory is looked for, and as many more beside which it is fitted once more: what the
+time for an answer allows. Where more are needed first, no memory is given."""
 OPERATOR_ROUNDS = 2
 """In which the operator and the effects that lie behind it are fitted in turn."""
 
@@ -32,7 +34,8 @@ OPERATOR_ROUNDS = 2
 def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effect]) -> tuple[AxisModel, Memory | None]:
     """The axis with plays of its own, and what they are, where it has none and plays predict the held-out records
     better than the line and than any other single effect; otherwise the axis as it is, and None. Not where they predict
-    reference records better too: a base that lacks them there has a fault, and they are not what is new.
+    reference records better too: a base that lacks them there has a fault, and they are not what is new. Nor where the
+    loop may be of no width.
 
     Where another effect predicts more, such as a mode that rings in every record, plays are looked for beside it. The
     axis gets the plays alone, and the other effect is left to be found.
@@ -40,62 +43,96 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     Everything is compared in um, where memory is largest.
     """
     assert axis.time is not None
-    becoming = [effect for effect in effects if effect.becomes_plays]
-    if axis.time.play_r_V or not becoming:
+    becoming = next((effect for effect in effects if effect.becomes_plays), None)
+    if axis.time.play_r_V or becoming is None:
         return axis, None
-    train = [run for run in runs if run.role == "train"]
-    others = [effect for effect in effects if effect is not becoming[0]]
+    others = [effect for effect in effects if effect is not becoming]
+    found = _apart_from_others(axis, runs, others)
+    if found is None:
+        return axis, None
+    looped, beside, saved = found
+    as_line = [modelled_run(_with(axis, beside), run) for run in runs]
+    chance = probability_by_chance(saved) * (1 + len(beside))
+    params = _loop(as_line, becoming) if chance <= BY_CHANCE else None
+    if params is None:
+        return axis, None
+    given = _beside_all(looped, beside, runs, others)
+    lines = _of(as_line, "reference")
+    plays = [modelled_run(_with(given, beside), line.run) for line in lines]
+    if lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < BY_CHANCE:
+        return axis, None
+    return given, Memory(becoming, params, 1 - chance, _why([effect.name for effect, _ in beside]))
+
+
+def _why(beside: Sequence[str]) -> str:
+    """Why the axis got plays, for a person."""
+    if not beside:
+        return "plays predict the held-out records better than the line, and than any other effect alone"
+    first = " and ".join(beside)
+    return f"beside {first}, plays predict the held-out records better than the line does, and than any further effect"
+
+
+def _apart_from_others(
+    axis: AxisModel, runs: Sequence[GapRun], others: Sequence[Effect]
+) -> tuple[AxisModel, list[SizedEffect], Samples] | None:
+    """The axis with plays, the effects beside which they predict the held-out records better than any of the others
+    would, and what they save of the squares by block; None where that takes too many effects."""
+    tried, train = [run for run in runs if run.role != "reference"], [run for run in runs if run.role == "train"]
     beside: list[SizedEffect] = []
     while True:
-        given = refitted_operator(axis, beside, train) if beside else with_operator(axis, train)
-        as_line, as_plays = ([modelled_run(_with(one, beside), run) for run in runs] for one in (axis, given))
+        looped = refitted_operator(axis, beside, train)
+        as_line, as_plays = ([modelled_run(_with(one, beside), run) for run in tried] for one in (axis, looped))
         saved = saved_by_block(_of(as_line, "holdout"), (), _of(as_plays, "holdout"), ())
         larger = _most_saving(as_line, others)
         if larger is None or saved.sum() > larger[1].sum():
-            break
+            return looped, beside, saved
         if len(beside) == MOST_BESIDE:
-            return axis, None
+            return None
         beside.append(larger[0])
         others = [one for one in others if one.name != larger[0][0].name]
-    lines, plays = _of(as_line, "reference"), _of(as_plays, "reference")
-    chance = probability_by_chance(saved)
-    if chance > BY_CHANCE or (lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < BY_CHANCE):
-        return axis, None
-    described = each_fitted(_of(as_line, "train"), becoming[:1], base_may_be_off=True)
+
+
+def _loop(as_line: Sequence[ModelledRun], becoming: Effect) -> Mapping[str, Estimate] | None:
+    """Parameters of the effect of the catalogue that describes the loop which a line leaves; None where it may be of no
+    width, or runs the other way round."""
+    described = each_fitted(_of(as_line, "train"), [becoming], base_may_be_off=True)
     if not described:
-        return axis, None
+        return None
     params = intervals_alone(likelihood_of(as_line), described)[0]
-    given = _beside_all(given, beside, runs, others)
-    besides = f"beside {' and '.join(effect.name for effect, _ in beside)} " if beside else ""
-    why = (
-        f"{besides}plays of its own predict the held-out records better than the line, and than any other effect alone"
-    )
-    return given, Memory(becoming[0], params, 1 - chance, why)
+    _, _, (narrowest, _) = params[becoming.sizes[0].name]
+    return params if narrowest > 0 else None
 
 
 def _beside_all(
     axis: AxisModel, beside: Sequence[SizedEffect], runs: Sequence[GapRun], others: Sequence[Effect]
 ) -> AxisModel:
-    """The axis with its plays beside further effects too, as long as these predict the held-out records better. Plays
-    stand in for what lags: fitted without it they are too wide where the stage is quick."""
+    """The axis with its plays fitted beside further effects too, as long as the held-out records are then predicted
+    better. Plays stand in for what lags: fitted without it they are too wide where the stage is quick."""
     found, train = list(beside), [run for run in runs if run.role == "train"]
+    tried = [run for run in runs if run.role != "reference"]
     for _ in range(MOST_BESIDE):
-        larger = _most_saving([modelled_run(_with(axis, found), run) for run in runs], others)
-        if larger is None or larger[1].sum() <= 0:
+        larger = _most_saving([modelled_run(_with(axis, found), run) for run in tried], others)
+        if larger is None:
             break
         found.append(larger[0])
         others = [one for one in others if one.name != larger[0][0].name]
-        axis = refitted_operator(axis, found, train)
+        anew = refitted_operator(axis, found, train)
+        before, after = ([modelled_run(_with(one, found), r) for r in tried if r.role == "holdout"]
+                         for one in (axis, anew))  # fmt: skip
+        if saved_by_block(before, (), after, ()).sum() <= 0:
+            break
+        axis = anew
     return axis
 
 
 def _most_saving(runs: Sequence[ModelledRun], effects: Sequence[Effect]) -> tuple[SizedEffect, Samples] | None:
     """The effect that alone, fitted to the training runs, saves most of the squares of the held-out ones, and what it
-    saves by block; None where none can be fitted."""
+    saves by block; None where none saves more than one of so many would by chance."""
     held = _of(runs, "holdout")
     fitted = each_fitted(_of(runs, "train"), effects, base_may_be_off=True)
     saved = [(one, saved_by_block(held, (), held, [one])) for one in fitted]
-    return max(saved, key=lambda pair: float(pair[1].sum()), default=None)
+    beyond_chance = [one for one in saved if probability_by_chance(one[1]) * len(saved) < BY_CHANCE]
+    return max(beyond_chance, key=lambda pair: float(pair[1].sum()), default=None)
 
 
 def _of(runs: Sequence[ModelledRun], role: Role) -> list[ModelledRun]:
@@ -111,7 +148,7 @@ def _with(axis: AxisModel, entries: Sequence[SizedEffect]) -> AxisModel:
 def refitted_operator(axis: AxisModel, entries: Sequence[SizedEffect], train: Sequence[GapRun]) -> AxisModel:
     """The axis with plays fitted to what some effects leave of the training runs, where that leaves less."""
     best, best_left = axis, _left_um2(axis, entries, train)
-    for _ in range(OPERATOR_ROUNDS):
+    for _ in range(OPERATOR_ROUNDS if entries else 1):
         modelled_runs = [modelled_run(best, run) for run in train]
         beyond = [t.answer(entries) - t.answer() for t in modelled_runs]
         tried = with_operator(best, train, beyond)
