@@ -91,10 +91,13 @@ EFFECT = Effect(
     source="Dahl 1976 (friction that comes to its level along the path); Canudas de Wit, Olsson, Astrom and Lischinsky "
     "1995 (a level that depends on the speed; Stribeck's fall, here Tustin's exponential). The growth is that of the "
     "rate-dependent Prandtl-Ishlinskii model, thresholds alpha ln(beta + lambda abs(dv/dt)) (Al Janaideh, Rakheja and "
-    "Su 2009). Over what path the level is reached does not depend on the level, so that it is linear in its sizes. It "
-    "acts beside hysteresis only: a loop alone is called that",
+    "Su 2009); what narrows a loop with the rate is Stribeck's fall, or creep. Over what path the level is reached "
+    "does not depend on the level, so that it is linear in its sizes. It acts beside hysteresis only: a loop alone is "
+    "called that",
     parameters=(
-        Parameter("growth", "of range", 0.02, -0.3, 0.3, doc="opening of the loop added per decade of rate"),
+        Parameter(
+            "growth", "of range", 0.02, -0.3, 0.3, known=(0.0, 0.3), doc="opening of the loop added per decade of rate"
+        ),
         Parameter(
             "stribeck", "of range", 0.01, 0.0, 0.3, absorbed_by_refit=True, doc="opening lost between rest and sliding"
         ),
