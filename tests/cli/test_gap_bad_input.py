@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phaselead.api import gap_next
+from phaselead.api import gap, gap_next
 from phaselead.errors import BadInput
 from phaselead.gap.records import refuse_overlap
 from phaselead.model.axis import AxisModel, TimeView
@@ -326,3 +326,13 @@ def test_the_experiment_is_run_on_the_axis_of_its_tie(run, tmp_path):
     path.write_text(json.dumps({**content, "next_experiment": {**content["next_experiment"], "drives": ["y"]}}))
     outcome = run("gap", "next", path, "-o", tmp_path / "again.h5")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+
+
+def test_a_map_for_files_of_which_some_name_their_columns_is_refused(run, folder):
+    """It was for all of them: the file with the right header was scaled too, and there was no gap."""
+    values = rows(0) * (1, 1e3, 1e3)
+    foreign = write(folder / "mV.csv", values, "t_s,u_mV,x_nm")
+    shown = "t_s=1,u_V=2*0.001,x_um=3*0.001"
+    refused(run, folder, "other.csv: names its columns", "log import", str(foreign), train=foreign, map=shown)
+    with pytest.raises(BadInput, match=r"other\.csv: names its columns"):
+        gap(folder / "model.toml", train=foreign, holdout=folder / "other.csv", map=shown)

@@ -169,6 +169,12 @@ def test_what_was_measured_is_kept_and_gone_on_with(run, tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == [output]
 
 
+def test_nothing_to_go_on_from_is_said(run, tmp_path, monkeypatch):
+    failing(monkeypatch, OSError(28, "No space left on device"), after=0)
+    ended = run("identify", "-o", tmp_path / "s.toml", *SMALL, "--resume")
+    assert "s.toml.records: holds no record to go on from; the experiment begins at its first" in ended.err
+
+
 def test_an_interrupt_between_two_records_says_what_has_become_of_the_output(run, tmp_path, monkeypatch):
     """The signal was still waiting to be noticed, and ended the question whether the output is parked."""
     run_experiment = experiments.run_experiment

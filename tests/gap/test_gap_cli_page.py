@@ -95,7 +95,7 @@ def test_the_page_says_what_where_and_what_remains():
         "could be one of them. effect bound (95 %) expected to be named from typical size unit",
         "softening (y) 0.2 0.15",
         "creep + delay 9.0 most probable; delay in a tie",
-        "phaselead gap next tie.json --port P",
+        "phaselead gap next tie.json --model model.toml --port P",
         "Vibration : needs idle records",
         "A multisine of 2 V peak-to-peak about 3 V, 5 to 1000 Hz, for 2 s. It is to tell apart delay and amplifier "
         "low-pass. It is expected to bring log odds of 120 for the true one, and names it 99 times in 100.",

@@ -12,7 +12,7 @@ from rig import Rig
 from phaselead.errors import BadInput
 from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
-from phaselead.gap.scale import beside_model, refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
 from phaselead.model import Stage, catalogue
 from phaselead.model.effects.filters import resonant
@@ -89,6 +89,20 @@ def test_every_role_that_is_off_is_said():
     holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
     (line,) = scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, records()[0])))
     assert line.startswith("x: the training and held-out records move -1.0 and 1.0e+03 times")
+
+
+def test_references_that_the_model_describes_worse_than_the_others_may_be_exchanged():
+    changed = as_written(records()[0], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))
+
+    def said(reference, others):
+        runs = axis_runs(stage(), others[:1], others[1:], reference)
+        return exchange_doubts(beside_model(stage(), runs))
+
+    (line,) = said(changed, records()[1])
+    assert line.startswith("x: of the reference records' motion the model leaves")
+    assert "were they exchanged?" in line
+    assert said(records()[0], as_written(records()[1], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))) == ()
+    assert said([], changed) == ()
 
 
 @pytest.mark.parametrize(

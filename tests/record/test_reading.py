@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from phaselead.errors import BadInput
-from phaselead.record import parse_column_map, parse_rate, read_recording
+from phaselead.record import parse_column_map, parse_rate, read_recording, refuse_map_of_some
 
 GOOD = "t_s,u_V,x_um\n0,1,10\n0.1,2,20\n0.2,3,30\n0.3,4,40\n"
 
@@ -302,3 +304,15 @@ def test_reads_measured_records() -> None:
 def test_too_few_rows_are_refused_with_what_to_do(tmp_path: Path, rows: str, said: str) -> None:
     with pytest.raises(BadInput, match=rf"rec\.csv: {said}, at least 2 are needed; record for longer, or give"):
         read_recording(write(tmp_path, "t_s,u_V,x_um\n" + rows))
+
+
+def test_one_map_is_for_files_that_are_alike(tmp_path: Path) -> None:
+    ours, theirs = write(tmp_path, "t_s,u_V,x_um\n0,1,2\n1,2,3\n"), write(tmp_path, "time ms, drive\n0,1\n", "b.csv")
+    columns = {"u_V": (2, 1.0)}
+    with pytest.raises(BadInput, match=re.escape(f"{ours}: names its columns, {theirs} does not")):
+        refuse_map_of_some([f"{ours}@0:1", theirs], columns)
+    with h5py.File(tmp_path / "c.h5", "w"), pytest.raises(BadInput, match=r"c\.h5: names its columns"):
+        refuse_map_of_some([str(tmp_path / "c.h5"), theirs], columns)
+    for some in ([ours, ours], [theirs, theirs], [ours, "missing.csv"]):
+        refuse_map_of_some(some, columns)
+    refuse_map_of_some([ours, theirs], None)

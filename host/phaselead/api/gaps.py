@@ -53,12 +53,12 @@ def gap(
     """
     from phaselead.gap import check_port, keep_freed_memory, run_gap, verified_on
     from phaselead.model import as_stage
-    from phaselead.record import gather
+    from phaselead.record import gather_parts
 
     if not (frozen is None or isinstance(frozen, bool)):
         raise BadInput(f"frozen={frozen!r}: give True, False, or None to have the references decide")
     stage = as_stage(model)
-    parts = [gather(part, map, rate) for part in (train, holdout, reference)]
+    parts = gather_parts((train, holdout, reference), map, rate)
     if verify_on is not None:
         check_port(verify_on)
     keep_freed_memory()

@@ -210,10 +210,11 @@ def read_recordings(
 ) -> list[Recording]:
     """Reads every recording argument under one --map and --rate. Says so where a map looks wrong; without ``doubts``
     what takes them does."""
-    from phaselead.record import doubts_about, parse_column_map, parse_rate, read_recording
+    from phaselead.record import doubts_about, parse_column_map, parse_rate, read_recording, refuse_map_of_some
 
     columns = parse_column_map(column_map) if column_map else None
     rate_Hz = parse_rate(rate) if rate else None
+    refuse_map_of_some(arguments, columns)
     found = [read_recording(argument, columns=columns, rate_Hz=rate_Hz) for argument in arguments]
     if doubts and columns is not None:
         warn(line for recording in found for line in doubts_about(recording))

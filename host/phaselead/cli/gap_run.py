@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 from phaselead.api import gap_next
@@ -43,7 +44,8 @@ def compare(
         raise BadInput("gap needs a model; give --model STAGE.toml")
     keep_freed_memory()
     stage = load_stage(model_path)
-    parts = [read_recordings(part, column_map, rate) for part in (train, holdout, reference)]
+    every = iter(read_recordings((*train, *holdout, *reference), column_map, rate))
+    parts = [list(islice(every, len(part))) for part in (train, holdout, reference)]
     if verify_on:
         check_port(verify_on)
     with progress("comparing", 1.0) as advance:
@@ -60,12 +62,22 @@ def compare(
     if json_to and json_to != "-":
         texts[json_to] = json_text(result.as_json())
     write_texts(texts, overwrite=overwriting())
-    show(result.as_json(), json_to, printed(result, list(texts)))
+    show(result.as_json(), json_to, [*printed(result, list(texts)), *_to_record(result, model_path, json_to)])
 
 
 def printed(result: GapResult, written: Sequence[str]) -> list[Table | str]:
     """What is printed for a person: the result, and the files that hold it."""
     return [*result.tables(), *(f"wrote {path}" for path in written)]
+
+
+def _to_record(result: GapResult, model_path: str, json_to: str | None) -> list[str]:
+    """The command that records the experiment that is proposed, where there is one that it can run."""
+    proposed = result.next_experiment
+    if proposed is None or proposed.needs_sensor or proposed.several_axes or json_to == "-":
+        return []
+    if json_to is None:
+        return ["to have it recorded, run this again with --json gap.json"]
+    return [f"to record it: phaselead gap next {json_to} --model {model_path} --port P -o more.h5"]
 
 
 def run_next(
@@ -92,7 +104,7 @@ def run_next(
             gap_json, port, output=output, axis=driven, model=stage, overwrite=overwriting(), on_progress=advance
         )
     said = (
-        f"wrote {output}, {len(recording.t_s)} samples; add it to --train (to --reference if the stage was as before), "
-        "run gap again"
+        f"wrote {output}, {len(recording.t_s)} samples from {port}; add it to --train (to --reference if the stage was "
+        "as before), run gap again with the same --model"
     )
     emit(recording.facts() | {"output": output}, json_to, [said])

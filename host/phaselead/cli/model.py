@@ -201,6 +201,8 @@ def identify(
     folder, holds = save_to or f"{output}.records", axis_names if creeping else ()
     keep = keeping(folder, plan, holds, resume=resume, overwrite=overwriting(), only_until_done=save_to is None)
     with keep as kept, Device.open(port) as device:
+        if resume and kept.is_empty(plan, holds):
+            warn([f"{folder}: holds no record to go on from; the experiment begins at its first"])
         if stage is None and (warning := assumed_limits(device)) is not None:
             warn([warning])
         tell(f"{kept.ahead(plan, holds)}; Ctrl-C parks, --resume goes on", json_to)

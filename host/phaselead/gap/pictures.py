@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from phaselead.drawing import BLUE, GREEN, RED, figure_style, new_figure, thin
+from phaselead.drawing import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
 from phaselead.gap.findings import Cell, Trace
+from phaselead.gap.locate import LEVEL
 
 MOST_DRAWN = 8
 """That have room in the figure."""
@@ -23,7 +24,8 @@ def gap_figure(traces: Sequence[Trace], cells: Sequence[Cell]) -> Figure:
         if traces:
             _trace(left, max(traces, key=lambda trace: float(np.std(trace.measured_um - trace.before_um))))
         shown = list(reversed(cells[:MOST_DRAWN]))
-        right.barh(range(len(shown)), [100 * cell.share for cell in shown], color=GREEN)
+        colours = [GREEN if cell.p <= LEVEL else GREY for cell in shown]
+        right.barh(range(len(shown)), [100 * cell.share for cell in shown], color=colours)
         right.set_yticks(range(len(shown)), [f"{cell.by}: {cell.cell}" for cell in shown])
         right.set(xlabel="share of the unexplained power (%)", xlim=(0, 100))
         return figure

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from phaselead.gap.design import records_that_show
 from phaselead.gap.findings import (
     PROVISIONAL,
     Adopted,
@@ -30,7 +29,7 @@ from phaselead.gap.locate import excludes, headline, percent, three_digits, unit
 from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.unexplained import Unexplained
 from phaselead.gap.verify_on import TrackingComparison
-from phaselead.model import Scene, Stage, derived_sizes
+from phaselead.model import Scene, Stage, catalogue, derived_sizes
 from phaselead.record import Source, write_text
 from phaselead.result import Result, Table, json_text
 
@@ -210,19 +209,27 @@ class GapResult(Result):
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
         parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}")
         if self.unexplained is not None and self.unexplained.something_missing:
-            parts.append(self.unexplained_sentence)
+            by_chance = f"chance alone may give {100 * self.unexplained.chance:.0f} %"
+            parts.append(f"{self.unexplained_sentence} ({by_chance})")
         if self.advice:
             parts.append(self.advice)
         parts += _bounds(self.excluded)
         if self.untestable and "unknown" in self.verdicts:
-            records = tuple(records_that_show(self.untestable).items())
-            parts.append(Table(("not testable with these records", "record that would show it"), records))
+            reasons = tuple((name, self._why_untestable(name)) for name in self.untestable)
+            parts.append(Table(("not testable with these records", "why, and what would show it"), reasons))
         elif self.untestable:
             parts.append(f"not testable with these records: {', '.join(self.untestable)}")
         if self.next_experiment is not None:
             parts.append(_experiment_text(self.next_experiment))
         tracked = [] if self.verification is None else self.verification.tables()
         return [*parts, *self.messages, *tracked]
+
+    def _why_untestable(self, name: str) -> str:
+        """Why these records say nothing of an effect, and which would; for one that another stands for, none would."""
+        why, effect = self.untestable_why.get(name, ""), catalogue()[name]
+        if effect.reveals in why or effect.alone_as is not None:
+            return why
+        return f"{why}; {effect.reveals}" if why else effect.reveals
 
     def _repr_html_(self) -> str:
         """What is printed, and below it the largest cells of the residual and every bound."""

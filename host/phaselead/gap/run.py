@@ -17,7 +17,7 @@ from phaselead.gap.findings import Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
-from phaselead.gap.scale import beside_model, refuse_unlike_model, scale_doubts
+from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
 from phaselead.gap.search import Progress
 from phaselead.gap.several_axes import search_together
 from phaselead.gap.verify_on import verify_on
@@ -53,7 +53,7 @@ def run_gap(
     runs = axis_runs(stage, train, holdout, reference)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
-    doubts = scale_doubts(driven)
+    doubts = (*scale_doubts(driven), *exchange_doubts(driven))
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.

@@ -12,6 +12,9 @@ from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
 from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain, unit_remedy
 
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
+MOST_UNLIKE = 4.0
+"""Times what the model leaves of other records, beyond which references are doubted: a record differs from the
+reference records by no more (``TIMES_BASE`` of the judge)."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it by its own voltage alone, and its position, (n,) in um over the scored rows."""
 Compared = Mapping[str, Sequence[Moved]]
@@ -26,6 +29,30 @@ def beside_model(stage: Stage, runs: Mapping[str, Sequence[GapRun]]) -> Compared
 def scale_doubts(driven: Compared) -> tuple[str, ...]:
     """One line for each axis whose records move as no change of the stage makes them: out of scale, or backwards."""
     return tuple(line for axis, of_axis in driven.items() for line in _doubt(axis, of_axis))
+
+
+def exchange_doubts(driven: Compared) -> tuple[str, ...]:
+    """One line for each axis whose reference records the model describes far worse than the others: it was made of
+    them, so they may have been given in the others' place."""
+    return tuple(line for axis, of_axis in driven.items() for line in _exchanged(axis, of_axis))
+
+
+def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
+    left = {role: _share_left([pair for pair in driven if pair[0].role == role]) for role in ROLES}
+    reference, others = left.pop("reference"), [share for share in left.values() if share is not None]
+    if reference is None or not others or reference <= MOST_UNLIKE * max(others):
+        return []
+    return [
+        f"{axis}: of the reference records' motion the model leaves {100 * reference:.2g} %, of the others' at most "
+        f"{100 * max(others):.2g} %: were they exchanged? --reference takes records of when the model fitted"
+    ]
+
+
+def _share_left(driven: Sequence[Moved]) -> float | None:
+    """What the model leaves of the motion of some records, each about its mean; None without any that moves."""
+    moved = sum(float(np.var(x) * len(x)) for _, _, x in driven)
+    left = sum(float(np.var(x - said) * len(x)) for _, said, x in driven)
+    return float(np.sqrt(left / moved)) if moved > 0 else None
 
 
 def refuse_unlike_model(driven: Compared) -> None:

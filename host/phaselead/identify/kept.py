@@ -37,6 +37,10 @@ class Kept:
         there = [self.path(name).exists() for name in names_of(plan, holds)]
         return any(there) and not all(there)
 
+    def is_empty(self, plan: Sequence[Experiment], holds: Sequence[str]) -> bool:
+        """Whether none of these records is there."""
+        return not any(self.path(name).exists() for name in names_of(plan, holds))
+
     def ahead(self, plan: Sequence[Experiment], holds: Sequence[str]) -> str:
         """What is still to be measured and how long that takes, in words."""
         sines = [e for e in plan if not self.path(e.name).exists()]

@@ -10,13 +10,21 @@ from phaselead.record.columns import AXES, own_header, parse_axes, parse_column_
 from phaselead.record.digest import Source, file_sha256
 from phaselead.record.direction import counts_backwards, slow_gain
 from phaselead.record.exporting import SUFFIXES, export, write_csv
-from phaselead.record.gathering import MapLike, RecordLike, RecordsLike, from_columns, gather, gather_one
+from phaselead.record.gathering import (
+    MapLike,
+    RecordLike,
+    RecordsLike,
+    from_columns,
+    gather,
+    gather_one,
+    gather_parts,
+)
 from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.plausible import doubts_about, times_in
-from phaselead.record.read import read_recording, scored_alone, split_argument
+from phaselead.record.read import read_recording, refuse_map_of_some, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
 from phaselead.record.units import factors_moved, in_another_unit, unit_remedy
@@ -50,6 +58,7 @@ __all__ = [
     "from_columns",
     "gather",
     "gather_one",
+    "gather_parts",
     "hdf5_in_parts",
     "import_files",
     "import_names",
@@ -64,6 +73,7 @@ __all__ = [
     "read_recording",
     "refuse_clipped",
     "refuse_gapped",
+    "refuse_map_of_some",
     "require_walkable",
     "scored_alone",
     "slow_gain",

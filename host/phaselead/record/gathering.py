@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any, Protocol, runtime_checkable
 
@@ -15,7 +15,7 @@ from phaselead.errors import BadInput
 from phaselead.record.axis_record import Samples
 from phaselead.record.checks import require_finite, require_uniform
 from phaselead.record.columns import UNITS, ColumnMap, axes_of, parse_column_map, parse_rate, shown
-from phaselead.record.read import read_recording, split_argument
+from phaselead.record.read import read_recording, refuse_map_of_some, split_argument
 from phaselead.record.recording import Recording, Recordings
 
 
@@ -40,8 +40,10 @@ def gather(records: RecordsLike, map: MapLike | None = None, rate: str | float |
     ``map`` and ``rate`` (``"200Hz"``, or a number in Hz) are for files without our header. Raises BadInput, one line.
     """
     columns, rate_Hz = _column_map(map), parse_rate(rate) if isinstance(rate, str) else rate
+    every = list(_each(records))
+    refuse_map_of_some(_files(every), columns)
     found = Recordings()
-    for one in _each(records):
+    for one in every:
         if isinstance(one, Recording):
             found.append(one)
         elif isinstance(one, Recorded):
@@ -51,6 +53,21 @@ def gather(records: RecordsLike, map: MapLike | None = None, rate: str | float |
         else:
             raise BadInput(f"a {type(one).__name__} is no recording; give a recording, a run or a file's name")
     return found
+
+
+def gather_parts(
+    parts: Sequence[RecordsLike], map: MapLike | None = None, rate: str | float | None = None
+) -> list[Recordings]:
+    """``gather`` of each part, where one map is for all of them. Raises BadInput, one line."""
+    each = [list(_each(part)) for part in parts]
+    refuse_map_of_some([name for part in each for name in _files(part)], _column_map(map))
+    return [gather(part, map, rate) for part in each]
+
+
+def _files(records: Iterable[RecordLike]) -> list[str]:
+    """The files among some records, those of a pattern one by one."""
+    named = [os.fspath(one) for one in records if isinstance(one, str | os.PathLike)]
+    return [name for one in named for name in _names(one)]
 
 
 def gather_one(record: RecordLike, map: MapLike | None = None, rate: str | float | None = None) -> Recording:

@@ -6,6 +6,7 @@ import hashlib
 import math
 import os
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 
 from phaselead.errors import BadInput
@@ -14,13 +15,16 @@ from phaselead.record.columns import ColumnMap, axes_of
 from phaselead.record.hdf5 import SIGNATURE, read_hdf5
 from phaselead.record.journal import is_journal
 from phaselead.record.recording import Recording
-from phaselead.record.text import read_text
+from phaselead.record.text import names_its_columns, read_text
 
 Window = tuple[float, float]
 """From, to in absolute seconds, half-open; infinite where left out."""
 
 EDGE_STEPS = 1e-3
 """A time this close to the edge of a window, in sampling steps, is on it: printed times are rounded."""
+
+HEADING_BYTES = 1 << 16
+"""In which a header is looked for."""
 
 _WINDOW = re.compile(r"([^:]*):([^:]*)")
 
@@ -47,6 +51,33 @@ def read_recording(
         recording = Recording(t_s=times, axes=axes_of(table, path))
     recording = replace(recording, source=os.fspath(argument), sha256=sha256)
     return recording if window is None else windowed(recording, window)
+
+
+def refuse_map_of_some(arguments: Iterable[str], columns: ColumnMap | None) -> None:
+    """Refuse a map for files of which some name their columns themselves: it would read these alike, in other units.
+
+    Raises BadInput, one line. Files that cannot be read are left to ``read_recording``.
+    """
+    if columns is None:
+        return
+    named = {path: _is_named(path) for path in (split_argument(one)[0] for one in arguments)}
+    with_names = next((path for path, has in named.items() if has), None)
+    without = next((path for path, has in named.items() if has is False), None)
+    if with_names is not None and without is not None:
+        raise BadInput(
+            f"{with_names}: names its columns, {without} does not, and --map would be for both; let `phaselead log "
+            f"import {without} -o OUT.h5` convert the one, and leave --map out"
+        )
+
+
+def _is_named(path: str) -> bool | None:
+    """Whether a file names its columns in our units, by how it begins; None where it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            begins = file.read(HEADING_BYTES)
+    except (OSError, ValueError):
+        return None
+    return begins.startswith(SIGNATURE) or names_its_columns(begins)
 
 
 def split_argument(argument: str) -> tuple[str, Window | None]:

@@ -79,6 +79,14 @@ def read_text(
     return table
 
 
+def names_its_columns(content: bytes) -> bool:
+    """Whether the text begins with a header of ours, every column of it in our units."""
+    try:
+        return "t_s" in _own_layout(_plain_text(content, ""), "").columns
+    except BadInput:
+        return False
+
+
 def _plain_text(content: bytes, source: str) -> bytes:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content:
         raise BadInput(f"{source}: is neither text nor HDF5; save it as CSV in UTF-8")
