@@ -189,3 +189,13 @@ def test_a_column_is_believed_when_it_predicts_other_records(count, whole):
     by_record = [sum(each[fold::FOLDS]) for fold in range(FOLDS)]
     assert found.power.sum() == pytest.approx(sum(each))
     assert (found.power == pytest.approx(by_record)) is whole
+
+
+@pytest.mark.parametrize("times", [0.2, 1.0, 5.0])
+def test_without_references_what_was_learned_may_be_of_another_size(times):
+    """A loop grows with the square of its level: learned from small ones, a prediction is of the shape of large ones."""
+    train, holdout = part(outsiders.mode, (1, 2, 3)), scaled(part(outsiders.mode, (4, 5)), um=times)
+    holdout = [run(r.run.u_V / times, r.error_um) for r in holdout]
+    assert unexplained(train, holdout).something_missing
+    turned_round = [run(r.run.u_V, -r.error_um) for r in holdout]
+    assert not unexplained(train, turned_round).something_missing

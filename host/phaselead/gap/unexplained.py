@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,8 @@ WORTH_SHARE = 0.03
 """Of the remaining power: what may be predicted beyond chance before something is missing."""
 FALSE_ALARM = 0.01
 """Probability with which chance alone reaches ``chance``."""
+TINY = 1e-300
+"""um^2: nothing, by which can be divided."""
 SIGN_DRAWS = 2000
 """Of signs: of these the 1 % quantile is known to a tenth of its probability."""
 
@@ -51,7 +54,7 @@ class Unexplained:
     @property
     def something_missing(self) -> bool:
         """Whether more can be predicted than there is where nothing is missing."""
-        return self.share - self.chance > WORTH_SHARE
+        return _beyond_chance(self) > WORTH_SHARE
 
 
 def unexplained(
@@ -62,6 +65,9 @@ def unexplained(
     They are residuals of the final model; ``reference`` records are without what was found since. What such a model
     says must be better than what the reference records show as well, and better than nothing: what these say of other
     waveforms may be worse than that, and making it good predicts nothing.
+
+    Without reference records it may be of any size: what was learned at one level may be far too much or too little at
+    another, and still be of the shape of what is left.
     """
     columns = columns_of([r.run for r in (*train, *reference)])
     learned = _moments(columns, train)
@@ -76,35 +82,57 @@ def unexplained(
         left.append(r.error_um - r.error_um.mean())
         shown.append(made @ known)
         said.append(made @ new)
-    alone = _judged(holdout, left, [one + more for one, more in zip(shown, said, strict=True)])
     if not reference:
-        return alone
-    beyond_shown = _judged(holdout, [e - one for e, one in zip(left, shown, strict=True)], said)
-    least = min(alone, beyond_shown, key=lambda found: found.share - found.chance)
+        products = _products(holdout, left, said)
+        return max(products.as_said, products.at_any_size, key=_beyond_chance)
+    alone = _products(holdout, left, [one + more for one, more in zip(shown, said, strict=True)])
+    beyond_shown = _products(holdout, [e - one for e, one in zip(left, shown, strict=True)], said)
+    least = min(alone.as_said, beyond_shown.as_said, key=_beyond_chance)
     return replace(least, share=min(least.share, 1.0))
+
+
+def _beyond_chance(found: Unexplained) -> float:
+    return found.share - found.chance
 
 
 def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
     return moments_of(columns, [r.run for r in residuals], [r.error_um for r in residuals])
 
 
-def _judged(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Sequence[Samples]) -> Unexplained:
-    """What a prediction ``said`` (n_i,) saves of ``left`` (n_i,), as a share of the power of the residuals.
+class _Products(NamedTuple):
+    """Of what is left and a prediction of it, um^2 summed over all rows: of the two, what chance reaches of that, and
+    of each with itself."""
 
-    By chance the product of the two is as often negative as positive in each block, and independent from block to
-    block, where blocks are longer than it remembers: its sum under random signs is what chance gives.
-    """
-    power = sum(float(np.sum((r.error_um - r.error_um.mean()) ** 2)) for r in holdout)
-    if not power > 0:
-        return Unexplained(0.0, 0.0)
+    sum: float
+    by_chance: float
+    of_prediction: float
+    of_left: float
+
+    @property
+    def as_said(self) -> Unexplained:
+        """What the prediction saves."""
+        share, chance = ((2 * one - self.of_prediction) / self.of_left for one in (self.sum, self.by_chance))
+        return Unexplained(share, max(chance, 0.0))
+
+    @property
+    def at_any_size(self) -> Unexplained:
+        """The same once it is multiplied by what suits what is left best, but not turned round."""
+        both = self.of_prediction * self.of_left
+        share, chance = (max(one, 0.0) ** 2 / both for one in (self.sum, self.by_chance))
+        return Unexplained(share, chance)
+
+
+def _products(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Sequence[Samples]) -> _Products:
+    """By chance the product of the two is as often negative as positive in each block, and independent from block to
+    block, where blocks are longer than it remembers: its sum under random signs is what chance gives."""
     each = [e * p for e, p in zip(left, said, strict=True)]
     wanted = max(*(_block_rows(r) for r in holdout), *(_independent_rows(one) for one in each))
     edges = block_edges([len(one) for one in each], wanted)
     products = np.concatenate([np.add.reduceat(one, edge[:-1]) for one, edge in zip(each, edges, strict=True)])
-    own = sum(float(p @ p) for p in said)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(SIGN_DRAWS, len(products)))
     by_chance = float(np.quantile(signs @ products, 1 - FALSE_ALARM))
-    return Unexplained((2 * float(products.sum()) - own) / power, max((2 * by_chance - own) / power, 0.0))
+    power = sum(float(np.sum((r.error_um - r.error_um.mean()) ** 2)) for r in holdout)
+    return _Products(float(products.sum()), by_chance, max(sum(float(p @ p) for p in said), TINY), max(power, TINY))
 
 
 def _independent_rows(products: Samples) -> int:
