@@ -110,6 +110,20 @@ def test_what_a_straight_line_lacks_may_be_named_and_is_never_nothing():
     assert rows["from a straight line: what is hidden named, or in an honest tie, 0.2 x and more"] == (0.0, 1)
     assert rows["without reference records: right, a tie with what is there, or unknown"] == (100.0, 1)
     assert rows["names that are given are right"] == (pytest.approx(200 / 3), 3)
+    assert rows["from a straight line: names right, of what not every such stage has"] == (0.0, 1)
+
+
+def test_of_what_the_stage_had_before_only_the_sum_could_be_found():
+    """A delay of 1 on top of one of 2 is rightly found as 3."""
+    sized = {"sizes": {"delay": (3.0, 2.8, 3.2)}, "named": ["delay"], "floor": None}
+    missed = {"excluded": [{"name": "delay", "upper_95": 0.5, "unit": "s", "axis": None}]}
+    for allowed, measured in ((["delay"], []), (["creep"], [False])):
+        assert score.intervals_hold(outcome("straight", allowed=allowed, **sized)) == measured
+        assert score.bounds_hold(outcome("straight", allowed=allowed, **missed)) == measured
+    assert score.power_left(outcome("straight", allowed=["creep"], **sized)) is None
+    assert score.power_left(outcome("straight", allowed=["creep"], **{**sized, "floor": 0.1})) == 0.0
+    rows = {row["what"]: row["of"] for row in numbers([outcome("straight", allowed=["delay"], **sized)])}
+    assert rows["from a straight line: what is hidden named, or in an honest tie, 0.2 x and more"] == 0
 
 
 def test_a_system_outside_the_catalogue_wants_no_name_and_no_none():

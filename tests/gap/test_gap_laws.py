@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from rig import Rig
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from phaselead.errors import BadInput
 from phaselead.gap.run import run_gap
@@ -180,6 +181,18 @@ def test_a_record_given_twice_is_refused(part):
     stage = fit(of[0][:4])[0]
     with pytest.raises(BadInput, match=r"^copy.csv: .*give them once$"):
         run_gap(stage, of[1], of[2], of[0])
+
+
+def test_the_search_uses_one_thread():
+    threads = set()
+
+    def looked(_):
+        threads.update(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+
+    reference, train, holdout = parts({})
+    with threadpool_limits(2, "blas"):
+        run_gap(fit(reference)[0], train, holdout, reference, without=OTHERS, on_progress=lambda s: s < 1 and looked(s))
+    assert threads == {1}
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -120,6 +120,14 @@ def test_sizes_that_cannot_be_told_from_each_other_are_asked_together():
         assert shows_itself([(bent, params)], covariance) == [shown]
 
 
+def test_the_slope_of_a_sensors_curve_alone_names_no_bend():
+    """It is a change of gain."""
+    bent = effect("sensor_nonlinearity")
+    for name, shown in (("linear", False), ("cubic", True)):
+        params = {p.name: 9.0 * internal_unit(p) * (p.name == name) for p in bent.parameters}
+        assert shows_itself([(bent, params)], np.eye(4)) == [shown]
+
+
 def test_two_ways_to_weigh_the_records_may_differ_in_another_size():
     """Between 10 and 10, and between -9 and 0: wherever between, or as far on the other side, 0 is far away."""
     bent = effect("sensor_nonlinearity")

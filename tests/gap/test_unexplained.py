@@ -193,7 +193,7 @@ def test_a_column_is_believed_when_it_predicts_other_records(count, whole):
 
 @pytest.mark.parametrize("times", [0.2, 1.0, 5.0])
 def test_without_references_what_was_learned_may_be_of_another_size(times):
-    """A loop grows with the square of its level: learned from small ones, a prediction is of the shape of large ones."""
+    """A loop grows with the square of its level: what was learned from small ones is of the shape of large ones."""
     train, holdout = part(outsiders.mode, (1, 2, 3)), scaled(part(outsiders.mode, (4, 5)), um=times)
     holdout = [run(r.run.u_V / times, r.error_um) for r in holdout]
     assert unexplained(train, holdout).something_missing

@@ -117,7 +117,7 @@ class _Products(NamedTuple):
     @property
     def at_any_size(self) -> Unexplained:
         """The same once it is multiplied by what suits what is left best, but not turned round."""
-        both = self.of_prediction * self.of_left
+        both = max(self.of_prediction * self.of_left, TINY)
         share, chance = (max(one, 0.0) ** 2 / both for one in (self.sum, self.by_chance))
         return Unexplained(share, chance)
 
@@ -132,7 +132,7 @@ def _products(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Seq
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(SIGN_DRAWS, len(products)))
     by_chance = float(np.quantile(signs @ products, 1 - FALSE_ALARM))
     power = sum(float(np.sum((r.error_um - r.error_um.mean()) ** 2)) for r in holdout)
-    return _Products(float(products.sum()), by_chance, max(sum(float(p @ p) for p in said), TINY), max(power, TINY))
+    return _Products(float(products.sum()), by_chance, sum(float(p @ p) for p in said), max(power, TINY))
 
 
 def _independent_rows(products: Samples) -> int:

@@ -97,9 +97,10 @@ def false_names(outcome: Outcome) -> bool:
 def power_left(outcome: Outcome) -> float | None:
     """(after^2 - floor^2) / (before^2 - floor^2), not below 0; None where before is within 5 % of the floor.
 
-    The floor is what the base leaves of the same records with nothing hidden, where the generator knows them.
+    The floor is what the base leaves of the same records with nothing hidden, where the generator knows them; None too
+    where it does not, and the base lacks more than what is hidden.
     """
-    if outcome["error"]:
+    if outcome["error"] or (outcome.get("floor") is None and outcome.get("allowed")):
         return None
     before, after, floor = (float(outcome["gap"][k]) for k in ("before", "after", "floor"))
     floor = floor if outcome.get("floor") is None else float(outcome["floor"])
@@ -121,13 +122,18 @@ def _is_comparable(hidden: Outcome) -> bool:
     return entry is not None and bool(entry.sizes) and hidden["unit"] == entry.sizes[0].unit
 
 
+def alone_hidden(outcome: Outcome) -> list[Outcome]:
+    """The hidden effects of which the stage had none before: of others only a sum of both sizes could be found."""
+    return [h for h in outcome["hidden"] if h["name"] not in outcome.get("allowed", ())]
+
+
 def bounds_hold(outcome: Outcome) -> list[bool]:
-    """For each hidden effect that was missed but bounded: whether its true size is within the bound."""
+    """For each of ``alone_hidden`` that was missed but bounded: whether its true size is within the bound."""
     if outcome["error"]:
         return []
     claimed = {name for claim in claims(outcome) for name in claim}
     found = []
-    for h in outcome["hidden"]:
+    for h in alone_hidden(outcome):
         of_axis = [
             b for b in outcome["excluded"]
             if b["name"] == h["name"] and (h["axis"] is None or b["axis"] in (None, h["axis"]))
@@ -138,11 +144,11 @@ def bounds_hold(outcome: Outcome) -> list[bool]:
 
 
 def intervals_hold(outcome: Outcome) -> list[bool]:
-    """For each hidden effect that was named with a size: whether the true one lies in its 95 % interval. Signs are as
-    the catalogue counts them, and truths have none."""
+    """For each of ``alone_hidden`` that was named with a size: whether the true one lies in its 95 % interval. Signs
+    are as the catalogue counts them, and truths have none."""
     sizes = {} if outcome["error"] else outcome.get("sizes", {})
     found = []
-    for h in outcome["hidden"]:
+    for h in alone_hidden(outcome):
         if h["name"] in sizes and _is_comparable(h):
             _, low, high = sizes[h["name"]]
             found.append(low <= h["value"] <= high or low <= -h["value"] <= high)
@@ -153,6 +159,13 @@ def names_right(outcome: Outcome) -> list[bool]:
     """For each name that is given, not each tie: whether it is hidden, or allowed in a system outside the catalogue."""
     truth = {*hidden_names(outcome), *outcome.get("allowed", ())} - set(outcome["without"])
     return [name in truth for name in ([] if outcome["error"] else outcome["named"])]
+
+
+def names_beyond(outcome: Outcome) -> list[bool]:
+    """The same without the names that are allowed, which most stages of such a kind bear out."""
+    given = [] if outcome["error"] else outcome["named"]
+    pairs = zip(given, names_right(outcome), strict=True)
+    return [right for name, right in pairs if name not in outcome.get("allowed", ())]
 
 
 def stated_and_right(outcome: Outcome) -> list[tuple[float, bool]]:

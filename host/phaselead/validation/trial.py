@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from phaselead.errors import PhaseleadError
+from phaselead.errors import BadInput, PhaseleadError
 from phaselead.gap import GapResult, NamedEffect, excitation_of, keep_freed_memory, run_gap
 from phaselead.identify import STILL_V, Base, fit
 from phaselead.model import Actuator, AxisModel, Place, Stage, catalogue, predict
@@ -51,7 +51,10 @@ def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
 
 def _tried(case: Case, follow_up: bool) -> Outcome:
     reference, train, holdout = case.records()
-    stage = base_model(case, train if _base(case) == "linear" else reference)
+    of_base = train if _base(case) == "linear" else reference
+    if not of_base:
+        raise BadInput(f"{case.name}: has no records to make the base of; give reference records or base = 'linear'")
+    stage = base_model(case, of_base)
     reference = reference if getattr(case, "referenced", True) else []
     began, spent = time.monotonic(), time.process_time()
     result = run_gap(stage, train, holdout, reference, without=case.without)
