@@ -139,6 +139,24 @@ def test_a_provisional_effect_is_kept_and_marked(next_toml):
     assert 'status = "provisional"' in next_toml.read_text()
 
 
+def test_a_model_that_holds_one_is_doubted():
+    """What it stands for is closed, and the answer was none."""
+    u = [outsiders.noisy(0.5, 5000.0, (2.0, 40.0), seed) for seed in (0, 1)]
+    train, holdout = (outsiders.record(lambda u, step_s: 18.0 * u, one, 5000.0, i) for i, one in enumerate(u))
+    view = TimeView(gain_um_per_V=18.0, u_range_V=(-2.0, 10.0), rate_Hz=5000.0)
+    others = tuple(name for name in catalogue() if name != "gain_change")
+
+    def doubts(status):
+        late = AdoptedEffect(name="delay", status=status, params={"delay_s": 1e-5})
+        stage = Stage(name="s", axes={"x": AxisModel(time=view, effects=(late,))})
+        return run_gap(stage, [train], [holdout], without=others).doubts
+
+    assert doubts("named") == ()
+    assert doubts("provisional") == (
+        "x: the model has delay provisionally, whatever it is; to have that asked again, compare the model before it",
+    )
+
+
 def test_it_predicts_uploads_and_tracks_like_a_named_one(next_toml, tmp_path):
     u = outsiders.noisy(0.5, 5000.0, (2.0, 40.0), 0)
     write_csv(tmp_path / "rec.csv", outsiders.record(lambda u, step_s: 18.0 * u, u, 5000.0, 0))

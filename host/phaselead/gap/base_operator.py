@@ -127,12 +127,12 @@ def _beside_all(
 
 def _most_saving(runs: Sequence[ModelledRun], effects: Sequence[Effect]) -> tuple[SizedEffect, Samples] | None:
     """The effect that alone, fitted to the training runs, saves most of the squares of the held-out ones, and what it
-    saves by block; None where none saves more than one of so many would by chance."""
+    saves by block; None where none saves any."""
     held = _of(runs, "holdout")
     fitted = each_fitted(_of(runs, "train"), effects, base_may_be_off=True)
     saved = [(one, saved_by_block(held, (), held, [one])) for one in fitted]
-    beyond_chance = [one for one in saved if probability_by_chance(one[1]) * len(saved) < BY_CHANCE]
-    return max(beyond_chance, key=lambda pair: float(pair[1].sum()), default=None)
+    best = max(saved, key=lambda pair: float(pair[1].sum()), default=None)
+    return best if best is not None and best[1].sum() > 0 else None
 
 
 def _of(runs: Sequence[ModelledRun], role: Role) -> list[ModelledRun]:

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
-from phaselead.gap.findings import Cell, GapSize
+from phaselead.gap.findings import PROVISIONAL, Cell, GapSize
 from phaselead.gap.locate import LEVEL, axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
@@ -53,7 +53,7 @@ def run_gap(
     runs = axis_runs(stage, train, holdout, reference)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
-    doubts = (*scale_doubts(driven), *exchange_doubts(driven))
+    doubts = (*scale_doubts(driven), *exchange_doubts(driven), *_unvouched(stage, list(runs)))
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.
@@ -67,6 +67,16 @@ def run_gap(
     parts = {"train": train, "holdout": holdout, "reference": reference}
     sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
     return replace(found, base=stage, doubts=doubts, sources=sources)
+
+
+def _unvouched(stage: Stage, axes: Sequence[str]) -> list[str]:
+    """One line for each axis whose model has effects that no records vouched for: they hide what they stand for."""
+    held = {axis: [e.name for e in stage.axes[axis].effects if e.status == PROVISIONAL] for axis in axes}
+    return [
+        f"{axis}: the model has {', '.join(names)} provisionally, whatever it is; to have that asked again, compare "
+        "the model before it"
+        for axis, names in held.items() if names
+    ]  # fmt: skip
 
 
 def verified_on(port: str, base: Stage, result: GapResult, on_progress: Progress | None = None) -> GapResult:
