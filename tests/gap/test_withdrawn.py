@@ -28,7 +28,7 @@ def answer(withdraw: bool):
         return found[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(axis, "unexplained", lambda *residuals: Unexplained(0.05, 1e-4))
+        patch.setattr(axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.05, 1e-4))
         patch.setattr(axis, "too_little_described", lambda left, gap: withdraw)
         patch.setattr(run, "search_axis", kept)
         run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
@@ -41,7 +41,9 @@ def test_what_every_withdrawn_claim_was_for_is_still_there(monkeypatch):
     reference, train, holdout = parts({"delay": HIDDEN["delay"]})
     without = [name for name in catalogue() if name not in KEPT]
     monkeypatch.setattr(search, "_that_pay", lambda held, entries, claims: ())
-    monkeypatch.setattr(axis, "unexplained", lambda *residuals: Unexplained(0.0, 1.0))  # which would say so, too
+    monkeypatch.setattr(
+        axis, "unexplained", lambda *residuals, of_any_size: Unexplained(0.0, 1.0)
+    )  # which would say so, too
     found = run.run_gap(fit(reference)[0], train, holdout, reference, without=without)
     assert found.verdicts == ("unknown",)
     assert not found.effects

@@ -114,7 +114,9 @@ def search_axis(
     final = final_fit(selection, runs, noise)
     named, ties, file_entries = _named(selection, final, label)
     other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
-    left = unexplained(final.residuals("train"), final.residuals("holdout"), final.residuals("reference"))
+    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    # Beside a name, that something more is there is a claim too.
+    left = unexplained(*residuals, of_any_size=not named and not ties)
     surviving, predictable, said = selection, left.something_missing, list(selection.messages)
     if (named or ties) and too_little_described(left, final.gap):
         names = " or ".join(sorted(_names(named, ties)))

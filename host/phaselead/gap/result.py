@@ -209,8 +209,7 @@ class GapResult(Result):
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
         parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}")
         if self.unexplained is not None and self.unexplained.something_missing:
-            by_chance = f"chance alone may give {100 * self.unexplained.chance:.0f} %"
-            parts.append(f"{self.unexplained_sentence} ({by_chance})")
+            parts.append(self.unexplained_sentence)
         if self.advice:
             parts.append(self.advice)
         parts += _bounds(self.excluded)

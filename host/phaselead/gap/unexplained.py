@@ -49,7 +49,8 @@ class Unexplained:
         """For a person. ``named``: whether any effect was named."""
         share = max(self.share, 0.0)
         leaves = "the names leave" if named else "the model leaves"
-        return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves}"
+        chance = f"chance alone: up to {100 * self.chance:.0f} %"
+        return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves} ({chance})"
 
     @property
     def something_missing(self) -> bool:
@@ -58,7 +59,10 @@ class Unexplained:
 
 
 def unexplained(
-    train: Sequence[RunResidual], holdout: Sequence[RunResidual], reference: Sequence[RunResidual] = ()
+    train: Sequence[RunResidual],
+    holdout: Sequence[RunResidual],
+    reference: Sequence[RunResidual] = (),
+    of_any_size: bool = False,
 ) -> Unexplained:
     """How much of the held-out residuals a generic model predicts that was fitted to the training residuals.
 
@@ -66,8 +70,8 @@ def unexplained(
     says must be better than what the reference records show as well, and better than nothing: what these say of other
     waveforms may be worse than that, and making it good predicts nothing.
 
-    Without reference records it may be of any size: what was learned at one level may be far too much or too little at
-    another, and still be of the shape of what is left.
+    ``of_any_size``: without reference records, whether it counts by its shape as well. What was learned at one level
+    may be far too much or too little at another, and still be of the shape of what is left.
     """
     columns = columns_of([r.run for r in (*train, *reference)])
     learned = _moments(columns, train)
@@ -84,7 +88,8 @@ def unexplained(
         said.append(made @ new)
     if not reference:
         products = _products(holdout, left, said)
-        return max(products.as_said, products.at_any_size, key=_beyond_chance)
+        found = [products.as_said, *([products.at_any_size] if of_any_size else [])]
+        return max(found, key=_beyond_chance)
     alone = _products(holdout, left, [one + more for one, more in zip(shown, said, strict=True)])
     beyond_shown = _products(holdout, [e - one for e, one in zip(left, shown, strict=True)], said)
     least = min(alone.as_said, beyond_shown.as_said, key=_beyond_chance)

@@ -179,12 +179,13 @@ def _taken(found: StageFit, axis: str, named: Sequence[NamedEffect]) -> set[str]
 
 def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplained:
     """How much of what the fit leaves on one axis can be predicted from the voltages."""
-    parts = []
-    for role, records in (("train", found.train), ("holdout", found.held)):
+
+    def left(role: str, records: Sequence[JointRecord]) -> list[RunResidual]:
         of_role = [run for run in runs if run.role == role]
         errors = [_error(record, found.fit, axis) for record in records]
-        parts.append([RunResidual(run, error) for run, error in zip(of_role, errors, strict=True)])
-    return unexplained(*parts)
+        return [RunResidual(run, error) for run, error in zip(of_role, errors, strict=True)]
+
+    return unexplained(left("train", found.train), left("holdout", found.held))
 
 
 def _named(found: StageFit, axis: int) -> list[NamedEffect]:
