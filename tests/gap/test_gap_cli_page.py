@@ -29,7 +29,7 @@ from phaselead.model import catalogue
 from phaselead.model.axis import AxisModel, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.record import Source
-from phaselead.report.gap import gap_page, remains, standing_out
+from phaselead.report.gap import gap_page, remains, standing_out, verdict_card
 
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
 
@@ -255,6 +255,14 @@ def test_of_two_ties_both_are_in_the_headline_and_the_experiment_says_which_it_d
     assert "Creep or thermal drift; delay or amplifier low-pass verdict: tie" in said
     assert "It is to tell apart delay and amplifier low-pass." in said
     assert "to tell delay, amplifier_lowpass apart: " in str(two)
+
+
+@pytest.mark.parametrize(("share", "first"), [(0.9, "Resonance"), (0.02, "Delay or amplifier low-pass")])
+def test_what_is_tied_comes_first_where_what_is_named_explains_little(share, first):
+    named = replace(result().effects[0], share=share)
+    card = verdict_card(replace(result(), effects=(named,), ties=(PAIR,)))
+    assert card["value"] == first
+    assert ("beside them resonance" in card["label"]) == (share < 0.5)
 
 
 def test_without_a_tie_the_experiment_is_for_the_power_of_the_level():

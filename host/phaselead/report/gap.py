@@ -41,6 +41,8 @@ from phaselead.report.wording import begun, effect_title, in_prose, listed
 
 MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
+MOST_OF_IT = 0.5
+"""Share of the power from which the first card is of what is named, whatever is tied."""
 SIZES_ON_CARD = 2
 """Parameters of the first effect."""
 NEAR_FLOOR = 1.1
@@ -141,15 +143,17 @@ def cards(result: GapResult) -> list[dict[str, str]]:
 
 
 def verdict_card(result: GapResult) -> dict[str, str]:
-    """What is missing, by name and size."""
+    """What is missing, by name and size; ties first where what is named explains the lesser part."""
     sure = f"verdict: {', '.join(result.verdicts)}"
+    alike = [listed([effect_title(n) for n in tie], "or") for tie in result.ties]
     if result.effects:
         first, *others = result.effects
         size = ", ".join(sizes_of(first))
         more = f", and {listed([_title(e) for e in others])}" if others else ""
+        if alike and sum(effect.share for effect in result.effects) < MOST_OF_IT:
+            return {"value": begun("; ".join(alike)), "label": f"beside them {_title(first)}, {size}{more}; {sure}"}
         return {"value": begun(_title(first)), "label": f"{size}{more}; {sure}"}
-    if result.ties:
-        alike = [listed([effect_title(n) for n in tie], "or") for tie in result.ties]
+    if alike:
         return {"value": begun("; ".join(alike)), "label": sure}
     if "unknown" in result.verdicts:
         return {"value": "Something unnamed", "label": sure}
