@@ -137,6 +137,11 @@ def test_the_proposed_experiment_is_run_for_what_can_be_scored(kind, asked, monk
     assert "after_next" not in trial._tried(Tried(kind), follow_up=False)
 
 
+def test_a_base_needs_records():
+    with pytest.raises(BadInput, match="no records to make the base of"):
+        trial.base_model(type("Tried", (), {"name": "mine/1"})(), [])
+
+
 @pytest.mark.parametrize(
     ("words", "why"),
     [

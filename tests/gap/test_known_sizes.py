@@ -11,8 +11,8 @@ VIEW = TimeView(gain_um_per_V=20.0, u_range_V=(0.0, 8.0), rate_Hz=5000.0)
 LIMITED = [(e, p) for e in catalogue().values() for p in e.parameters if p.known is not None]
 
 
-def test_creep_and_the_curve_of_a_sensor_are_limited():
-    assert {e.name for e, _ in LIMITED} == {"creep", "sensor_nonlinearity"}
+def test_creep_the_curve_of_a_sensor_and_friction_are_limited():
+    assert {e.name for e, _ in LIMITED} == {"creep", "rate_dependence", "sensor_nonlinearity"}
 
 
 @pytest.mark.parametrize(("effect", "parameter"), LIMITED, ids=[f"{e.name}.{p.name}" for e, p in LIMITED])

@@ -51,10 +51,7 @@ def try_case(folder: str, name: str, follow_up: bool = True) -> Outcome:
 
 def _tried(case: Case, follow_up: bool) -> Outcome:
     reference, train, holdout = case.records()
-    of_base = train if _base(case) == "linear" else reference
-    if not of_base:
-        raise BadInput(f"{case.name}: has no records to make the base of; give reference records or base = 'linear'")
-    stage = base_model(case, of_base)
+    stage = base_model(case, train if _base(case) == "linear" else reference)
     reference = reference if getattr(case, "referenced", True) else []
     began, spent = time.monotonic(), time.process_time()
     result = run_gap(stage, train, holdout, reference, without=case.without)
@@ -75,7 +72,10 @@ def _base(case: Case) -> Base:
 
 
 def base_model(case: Case, records: Sequence[Recording]) -> Stage:
-    """The model a lab would start from: a fit of the driven, open-loop ones of some records."""
+    """The model a lab would start from: a fit of the driven, open-loop ones of some records. Raises BadInput without
+    any."""
+    if not records:
+        raise BadInput(f"{case.name}: has no records to make the base of; give reference records or base = 'linear'")
     driven = [r for r in records if _driven(r)]
     open_loop = [r for r in driven if all(a.r_um is None for a in r.axes.values())]
     axes: Any = {axis: _known(case) for axis in records[0].axes}
