@@ -111,7 +111,7 @@ def test_the_command_reports_both(adopted, port):
     assert set(content["tracking"]["runs"][0]) == {"axis", "path", "mode", "before", "after"}
     page = (adopted / "gap.html").read_text()
     assert "Is a path followed better with the next model?" in page
-    assert page.count("with the model before (red)") == 2
+    assert page.count("with the model before (orange)") == 2
     assert "tracking on" in done.output
 
 
