@@ -336,3 +336,27 @@ def test_a_map_for_files_of_which_some_name_their_columns_is_refused(run, folder
     refused(run, folder, "other.csv: names its columns", "log import", str(foreign), train=foreign, map=shown)
     with pytest.raises(BadInput, match=r"other\.csv: names its columns"):
         gap(folder / "model.toml", train=foreign, holdout=folder / "other.csv", map=shown)
+
+
+@pytest.mark.parametrize(
+    ("columns", "header", "said"),
+    [
+        ([0, 2], "t_s,x_um", "has no voltage beside its position"),
+        ([0, 1], "t_s,u_V", "has no position beside its volt"),
+    ],
+)
+def test_half_a_record(run, folder, columns, header, said):
+    half = write(folder / "half.csv", rows(3)[:, columns], header)
+    refused(run, folder, "half.csv", said, "map the missing column", train=half)
+
+
+def test_a_gap_json_in_place_of_a_model(run, folder):
+    (folder / "old.json").write_text('{"verdicts": ["none"]}')
+    refused(run, folder, "old.json: is JSON", "give the .toml", model=folder / "old.json")
+
+
+def test_a_record_in_the_place_of_a_command(run, folder):
+    outcome = run("gap", "--model", folder / "model.toml", folder / "train.csv")
+    assert outcome.status == 2
+    assert "train.csv: what is it for? Give records with --train, --holdout, --reference" in outcome.err
+    assert outcome.err.count("\n") == 1

@@ -120,7 +120,8 @@ def test_records_in_another_unit_are_refused(change, said, of):
     with pytest.raises(BadInput, match="another unit") as refused:
         run_gap(stage(), train, holdout)
     assert float(str(refused.value).split(" moves ")[1].split()[0]) == pytest.approx(said, rel=0.1)
-    assert "--map" in str(refused.value)
+    assert ("--map" in str(refused.value)) == all(of)
+    assert ("log import" in str(refused.value)) != all(of)
     assert ("fit the model to this stage" in str(refused.value)) == all(of)
 
 

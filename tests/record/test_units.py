@@ -62,12 +62,13 @@ def test_a_prefix_is_seen_whatever_the_stage_does_beside_it(prefix, decades, f_H
 
 @pytest.mark.parametrize(
     ("factor", "position", "voltage"),
-    [(1e-3, "x_um=COLUMN*1000 ", "u_V=COLUMN*0.001 "), (2e-6, "x_um=COLUMN*1e+06 ", "u_V=COLUMN*1e-06 "),
-     (700.0, "x_um=COLUMN*0.001 ", "u_V=COLUMN*1000 ")],
+    [(1e-3, "x_um=3*1000 ", "u_V=2*0.001,"), (2e-6, "x_um=3*1e+06 ", "u_V=2*1e-06,"),
+     (700.0, "x_um=3*0.001 ", "u_V=2*1000,")],
 )  # fmt: skip
 def test_the_remedy_undoes_the_factor(factor, position, voltage):
-    assert position in unit_remedy(factor)
-    assert voltage in unit_remedy(factor)
+    assert position in unit_remedy(factor, of_all=True)
+    assert voltage in unit_remedy(factor, of_all=True)
+    assert "--map" not in unit_remedy(factor, of_all=False)  # it would be for the others too
 
 
 def test_records_that_stand_still_or_follow_nothing_tell_nothing():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import click
@@ -25,6 +26,14 @@ class GapGroup(click.Group):
         if {"--frozen", "--refit"} <= set(args):
             raise BadInput("--frozen keeps the base, --refit fits it anew: give one of them")
         return super().parse_args(ctx, spread(args))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The subcommand that is meant; a file in its place is a record without its option."""
+        if args and args[0] not in self.commands and os.path.exists(args[0]):
+            raise BadInput(f"{args[0]}: what is it for? Give records with {', '.join(LISTS)}, the model with --model")
+        return super().resolve_command(ctx, args)
 
 
 def spread(args: list[str]) -> list[str]:

@@ -137,9 +137,14 @@ def _refuse_without_common_axis(stage: Stage, records: Sequence[Recording]) -> N
     found = _complete_axes(one)
     if found and len(strangers) < len(records):
         raise BadInput(f"{one.source}: is of {_said(found)}, the model has {_said(sorted(stage.axes))}; leave it out")
+    if not found:
+        halves = ("position", "voltage") if any(a.x_um is None for a in one.axes.values()) else ("voltage", "position")
+        raise BadInput(
+            f"{one.source}: has no {halves[0]} beside its {halves[1]}; record both, or map the missing column"
+        )
     raise BadInput(
         f"{one.source}: no common channel: the model has {_said(sorted(stage.axes))}, the record has both voltage and "
-        f"position of {', '.join(found) or 'no axis'}; map the missing column or fit that axis first"
+        f"position of {', '.join(found)}; map the missing column or fit that axis first"
     )
 
 

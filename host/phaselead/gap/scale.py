@@ -68,10 +68,11 @@ def _refuse(axis: str, driven: Sequence[Moved]) -> None:
     off = {i: factor for i, factor in found.items() if in_another_unit(factor)}
     if off:
         (first, factor), *more = off.items()
-        instead = "fit the model to this stage" if len(off) == len(found) else "leave the record out"
+        of_all = len(off) == len(found)
+        instead = "fit the model to this stage" if of_all else "leave the record out"
         raise BadInput(
             f"{well[first][0].name}: axis {axis} moves {factor:.2g} times as far as the model says"
-            f"{more_like_it(len(more))}; {unit_remedy(factor)}, or {instead}"
+            f"{more_like_it(len(more))}; {unit_remedy(factor, of_all)}, or {instead}"
         )
 
 

@@ -224,7 +224,8 @@ def refuse_unlike_others(runs: Sequence[AxisRun]) -> None:
     odd, *more = apart[most]
     raise BadInput(
         f"{runs[odd].source}: axis {runs[odd].axis} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, but "
-        f"{gains[most]:.3g} um/V in {runs[most].source}; {unit_remedy(gains[odd] / gains[most])}, or fit them apart"
+        f"{gains[most]:.3g} um/V in {runs[most].source}; {unit_remedy(gains[odd] / gains[most], of_all=False)}, or fit "
+        "them apart"
     )
 
 

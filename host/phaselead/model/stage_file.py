@@ -215,6 +215,8 @@ def parse_stage(text: str, source: str = "stage") -> Stage:
     except (ValueError, RecursionError) as error:
         if _is_table(text):
             raise BadInput(f"{source}: has columns, but a stage file (.toml) has keys; is it a recording?") from None
+        if text.lstrip().startswith("{"):
+            raise BadInput(f"{source}: is JSON, but a stage file is TOML; give the .toml beside it") from None
         reason = " ".join(str(error).split())[:200]
         raise BadInput(f"{source}: is not TOML: {reason}; repair the line, or fit the stage file again") from None
     if content.get("format") != FORMAT:

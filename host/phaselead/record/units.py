@@ -35,12 +35,18 @@ def factors_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[fl
     return {i: gain for i, gain in gains.items() if gain is not None and gain > 0}
 
 
-def unit_remedy(factor: float) -> str:
-    """What to do about a column that is in another unit by this factor."""
+def unit_remedy(factor: float, of_all: bool) -> str:
+    """What to do about a column that is in another unit by this factor, in all of the records or in some: a map is for
+    all of them."""
+    if not of_all:
+        return (
+            "name the column that is in another unit by that, as x_nm or u_mV, in the header of the file, and let "
+            "`phaselead log import` convert it"
+        )
     whole = 10.0 ** (PREFIX * round(math.log10(factor) / PREFIX))
     return (
-        f"give the factor of the column that is in another unit, --map x_um=COLUMN*{1 / whole:g} or "
-        f"u_V=COLUMN*{whole:g} (in Python map=)"
+        "map all columns, with the factor of the one that is in another unit, as --map "
+        f"t_s=1,u_V=2,x_um=3*{1 / whole:g} or t_s=1,u_V=2*{whole:g},x_um=3 (in Python map=)"
     )
 
 
