@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from phaselead.gap.disturbances.jitter import find_jitter
+from phaselead.gap.disturbances.largest import largest
 from phaselead.gap.disturbances.search import find_disturbances
 from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
 from phaselead.gap.records import GapRun
@@ -207,3 +208,34 @@ def test_a_narrow_vibration_in_a_short_record_is_found(seed):
     assert found is not None
     assert abs(found.params["f_Hz"][0] - 17) < 6
     assert find_vibration("vibration", [still(0.0, "train")], [still(0.0, "holdout")], calm) is None
+
+
+def moving(rng, n, noise_um):
+    """A record that moves, and what a model without an error leaves of it."""
+    u = np.cumsum(rng.normal(size=n)) * 0.02
+    return u, RunResidual(run_of(u, 10 * u), noise_um * rng.normal(size=n))
+
+
+@pytest.mark.parametrize("noise_um", [0.0, 0.003])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_disturbance_is_no_larger_than_all_that_is_left(seed, noise_um):
+    rng, n, t = np.random.default_rng(seed), 4000, STEP_s * np.arange(4000)
+
+    def rest(error_um):
+        return [left(error_um + noise_um * rng.normal(size=n)) for _ in range(2)]
+
+    shaken, humming = rest(ringing(rng, n, 60.0, 0.02)), rest(0.02 * np.sin(2 * np.pi * 50 * t))
+    assert largest(shaken[:1], shaken[1:])["band"] >= 0.0099
+    assert largest(humming[:1], humming[1:])["lines"] >= 0.0199
+    assert set(largest(shaken[:1], shaken[1:])) == {"lines", "band"}
+    parts = [moving(rng, n, noise_um)[1] for _ in range(2)]
+    grid = [RunResidual(r.run, r.error_um + 0.05 * np.round(r.run.x_um / 0.05) - r.run.x_um) for r in parts]
+    assert largest(grid[:1], grid[1:])["grid"] >= 0.049
+    late = [RunResidual(r.run, r.error_um + 1e-5 * rng.normal(size=n) * np.sqrt(r.speed_um_per_s**2)) for r in parts]
+    assert largest(late[:1], late[1:])["speed"] >= 0.97e-5
+    assert set(largest(late[:1], late[1:])) == {"grid", "speed"}
+
+
+def test_a_clock_is_not_tested_without_references():
+    parts = [[moving(np.random.default_rng(seed), 4000, 0.003)[1]] for seed in (0, 1)]
+    assert "--reference" in find_disturbances(*parts, [], {"sampling_jitter"})[1]["sampling_jitter"]

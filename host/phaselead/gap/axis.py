@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from phaselead.gap.adopt import adopted, kept_names
-from phaselead.gap.bounds import MANY_TIMES, upper_bounds
+from phaselead.gap.bounds import MANY_TIMES, disturbance_bounds, upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.disturbances import (
     HELD_OUT_P,
@@ -228,11 +228,14 @@ def _beyond_voltage(
     """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
     residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
     found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
+    tested = [effect for effect in effects if effect.name not in untested]
+    bounds, hidden = disturbance_bounds(*residuals[:2], tested, {one.name for one in found}, label)
     zero = _moved_zero(final, effects, claimed, label)
     named = [*(_disturbance(one, final, label) for one in found), *zero.named]
     unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
     shown = disturbance_spectra(found, residuals[1], residuals[2], axis)
-    return _BeyondVoltage(named, zero.ties, zero.excluded, unknown, untested, zero.tested, shown, left_out)
+    excluded, untested = [*zero.excluded, *bounds], {**untested, **hidden}
+    return _BeyondVoltage(named, zero.ties, excluded, unknown, untested, zero.tested, shown, left_out)
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,15 @@
-"""How large what is absent may be: upper bounds of effects that were not named, from the posterior of their size."""
+"""How large what is absent may be: upper bounds of effects that were not named.
+
+Of responses they are from the posterior of their size, of disturbances from all that is left of the records."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from phaselead.gap.disturbances import largest
+from phaselead.gap.disturbances.disturbance import Residuals
 from phaselead.gap.findings import Bound
 from phaselead.gap.posterior import KNOWN_BEFORE, largest_sizes
 from phaselead.gap.selection import Selection
@@ -26,11 +30,27 @@ def upper_bounds(
     assert selection.contest is not None
     others = selection.contest.likelihood.fit(selection.entries, steps=0)
     absent = [effect for effect in effects if effect.name not in without]
-    largest = largest_sizes(selection.contest, others, absent)
+    sizes = largest_sizes(selection.contest, others, absent)
+    uppers = {e.name: max(sizes.get(e.name, np.inf), _in_place_of_a_named(selection, e)) for e in absent}
+    return _told(absent, uppers, axis)
+
+
+def disturbance_bounds(
+    train: Residuals, holdout: Residuals, effects: Sequence[Effect], without: set[str], axis: str | None
+) -> tuple[list[Bound], dict[str, str]]:
+    """The same of the disturbances among the effects that have a test of their own and were not found by it."""
+    uppers = largest(train, holdout)
+    absent = [effect for effect in effects if effect.seen_as in uppers and effect.name not in without]
+    return _told(absent, {e.name: uppers[e.seen_as] for e in absent if e.seen_as is not None}, axis)
+
+
+def _told(
+    absent: Sequence[Effect], uppers: Mapping[str, float], axis: str | None
+) -> tuple[list[Bound], dict[str, str]]:
+    """The bounds that say anything, and why the others do not, by name."""
     found, untestable = [], {}
     for effect in absent:
-        size = effect.sizes[0]
-        upper = max(largest.get(effect.name, np.inf), _in_place_of_a_named(selection, effect))
+        size, upper = effect.sizes[0], uppers[effect.name]
         if upper > MANY_TIMES * size.typical:
             untestable[effect.name] = f"these records do not excite it; what would: {effect.reveals}"
         elif upper > KNOWN_BEFORE * size.typical or upper >= max(abs(size.low), size.high):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, Disturbance
+from phaselead.gap.disturbances.largest import largest
 from phaselead.gap.disturbances.search import find_disturbances
 from phaselead.gap.disturbances.session_offset import HELD_OUT_P, RecordOffset, Shift, best_explained, session_shifts
 from phaselead.gap.disturbances.spectra import disturbance_spectra
@@ -17,6 +18,7 @@ __all__ = [
     "best_explained",
     "disturbance_spectra",
     "find_disturbances",
+    "largest",
     "louder_at_rest",
     "session_shifts",
 ]

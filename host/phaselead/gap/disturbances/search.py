@@ -26,13 +26,15 @@ class _Test(NamedTuple):
     """Whether training and held-out records at rest are needed, and used alone."""
     in_motion: bool
     """Whether the training records must move."""
+    referenced: bool = False
+    """Whether it takes reference records."""
 
 
 TESTS = {
     "lines": _Test(find_hum, at_rest=True, in_motion=False),
     "band": _Test(find_vibration, at_rest=True, in_motion=False),
     "grid": _Test(find_grid, at_rest=False, in_motion=False),
-    "speed": _Test(find_jitter, at_rest=False, in_motion=True),
+    "speed": _Test(find_jitter, at_rest=False, in_motion=True, referenced=True),
 }
 """By ``Effect.seen_as``; in this order they are reported."""
 
@@ -55,6 +57,8 @@ def find_disturbances(
             untestable[name] = "needs training and held-out records at rest"
         elif test.in_motion and not moving:
             untestable[name] = "needs motion"
+        elif test.referenced and not reference:
+            untestable[name] = "the model's own faults grow with the speed as well: give --reference records"
         else:
             parts = quiet if test.at_rest else [train, holdout, reference]
             one = test.find(name, *parts)
