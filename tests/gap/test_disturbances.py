@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,18 +93,49 @@ def test_a_vibration_stands_above_both_of_its_sides_without_references(f_Hz):
     assert found.params["rms_um"][0] == pytest.approx(0.01, rel=0.4)
 
 
-@pytest.mark.parametrize("f_Hz", [30.0, 70.0, 120.0, 175.0, 310.0])
-def test_hum_as_strong_hides_no_vibration_without_references(f_Hz):
+def humming(rng, n, rate_Hz, size_um, f_Hz=50.03):
+    t = np.arange(n) / rate_Hz
+    return size_um * sum(np.sin(2 * np.pi * f_Hz * k * t + rng.uniform(0, 6)) / k for k in (1, 2, 3))
+
+
+def at_rate(error_um, rate_Hz):
+    """A record at rest at another rate."""
+    made = left(error_um)
+    return replace(made, run=replace(made.run, t_s=np.arange(len(error_um)) / rate_Hz))
+
+
+def found_at_rest(parts):
+    named, _, _ = find_disturbances(*parts, [], {"mains_hum", "vibration"})
+    return {one.name: one for one in named}
+
+
+@pytest.mark.parametrize("rate_Hz", [1000.0, 5000.0])
+@pytest.mark.parametrize("f_Hz", [38.0, 70.0, 85.0, 175.0, 310.0])
+def test_hum_as_strong_hides_no_vibration_without_references(f_Hz, rate_Hz):
     found = 0
-    for seed in range(10):
+    for seed in range(5):
         rng, parts = np.random.default_rng(seed), []
         for n in (7500, 6000):
-            t = np.arange(n) * STEP_s
-            hum = sum(0.02 / k * np.sin(2 * np.pi * 50.03 * k * t + rng.uniform(0, 6)) for k in (1, 2, 3))
-            parts.append([left(hum + 2 * ringing(rng, n, f_Hz, 0.01) + 0.005 * rng.normal(size=n))])
-        one = find_vibration("vibration", *parts, [])
-        found += one is not None and abs(one.params["f_Hz"][0] - f_Hz) < 4
-    assert found >= 9
+            shaken = 2 * ringing(rng, n, f_Hz * 1e-3 * 1000 / rate_Hz / STEP_s, 0.01)
+            error_um = humming(rng, n, rate_Hz, 0.02) + shaken + 0.005 * rng.normal(size=n)
+            parts.append([at_rate(error_um, rate_Hz)])
+        one = found_at_rest(parts).get("vibration")
+        found += one is not None and abs(one.params["f_Hz"][0] - f_Hz) < 6
+        assert one is None or 0.008 < one.params["rms_um"][0] < 0.04
+    assert found >= 4
+
+
+@pytest.mark.parametrize("rate_Hz", [1000.0, 5000.0])
+@pytest.mark.parametrize("size_um", [0.02, 0.2])
+@pytest.mark.parametrize("f_Hz", [49.9, 50.03, 60.1])
+def test_hum_with_its_multiples_is_no_vibration_without_references(f_Hz, size_um, rate_Hz):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        parts = [
+            [at_rate(humming(rng, n, rate_Hz, size_um, f_Hz) + 0.005 * rng.normal(size=n), rate_Hz)]
+            for n in (10_000, 8_000)
+        ]
+        assert set(found_at_rest(parts)) == {"mains_hum"}
 
 
 def test_a_line_at_the_mains_is_no_vibration():

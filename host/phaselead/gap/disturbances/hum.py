@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
 from phaselead.gap.findings import TWO_SIDED_95, Estimate
 from phaselead.gap.residual import RunResidual
+from phaselead.record import Samples
 
 MAINS_Hz = (50.0, 60.0)
 HARMONICS = (1, 2, 3)
@@ -37,6 +40,30 @@ def find_hum(name: str, train: Residuals, holdout: Residuals, reference: Residua
     power, f_Hz = max(powers, key=lambda one: one[0])
     why = f"lines at {f_Hz:.2f} Hz and multiples, {1e3 * np.sqrt(2 * power):.3g} nm, in the held-out records too"
     return Disturbance(name, _hum_params(train, f_Hz), power, why)
+
+
+def without_hum(part: Residuals, f_Hz: float) -> list[RunResidual]:
+    """Residuals without the lines of hum near ``f_Hz``, each fitted at the frequency that suits it best."""
+    return [replace(residual, error_um=residual.error_um - _hum_um(residual, f_Hz)) for residual in part]
+
+
+def _hum_um(residual: RunResidual, f_Hz: float) -> Samples:
+    """Sines and cosines at the multiples of the mains frequency, fitted to a residual (n,)."""
+    t_s, error_um = residual.run.t_s[residual.run.rows], residual.error_um - residual.error_um.mean()
+    known = [h for h in HARMONICS if 2.2 * h * f_Hz <= residual.rate_Hz]
+
+    def fitted(f: float) -> Samples:
+        turns = 2 * np.pi * np.outer(t_s - t_s[0], [h * f for h in known])
+        columns = np.hstack([np.sin(turns), np.cos(turns)])
+        return np.asarray(columns @ np.linalg.lstsq(columns, error_um, rcond=None)[0])
+
+    def left(f: float) -> float:
+        return float(np.sum((error_um - fitted(f)) ** 2))
+
+    grid = f_Hz + np.linspace(-SEARCH_Hz, SEARCH_Hz, 2 * int(4 * SEARCH_Hz * (t_s[-1] - t_s[0])) + 5)
+    near, step = min(grid, key=left), float(grid[1] - grid[0])
+    best = minimize_scalar(left, bounds=(near - step, near + step), method="bounded", options={"xatol": 1e-3 * step})
+    return fitted(float(best.x))
 
 
 def _new_lines(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
-from phaselead.gap.disturbances.hum import find_hum, is_mains
+from phaselead.gap.disturbances.hum import find_hum, is_mains, without_hum
 from phaselead.gap.disturbances.jitter import find_jitter
 from phaselead.gap.disturbances.quantisation import find_grid
 from phaselead.gap.disturbances.vibration import find_vibration
@@ -63,6 +63,9 @@ def find_disturbances(
             parts = quiet if test.at_rest else [train, holdout, reference]
             one = test.find(name, *parts)
             found += [one] if one is not None else []
+            if seen_as == "lines" and one is not None:
+                # Beside strong hum nothing else stands out at rest, and where lines are wide hum itself does.
+                quiet = [without_hum(part, one.params["f_Hz"][0]) for part in quiet]
     found = _without_hum_as_vibration(found)
     not_allowed = [f"the records hold new noise, {f.why}, which no effect allowed here explains" for f in found
                    if f.name not in allowed]  # fmt: skip

@@ -80,20 +80,10 @@ class _Spectra:
         """Which lines (k,) are those of the mains or its first multiples."""
         return np.array([is_mains(float(f)) for f in self.f_Hz])
 
-    @cached_property
-    def free(self) -> Lines:
-        """Those that hum does not leak into. That of 0 Hz is none of them."""
-        reached = np.convolve(self.mains, np.ones(2 * LEAKS + 1), "same") > 0
-        return np.flatnonzero(~reached[1:]) + 1
-
     def sides(self, low: int, high: int) -> tuple[Lines, Lines]:
         """The lines below and above a band that say what is usual there: the nearest that it does not leak into."""
-        return self._telling(1, low - LEAKS)[-AROUND:], self._telling(high + LEAKS, len(self.f_Hz))[:AROUND]
-
-    def _telling(self, first: int, last: int) -> Lines:
-        """Lines from ``first`` to ``last`` (excluded): those that are free of hum, where these are enough."""
-        free = self.free[(self.free >= first) & (self.free < last)]
-        return free if len(free) >= LEAST_AROUND else np.arange(first, last)
+        last = len(self.f_Hz)
+        return np.arange(1, low - LEAKS)[-AROUND:], np.arange(high + LEAKS, last)[:AROUND]
 
 
 def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
