@@ -105,10 +105,11 @@ def search_axis(
 
     ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for cells.
     """
-    candidates, refused = responses(effects, frozen, any(run.role == "reference" for run in runs))
+    referenced = any(run.role == "reference" for run in runs)
+    candidates, refused = responses(effects, frozen, referenced)
     candidates = [effect.as_known() for effect in candidates]
-    of_base = [effect.as_known() for effect in effects if refused.get(effect.name) == NEEDS_FROZEN]
-    selection = select_effects(model, runs, candidates, of_base, frozen, lambda share: on_progress(0.85 * share))
+    nameless = [e.as_known() for e in effects if refused.get(e.name) == NEEDS_FROZEN and not referenced]
+    selection = select_effects(model, runs, candidates, nameless, frozen, lambda share: on_progress(0.85 * share))
     assert selection.contest is not None
     noise = noise_of(selection.contest)
     final = final_fit(selection, runs, noise)
@@ -117,7 +118,8 @@ def search_axis(
     residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
     left = unexplained(*residuals, of_any_size=not named and not ties)
-    surviving, predictable, said = selection, left.something_missing, list(selection.messages)
+    surviving, predictable = selection, left.something_missing
+    said = [f"{label}: {message}" if label else message for message in selection.messages]
     if (named or ties) and too_little_described(left, final.gap):
         names = " or ".join(sorted(_names(named, ties)))
         said.append(f"{names} would be named, but too much is left that the voltage predicts: it is not vouched for")
@@ -286,27 +288,29 @@ def _where(noise: Noise, final: FinalFit, seed: int, label: str | None) -> list[
 
 def _proposal(selection: Selection, label: str | None) -> NextExperiment | None:
     """The experiment that would best break the first tie of the search; None where it has no tie of two members that
-    were fitted. Ties of a moved zero are none of the search."""
-    ties = [claim for claim in selection.claims if len(claim.rivals) > 1]
+    were fitted and may be named. Ties of a moved zero are none of the search."""
+    ties = [c for c in selection.claims if len(c.rivals) > 1 and not selection.of_no_name & set(c.tied)]
     return propose(selection, ties[0], label) if ties else None
 
 
 def _named(
     selection: Selection, final: FinalFit, label: str | None
 ) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
-    """Named effects, ties, and the effects for the stage file: those named, and the best of each tie, so that the model
-    predicts. Memory that the base was given as plays is in none of its lists of effects."""
+    """Named effects, ties, and the effects for the stage file: those named, the best of each tie and what has no name,
+    so that the model predicts. Memory that the base was given as plays is in none of its lists of effects."""
     named, ties, entries = [], [], []
     memory = selection.memory
     if memory is not None:
         name = memory.effect.name
         named.append(NamedEffect(name, label, memory.params, final.share_of(name), memory.why, memory.probability))
-    for claim in selection.claims:
+    for claim in (*selection.claims, *selection.unvouched):
         name = claim.effect.name
         found = NamedEffect(
             name, label, selection.estimates[name], final.share_of(name), _why(claim), claim.probability
         )
         entries.append(found)
+        if claim in selection.unvouched:
+            continue
         if len(claim.tied) > 1:
             ties.append(claim.tied)
         else:

@@ -56,11 +56,11 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     params = _loop(as_line, becoming) if chance <= BY_CHANCE else None
     if params is None:
         return axis, None
-    given = _beside_all(looped, beside, runs, others)
     lines = _of(as_line, "reference")
-    plays = [modelled_run(_with(given, beside), line.run) for line in lines]
+    plays = [modelled_run(_with(looped, beside), line.run) for line in lines]
     if lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < BY_CHANCE:
         return axis, None
+    given = _beside_all(looped, len(beside) + MOST_BESIDE, runs, others)
     return given, Memory(becoming, params, 1 - chance, _why([effect.name for effect, _ in beside]))
 
 
@@ -103,14 +103,14 @@ def _loop(as_line: Sequence[ModelledRun], becoming: Effect) -> Mapping[str, Esti
     return params if narrowest > 0 else None
 
 
-def _beside_all(
-    axis: AxisModel, beside: Sequence[SizedEffect], runs: Sequence[GapRun], others: Sequence[Effect]
-) -> AxisModel:
-    """The axis with its plays fitted beside further effects too, as long as the held-out records are then predicted
-    better. Plays stand in for what lags: fitted without it they are too wide where the stage is quick."""
-    found, train = list(beside), [run for run in runs if run.role == "train"]
+def _beside_all(axis: AxisModel, rounds: int, runs: Sequence[GapRun], others: Sequence[Effect]) -> AxisModel:
+    """The axis with its plays fitted beside other effects, one more in each of some rounds, as long as the held-out
+    records are then predicted better. Those beside which memory was looked for are fitted anew, now beside the plays.
+    Plays stand in for what lags: fitted without it they are too wide where the stage is quick."""
+    found: list[SizedEffect] = []
+    train = [run for run in runs if run.role == "train"]
     tried = [run for run in runs if run.role != "reference"]
-    for _ in range(MOST_BESIDE):
+    for _ in range(rounds):
         larger = _most_saving([modelled_run(_with(axis, found), run) for run in tried], others)
         if larger is None:
             break

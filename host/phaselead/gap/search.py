@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 from phaselead.gap.base_operator import find_memory
@@ -37,7 +38,7 @@ def select_effects(
     axis: AxisModel,
     runs: Sequence[GapRun],
     effects: Sequence[Effect],
-    of_base: Sequence[Effect],
+    nameless: Sequence[Effect],
     frozen: bool,
     on_progress: Progress,
 ) -> Selection:
@@ -46,7 +47,7 @@ def select_effects(
     ``frozen``: without reference runs, whether nothing may be wrong with the base. A base without plays is given its
     memory first, where that explains most.
 
-    ``of_base``: effects that change what the base has, and so cannot be told from a base that was wrong. They compete
+    ``nameless``: effects that change what the base has, and so cannot be told from a base that was wrong. They compete
     like any other, so that no rival gets the name in their place, and may be in a tie; what they alone explain has no
     name.
     """
@@ -56,31 +57,38 @@ def select_effects(
     referenced = any(run.role == "reference" for run in runs)
     of_runs = [modelled_run(base, run) for run in runs]
     likelihood = likelihood_of(of_runs, base_may_be_off=not referenced and not frozen, open_plays=memory is not None)
-    contest = search_sets(likelihood, [*left, *of_base], lambda share: on_progress(0.1 + 0.9 * share))
+    contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
     found = judge(contest)
-    nameless = {effect.name for effect in of_base}
-    vouched = [claim for claim in found.claims if not nameless.issuperset(claim.tied)]
-    claims, entries, values = _estimated(contest, found.best.entries, vouched, memory is not None)
+    claims, entries, values = _estimated(contest, found.best.entries, found.claims, memory is not None)
+    of_no_name = {effect.name for effect in nameless}
+    vouched = _with_a_name(claims, of_no_name)
     # Where every claim was withdrawn, what it was for is still there.
-    judged = replace(found, claims=tuple(vouched) if claims else ())
+    judged = replace(found, claims=_with_a_name(found.claims, of_no_name) if claims else ())
     return Selection(
         base,
         axis,
         entries,
-        claims,
+        vouched,
         {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
         contest,
-        _candidates(contest, judged),
+        _candidates(contest, replace(judged, claims=vouched if len(vouched) == len(claims) else ())),
         memory,
         judged.something_unnamed,
-        tuple(_of_a_wrong_base(claim) for claim in found.claims if claim not in vouched),
+        tuple(one for claim in claims if (one := _of_a_wrong_base(claim, of_no_name))),
+        tuple(claim for claim in claims if claim not in vouched),
+        frozenset(of_no_name),
     )
 
 
-def _of_a_wrong_base(claim: Claim) -> str:
-    """Why what is there has no name, for a person."""
-    names = " or ".join(claim.tied)
-    return f"{names} would explain more, but so would a base that was wrong: give --reference records, or --frozen"
+def _with_a_name(claims: Sequence[Claim], of_no_name: AbstractSet[str]) -> tuple[Claim, ...]:
+    """The claims that are not of nameless effects alone."""
+    return tuple(claim for claim in claims if not of_no_name >= set(claim.tied))
+
+
+def _of_a_wrong_base(claim: Claim, of_no_name: AbstractSet[str]) -> str:
+    """Why what is there has no name, or cannot be told from a rival, for a person; empty for any other claim."""
+    names = " or ".join(name for name in claim.tied if name in of_no_name)
+    return f"{names} cannot be told from a model that was wrong: give --reference records, or --frozen" if names else ""
 
 
 def _estimated(
