@@ -110,7 +110,7 @@ def test_what_a_straight_line_lacks_may_be_named_and_is_never_nothing():
     assert rows["from a straight line: what is hidden named, or in an honest tie, 0.2 x and more"] == (0.0, 1)
     assert rows["without reference records: right, a tie with what is there, or unknown"] == (100.0, 1)
     assert rows["names that are given are right"] == (pytest.approx(200 / 3), 3)
-    assert rows["from a straight line: names right, of what not every such stage has"] == (0.0, 1)
+    assert rows["from a straight line: names right, beside those that such stages have"] == (0.0, 1)
 
 
 def test_of_what_the_stage_had_before_only_the_sum_could_be_found():

@@ -26,10 +26,10 @@ from phaselead.gap.findings import (
 from phaselead.gap.result import GapResult
 from phaselead.gap.unexplained import Unexplained
 from phaselead.model import catalogue
-from phaselead.model.axis import AxisModel, TimeView
+from phaselead.model.axis import AdoptedEffect, AxisModel, TimeView
 from phaselead.model.stage_file import Stage
 from phaselead.record import Source
-from phaselead.report.gap import gap_page, remains, standing_out, verdict_card
+from phaselead.report.gap import gap_page, headline, next_command, remains, standing_out, verdict_card
 
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
 
@@ -257,12 +257,23 @@ def test_of_two_ties_both_are_in_the_headline_and_the_experiment_says_which_it_d
     assert "to tell delay, amplifier_lowpass apart: " in str(two)
 
 
-@pytest.mark.parametrize(("share", "first"), [(0.9, "Resonance"), (0.02, "Delay or amplifier low-pass")])
-def test_what_is_tied_comes_first_where_what_is_named_explains_little(share, first):
-    named = replace(result().effects[0], share=share)
-    card = verdict_card(replace(result(), effects=(named,), ties=(PAIR,)))
+@pytest.mark.parametrize(("tied", "first"), [(0.1, "Resonance"), (0.95, "Delay or amplifier low-pass")])
+def test_what_is_tied_comes_first_where_it_explains_more_than_what_is_named(tied, first):
+    held = AdoptedEffect(name=PAIR[0], status="provisional", params={}, share=tied)
+    axes = {"x": STAGE.axes["x"].model_copy(update={"effects": (held,)})}
+    found = replace(result(), ties=(PAIR,), stage=STAGE.model_copy(update={"axes": axes}))
+    card = verdict_card(found)
     assert card["value"] == first
-    assert ("beside them resonance" in card["label"]) == (share < 0.5)
+    assert ("beside them resonance" in card["label"]) == (tied > 0.5)
+    said = headline(found)
+    assert (said.index("cannot tell apart") < said.index("The model lacks")) == (tied > 0.5)
+
+
+def test_the_command_for_the_next_experiment_can_be_pasted():
+    assert next_command("my gap.json", "stage.toml") == (
+        "phaselead gap next 'my gap.json' --model stage.toml --port P -o more.h5"
+    )
+    assert "--model" not in next_command("gap.json", "xyz250")
 
 
 def test_without_a_tie_the_experiment_is_for_the_power_of_the_level():

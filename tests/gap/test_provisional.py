@@ -153,7 +153,8 @@ def test_a_model_that_holds_one_is_doubted():
 
     assert doubts("named") == ()
     assert doubts("provisional") == (
-        "x: the model has delay provisionally, whatever it is; to have that asked again, compare the model before it",
+        "x: the model has delay provisionally, which hides what it stands for; to have it looked for, give the model "
+        "from before",
     )
 
 

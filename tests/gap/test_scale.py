@@ -103,6 +103,8 @@ def test_references_that_the_model_describes_worse_than_the_others_may_be_exchan
     assert "were they exchanged?" in line
     assert said(records()[0], as_written(records()[1], lambda u, x: (u, x + 0.02 * np.ptp(x) * np.sin(u)))) == ()
     assert said([], changed) == ()
+    quiet = as_written(records()[0], lambda u, x: (0.01 * u, 0.01 * x + 0.02 * np.sin(u)))
+    assert said(quiet, records()[1]) == ()
 
 
 @pytest.mark.parametrize(

@@ -308,11 +308,17 @@ def test_too_few_rows_are_refused_with_what_to_do(tmp_path: Path, rows: str, sai
 
 def test_one_map_is_for_files_that_are_alike(tmp_path: Path) -> None:
     ours, theirs = write(tmp_path, "t_s,u_V,x_um\n0,1,2\n1,2,3\n"), write(tmp_path, "time ms, drive\n0,1\n", "b.csv")
-    columns = {"u_V": (2, 1.0)}
-    with pytest.raises(BadInput, match=re.escape(f"{ours}: names its columns, {theirs} does not")):
-        refuse_map_of_some([f"{ours}@0:1", theirs], columns)
+    timeless, channels = write(tmp_path, "u_V,x_um\n1,2\n", "c.csv"), write(tmp_path, "t_s,Ch1,Ch2\n0,1,2\n", "d.csv")
+    columns = {"t_s": (1, 1.0), "u_V": (2, 1e-3), "x_um": (3, 1e-3)}
+    for named in (f"{ours}@0:1", timeless):
+        with pytest.raises(
+            BadInput, match=re.escape(f"{named.split('@')[0]}: names its columns in V and um, {theirs}")
+        ):
+            refuse_map_of_some([named, theirs], columns)
     with h5py.File(tmp_path / "c.h5", "w"), pytest.raises(BadInput, match=r"c\.h5: names its columns"):
         refuse_map_of_some([str(tmp_path / "c.h5"), theirs], columns)
-    for some in ([ours, ours], [theirs, theirs], [ours, "missing.csv"]):
+    empty = write(tmp_path, "", "empty.csv")
+    for some in ([ours, ours], [theirs, channels], [ours, "missing.csv"], [ours, empty], [ours, timeless]):
         refuse_map_of_some(some, columns)
     refuse_map_of_some([ours, theirs], None)
+    refuse_map_of_some([ours, theirs], {"t_s": (1, 1.0), "u_V": (2, 1.0), "x_um": (3, 1.0)})

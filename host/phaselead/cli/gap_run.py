@@ -77,7 +77,9 @@ def _to_record(result: GapResult, model_path: str, json_to: str | None) -> list[
         return []
     if json_to is None:
         return ["to have it recorded, run this again with --json gap.json"]
-    return [f"to record it: phaselead gap next {json_to} --model {model_path} --port P -o more.h5"]
+    from phaselead.report.gap import next_command
+
+    return [f"to record it: {next_command(json_to, model_path)}"]
 
 
 def run_next(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from phaselead.gap.design import axis_driven, excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
 from phaselead.gap.findings import (
     NAMED,
+    PROVISIONAL,
     Bound,
     Candidate,
     Cell,
@@ -24,6 +25,7 @@ __all__ = [
     "LEVEL",
     "MOST_STATED",
     "NAMED",
+    "PROVISIONAL",
     "SURE",
     "Bound",
     "Candidate",

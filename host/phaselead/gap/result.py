@@ -214,7 +214,7 @@ class GapResult(Result):
             parts.append(self.advice)
         parts += _bounds(self.excluded)
         if self.untestable and "unknown" in self.verdicts:
-            reasons = tuple((name, self._why_untestable(name)) for name in self.untestable)
+            reasons = tuple((name, self.why_untestable(name)) for name in self.untestable)
             parts.append(Table(("not testable with these records", "why, and what would show it"), reasons))
         elif self.untestable:
             parts.append(f"not testable with these records: {', '.join(self.untestable)}")
@@ -223,7 +223,7 @@ class GapResult(Result):
         tracked = [] if self.verification is None else self.verification.tables()
         return [*parts, *self.messages, *tracked]
 
-    def _why_untestable(self, name: str) -> str:
+    def why_untestable(self, name: str) -> str:
         """Why these records say nothing of an effect, and which would; for one that another stands for, none would."""
         why, effect = self.untestable_why.get(name, ""), catalogue()[name]
         if effect.reveals in why or effect.alone_as is not None:

@@ -73,8 +73,8 @@ def _unvouched(stage: Stage, axes: Sequence[str]) -> list[str]:
     """One line for each axis whose model has effects that no records vouched for: they hide what they stand for."""
     held = {axis: [e.name for e in stage.axes[axis].effects if e.status == PROVISIONAL] for axis in axes}
     return [
-        f"{axis}: the model has {', '.join(names)} provisionally, whatever it is; to have that asked again, compare "
-        "the model before it"
+        f"{axis}: the model has {', '.join(names)} provisionally, which hides what it stands for; to have it "
+        "looked for, give the model from before"
         for axis, names in held.items() if names
     ]  # fmt: skip
 

@@ -38,21 +38,27 @@ def exchange_doubts(driven: Compared) -> tuple[str, ...]:
 
 
 def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
-    left = {role: _share_left([pair for pair in driven if pair[0].role == role]) for role in ROLES}
-    reference, others = left.pop("reference"), [share for share in left.values() if share is not None]
-    if reference is None or not others or reference <= MOST_UNLIKE * max(others):
+    left = {role: _left([moved for moved in driven if moved[0].role == role]) for role in ROLES}
+    reference, others = left.pop("reference"), [one for one in left.values() if one is not None]
+    if reference is None or not others:
+        return []
+    # Of small motion noise is a large share; exchanged records leave more in um too.
+    share, um = (max(one[i] for one in others) for i in (0, 1))
+    if reference[0] <= MOST_UNLIKE * share or reference[1] <= MOST_UNLIKE * um:
         return []
     return [
-        f"{axis}: of the reference records' motion the model leaves {100 * reference:.2g} %, of the others' at most "
-        f"{100 * max(others):.2g} %: were they exchanged? --reference takes records of when the model fitted"
+        f"{axis}: of the reference records' motion the model leaves {100 * reference[0]:.2g} %, of the others' at most "
+        f"{100 * share:.2g} %: were they exchanged? --reference takes records of when the model fitted"
     ]
 
 
-def _share_left(driven: Sequence[Moved]) -> float | None:
-    """What the model leaves of the motion of some records, each about its mean; None without any that moves."""
+def _left(driven: Sequence[Moved]) -> tuple[float, float] | None:
+    """RMS that the model leaves of some records, each about its mean, as a share of their motion and in um; None
+    without any that moves."""
+    rows = sum(len(x) for _, _, x in driven)
     moved = sum(float(np.var(x) * len(x)) for _, _, x in driven)
     left = sum(float(np.var(x - said) * len(x)) for _, said, x in driven)
-    return float(np.sqrt(left / moved)) if moved > 0 else None
+    return (float(np.sqrt(left / moved)), float(np.sqrt(left / rows))) if moved > 0 else None
 
 
 def refuse_unlike_model(driven: Compared) -> None:

@@ -23,8 +23,6 @@ WORTH_SHARE = 0.03
 """Of the remaining power: what may be predicted beyond chance before something is missing."""
 FALSE_ALARM = 0.01
 """Probability with which chance alone reaches ``chance``."""
-TINY = 1e-300
-"""um^2: nothing, by which can be divided."""
 SIGN_DRAWS = 2000
 """Of signs: of these the 1 % quantile is known to a tenth of its probability."""
 
@@ -40,6 +38,8 @@ class Unexplained:
     """Share that chance alone reaches with a probability of 1 %, 0 or more."""
     of_equations: bool = False
     """Whether it is put down to the equations of the effects that were added, and so to nothing unknown."""
+    resized: bool = False
+    """Whether it was predicted but for its size, which was chosen to suit the held-out records."""
 
     def as_dict(self) -> dict[str, float | bool]:
         """As gap.json has it."""
@@ -49,7 +49,7 @@ class Unexplained:
         """For a person. ``named``: whether any effect was named."""
         share = max(self.share, 0.0)
         leaves = "the names leave" if named else "the model leaves"
-        chance = f"chance alone: up to {100 * self.chance:.0f} %"
+        chance = f"chance alone: up to {100 * self.chance:.0f} %" + ("; but for its size" if self.resized else "")
         return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves} ({chance})"
 
     @property
@@ -87,7 +87,7 @@ def unexplained(
         shown.append(made @ known)
         said.append(made @ new)
     if not reference:
-        products = _products(holdout, left, said)
+        products = _products(holdout, left, said, FALSE_ALARM / (2 if of_any_size else 1))
         found = [products.as_said, *([products.at_any_size] if of_any_size else [])]
         return max(found, key=_beyond_chance)
     alone = _products(holdout, left, [one + more for one, more in zip(shown, said, strict=True)])
@@ -105,29 +105,41 @@ def _moments(columns: Columns, residuals: Sequence[RunResidual]) -> Moments:
 
 
 class _Products(NamedTuple):
-    """Of what is left and a prediction of it, um^2 summed over all rows: of the two, what chance reaches of that, and
-    of each with itself."""
+    """Sums over all rows, um^2, of products of a prediction and what is left."""
 
-    sum: float
+    saved: float
+    """Of the prediction with what is left."""
     by_chance: float
+    """What chance reaches of that."""
     of_prediction: float
+    """Of the prediction with itself."""
     of_left: float
+    """Of what is left with itself."""
 
     @property
     def as_said(self) -> Unexplained:
         """What the prediction saves."""
-        share, chance = ((2 * one - self.of_prediction) / self.of_left for one in (self.sum, self.by_chance))
+        if not self.of_left > 0:
+            return Unexplained(0.0, 0.0)
+        share, chance = ((2 * one - self.of_prediction) / self.of_left for one in (self.saved, self.by_chance))
         return Unexplained(share, max(chance, 0.0))
 
     @property
     def at_any_size(self) -> Unexplained:
         """The same once it is multiplied by what suits what is left best, but not turned round."""
-        both = max(self.of_prediction * self.of_left, TINY)
-        share, chance = (max(one, 0.0) ** 2 / both for one in (self.sum, self.by_chance))
-        return Unexplained(share, chance)
+        both = self.of_prediction * self.of_left
+        if not both > 0:
+            return Unexplained(0.0, 0.0)
+        share, chance = (max(one, 0.0) ** 2 / both for one in (self.saved, self.by_chance))
+        return Unexplained(share, chance, resized=True)
 
 
-def _products(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Sequence[Samples]) -> _Products:
+def _products(
+    holdout: Sequence[RunResidual],
+    left: Sequence[Samples],
+    said: Sequence[Samples],
+    false_alarm: float = FALSE_ALARM,
+) -> _Products:
     """By chance the product of the two is as often negative as positive in each block, and independent from block to
     block, where blocks are longer than it remembers: its sum under random signs is what chance gives."""
     each = [e * p for e, p in zip(left, said, strict=True)]
@@ -135,9 +147,9 @@ def _products(holdout: Sequence[RunResidual], left: Sequence[Samples], said: Seq
     edges = block_edges([len(one) for one in each], wanted)
     products = np.concatenate([np.add.reduceat(one, edge[:-1]) for one, edge in zip(each, edges, strict=True)])
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(SIGN_DRAWS, len(products)))
-    by_chance = float(np.quantile(signs @ products, 1 - FALSE_ALARM))
+    by_chance = float(np.quantile(signs @ products, 1 - false_alarm))
     power = sum(float(np.sum((r.error_um - r.error_um.mean()) ** 2)) for r in holdout)
-    return _Products(float(products.sum()), by_chance, sum(float(p @ p) for p in said), max(power, TINY))
+    return _Products(float(products.sum()), by_chance, sum(float(p @ p) for p in said), power)
 
 
 def _independent_rows(products: Samples) -> int:

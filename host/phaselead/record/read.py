@@ -15,7 +15,7 @@ from phaselead.record.columns import ColumnMap, axes_of
 from phaselead.record.hdf5 import SIGNATURE, read_hdf5
 from phaselead.record.journal import is_journal
 from phaselead.record.recording import Recording
-from phaselead.record.text import names_its_columns, read_text
+from phaselead.record.text import own_columns, read_text
 
 Window = tuple[float, float]
 """From, to in absolute seconds, half-open; infinite where left out."""
@@ -54,30 +54,31 @@ def read_recording(
 
 
 def refuse_map_of_some(arguments: Iterable[str], columns: ColumnMap | None) -> None:
-    """Refuse a map for files of which some name their columns themselves: it would read these alike, in other units.
+    """Refuse a map where some files need it and others name their columns otherwise: it would read these alike, in
+    another unit.
 
     Raises BadInput, one line. Files that cannot be read are left to ``read_recording``.
     """
     if columns is None:
         return
-    named = {path: _is_named(path) for path in (split_argument(one)[0] for one in arguments)}
-    with_names = next((path for path, has in named.items() if has), None)
-    without = next((path for path, has in named.items() if has is False), None)
-    if with_names is not None and without is not None:
+    found = {path: _columns_named(path) for path in dict.fromkeys(split_argument(one)[0] for one in arguments)}
+    nameless = [path for path, own in found.items() if own is not None and not own]
+    otherwise = [path for path, own in found.items() if own and any(columns.get(name) != own[name] for name in own)]
+    if nameless and otherwise:
         raise BadInput(
-            f"{with_names}: names its columns, {without} does not, and --map would be for both; let `phaselead log "
-            f"import {without} -o OUT.h5` convert the one, and leave --map out"
+            f"{otherwise[0]}: names its columns in V and um, {nameless[0]} does not, and --map would be for both; let "
+            "`phaselead log import` convert those that do not (with their map), and leave --map out"
         )
 
 
-def _is_named(path: str) -> bool | None:
-    """Whether a file names its columns in our units, by how it begins; None where it cannot be read."""
+def _columns_named(path: str) -> ColumnMap | None:
+    """The columns that a file names in our units, by how it begins; None where it cannot be read."""
     try:
         with open(path, "rb") as file:
             begins = file.read(HEADING_BYTES)
     except (OSError, ValueError):
         return None
-    return begins.startswith(SIGNATURE) or names_its_columns(begins)
+    return {"hdf5": (0, 1.0)} if begins.startswith(SIGNATURE) else own_columns(begins)
 
 
 def split_argument(argument: str) -> tuple[str, Window | None]:

@@ -79,12 +79,18 @@ def read_text(
     return table
 
 
-def names_its_columns(content: bytes) -> bool:
-    """Whether the text begins with a header of ours, every column of it in our units."""
+def own_columns(content: bytes) -> ColumnMap | None:
+    """The columns of voltage and position, as a map, of text that begins with a header in our units; empty without such
+    a header; None where it is no text that can be read."""
     try:
-        return "t_s" in _own_layout(_plain_text(content, ""), "").columns
+        content = _plain_text(content, "")
     except BadInput:
-        return False
+        return None
+    try:
+        found = _own_layout(content, "").columns
+    except BadInput:
+        return {}
+    return {name: where for name, where in found.items() if name != "t_s"}
 
 
 def _plain_text(content: bytes, source: str) -> bytes:

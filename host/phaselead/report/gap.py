@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from phaselead.gap import (
     LEVEL,
     MOST_STATED,
     NAMED,
+    PROVISIONAL,
     Bound,
     Candidate,
     Cell,
@@ -41,8 +43,6 @@ from phaselead.report.wording import begun, effect_title, in_prose, listed
 
 MOST_TRACES = 4
 """That the page shows, those with the largest gap first."""
-MOST_OF_IT = 0.5
-"""Share of the power from which the first card is of what is named, whatever is tied."""
 SIZES_ON_CARD = 2
 """Parameters of the first effect."""
 NEAR_FLOOR = 1.1
@@ -94,10 +94,9 @@ def gap_page(
         residual_figure=residual_figure(result.traces) if result.traces else None,
         excluded=[bound_row(bound, result) for bound in result.excluded if excludes(bound)],
         possible=[bound_row(bound, result) for bound in result.excluded if not excludes(bound)],
-        json_name=json_name,
+        next_command=next_command(json_name, model_name),
         untestable=[
-            {"name": begun(effect_title(n)), "why": in_prose(result.untestable_why.get(n, ""))}
-            for n in result.untestable
+            {"name": begun(effect_title(n)), "why": in_prose(result.why_untestable(n))} for n in result.untestable
         ],
         experiment=result.next_experiment,
         apart=told_apart(result.next_experiment) if result.next_experiment else "",
@@ -110,13 +109,19 @@ def gap_page(
     )
 
 
+def next_command(json_name: str, model: str) -> str:
+    """The command that records the proposed experiment; with the model, where that is a file, it asks before it drives
+    a mode."""
+    of_model = ["--model", model] if model.endswith(".toml") else []
+    return shlex.join(["phaselead", "gap", "next", json_name, *of_model, "--port", "P", "-o", "more.h5"])
+
+
 def headline(result: GapResult) -> str:
     """The answer in a sentence or two."""
-    said = []
+    said = [f"These records cannot tell apart: {listed([effect_title(n) for n in tie], 'or')}." for tie in result.ties]
     if result.effects:
-        said.append("The model lacks: " + listed([_title(e) for e in result.effects]) + ".")
-    for tie in result.ties:
-        said.append(f"These records cannot tell apart: {listed([effect_title(n) for n in tie], 'or')}.")
+        lacks = "The model lacks: " + listed([_title(e) for e in result.effects]) + "."
+        said.insert(len(said) if _ties_first(result) else 0, lacks)
     if "unknown" in result.verdicts:
         said.append("Something remains that no name is sure to explain.")
     where = cells_headline(result.where)
@@ -125,6 +130,14 @@ def headline(result: GapResult) -> str:
     if where:
         said.append(f"{where}.")
     return " ".join(said)
+
+
+def _ties_first(result: GapResult) -> bool:
+    """Whether the best member of a tie, which the next model has, explains more than any effect that is named."""
+    tied = {tie[0] for tie in result.ties}
+    has = [e for axis in result.stage.axes.values() for e in axis.effects if e.name in tied]
+    shares = [effect.share for effect in result.effects]
+    return any(e.status == PROVISIONAL and (e.share or 0.0) > max(shares, default=0.0) for e in has)
 
 
 def _title(effect: NamedEffect) -> str:
@@ -143,14 +156,14 @@ def cards(result: GapResult) -> list[dict[str, str]]:
 
 
 def verdict_card(result: GapResult) -> dict[str, str]:
-    """What is missing, by name and size; ties first where what is named explains the lesser part."""
+    """What is missing, by name and size; ties first where they explain more than any name."""
     sure = f"verdict: {', '.join(result.verdicts)}"
     alike = [listed([effect_title(n) for n in tie], "or") for tie in result.ties]
     if result.effects:
         first, *others = result.effects
         size = ", ".join(sizes_of(first))
         more = f", and {listed([_title(e) for e in others])}" if others else ""
-        if alike and sum(effect.share for effect in result.effects) < MOST_OF_IT:
+        if _ties_first(result):
             return {"value": begun("; ".join(alike)), "label": f"beside them {_title(first)}, {size}{more}; {sure}"}
         return {"value": begun(_title(first)), "label": f"{size}{more}; {sure}"}
     if alike:

@@ -124,8 +124,8 @@ def _without_references(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         found += [
             _share(f"{base}: right, a tie with what is there, or unknown", "100 %", map(score.nothing_false, of_kind)),
             _share(f"{base}: what is hidden named, or in an honest tie, 0.2 x and more", "-",
-                   (score.credit(score.hidden_names(o)[0], score.claims(o)) > 0 for o in large)),
-            _share(f"{base}: names right, of what not every such stage has", "-",
+                   (score.credit(score.alone_hidden(o)[0]["name"], score.claims(o)) > 0 for o in large)),
+            _share(f"{base}: names right, beside those that such stages have", "-",
                    (right for o in of_kind for right in score.names_beyond(o))),
         ]  # fmt: skip
     return found
