@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from phaselead.gap.disturbances.jitter import find_jitter
-from phaselead.gap.disturbances.largest import largest
 from phaselead.gap.disturbances.search import find_disturbances
+from phaselead.gap.disturbances.upper_sizes import largest
 from phaselead.gap.disturbances.vibration import find_vibration, louder_at_rest
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual

@@ -77,7 +77,7 @@ def _to_record(result: GapResult, model_path: str, json_to: str | None) -> list[
         return []
     if json_to is None:
         return ["to have it recorded, run this again with --json gap.json"]
-    from phaselead.report.gap import next_command
+    from phaselead.report import next_command
 
     return [f"to record it: {next_command(json_to, model_path)}"]
 

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from phaselead.gap.disturbances import largest
-from phaselead.gap.disturbances.disturbance import Residuals
+from phaselead.gap.disturbances import Residuals, largest
 from phaselead.gap.findings import Bound
 from phaselead.gap.posterior import KNOWN_BEFORE, largest_sizes
 from phaselead.gap.selection import Selection

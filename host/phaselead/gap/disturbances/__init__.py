@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, Disturbance
-from phaselead.gap.disturbances.largest import largest
+from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, Disturbance, Residuals
 from phaselead.gap.disturbances.search import find_disturbances
 from phaselead.gap.disturbances.session_offset import HELD_OUT_P, RecordOffset, Shift, best_explained, session_shifts
 from phaselead.gap.disturbances.spectra import disturbance_spectra
+from phaselead.gap.disturbances.upper_sizes import largest
 from phaselead.gap.disturbances.vibration import louder_at_rest
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "HOLDOUT_CHANCE",
     "Disturbance",
     "RecordOffset",
+    "Residuals",
     "Shift",
     "best_explained",
     "disturbance_spectra",
