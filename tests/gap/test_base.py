@@ -92,8 +92,9 @@ def a_session(axis, seed=0):
     """Training and held-out runs of an axis: a slow wave and a fast one that sets modes ringing."""
     made, rng, runs = a_track(), np.random.default_rng(seed), []
     for role, level in (("train", 1.0), ("train", 0.5), ("holdout", 0.8), ("holdout", 0.4)):
+        phase = rng.uniform(0, 6)
         quick = np.interp(np.arange(2000), np.arange(0, 2000, 9), rng.uniform(-1, 1, 223))
-        u = 4 + level * (3 * np.sin(2 * np.pi * 5 * made.run.t_s) + quick)
+        u = 4 + level * (3 * np.sin(2 * np.pi * 5 * made.run.t_s + phase) + quick)
         driven = modelled_run(axis, replace(made.run, role=role, u_V=u, sha256=f"{role}{level}"))
         runs.append(replace(driven.run, x_um=driven.answer() + rng.normal(0, 0.01, 2000)))
     return runs

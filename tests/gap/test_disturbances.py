@@ -116,7 +116,7 @@ def test_hum_as_strong_hides_no_vibration_without_references(f_Hz, rate_Hz):
     for seed in range(5):
         rng, parts = np.random.default_rng(seed), []
         for n in (7500, 6000):
-            shaken = 2 * ringing(rng, n, f_Hz * 1e-3 * 1000 / rate_Hz / STEP_s, 0.01)
+            shaken = 2 * ringing(rng, n, f_Hz / (rate_Hz * STEP_s), 0.01)
             error_um = humming(rng, n, rate_Hz, 0.02) + shaken + 0.005 * rng.normal(size=n)
             parts.append([at_rate(error_um, rate_Hz)])
         one = found_at_rest(parts).get("vibration")
@@ -245,7 +245,7 @@ def test_a_narrow_vibration_in_a_short_record_is_found(seed):
 def moving(rng, n, noise_um):
     """A record that moves, and what a model without an error leaves of it."""
     u = np.cumsum(rng.normal(size=n)) * 0.02
-    return u, RunResidual(run_of(u, 10 * u), noise_um * rng.normal(size=n))
+    return RunResidual(run_of(u, 10 * u), noise_um * rng.normal(size=n))
 
 
 @pytest.mark.parametrize("noise_um", [0.0, 0.003])
@@ -260,14 +260,14 @@ def test_a_disturbance_is_no_larger_than_all_that_is_left(seed, noise_um):
     assert largest(shaken[:1], shaken[1:])["band"] >= 0.0099
     assert largest(humming[:1], humming[1:])["lines"] >= 0.0199
     assert set(largest(shaken[:1], shaken[1:])) == {"lines", "band"}
-    parts = [moving(rng, n, noise_um)[1] for _ in range(2)]
+    parts = [moving(rng, n, noise_um) for _ in range(2)]
     grid = [RunResidual(r.run, r.error_um + 0.05 * np.round(r.run.x_um / 0.05) - r.run.x_um) for r in parts]
     assert largest(grid[:1], grid[1:])["grid"] >= 0.049
-    late = [RunResidual(r.run, r.error_um + 1e-5 * rng.normal(size=n) * np.sqrt(r.speed_um_per_s**2)) for r in parts]
+    late = [RunResidual(r.run, r.error_um + 1e-5 * rng.normal(size=n) * r.speed_um_per_s) for r in parts]
     assert largest(late[:1], late[1:])["speed"] >= 0.97e-5
     assert set(largest(late[:1], late[1:])) == {"grid", "speed"}
 
 
 def test_a_clock_is_not_tested_without_references():
-    parts = [[moving(np.random.default_rng(seed), 4000, 0.003)[1]] for seed in (0, 1)]
+    parts = [[moving(np.random.default_rng(seed), 4000, 0.003)] for seed in (0, 1)]
     assert "--reference" in find_disturbances(*parts, [], {"sampling_jitter"})[1]["sampling_jitter"]

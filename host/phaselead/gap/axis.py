@@ -289,7 +289,7 @@ def _where(noise: Noise, final: FinalFit, seed: int, label: str | None) -> list[
 def _proposal(selection: Selection, label: str | None) -> NextExperiment | None:
     """The experiment that would best break the first tie of the search; None where it has no tie of two members that
     were fitted and may be named. Ties of a moved zero are none of the search."""
-    ties = [c for c in selection.claims if len(c.rivals) > 1 and not selection.of_no_name & set(c.tied)]
+    ties = [c for c in selection.claims if len(c.rivals) > 1 and not selection.nameless & set(c.tied)]
     return propose(selection, ties[0], label) if ties else None
 
 
@@ -303,13 +303,13 @@ def _named(
     if memory is not None:
         name = memory.effect.name
         named.append(NamedEffect(name, label, memory.params, final.share_of(name), memory.why, memory.probability))
-    for claim in (*selection.claims, *selection.unvouched):
+    for claim in (*selection.claims, *selection.nameless_claims):
         name = claim.effect.name
         found = NamedEffect(
             name, label, selection.estimates[name], final.share_of(name), _why(claim), claim.probability
         )
         entries.append(found)
-        if claim in selection.unvouched:
+        if claim in selection.nameless_claims:
             continue
         if len(claim.tied) > 1:
             ties.append(claim.tied)

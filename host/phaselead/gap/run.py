@@ -53,7 +53,7 @@ def run_gap(
     runs = axis_runs(stage, train, holdout, reference)
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
-    doubts = (*scale_doubts(driven), *exchange_doubts(driven), *_unvouched(stage, list(runs)))
+    doubts = (*scale_doubts(driven), *exchange_doubts(driven), *_provisional_doubts(stage, list(runs)))
     held = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.
@@ -69,7 +69,7 @@ def run_gap(
     return replace(found, base=stage, doubts=doubts, sources=sources)
 
 
-def _unvouched(stage: Stage, axes: Sequence[str]) -> list[str]:
+def _provisional_doubts(stage: Stage, axes: Sequence[str]) -> list[str]:
     """One line for each axis whose model has effects that no records vouched for: they hide what they stand for."""
     held = {axis: [e.name for e in stage.axes[axis].effects if e.status == PROVISIONAL] for axis in axes}
     return [

@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from phaselead.errors import BadInput, more_like_it
+from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
 from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain, unit_remedy
 
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
-MOST_UNLIKE = 4.0
-"""Times what the model leaves of other records, beyond which references are doubted: a record differs from the
-reference records by no more (``TIMES_BASE`` of the judge)."""
+MOST_UNLIKE = TIMES_BASE[-1]
+"""Times what the model leaves of other records, beyond which references are doubted: to the judge a record differs
+from the reference records by no more."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it by its own voltage alone, and its position, (n,) in um over the scored rows."""
 Compared = Mapping[str, Sequence[Moved]]

@@ -60,34 +60,34 @@ def select_effects(
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
     found = judge(contest)
     claims, entries, values = _estimated(contest, found.best.entries, found.claims, memory is not None)
-    of_no_name = {effect.name for effect in nameless}
-    vouched = _with_a_name(claims, of_no_name)
+    without_name = frozenset(effect.name for effect in nameless)
+    with_name = _with_a_name(claims, without_name)
     # Where every claim was withdrawn, what it was for is still there.
-    judged = replace(found, claims=_with_a_name(found.claims, of_no_name) if claims else ())
+    judged = replace(found, claims=_with_a_name(found.claims, without_name) if claims else ())
     return Selection(
         base,
         axis,
         entries,
-        vouched,
+        with_name,
         {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
         contest,
-        _candidates(contest, replace(judged, claims=vouched if len(vouched) == len(claims) else ())),
+        _candidates(contest, replace(judged, claims=with_name if len(with_name) == len(claims) else ())),
         memory,
         judged.something_unnamed,
-        tuple(one for claim in claims if (one := _of_a_wrong_base(claim, of_no_name))),
-        tuple(claim for claim in claims if claim not in vouched),
-        frozenset(of_no_name),
+        tuple(one for claim in claims if (one := _of_a_wrong_base(claim, without_name))),
+        tuple(claim for claim in claims if claim not in with_name),
+        without_name,
     )
 
 
-def _with_a_name(claims: Sequence[Claim], of_no_name: AbstractSet[str]) -> tuple[Claim, ...]:
+def _with_a_name(claims: Sequence[Claim], without_name: AbstractSet[str]) -> tuple[Claim, ...]:
     """The claims that are not of nameless effects alone."""
-    return tuple(claim for claim in claims if not of_no_name >= set(claim.tied))
+    return tuple(claim for claim in claims if not without_name >= set(claim.tied))
 
 
-def _of_a_wrong_base(claim: Claim, of_no_name: AbstractSet[str]) -> str:
+def _of_a_wrong_base(claim: Claim, without_name: AbstractSet[str]) -> str:
     """Why what is there has no name, or cannot be told from a rival, for a person; empty for any other claim."""
-    names = " or ".join(name for name in claim.tied if name in of_no_name)
+    names = " or ".join(name for name in claim.tied if name in without_name)
     return f"{names} cannot be told from a model that was wrong: give --reference records, or --frozen" if names else ""
 
 

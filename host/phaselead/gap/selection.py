@@ -45,10 +45,10 @@ class Selection:
     """Whether something is there that no name is sure to be."""
     messages: tuple[str, ...] = ()
     """For a person."""
-    unvouched: tuple[Claim, ...] = ()
-    """What is there and would be a change of the base, or a base that was wrong: it has entries, and no name."""
-    of_no_name: frozenset[str] = frozenset()
-    """Names of the effects that this may be said of."""
+    nameless_claims: tuple[Claim, ...] = ()
+    """What is there and would be a change of the base, or a base that was wrong: it has entries, and gets no name."""
+    nameless: frozenset[str] = frozenset()
+    """The effects that change what the base has."""
 
     def runs(self, role: Role) -> list[ModelledRun]:
         """Those of one role, under the base."""

@@ -39,11 +39,23 @@ def gather(records: RecordsLike, map: MapLike | None = None, rate: str | float |
 
     ``map`` and ``rate`` (``"200Hz"``, or a number in Hz) are for files without our header. Raises BadInput, one line.
     """
+    return gather_parts((records,), map, rate)[0]
+
+
+def gather_parts(
+    parts: Sequence[RecordsLike], map: MapLike | None = None, rate: str | float | None = None
+) -> list[Recordings]:
+    """``gather`` of each part, where one map is for all of them. Raises BadInput, one line."""
     columns, rate_Hz = _column_map(map), parse_rate(rate) if isinstance(rate, str) else rate
-    every = list(_each(records))
-    refuse_map_of_some(_files(every), columns)
+    each = [list(_each(part)) for part in parts]
+    if columns is not None:
+        refuse_map_of_some([name for part in each for name in _files(part)], columns)
+    return [_gathered(part, columns, rate_Hz) for part in each]
+
+
+def _gathered(records: Sequence[RecordLike], columns: ColumnMap | None, rate_Hz: float | None) -> Recordings:
     found = Recordings()
-    for one in every:
+    for one in records:
         if isinstance(one, Recording):
             found.append(one)
         elif isinstance(one, Recorded):
@@ -53,15 +65,6 @@ def gather(records: RecordsLike, map: MapLike | None = None, rate: str | float |
         else:
             raise BadInput(f"a {type(one).__name__} is no recording; give a recording, a run or a file's name")
     return found
-
-
-def gather_parts(
-    parts: Sequence[RecordsLike], map: MapLike | None = None, rate: str | float | None = None
-) -> list[Recordings]:
-    """``gather`` of each part, where one map is for all of them. Raises BadInput, one line."""
-    each = [list(_each(part)) for part in parts]
-    refuse_map_of_some([name for part in each for name in _files(part)], _column_map(map))
-    return [gather(part, map, rate) for part in each]
 
 
 def _files(records: Iterable[RecordLike]) -> list[str]:

@@ -22,6 +22,8 @@ BACKGROUND_Hz = 6.0
 """To either side of a line, over which the density of the noise is taken."""
 MEDIAN_OVER_MEAN = 0.693
 """Of the power of noise in a periodogram, which is exponentially distributed."""
+ROWS_A_PERIOD = 2.2
+"""That a line needs to be seen, a little more than two."""
 SAME_Hz = 2.0
 """A peak this near a multiple of the mains frequency is counted as mains."""
 
@@ -33,7 +35,7 @@ def is_mains(f_Hz: float) -> bool:
 
 def find_hum(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """Hum at 50 or 60 Hz, whichever is stronger, as the effect ``name``; None where neither stands out."""
-    nominal = [mains for mains in MAINS_Hz if 2.2 * mains <= train[0].rate_Hz]
+    nominal = [mains for mains in MAINS_Hz if ROWS_A_PERIOD * mains <= train[0].rate_Hz]
     powers = [(power, f_Hz) for mains in nominal for f_Hz, power in _new_lines(mains, train, holdout, reference)]
     if not powers:
         return None
@@ -50,7 +52,7 @@ def without_hum(part: Residuals, f_Hz: float) -> list[RunResidual]:
 def _hum_um(residual: RunResidual, f_Hz: float) -> Samples:
     """Sines and cosines at the multiples of the mains frequency, fitted to a residual (n,)."""
     t_s, error_um = residual.run.t_s[residual.run.rows], residual.error_um - residual.error_um.mean()
-    known = [h for h in HARMONICS if 2.2 * h * f_Hz <= residual.rate_Hz]
+    known = [h for h in HARMONICS if ROWS_A_PERIOD * h * f_Hz <= residual.rate_Hz]
 
     def fitted(f: float) -> Samples:
         turns = 2 * np.pi * np.outer(t_s - t_s[0], [h * f for h in known])
@@ -60,10 +62,15 @@ def _hum_um(residual: RunResidual, f_Hz: float) -> Samples:
     def left(f: float) -> float:
         return float(np.sum((error_um - fitted(f)) ** 2))
 
-    grid = f_Hz + np.linspace(-SEARCH_Hz, SEARCH_Hz, 2 * int(4 * SEARCH_Hz * (t_s[-1] - t_s[0])) + 5)
+    grid = _frequencies_near(f_Hz, len(t_s) / residual.rate_Hz)
     near, step = min(grid, key=left), float(grid[1] - grid[0])
     best = minimize_scalar(left, bounds=(near - step, near + step), method="bounded", options={"xatol": 1e-3 * step})
     return fitted(float(best.x))
+
+
+def _frequencies_near(f_Hz: float, seconds: float) -> Samples:
+    """Frequencies at which lines near one are looked for, as near to each other as records of this length tell."""
+    return np.linspace(f_Hz - SEARCH_Hz, f_Hz + SEARCH_Hz, 2 * int(4 * SEARCH_Hz * seconds) + 5)
 
 
 def _new_lines(
@@ -72,7 +79,7 @@ def _new_lines(
     """Exact frequency and power (um^2) of the lines near one mains frequency; empty where they are not beyond chance
     or not larger than in the reference records."""
     longest_s = max(len(residual.error_um) / residual.rate_Hz for residual in train)
-    grid = np.linspace(mains_Hz - SEARCH_Hz, mains_Hz + SEARCH_Hz, 2 * int(4 * SEARCH_Hz * longest_s) + 5)
+    grid = _frequencies_near(mains_Hz, longest_s)
     background = [_backgrounds(residual, mains_Hz) for residual in train]
     scores = np.array(
         [sum(_line_statistic(residual, f, b) for residual, b in zip(train, background, strict=True)) for f in grid]

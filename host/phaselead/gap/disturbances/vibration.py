@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +40,7 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     stands above one of them.
     """
     spectra = _spectra(train, holdout, reference)
-    live = ~spectra.mains
+    live = np.array([not is_mains(float(f)) for f in spectra.f_Hz])
     live[:SLOW_LINES] = False
     band = _standing_out((train, holdout, reference), spectra, live)
     if band is None:
@@ -65,8 +64,7 @@ def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -
     return _standing_out(idle, spectra, live) is not None
 
 
-@dataclass(frozen=True)
-class _Spectra:
+class _Spectra(NamedTuple):
     """One-sided densities (k,) in um^2/Hz of the training records and of the reference records, None without any, and
     how many independent periodograms the first averages."""
 
@@ -74,11 +72,6 @@ class _Spectra:
     seen: Samples
     before: Samples | None
     averages: float
-
-    @cached_property
-    def mains(self) -> NDArray[np.bool_]:
-        """Which lines (k,) are those of the mains or its first multiples."""
-        return np.array([is_mains(float(f)) for f in self.f_Hz])
 
     def sides(self, low: int, high: int) -> tuple[Lines, Lines]:
         """The lines below and above a band that say what is usual there: the nearest that it does not leak into."""

@@ -7,7 +7,7 @@ from phaselead.gap.posterior.detectable import MOST_STATED
 from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.missed import MOST_MISSED
+from phaselead.gap.posterior.missed import MOST_MISSED, TIMES_BASE
 from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, names_of
@@ -20,6 +20,7 @@ __all__ = [
     "MOST_MISSED",
     "MOST_STATED",
     "SURE",
+    "TIMES_BASE",
     "Claim",
     "Contest",
     "Fit",
