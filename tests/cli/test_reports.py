@@ -24,7 +24,7 @@ from phaselead.report.page import COLOURS_OF_THE_PAGE, command_line, render
 from phaselead.report.results import result_page
 from phaselead.sim import built_in
 
-LOWPASS = NamedEffect("amplifier_lowpass", None, {"tau_s": (5.03e-4, "s", (4.9e-4, 5.2e-4))}, 0.9)
+LOWPASS = NamedEffect("amplifier_lowpass", {"tau_s": (5.03e-4, "s", (4.9e-4, 5.2e-4))}, 0.9)
 
 
 @pytest.fixture(name="nothing", scope="module")

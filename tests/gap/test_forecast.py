@@ -103,7 +103,7 @@ def test_a_bound_holds_the_size_of_what_is_too_small_to_be_named(hidden, params)
         runs += [run_of(wave(SLOW), "holdout", 1000 * seed + 6, entry)]
         likelihood = likelihood_of([modelled_run(LINE, run) for run in runs])
         contest = Contest(likelihood, {}, len(RIVALS))
-        found, _ = upper_bounds(Selection(None, LINE, (), contest=contest), [effect(hidden)], set(), "x")
+        found, _ = upper_bounds(Selection(None, LINE, (), contest=contest), [effect(hidden)], set())
         bounds += [bound.upper_95 for bound in found]
     assert sum(upper >= size for upper in bounds) >= FEWEST_HELD
     assert np.median(bounds) < 20 * size

@@ -34,7 +34,7 @@ from phaselead.report.gap import gap_page, headline, next_command, remains, stan
 STAGE = Stage(name="s", axes={"x": AxisModel(time=TimeView(gain_um_per_V=10, u_range_V=(0, 5), rate_Hz=1000))})
 
 PAIR = ("delay", "amplifier_lowpass")
-EXPERIMENT = NextExperiment("multisine", 2.0, (5.0, 1000.0), 3.0, None, 2.0, 120.0, 0.99, tells_apart=PAIR)
+EXPERIMENT = NextExperiment("multisine", 2.0, (5.0, 1000.0), 3.0, 2.0, 120.0, 0.99, tells_apart=PAIR)
 
 
 def result() -> GapResult:
@@ -47,7 +47,7 @@ def result() -> GapResult:
         stage=STAGE,
         verdicts=("named", "tie"),
         effects=(
-            NamedEffect("resonance", None, {"f_Hz": (200.0, "Hz", (199.0, 201.0))}, 0.9, "beats no effect by 50", 0.97),
+            NamedEffect("resonance", {"f_Hz": (200.0, "Hz", (199.0, 201.0))}, 0.9, "beats no effect by 50", 0.97),
         ),
         ties=(PAIR,),
         excluded=(Bound("creep", 0.002, "per decade"), Bound("softening", 0.2, "1", "y")),
@@ -67,7 +67,7 @@ def result() -> GapResult:
         traces=(Trace("rec.csv", "x", t, x / 10, x, before, after),),
         untestable_why={"vibration": "needs idle records"},
         seconds=1.5,
-        adopted=(Adopted("resonance", None, "named"), Adopted("delay", None, "provisional")),
+        adopted=(Adopted("resonance", "named"), Adopted("delay", "provisional")),
         unexplained=Unexplained(0.42, 0.05),
     )
 
@@ -195,13 +195,13 @@ def test_the_page_calls_an_effect_by_its_title_wherever_a_person_reads_it():
     codes = sorted(name for name in catalogue() if "_" in name)
     found = replace(
         result(),
-        effects=tuple(NamedEffect(n, None, {"size": (1.0, "1", (0.0, 2.0))}, 0.1) for n in codes),
+        effects=tuple(NamedEffect(n, {"size": (1.0, "1", (0.0, 2.0))}, 0.1) for n in codes),
         candidates=(Candidate(2, " + ".join(codes), 9.0, NOT_NAMED),),
         untestable=("load_change",),
         untestable_why={"load_change": "one axis cannot tell it from sensor_nonlinearity, which stands for both"},
         messages=("thermal_drift or gain_change would be named.",),
         spectra=(Spectrum("mains_hum", "x", np.arange(3.0), np.ones(3), None),),
-        adopted=(Adopted("dead_band", None, "provisional"),),
+        adopted=(Adopted("dead_band", "provisional"),),
     )
     page = gap_page(found, STAGE, "model.toml")
     said = text(re.sub(r"<code>.*?</code>", "", page))

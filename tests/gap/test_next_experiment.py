@@ -202,7 +202,7 @@ def run_of(u: np.ndarray, role: str) -> ModelledRun:
 
 def proposal(one: Excitation) -> NextExperiment:
     return NextExperiment(
-        one.waveform, one.level_V, one.band_Hz, one.bias_V, None, one.seconds, 9.0, 0.9, None, one.source, one.points
+        one.waveform, one.level_V, one.band_Hz, one.bias_V, one.seconds, 9.0, 0.9, None, one.source, one.points
     )
 
 

@@ -47,7 +47,7 @@ def unnamed(system, axis=LINE, count=4):
 def test_the_nearest_set_predicts_held_out_records_better():
     records, runs, alone = unnamed(outsiders.mode)
     effects = [effect(name) for name in NEAR]
-    final, entries = nearest_that_pays(alone, [], runs, effects, None)
+    final, entries = nearest_that_pays(alone, [], runs, effects)
     assert entries[0].name == "resonance"
     assert final.gap.after < 0.1 * alone.gap.after
     value, _, (low, high) = entries[0].params["f_Hz"]
@@ -63,7 +63,7 @@ def test_the_nearest_set_predicts_held_out_records_better():
 
 def test_what_saves_no_more_than_chance_is_not_adopted():
     _, runs, alone = unnamed(lambda u, step_s: 20.0 * u)
-    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR], None)
+    final, entries = nearest_that_pays(alone, [], runs, [effect(name) for name in NEAR])
     assert entries == []
     assert final is alone
     # One sign of so small a change saves a little of any noise.
@@ -101,8 +101,8 @@ def test_own_plays_go_with_what_is_adopted_beside_them():
     modelled = tuple(modelled_run(axis, run) for run in runs)
     alone = FinalFit(axis, (), modelled, modelled, line.gap).with_entries(())
     names = [effect("asymmetric_hysteresis")]
-    fixed, _ = nearest_that_pays(alone, [], runs, names, None)
-    final, entries = nearest_that_pays(alone, [], runs, names, None, open_plays=True)
+    fixed, _ = nearest_that_pays(alone, [], runs, names)
+    final, entries = nearest_that_pays(alone, [], runs, names, open_plays=True)
     assert [e.name for e in entries] == ["asymmetric_hysteresis"]
     assert final.gap.after < 0.9 * fixed.gap.after
     assert final.axis.time.play_w_um_per_V != axis.time.play_w_um_per_V
@@ -118,7 +118,7 @@ def test_nothing_is_adopted_where_nothing_is_missing():
 
 
 def found(name, size, value, half=0.1):
-    return NamedEffect(name, None, {size: (value, "1", (value * (1 - half), value * (1 + half)))}, 0.5)
+    return NamedEffect(name, {size: (value, "1", (value * (1 - half), value * (1 + half)))}, 0.5)
 
 
 @pytest.fixture
@@ -191,7 +191,7 @@ def test_what_is_adopted_is_in_no_other_list(status, axis):
     bounds = (Bound("creep", 0.002, "per decade"), Bound("delay", 0.01, "s"), Bound("hysteresis", 0.04, "of range"))
     found = replace(
         result(), verdicts=("unknown",), excluded=bounds, untestable=("creep", "gain_change"), ties=(),
-        adopted=tuple(Adopted(name, axis, status) for name in ("hysteresis", "creep")),
+        adopted=tuple(Adopted(name, status, axis) for name in ("hysteresis", "creep")),
     )  # fmt: skip
     found = replace(found, untestable_why={"creep": "too short", "gain_change": "nothing to compare with"})
     written = found.as_json()

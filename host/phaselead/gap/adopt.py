@@ -29,15 +29,13 @@ def stage_file_entry(named: NamedEffect, status: AdoptedStatus = "named") -> Ado
     )
 
 
-def kept_names(
-    named: Sequence[NamedEffect], entries: Sequence[NamedEffect], plays: bool, axis: str | None
-) -> list[Adopted]:
+def kept_names(named: Sequence[NamedEffect], entries: Sequence[NamedEffect], plays: bool) -> list[Adopted]:
     """What the next model of an axis has that the base had not: all that is ``named``, what else is among the
     ``entries`` of its list, and the effect that became ``plays`` of its own, if one did."""
     sure = [one.name for one in named]
     as_plays = [e.name for e in catalogue().values() if e.becomes_plays] if plays else []
     unsure = [name for name in dict.fromkeys([*(one.name for one in entries), *as_plays]) if name not in sure]
-    return [*(Adopted(name, axis, NAMED) for name in sure), *(Adopted(name, axis, PROVISIONAL) for name in unsure)]
+    return [*(Adopted(name, NAMED) for name in sure), *(Adopted(name, PROVISIONAL) for name in unsure)]
 
 
 def next_stage(stage: Stage, axes: Mapping[str, AxisModel], data: Sequence[Recording]) -> Stage:

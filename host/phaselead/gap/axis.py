@@ -4,23 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from phaselead.gap.adopt import adopted, kept_names
-from phaselead.gap.bounds import MANY_TIMES, disturbance_bounds, upper_bounds
+from phaselead.gap.bounds import MANY_TIMES, upper_bounds
 from phaselead.gap.design import propose
-from phaselead.gap.disturbances import (
-    HELD_OUT_P,
-    HOLDOUT_CHANCE,
-    Disturbance,
-    Shift,
-    best_explained,
-    disturbance_spectra,
-    find_disturbances,
-    louder_at_rest,
-    session_shifts,
-)
 from phaselead.gap.findings import (
     PROVISIONAL,
     Adopted,
@@ -35,13 +25,7 @@ from phaselead.gap.findings import (
     Trace,
 )
 from phaselead.gap.floor import noise_of
-from phaselead.gap.goodness_of_fit import (
-    CLEARLY_ABOVE_FLOOR,
-    FinalFit,
-    final_fit,
-    more_than_equations_miss,
-    too_little_described,
-)
+from phaselead.gap.goodness_of_fit import FinalFit, final_fit, more_than_equations_miss, too_little_described
 from phaselead.gap.locate import ResidualAndNoise, rank_cells
 from phaselead.gap.noise import Noise
 from phaselead.gap.posterior import Claim
@@ -50,12 +34,13 @@ from phaselead.gap.records import GapRun
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained, unexplained
+from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
 from phaselead.model import AxisModel, Effect
 
-_OF_DISTURBANCE, _OF_SHIFT = 1 - HOLDOUT_CHANCE, 1 - HELD_OUT_P
-"""Probability that what one test has found is there: all but its false alarms."""
 NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
 NEEDS_SESSION = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
+
+_Finding = TypeVar("_Finding", NamedEffect, Adopted, Bound, Candidate, Cell, Detectable, NextExperiment)
 
 
 @dataclass(frozen=True)
@@ -90,10 +75,25 @@ class AxisResult:
     unexplained: Unexplained
     """How much of what the model with its names leaves can be predicted from the voltage."""
 
+    def labelled(self) -> AxisResult:
+        """The same where what was found bears the name of the axis, or of the axes that it had: for data of several."""
+        return replace(
+            self,
+            effects=self._with_axis(self.effects),
+            excluded=self._with_axis(self.excluded),
+            where=self._with_axis(self.where),
+            candidates=self._with_axis(self.candidates),
+            adopted=self._with_axis(self.adopted),
+            detectable=self._with_axis(self.detectable),
+            next_experiment=None if self.next_experiment is None else self._with_axis([self.next_experiment])[0],
+        )
+
+    def _with_axis(self, found: Sequence[_Finding]) -> list[_Finding]:
+        return [replace(one, axis=one.axis or self.axis) for one in found]
+
 
 def search_axis(
     axis: str,
-    label: str | None,
     model: AxisModel,
     runs: Sequence[GapRun],
     effects: Sequence[Effect],
@@ -101,7 +101,7 @@ def search_axis(
     seed: int,
     on_progress: Progress,
 ) -> AxisResult:
-    """The whole workflow on one axis. ``label`` is the axis in the result: None for single-axis data.
+    """The whole workflow on one axis; what it finds does not bear the name of the axis yet.
 
     ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for cells.
     """
@@ -113,64 +113,103 @@ def search_axis(
     assert selection.contest is not None
     noise = noise_of(selection.contest)
     final = final_fit(selection, runs, noise)
-    named, ties, file_entries = _named(selection, final, label)
-    other = _beyond_voltage(axis, final, effects, _names(named, ties), label)
-    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
-    # Beside a name, that something more is there is a claim too.
-    left = unexplained(*residuals, of_any_size=not named and not ties)
-    surviving, predictable = selection, left.something_missing
-    said = [f"{label}: {message}" if label else message for message in selection.messages]
-    if (named or ties) and too_little_described(left, final.gap):
-        names = " or ".join(sorted(_names(named, ties)))
-        said.append(f"{names} would be named, but too much is left that the voltage predicts: it is not vouched for")
-        named, ties, surviving = [], [], selection.withdrawn()
-    elif (named or ties) and selection.runs("reference"):
-        predictable = more_than_equations_miss(left, final.gap)
-        left = replace(left, of_equations=left.something_missing and not predictable)
-    ties += other.ties
-    taken = _names([*named, *other.named], ties)
+    claimed = _claimed(selection, final)
+    other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
+    vouched, left, predictable = _vouched_for(claimed, final)
+    named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]
+    taken = _names(named, ties)
     # Plays that the base was given stay in it under whatever name: neither bounded nor tried beside themselves.
-    taken_or_played = taken | ({selection.memory.effect.name} if selection.memory is not None else set())
-    excluded, hidden = upper_bounds(surviving, candidates, taken_or_played, label)
+    played = {selection.memory.effect.name} if selection.memory is not None else set()
+    excluded, hidden = upper_bounds(vouched.selection, candidates, taken | played)
     on_progress(0.92)
     unknown = selection.something_unnamed or other.unknown or predictable
     provisional: list[NamedEffect] = []
     if unknown:
-        untried = [effect for effect in effects if effect.name not in taken_or_played]
         # The base stays as it is, so that anything may be tried that a frozen one shows.
-        allowed, _ = responses(untried, frozen=True, referenced=False)
-        own_plays = selection.memory is not None
-        final, provisional = nearest_that_pays(final, file_entries, runs, allowed, label, own_plays)
-    kept = kept_names([*named, *other.named], [*file_entries, *provisional], selection.memory is not None, label)
+        untried, _ = responses([e for e in effects if e.name not in taken | played], frozen=True, referenced=False)
+        final, provisional = nearest_that_pays(final, claimed.entries, runs, untried, open_plays=bool(played))
+    kept = kept_names(named, [*claimed.entries, *provisional], plays=bool(played))
     unsure = {one.name for one in kept if one.status == PROVISIONAL}
     return AxisResult(
         axis,
-        adopted(final.axis, [*file_entries, *provisional, *other.named], unsure),
-        [*named, *other.named],
+        adopted(final.axis, [*claimed.entries, *provisional, *other.named], unsure),
+        named,
         ties,
         unknown,
         [*excluded, *other.excluded],
         {**_untested(refused, other, taken), **hidden},
-        _where(noise, final, seed, label),
+        _where(noise, final, seed),
         final.gap,
         final.rows,
-        _proposal(surviving, label),
-        list(surviving.candidates),
+        _proposal(vouched.selection),
+        list(vouched.selection.candidates),
         final.traces(),
         other.spectra,
-        [*said, *other.messages],
+        [*vouched.messages, *other.messages],
         kept,
-        _detectable(selection, candidates, label),
+        _detectable(selection, candidates),
         left,
     )
 
 
-def _detectable(selection: Selection, effects: Sequence[Effect], label: str | None) -> list[Detectable]:
+@dataclass(frozen=True)
+class _Claimed:
+    """What a search claims."""
+
+    selection: Selection
+    named: Sequence[NamedEffect]
+    ties: Sequence[tuple[str, ...]]
+    entries: Sequence[NamedEffect]
+    """For the stage file: what is named, the best of each tie and what has no name, so that the model predicts."""
+    messages: Sequence[str]
+    """For a person."""
+
+
+def _claimed(selection: Selection, final: FinalFit) -> _Claimed:
+    """What the search claims. Memory that the base was given as plays is named, and in none of its lists of effects."""
+    named, ties, entries = [], [], []
+    memory = selection.memory
+    if memory is not None:
+        name = memory.effect.name
+        named.append(NamedEffect(name, memory.params, final.share_of(name), memory.why, memory.probability))
+    for claim in (*selection.claims, *selection.nameless_claims):
+        name = claim.effect.name
+        found = NamedEffect(name, selection.estimates[name], final.share_of(name), _why(claim), claim.probability)
+        entries.append(found)
+        if claim in selection.nameless_claims:
+            continue
+        if len(claim.tied) > 1:
+            ties.append(claim.tied)
+        else:
+            named.append(found)
+    return _Claimed(selection, named, ties, entries, selection.messages)
+
+
+def _vouched_for(claimed: _Claimed, final: FinalFit) -> tuple[_Claimed, Unexplained, bool]:
+    """The claims less those that leave too much of the held-out records, how much can be predicted of what is left,
+    and whether that is more than the equations of what is named may miss."""
+    anything = bool(claimed.named or claimed.ties)
+    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    # Beside a name, that something more is there is a claim too.
+    left = unexplained(*residuals, of_any_size=not anything)
+    if anything and too_little_described(left, final.gap):
+        names = " or ".join(sorted(_names(claimed.named, claimed.ties)))
+        said = f"{names} would be named, but too much is left that the voltage predicts: it is not vouched for"
+        messages = [*claimed.messages, said]
+        withdrawn = claimed.selection.withdrawn()
+        return replace(claimed, selection=withdrawn, named=(), ties=(), messages=messages), left, True
+    if anything and residuals[2]:
+        predictable = more_than_equations_miss(left, final.gap)
+        return claimed, replace(left, of_equations=left.something_missing and not predictable), predictable
+    return claimed, left, left.something_missing
+
+
+def _detectable(selection: Selection, effects: Sequence[Effect]) -> list[Detectable]:
     """What the records were expected to show, before anything of it was looked at."""
     assert selection.contest is not None
     least = selection.contest.detectable
     return [
-        Detectable(e.name, least[e.name], e.sizes[0].unit, label)
+        Detectable(e.name, least[e.name], e.sizes[0].unit)
         for e in effects
         if least.get(e.name, np.inf) < MANY_TIMES * e.sizes[0].typical
     ]
@@ -181,7 +220,7 @@ def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set
     return {effect.name for effect in named} | {name for tie in ties for name in tie}
 
 
-def _untested(refused: dict[str, str], other: _BeyondVoltage, taken: set[str]) -> dict[str, str]:
+def _untested(refused: dict[str, str], other: VoltageIndependent, taken: set[str]) -> dict[str, str]:
     """Why effects that are not ``taken`` were not tested, by name."""
     why = {n: w for n, w in refused.items() if not (other.zero_tested and w == NEEDS_SESSION)} | other.untested
     return {n: w for n, w in why.items() if n not in taken}
@@ -207,115 +246,17 @@ def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tupl
     return allowed, refused
 
 
-@dataclass(frozen=True)
-class _BeyondVoltage:
-    """What no voltage predicts: disturbances, and a zero that moved between the sessions."""
-
-    named: list[NamedEffect]
-    ties: Sequence[tuple[str, ...]]
-    excluded: Sequence[Bound]
-    unknown: bool
-    """Whether something is there that no effect allowed explains."""
-    untested: dict[str, str]
-    """Why a disturbance could not be tested, by its name."""
-    zero_tested: bool
-    """Whether there are records that could show a zero that moved."""
-    spectra: list[Spectrum]
-    messages: list[str]
-
-
-def _beyond_voltage(
-    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str], label: str | None
-) -> _BeyondVoltage:
-    """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
-    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
-    found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
-    tested = [effect for effect in effects if effect.name not in untested]
-    bounds, hidden = disturbance_bounds(*residuals[:2], tested, {one.name for one in found}, label)
-    zero = _moved_zero(final, effects, claimed, label)
-    named = [*(_disturbance(one, final, label) for one in found), *zero.named]
-    unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
-    shown = disturbance_spectra(found, residuals[1], residuals[2], axis)
-    excluded, untested = [*zero.excluded, *bounds], {**untested, **hidden}
-    return _BeyondVoltage(named, zero.ties, excluded, unknown, untested, zero.tested, shown, left_out)
-
-
-@dataclass(frozen=True)
-class _MovedZero:
-    """What the means of the records say about a zero that moved between the sessions."""
-
-    tested: bool = False
-    """Whether there are records that could show it."""
-    named: Sequence[NamedEffect] = ()
-    ties: Sequence[tuple[str, ...]] = ()
-    excluded: Sequence[Bound] = ()
-    unknown: bool = False
-    """Whether it moved as no effect allowed explains."""
-
-
-def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str], label: str | None) -> _MovedZero:
-    """Test for a zero that moved between the sessions."""
-    shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
-    # While more is left, or what is slow was named, that may shift the records as well.
-    little_left = final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor
-    slow = any(effect.slow and effect.name in claimed for effect in effects)
-    shifted = best_explained(shifts) if little_left and not slow else ()
-    allowed = {effect.name: effect for effect in effects if effect.name not in claimed}
-    explained = set(shifted) <= set(allowed)
-    named = [_shifted(allowed[name], shifts[name], label) for name in shifted] if explained else []
-    excluded = [
-        Bound(name, abs(shifts[name].amount) + shifts[name].half, effect.sizes[0].unit, label)
-        for name, effect in allowed.items()
-        if effect.moves_zero == "at once" and name in shifts and name not in {one.name for one in named}
-    ]
-    if len(named) > 1:
-        return _MovedZero(bool(shifts), ties=[shifted], excluded=excluded)
-    return _MovedZero(bool(shifts), named, (), excluded, bool(shifted) and not explained)
-
-
-def _shifted(effect: Effect, shift: Shift, label: str | None) -> NamedEffect:
-    """An effect that moved the zero. Its share is 0: the gap is measured about each record's own mean."""
-    at, half, size = shift.amount, shift.half, effect.sizes[0]
-    why = f"from the reference session on records stand off by {at:.4g} {size.unit}, and held-out ones too"
-    return NamedEffect(effect.name, label, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why, _OF_SHIFT)
-
-
-def _where(noise: Noise, final: FinalFit, seed: int, label: str | None) -> list[Cell]:
+def _where(noise: Noise, final: FinalFit, seed: int) -> list[Cell]:
     """Where the base as given leaves most of the held-out records."""
     parts = [ResidualAndNoise(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
-    return rank_cells(parts, seed, label)
+    return rank_cells(parts, seed)
 
 
-def _proposal(selection: Selection, label: str | None) -> NextExperiment | None:
+def _proposal(selection: Selection) -> NextExperiment | None:
     """The experiment that would best break the first tie of the search; None where it has no tie of two members that
     were fitted and may be named. Ties of a moved zero are none of the search."""
     ties = [c for c in selection.claims if len(c.rivals) > 1 and not selection.nameless & set(c.tied)]
-    return propose(selection, ties[0], label) if ties else None
-
-
-def _named(
-    selection: Selection, final: FinalFit, label: str | None
-) -> tuple[list[NamedEffect], list[tuple[str, ...]], list[NamedEffect]]:
-    """Named effects, ties, and the effects for the stage file: those named, the best of each tie and what has no name,
-    so that the model predicts. Memory that the base was given as plays is in none of its lists of effects."""
-    named, ties, entries = [], [], []
-    memory = selection.memory
-    if memory is not None:
-        name = memory.effect.name
-        named.append(NamedEffect(name, label, memory.params, final.share_of(name), memory.why, memory.probability))
-    for claim in (*selection.claims, *selection.nameless_claims):
-        name = claim.effect.name
-        found = NamedEffect(
-            name, label, selection.estimates[name], final.share_of(name), _why(claim), claim.probability
-        )
-        entries.append(found)
-        if claim in selection.nameless_claims:
-            continue
-        if len(claim.tied) > 1:
-            ties.append(claim.tied)
-        else:
-            named.append(found)
-    return named, ties, entries
+    return propose(selection, ties[0]) if ties else None
 
 
 def _why(claim: Claim) -> str:
@@ -323,9 +264,3 @@ def _why(claim: Claim) -> str:
     held = claim.held_out_log_odds
     shown = f"add {held:.0f}" if held >= 0 else f"take {-held:.0f} away"
     return f"log odds {claim.log_odds:.0f} against all models without it; held-out records {shown}"
-
-
-def _disturbance(found: Disturbance, final: FinalFit, label: str | None) -> NamedEffect:
-    """A disturbance that was found, with its share of the power."""
-    share = min(found.power_um2 / max(final.gap.before**2, 1e-30), 1.0)
-    return NamedEffect(found.name, label, found.params, share, found.why, _OF_DISTURBANCE)

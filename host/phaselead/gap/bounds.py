@@ -19,33 +19,30 @@ MANY_TIMES = 1000.0
 
 
 def upper_bounds(
-    selection: Selection, effects: Sequence[Effect], without: set[str], axis: str | None
+    selection: Selection, effects: Sequence[Effect], without: set[str]
 ) -> tuple[list[Bound], dict[str, str]]:
     """The largest size at 95 % of every effect that is not among ``without``, and why others have none, by name.
 
-    ``axis`` is the axis in the result: None for single-axis data. An effect has no bound where the records leave its
-    size as unknown as it was.
+    An effect has no bound where the records leave its size as unknown as it was.
     """
     assert selection.contest is not None
     others = selection.contest.likelihood.fit(selection.entries, steps=0)
     absent = [effect for effect in effects if effect.name not in without]
     sizes = largest_sizes(selection.contest, others, absent)
     uppers = {e.name: max(sizes.get(e.name, np.inf), _in_place_of_a_named(selection, e)) for e in absent}
-    return _told(absent, uppers, axis)
+    return _told(absent, uppers)
 
 
 def disturbance_bounds(
-    train: Residuals, holdout: Residuals, effects: Sequence[Effect], without: set[str], axis: str | None
+    train: Residuals, holdout: Residuals, effects: Sequence[Effect], without: set[str]
 ) -> tuple[list[Bound], dict[str, str]]:
     """The same of the disturbances among the effects that have a test of their own and were not found by it."""
     uppers = largest(train, holdout)
     absent = [effect for effect in effects if effect.seen_as in uppers and effect.name not in without]
-    return _told(absent, {e.name: uppers[e.seen_as] for e in absent if e.seen_as is not None}, axis)
+    return _told(absent, {e.name: uppers[e.seen_as] for e in absent if e.seen_as is not None})
 
 
-def _told(
-    absent: Sequence[Effect], uppers: Mapping[str, float], axis: str | None
-) -> tuple[list[Bound], dict[str, str]]:
+def _told(absent: Sequence[Effect], uppers: Mapping[str, float]) -> tuple[list[Bound], dict[str, str]]:
     """The bounds that say anything, and why the others do not, by name."""
     found, untestable = [], {}
     for effect in absent:
@@ -55,7 +52,7 @@ def _told(
         elif upper > KNOWN_BEFORE * size.typical or upper >= max(abs(size.low), size.high):
             untestable[effect.name] = f"{_hidden(upper / size.typical)}; what would show it: {effect.reveals}"
         else:
-            found.append(Bound(effect.name, upper, size.unit, axis))
+            found.append(Bound(effect.name, upper, size.unit))
     return found, untestable
 
 

@@ -24,13 +24,14 @@ class NamedEffect:
     """An effect the data demand."""
 
     name: str
-    axis: str | None
     params: Mapping[str, Estimate | Estimates]
     share: float
     """Share of the unexplained power of the held-out records that it explains."""
     why: str = ""
     probability: float = 1.0
     """That it is there, and not one of its rivals or nothing."""
+    axis: str | None = None
+    """As in everything below: None where the data have a single one."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class Adopted:
     """An effect that the next model has, and whether its name is vouched for."""
 
     name: str
-    axis: str | None
     status: AdoptedStatus
+    axis: str | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,6 @@ class NextExperiment:
     level: float
     band: tuple[float, float]
     bias: float
-    axis: str | None
     seconds: float
     separation: float
     """Least log odds between two members that it is expected to bring for the true one."""
@@ -122,6 +122,7 @@ class NextExperiment:
     softening grows by."""
     drives: str | None = None
     """The axis, or axes, that it is for, also where ``axis`` is None because the data have a single one."""
+    axis: str | None = None
 
     @property
     def several_axes(self) -> bool:

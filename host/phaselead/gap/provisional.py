@@ -31,14 +31,13 @@ def nearest_that_pays(
     named: Sequence[NamedEffect],
     runs: Sequence[GapRun],
     effects: Sequence[Effect],
-    label: str | None,
     open_plays: bool = False,
 ) -> tuple[FinalFit, list[NamedEffect]]:
     """The final fit with the set of ``effects`` that predicts the held-out records best beside it, and that set.
 
-    The set grows one by one, as long as the last one pays. ``named`` are the effects of the fit already. ``label`` is
-    the axis in the result. ``open_plays``: the plays were fitted to these records, to what may be the effects', and are
-    fitted anew beside each.
+    The set grows one by one, as long as the last one pays. ``named`` are the effects of the fit already.
+    ``open_plays``: the plays were fitted to these records, to what may be the effects', and are fitted anew beside
+    each.
     """
     found: list[NamedEffect] = []
     for _ in range(MOST_PROVISIONAL):
@@ -53,7 +52,7 @@ def nearest_that_pays(
             break
         final, entry = best, best.entries[-1]
         params = intervals_alone(likelihood_of(so_far), [entry])[0]
-        found.append(NamedEffect(entry[0].name, label, params, 0.0))
+        found.append(NamedEffect(entry[0].name, params, 0.0))
     return final, [replace(e, share=final.share_of(e.name)) for e in found]
 
 

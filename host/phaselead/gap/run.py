@@ -128,9 +128,14 @@ def _each_axis(
         def advance(share: float, done: int = i) -> None:
             report((done + share) / len(runs))
 
-        label = axis if len(runs) > 1 else None
-        results.append(search_axis(axis, label, stage.axes[axis], of_axis, effects, held, seed, advance))
+        found = search_axis(axis, stage.axes[axis], of_axis, effects, held, seed, advance)
+        results.append(_of_several(found) if len(runs) > 1 else found)
     return results
+
+
+def _of_several(result: AxisResult) -> AxisResult:
+    """The result of one axis where there are others, which says of what it speaks."""
+    return replace(result.labelled(), messages=[f"{result.axis}: {message}" for message in result.messages])
 
 
 def _silent(share: float) -> None:

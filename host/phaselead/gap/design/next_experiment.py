@@ -70,8 +70,8 @@ class Prediction:
         return self.chance >= GOOD
 
 
-def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperiment | None:
-    """The best experiment for one tie on the axis ``label``; None where fewer than two members can be predicted."""
+def propose(selection: Selection, tied: Claim) -> NextExperiment | None:
+    """The best experiment for one tie; None where fewer than two members can be predicted."""
     axis, contest = selection.base, selection.contest
     if len(tied.rivals) < 2 or axis.time is None or contest is None:
         return None
@@ -81,7 +81,7 @@ def propose(selection: Selection, tied: Claim, label: str | None) -> NextExperim
     one, members = found.excitation, [entries[-1][0] for entries in tied.rivals]
     sensor = sensor_for(members) if found.chance <= MORE_LIKELY_THAN_NOT else None
     return NextExperiment(
-        one.waveform, one.level_V, one.band_Hz, one.bias_V, label, one.seconds, found.log_odds, found.chance, sensor,
+        one.waveform, one.level_V, one.band_Hz, one.bias_V, one.seconds, found.log_odds, found.chance, sensor,
         one.source, one.points, tuple(member.name for member in members), contest.likelihood.runs[0].modelled.run.axis,
     )  # fmt: skip
 

@@ -42,7 +42,7 @@ class ResidualAndNoise:
     noise: Noise
 
 
-def rank_cells(parts: Sequence[ResidualAndNoise], seed: int, axis: str | None = None) -> list[Cell]:
+def rank_cells(parts: Sequence[ResidualAndNoise], seed: int) -> list[Cell]:
     """Cells ranked by their share of the unexplained power, those that stand out first.
 
     At most MOST_RANKED of at least LEAST_CELL_SHARE; empty where the residual is 0 everywhere. ``seed`` fixes the
@@ -62,11 +62,11 @@ def rank_cells(parts: Sequence[ResidualAndNoise], seed: int, axis: str | None = 
     floor = sum(float(s.total.sum(axis=1).mean()) for s in simulated)
     excess = _excess(shares, whole.mean(axis=0), min(floor / power, 1.0))
     found = [
-        Cell(by, name, float(share), sentence_of(by, name, float(share)), float(p), axis)
+        Cell(by, name, float(share), sentence_of(by, name, float(share)), float(p))
         for (by, name), share, p in zip(names, excess, p_values, strict=True)
         if share > LEAST_CELL_SHARE
     ]
-    found += _after_steps(parts, found, axis)
+    found += _after_steps(parts, found)
     return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_RANKED]
 
 
@@ -124,11 +124,11 @@ def _excess(shares: Samples, expected: Samples, floor: float) -> Samples:
     return np.asarray(np.clip((shares - floor * expected) / (1 - floor), 0.0, 1.0))
 
 
-def _after_steps(parts: Sequence[ResidualAndNoise], found: Sequence[Cell], axis: str | None) -> list[Cell]:
+def _after_steps(parts: Sequence[ResidualAndNoise], found: Sequence[Cell]) -> list[Cell]:
     """One cell for all times after steps, where the residual follows the logarithm of time, as creep does."""
     p_values = [c.p for c in found if c.by == STEP]
     slow = slow_response([(p.run, p.error_um) for p in parts]) if p_values else None
-    return [] if slow is None else [Cell(STEP, ALL, slow.share, slow.sentence(), min(p_values), axis)]
+    return [] if slow is None else [Cell(STEP, ALL, slow.share, slow.sentence(), min(p_values))]
 
 
 def axis_cells(errors: Mapping[str, Sequence[Samples]], floors_um: Mapping[str, float]) -> list[Cell]:

@@ -150,7 +150,6 @@ def _experiment(found: StageFit, one: _Predicted, sensor: str | None, names: tup
         float(np.max(np.ptp(u, axis=0))),
         (per_line_Hz, float(driven[-1]) * per_line_Hz),
         float(np.mean((u.max(axis=0) + u.min(axis=0)) / 2)),
-        ",".join(found.axes),
         len(record.u_V) * record.step_s,
         one.log_odds,
         one.chance,
@@ -158,4 +157,5 @@ def _experiment(found: StageFit, one: _Predicted, sensor: str | None, names: tup
         None if multisine else record.source,
         tells_apart=names,
         drives=",".join(found.axes),
+        axis=",".join(found.axes),
     )

@@ -161,8 +161,8 @@ def axis_results(
                 proposal if i == 0 else None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
                 [
-                    *(Adopted(one.name, a, NAMED) for one in named[a]),
-                    *(Adopted(name, a, PROVISIONAL) for name in unsure[a]),
+                    *(Adopted(one.name, NAMED) for one in named[a]),
+                    *(Adopted(name, PROVISIONAL) for name in unsure[a]),
                 ],
                 [],
                 predictable,
@@ -213,14 +213,13 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
     if found.softens:
         params |= in_front(found.fit, axis)
     result = []
-    label = found.axes[axis]
     for name, values in params.items():
         without = found.without(name, axis)
         gained = improvement(found.held, without.answer, found.fit.answer, axis)
         share = _share(found, without, axis) if gained.pays else 0.0
         growth = 1 / np.sqrt(max(1 - gained.saved, 1e-9))
         why = f"without it the held-out error grows {growth:.3g}-fold (z = {gained.z:.1f})"
-        result.append(NamedEffect(name, label, values, share, why, _probability(gained.z)))
+        result.append(NamedEffect(name, values, share, why, _probability(gained.z)))
     return result
 
 
@@ -255,7 +254,7 @@ def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
 def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     """Largest size of each effect in front of the mechanics that the records still allow."""
     return [
-        Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit, axis)
+        Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit)
         for one in found.others
         if one.axis == axis and one.effect.name not in taken and (found.fit.held or not one.effect.absorbed_by_modes)
     ]
@@ -289,15 +288,14 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
 def _where(found: StageFit, held: Sequence[GapRun], axis: str, seed: int) -> list[Cell]:
     errors = found.before.errors(axis)
     noise = fit_noise([(e, run.u_V[run.rows]) for e, run in zip(errors, held, strict=True)], [], held[0].step_s)
-    return rank_cells([ResidualAndNoise(run, e, noise) for run, e in zip(held, errors, strict=True)], seed, axis)
+    return rank_cells([ResidualAndNoise(run, e, noise) for run, e in zip(held, errors, strict=True)], seed)
 
 
 def _candidates(found: StageFit, axis: str) -> list[Candidate]:
     """The other effects that were scored, most promising first."""
     return [
         Candidate(
-            1, one.effect.name, 100 * one.share,
-            f"would explain {100 * one.share:.2g} % of what remains", axis,
+            1, one.effect.name, 100 * one.share, f"would explain {100 * one.share:.2g} % of what remains"
         )
         for one in found.others if one.axis == axis
     ]  # fmt: skip

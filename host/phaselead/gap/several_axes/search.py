@@ -55,7 +55,8 @@ def search_together(
     seed: int,
     report: Progress,
 ) -> list[AxisResult] | None:
-    """One result per axis, or None where the axes do not move together or nothing is missing that they share.
+    """One result per axis, which bears its name, or None where the axes do not move together or nothing is missing
+    that they share.
 
     ``effects`` may be named; ``frozen``: whether the modes of the stage stay as they are, by default where there are
     reference records; ``report`` is called with the share of the work that is done. Raises BadInput for a stage that is
@@ -92,7 +93,8 @@ def search_together(
     allowed = tuple(e.name for e in effects)
     findings = StageFit(stage, models, modes, softening, others, before, train, held_out, allowed)
     findings = _with_rivals(findings, linear, effects)
-    return axis_results(findings, runs, holdout, seed, propose_together(findings))
+    results = axis_results(findings, runs, holdout, seed, propose_together(findings))
+    return [result.labelled() for result in results]
 
 
 def _with_rivals(found: StageFit, linear: CommonModes, effects: Sequence[Effect]) -> StageFit:

@@ -1,0 +1,104 @@
+"""What no voltage predicts: disturbances, and a zero that moved between the sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from phaselead.gap.bounds import disturbance_bounds
+from phaselead.gap.disturbances import (
+    HELD_OUT_P,
+    HOLDOUT_CHANCE,
+    Disturbance,
+    Shift,
+    best_explained,
+    disturbance_spectra,
+    find_disturbances,
+    louder_at_rest,
+    session_shifts,
+)
+from phaselead.gap.findings import Bound, NamedEffect, Spectrum
+from phaselead.gap.goodness_of_fit import CLEARLY_ABOVE_FLOOR, FinalFit
+from phaselead.model import Effect
+
+_OF_DISTURBANCE, _OF_SHIFT = 1 - HOLDOUT_CHANCE, 1 - HELD_OUT_P
+"""Probability that what one test has found is there: all but its false alarms."""
+
+
+@dataclass(frozen=True)
+class VoltageIndependent:
+    """What no voltage predicts: disturbances, and a zero that moved between the sessions."""
+
+    named: list[NamedEffect]
+    ties: Sequence[tuple[str, ...]]
+    excluded: Sequence[Bound]
+    unknown: bool
+    """Whether something is there that no effect allowed explains."""
+    untested: dict[str, str]
+    """Why a disturbance could not be tested, by its name."""
+    zero_tested: bool
+    """Whether there are records that could show a zero that moved."""
+    spectra: list[Spectrum]
+    messages: list[str]
+
+
+def find_voltage_independent(
+    axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str]
+) -> VoltageIndependent:
+    """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
+    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
+    tested = [effect for effect in effects if effect.name not in untested]
+    bounds, hidden = disturbance_bounds(*residuals[:2], tested, {one.name for one in found})
+    zero = _moved_zero(final, effects, claimed)
+    named = [*(_disturbance(one, final) for one in found), *zero.named]
+    unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
+    shown = disturbance_spectra(found, residuals[1], residuals[2], axis)
+    excluded, untested = [*zero.excluded, *bounds], {**untested, **hidden}
+    return VoltageIndependent(named, zero.ties, excluded, unknown, untested, zero.tested, shown, left_out)
+
+
+@dataclass(frozen=True)
+class _MovedZero:
+    """What the means of the records say about a zero that moved between the sessions."""
+
+    tested: bool = False
+    """Whether there are records that could show it."""
+    named: Sequence[NamedEffect] = ()
+    ties: Sequence[tuple[str, ...]] = ()
+    excluded: Sequence[Bound] = ()
+    unknown: bool = False
+    """Whether it moved as no effect allowed explains."""
+
+
+def _moved_zero(final: FinalFit, effects: Sequence[Effect], claimed: set[str]) -> _MovedZero:
+    """Test for a zero that moved between the sessions."""
+    shifts = session_shifts(final.offsets("reference"), final.offsets("train"), final.offsets("holdout"))
+    # While more is left, or what is slow was named, that may shift the records as well.
+    little_left = final.gap.after < CLEARLY_ABOVE_FLOOR * final.gap.floor
+    slow = any(effect.slow and effect.name in claimed for effect in effects)
+    shifted = best_explained(shifts) if little_left and not slow else ()
+    allowed = {effect.name: effect for effect in effects if effect.name not in claimed}
+    explained = set(shifted) <= set(allowed)
+    named = [_shifted(allowed[name], shifts[name]) for name in shifted] if explained else []
+    excluded = [
+        Bound(name, abs(shifts[name].amount) + shifts[name].half, effect.sizes[0].unit)
+        for name, effect in allowed.items()
+        if effect.moves_zero == "at once" and name in shifts and name not in {one.name for one in named}
+    ]
+    if len(named) > 1:
+        return _MovedZero(bool(shifts), ties=[shifted], excluded=excluded)
+    return _MovedZero(bool(shifts), named, (), excluded, bool(shifted) and not explained)
+
+
+def _shifted(effect: Effect, shift: Shift) -> NamedEffect:
+    """An effect that moved the zero. Its share is 0: the gap is measured about each record's own mean."""
+    at, half, size = shift.amount, shift.half, effect.sizes[0]
+    why = f"from the reference session on records stand off by {at:.4g} {size.unit}, and held-out ones too"
+    return NamedEffect(effect.name, {size.name: (at, size.unit, (at - half, at + half))}, 0.0, why, _OF_SHIFT)
+
+
+def _disturbance(found: Disturbance, final: FinalFit) -> NamedEffect:
+    """A disturbance that was found, with its share of the power."""
+    share = min(found.power_um2 / max(final.gap.before**2, 1e-30), 1.0)
+    return NamedEffect(found.name, found.params, share, found.why, _OF_DISTURBANCE)
