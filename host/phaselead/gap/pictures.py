@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from phaselead.drawing import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
 from phaselead.gap.findings import Cell, Trace
@@ -28,6 +29,8 @@ def gap_figure(traces: Sequence[Trace], cells: Sequence[Cell]) -> Figure:
         right.barh(range(len(shown)), [100 * cell.share for cell in shown], color=colours)
         right.set_yticks(range(len(shown)), [f"{cell.by}: {cell.cell}" for cell in shown])
         right.set(xlabel="share of the unexplained power (%)", xlim=(0, 100))
+        keys = [Patch(color=GREEN, label="stands out"), Patch(color=GREY, label="may be chance")]
+        right.legend(handles=keys, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2)
         return figure
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from phaselead.gap.base_operator import find_memory
@@ -24,7 +23,7 @@ from phaselead.gap.posterior import (
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
-from phaselead.gap.selection import Selection
+from phaselead.gap.selection import Selection, with_a_name
 from phaselead.model import AxisModel, Effect
 
 SHOWN_SETS = 12
@@ -58,48 +57,35 @@ def select_effects(
     of_runs = [modelled_run(base, run) for run in runs]
     likelihood = likelihood_of(of_runs, base_may_be_off=not referenced and not frozen, open_plays=memory is not None)
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
-    found = judge(contest)
-    claims, entries, values = _estimated(contest, found.best.entries, found.claims, memory is not None)
-    without_name = frozenset(effect.name for effect in nameless)
-    with_name = _with_a_name(claims, without_name)
+    judgement, names = judge(contest), frozenset(effect.name for effect in nameless)
+    claims, entries, estimates = _estimated(contest, judgement, open_plays=memory is not None)
     # Where every claim was withdrawn, what it was for is still there.
-    judged = replace(found, claims=_with_a_name(found.claims, without_name) if claims else ())
+    judged = replace(judgement, claims=with_a_name(judgement.claims, names) if claims else ())
+    all_named = with_a_name(claims, names) == claims
     return Selection(
-        base,
-        axis,
-        entries,
-        with_name,
-        {effect.name: one for (effect, _), one in zip(entries, values, strict=True)},
-        contest,
-        _candidates(contest, replace(judged, claims=with_name if len(with_name) == len(claims) else ())),
-        memory,
-        judged.something_unnamed,
-        tuple(one for claim in claims if (one := _of_a_wrong_base(claim, without_name))),
-        tuple(claim for claim in claims if claim not in with_name),
-        without_name,
+        base=base,
+        start=axis,
+        entries=entries,
+        contest=contest,
+        found=claims,
+        nameless=names,
+        something_unnamed=judged.something_unnamed,
+        estimates=estimates,
+        candidates=_candidates(contest, replace(judgement, claims=claims if all_named else ())),
+        memory=memory,
     )
 
 
-def _with_a_name(claims: Sequence[Claim], without_name: AbstractSet[str]) -> tuple[Claim, ...]:
-    """The claims that are not of nameless effects alone."""
-    return tuple(claim for claim in claims if not without_name >= set(claim.tied))
-
-
-def _of_a_wrong_base(claim: Claim, without_name: AbstractSet[str]) -> str:
-    """Why what is there has no name, or cannot be told from a rival, for a person; empty for any other claim."""
-    names = " or ".join(name for name in claim.tied if name in without_name)
-    return f"{names} cannot be told from a model that was wrong: give --reference records, or --frozen" if names else ""
-
-
 def _estimated(
-    contest: Contest, best: Sequence[SizedEffect], claims: Sequence[Claim], open_plays: bool
-) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], list[dict[str, Estimate]]]:
-    """The claims that do not harm and are of some size, their effects with the parameters that predict best, and the
-    interval of each.
+    contest: Contest, judgement: Judgement, open_plays: bool
+) -> tuple[tuple[Claim, ...], tuple[SizedEffect, ...], dict[str, Mapping[str, Estimate]]]:
+    """The claims that do not harm and are of some size, their effects with the parameters that predict best, and by
+    name the interval of each parameter.
 
     What is adopted is learned without the held-out records, so that these may judge it. Where the base's plays move
     with every effect (``open_plays``), they say nothing before these are fitted anew.
     """
+    claims = judgement.claims
     everything, learned = contest.likelihood, contest.likelihood.without_held_out()
     train, held = (
         [run.modelled for run in everything.runs if run.modelled.run.role == role] for role in ("train", "holdout")
@@ -109,8 +95,10 @@ def _estimated(
         return best_predicting(fit.entries, fit.covariance, train)
 
     while claims:
-        entries = tuple(entry for entry in best if entry[0].name in {claim.effect.name for claim in claims})
-        kept = tuple(claims) if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims)
+        entries = tuple(
+            entry for entry in judgement.best.entries if entry[0].name in {claim.effect.name for claim in claims}
+        )
+        kept = claims if open_plays else _that_pay(held, best_of(everything.fit(entries)), claims)
         if len(kept) == len(claims):
             fit = learned.fit(entries)
             adopted = best_of(fit)
@@ -119,9 +107,9 @@ def _estimated(
             nothing = {effect.name for (effect, _), one in zip(adopted, shown, strict=True) if not one}
             kept = tuple(claim for claim in claims if len(claim.tied) > 1 or claim.effect.name not in nothing)
             if len(kept) == len(claims):
-                return tuple(claims), adopted, values
+                return claims, adopted, {effect.name: one for (effect, _), one in zip(adopted, values, strict=True)}
         claims = kept
-    return (), (), []
+    return (), (), {}
 
 
 def _that_pay(

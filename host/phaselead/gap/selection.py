@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 
 from phaselead.gap.findings import NAMED, WITHDRAWN, Candidate, Estimate
@@ -33,22 +34,42 @@ class Selection:
     """The base as given."""
     entries: tuple[SizedEffect, ...]
     """The effects that are there, at the parameters that are adopted."""
-    claims: tuple[Claim, ...] = ()
-    estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
-    """Value, unit and interval of every parameter by effect."""
     contest: Contest | None = None
     """The sets that were compared, and their likelihood."""
+    found: tuple[Claim, ...] = ()
+    """What is there, with a name or without."""
+    nameless: frozenset[str] = frozenset()
+    """Effects that change what the base has, and so get no name."""
+    something_unnamed: bool = False
+    """Whether something is there that no name is sure to be."""
+    estimates: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    """Value, unit and interval of every parameter by effect."""
     candidates: tuple[Candidate, ...] = ()
     """The sets that were compared last."""
     memory: Memory | None = None
-    something_unnamed: bool = False
-    """Whether something is there that no name is sure to be."""
-    messages: tuple[str, ...] = ()
-    """For a person."""
-    nameless_claims: tuple[Claim, ...] = ()
-    """What is there and would be a change of the base, or a base that was wrong: it has entries, and gets no name."""
-    nameless: frozenset[str] = frozenset()
-    """The effects that change what the base has."""
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What is there and has a name, or is tied with what has one."""
+        return with_a_name(self.found, self.nameless)
+
+    @property
+    def nameless_claims(self) -> tuple[Claim, ...]:
+        """What is there and would be a change of the base, or a base that was wrong: it has entries, and gets no
+        name."""
+        return tuple(claim for claim in self.found if claim not in self.claims)
+
+    @property
+    def messages(self) -> list[str]:
+        """Why what is there has no name, or cannot be told from a rival, for a person."""
+        said = []
+        for claim in self.found:
+            names = " or ".join(name for name in claim.tied if name in self.nameless)
+            if names:
+                said.append(
+                    f"{names} cannot be told from a model that was wrong: give --reference records, or --frozen"
+                )
+        return said
 
     def runs(self, role: Role) -> list[ModelledRun]:
         """Those of one role, under the base."""
@@ -58,4 +79,9 @@ class Selection:
     def withdrawn(self) -> Selection:
         """The same where no claim survives: nothing stands in the place of another effect, or beside it."""
         candidates = tuple(replace(c, remark=WITHDRAWN) if c.remark == NAMED else c for c in self.candidates)
-        return replace(self, entries=(), claims=(), estimates={}, candidates=candidates)
+        return replace(self, entries=(), found=(), estimates={}, candidates=candidates)
+
+
+def with_a_name(claims: Sequence[Claim], nameless: AbstractSet[str]) -> tuple[Claim, ...]:
+    """The claims that are not of nameless effects alone."""
+    return tuple(claim for claim in claims if not nameless >= set(claim.tied))

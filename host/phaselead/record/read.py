@@ -61,9 +61,9 @@ def refuse_map_of_some(arguments: Iterable[str], columns: ColumnMap | None) -> N
     """
     if columns is None:
         return
-    found = {path: _columns_named(path) for path in dict.fromkeys(split_argument(one)[0] for one in arguments)}
-    nameless = [path for path, own in found.items() if own is not None and not own]
-    otherwise = [path for path, own in found.items() if own and any(columns.get(name) != own[name] for name in own)]
+    found = {path: _beginning(path) for path in dict.fromkeys(split_argument(one)[0] for one in arguments)}
+    nameless = [path for path, begins in found.items() if _needs_map(begins)]
+    otherwise = [path for path, begins in found.items() if _names_otherwise(begins, columns)]
     if nameless and otherwise:
         raise BadInput(
             f"{otherwise[0]}: names its columns in V and um, {nameless[0]} does not, and --map would be for both; let "
@@ -71,14 +71,26 @@ def refuse_map_of_some(arguments: Iterable[str], columns: ColumnMap | None) -> N
         )
 
 
-def _columns_named(path: str) -> ColumnMap | None:
-    """The columns that a file names in our units, by how it begins; None where it cannot be read."""
+def _beginning(path: str) -> bytes:
+    """How a file begins; nothing where it cannot be read."""
     try:
         with open(path, "rb") as file:
-            begins = file.read(HEADING_BYTES)
+            return file.read(HEADING_BYTES)
     except (OSError, ValueError):
-        return None
-    return {"hdf5": (0, 1.0)} if begins.startswith(SIGNATURE) else own_columns(begins)
+        return b""
+
+
+def _needs_map(begins: bytes) -> bool:
+    """Whether a file is text that does not name its columns in our units."""
+    return not begins.startswith(SIGNATURE) and own_columns(begins) == {}
+
+
+def _names_otherwise(begins: bytes, columns: ColumnMap) -> bool:
+    """Whether a file names its columns in our units, and not as the map has them; HDF5 takes no map at all."""
+    if begins.startswith(SIGNATURE):
+        return True
+    own = own_columns(begins) or {}
+    return any(columns.get(name) != where for name, where in own.items())
 
 
 def split_argument(argument: str) -> tuple[str, Window | None]:
