@@ -158,3 +158,20 @@ def test_what_a_monitor_sees_of_another_axis_is_no_drive():
 
     train, holdout = ([beside(record) for record in part] for part in records())
     refuse_unlike_model(beside_model(both, axis_runs(both, train, holdout, [])))
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.5, -1.0])
+def test_a_held_out_record_that_is_nothing_like_the_others_is_never_nothing(factor):
+    (first, *train), (other, *_) = records()
+    holdout = as_written([other], lambda u, x: (u, factor * x))
+    found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))
+    assert "unknown" in found.verdicts
+    assert any(line.startswith(f"{other.source}: of its motion the next model leaves") for line in found.doubts)
+    assert f"{other.source}: of its motion" in gap_page(found, stage(), "model.toml").split("<h2>")[0]
+
+
+def test_a_held_out_record_that_is_like_the_others_raises_no_doubt():
+    (first, *train), holdout = records()
+    found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))
+    assert found.verdicts == ("none",)
+    assert found.doubts == ()

@@ -31,6 +31,7 @@ from phaselead.gap.noise import Noise
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
+from phaselead.gap.scale import unlike_others
 from phaselead.gap.search import Progress, select_effects
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained, unexplained
@@ -74,6 +75,8 @@ class AxisResult:
     """From which size each effect was expected to be named."""
     unexplained: Unexplained
     """How much of what the model with its names leaves can be predicted from the voltage."""
+    doubts: Sequence[str] = ()
+    """Whether records are of this stage, for a person."""
 
     def labelled(self) -> AxisResult:
         """The same where what was found bears the name of the axis, or of the axes that it had: for data of several."""
@@ -122,7 +125,8 @@ def search_axis(
     played = {selection.memory.effect.name} if selection.memory is not None else set()
     excluded, hidden = upper_bounds(vouched.selection, candidates, taken | played)
     on_progress(0.92)
-    unknown = selection.something_unnamed or other.unknown or predictable
+    unlike = unlike_others(final)
+    unknown = selection.something_unnamed or other.unknown or predictable or bool(unlike)
     provisional: list[NamedEffect] = []
     if unknown:
         # The base stays as it is, so that anything may be tried that a frozen one shows.
@@ -149,6 +153,7 @@ def search_axis(
         kept,
         _detectable(selection, candidates),
         left,
+        unlike,
     )
 
 

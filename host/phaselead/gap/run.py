@@ -64,6 +64,7 @@ def run_gap(
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
+    doubts = (*doubts, *(doubt for result in results for doubt in result.doubts))
     parts = {"train": train, "holdout": holdout, "reference": reference}
     sources = {name: tuple(r.traced for r in part) for name, part in parts.items()}
     return replace(found, base=stage, doubts=doubts, sources=sources)
@@ -135,7 +136,8 @@ def _each_axis(
 
 def _of_several(result: AxisResult) -> AxisResult:
     """The result of one axis where there are others, which says of what it speaks."""
-    return replace(result.labelled(), messages=[f"{result.axis}: {message}" for message in result.messages])
+    messages, doubts = ([f"{result.axis}: {line}" for line in lines] for lines in (result.messages, result.doubts))
+    return replace(result.labelled(), messages=messages, doubts=doubts)
 
 
 def _silent(share: float) -> None:

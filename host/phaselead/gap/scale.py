@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from phaselead.errors import BadInput, more_like_it
+from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
@@ -14,8 +15,8 @@ from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain,
 
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
 MOST_UNLIKE = TIMES_BASE[-1]
-"""Times what the model leaves of other records, beyond which references are doubted: to the judge a record differs
-from the reference records by no more."""
+"""Times what the model leaves of other records, beyond which a record is not like them: to the judge it differs from
+the reference records by no more."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it by its own voltage alone, and its position, (n,) in um over the scored rows."""
 Compared = Mapping[str, Sequence[Moved]]
@@ -50,6 +51,33 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
     return [
         f"{axis}: of the reference records' motion the model leaves {100 * reference[0]:.2g} %, of the others' at most "
         f"{100 * share:.2g} %: were they exchanged? --reference takes records of when the model fitted"
+    ]
+
+
+def unlike_others(final: FinalFit) -> list[str]:
+    """One line where the model that was learned leaves far more of a held-out record than of any other record: what
+    moved the stage then is in none of those that were learned from."""
+    left: dict[Role, list[tuple[float, float]]] = {role: [] for role in ROLES}
+    names = []
+    for role, of_role in left.items():
+        for residual in final.residuals(role):
+            x = residual.run.x_um[residual.run.rows]
+            one = _left([(residual.run, x - residual.error_um, x)]) if residual.run.driven else None
+            if one is not None:
+                of_role.append(one)
+                names += [residual.run.name] if role == "holdout" else []
+    others = [*left["train"], *left["reference"]]
+    if not others:
+        return []
+    share, um = (max(one[i] for one in others) for i in (0, 1))
+    far = [(name, one[0]) for name, one in zip(names, left["holdout"], strict=True)
+           if one[0] > MOST_UNLIKE * share and one[1] > MOST_UNLIKE * um]  # fmt: skip
+    if not far:
+        return []
+    name, most = max(far, key=lambda pair: pair[1])
+    return [
+        f"{name}: of its motion the next model leaves {100 * most:.2g} %, of the records that it learned from at most "
+        f"{100 * share:.2g} %{more_like_it(len(far) - 1)}: is it of this stage, and in its units?"
     ]
 
 
