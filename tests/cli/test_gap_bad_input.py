@@ -360,3 +360,17 @@ def test_a_record_in_the_place_of_a_command(run, folder):
     assert outcome.status == 2
     assert "train.csv: what is it for? Give records with --train, --holdout, --reference" in outcome.err
     assert outcome.err.count("\n") == 1
+
+
+def test_a_copy_of_a_sine_whose_sensor_has_coarse_steps(run, folder):
+    """Its position takes few values, again and again."""
+    t = np.arange(2000) / RATE_HZ
+    u = 3 + 2 * np.sin(2 * np.pi * 3 * t)
+    x = 0.5 * np.round((20 * u + np.random.default_rng(4).normal(0, 0.1, len(t))) / 0.5)
+    assert len(np.unique(np.diff(x, 2))) < len(x) // 100
+    write(folder / "coarse.csv", np.column_stack([t, u, x]))
+    assert run("log", "export", folder / "coarse.csv", folder / "coarse.h5").status == 0
+    refused(run, folder, "also a training record", train=folder / "coarse.csv", holdout=folder / "coarse.h5")
+    refused(
+        run, folder, "also a training record", train=f"{folder}/coarse.csv@0:1", holdout=f"{folder}/coarse.h5@0.5:2"
+    )

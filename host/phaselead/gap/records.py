@@ -13,14 +13,12 @@ import numpy as np
 from phaselead.errors import BadInput
 from phaselead.identify import DRIVEN_SHARE, SAME_RATE, STILL_V, AxisRun, SineDrive
 from phaselead.model import Stage
-from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, times_in
+from phaselead.record import AxisRecord, Recording, Samples, refuse_clipped, refuse_gapped, same_measurement, times_in
 
 Role = Literal["train", "holdout", "reference"]
 
 FEWEST_SCORED = 256
 """Scored rows of a record: with fewer neither its noise nor a block of it can be judged."""
-SAME_SHARE = 1e-6
-"""Of the span of a position: what printing it can change."""
 
 
 @dataclass(frozen=True)
@@ -166,52 +164,8 @@ def refuse_overlap(first: Sequence[Recording], later: Sequence[Recording], what:
     instead = INSTEAD[now] if what != now else ONCE
     for record in first:
         for other in later:
-            one_file = bool(record.sha256) and record.sha256 == other.sha256
-            if (one_file and _share_time(record, other)) or (not one_file and _copy_of(record, other)):
+            if same_measurement(record, other):
                 raise BadInput(f"{other.source}: the {now} record is also {also} ({record.source}); {instead}")
-
-
-def _share_time(a: Recording, b: Recording) -> bool:
-    ta, tb = a.t_s[a.scored], b.t_s[b.scored]
-    return bool(ta[0] <= tb[-1] and tb[0] <= ta[-1])
-
-
-def _copy_of(a: Recording, b: Recording) -> bool:
-    """Whether the scored rows of two files are the same measurement: at the same times, or row by row.
-
-    The sensor's noise makes two measurements differ; a position that stands still without any tells nothing.
-    """
-    if not _noisy(a):
-        return False
-    if a.t_s.shape == b.t_s.shape and _equal_rows(a, b, a.scored, b.scored):
-        return True
-    early, late = (a, b) if a.t_s[0] <= b.t_s[0] else (b, a)
-    ta, tb = early.t_s[early.scored], late.t_s[late.scored]
-    start = int(np.searchsorted(ta, tb[0] - 1e-3 / early.rate_Hz))
-    count = min(len(ta) - start, len(tb))
-    if count < FEWEST_SCORED or abs(ta[start] - tb[0]) > 1e-3 / early.rate_Hz:
-        return False
-    first, second = (r.scored.indices(len(r.t_s))[0] for r in (early, late))
-    return _equal_rows(early, late, slice(first + start, first + start + count), slice(second, second + count))
-
-
-def _noisy(record: Recording) -> bool:
-    """Whether some position never quite repeats itself."""
-    seen = [axis.x_um[record.scored] for axis in record.axes.values() if axis.x_um is not None]
-    return any(len(np.unique(np.diff(x, 2))) > len(x) // 100 for x in seen)
-
-
-def _equal_rows(a: Recording, b: Recording, of_a: slice, of_b: slice) -> bool:
-    """Whether every axis that both have stands at the same positions, but for printed digits."""
-    shared = [n for n in a.axes if n in b.axes and a.axes[n].x_um is not None and b.axes[n].x_um is not None]
-    for name in shared:
-        xa, xb = a.axes[name].x_um, b.axes[name].x_um
-        assert xa is not None
-        assert xb is not None
-        xa, xb = xa[of_a], xb[of_b]
-        if xa.shape != xb.shape or np.abs(xa - xb).max() > SAME_SHARE * max(float(np.ptp(xa)), 1e-12):
-            return False
-    return bool(shared)
 
 
 def _check(record: Recording) -> None:

@@ -23,6 +23,7 @@ from phaselead.record.growing import Hdf5Parts, hdf5_in_parts
 from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
+from phaselead.record.overlap import same_measurement
 from phaselead.record.plausible import doubts_about, times_in
 from phaselead.record.read import read_recording, refuse_map_of_some, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
@@ -75,6 +76,7 @@ __all__ = [
     "refuse_gapped",
     "refuse_map_of_some",
     "require_walkable",
+    "same_measurement",
     "scored_alone",
     "slow_gain",
     "split_argument",
