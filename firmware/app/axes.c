@@ -101,10 +101,14 @@ void axes_watch_targets(struct device *device, uint32_t moving)
 
 void axes_follow_outputs(struct device *device, uint32_t moving)
 {
-    for (unsigned axis = 0; axis < AXES; axis++)
-        if (is_in(moving, axis) &&
-            axis_follow_output(&device->model_of[axis], &device->control.axis[axis], &device->traces[axis]))
+    for (unsigned axis = 0; axis < AXES; axis++) {
+        struct axis_state *state = &device->control.axis[axis];
+        if (!is_in(moving, axis))
+            continue;
+        extremes_follow(&device->driven[axis], state->u_q24);
+        if (axis_follow_output(&device->model_of[axis], state, &device->traces[axis]))
             device_wake(device, axis);
+    }
 }
 
 uint32_t axes_enter_ticks(const struct device *device, uint32_t mask)

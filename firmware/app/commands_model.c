@@ -73,7 +73,7 @@ static void recall(struct device *device)
             inverse_recall(&then->inverse, &recalled[axis].inverse, &now->inverse, &state->compensation.inverse,
                            state->u_q24);
         else if (is_in(next->inverse_mask, axis))
-            inverse_rest(&then->inverse, &recalled[axis].inverse, state->u_q24);
+            inverse_begin_after(&then->inverse, &recalled[axis].inverse, &device->driven[axis], state->u_q24);
     }
 }
 

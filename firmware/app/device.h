@@ -15,6 +15,7 @@
 #include "app/transient.h"
 #include "app/update.h"
 #include "core/axis.h"
+#include "core/extremes.h"
 #include "core/motion_bounds.h"
 #include "core/trigger.h"
 
@@ -127,6 +128,7 @@ struct device {
     struct motion_bounds motion_limits[AXES]; /* of what is queued */
     struct segment asked[AXES];               /* by QUEUE, while it checks them: the stack is small */
     struct recalled recalled[AXES];           /* by MODEL_COMMIT, likewise */
+    struct extremes driven[AXES];             /* since the start: for the first model that has an inverse */
     struct control latched;                   /* at the last STREAM_START */
     bool latched_valid;
     struct events events;

@@ -60,6 +60,15 @@ static void go_to(const struct inverse_config *config, struct inverse_state *sta
         inverse_follow(config, state, end_q24);
 }
 
+void inverse_begin_after(const struct inverse_config *config, struct inverse_state *state,
+                         const struct extremes *extremes, int32_t v_q24)
+{
+    inverse_rest(config, state, 0);
+    go_to(config, state, extremes->rose_last != 0 ? extremes->low_q24 : extremes->high_q24);
+    go_to(config, state, extremes->rose_last != 0 ? extremes->high_q24 : extremes->low_q24);
+    go_to(config, state, v_q24);
+}
+
 /* To a turn that a play of this threshold has come to along with the voltage, and so have all smaller ones. It comes
  * from two thresholds away: any nearer the play would not have moved all the way, and the stage was at least so far. */
 static void go_along(const struct inverse_config *config, struct inverse_state *state, int64_t r_q24, bool rises,

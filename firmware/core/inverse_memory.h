@@ -4,6 +4,7 @@
 #ifndef PHASELEAD_CORE_INVERSE_MEMORY_H
 #define PHASELEAD_CORE_INVERSE_MEMORY_H
 
+#include "core/extremes.h"
 #include "core/inverse.h"
 
 /* The memory of a stage at rest at 0 V that begins to follow v. Short enough for a moment without ticks. */
@@ -13,6 +14,11 @@ void inverse_rest(const struct inverse_config *config, struct inverse_state *sta
  * have the same thresholds. Long: not for a moment without ticks. */
 void inverse_recall(const struct inverse_config *config, struct inverse_state *state,
                     const struct inverse_config *before, const struct inverse_state *old, int32_t v_q24);
+
+/* The memory of a stage that rested at 0 V, went as far as `extremes`, and then to v: of smaller turns on the way
+ * nothing is left. Long: not for a moment without ticks. */
+void inverse_begin_after(const struct inverse_config *config, struct inverse_state *state,
+                         const struct extremes *extremes, int32_t v_q24);
 
 /* A state that came from elsewhere may hold anything: one that is no memory of this operator becomes that of a stage at
  * rest. */

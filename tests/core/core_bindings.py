@@ -266,6 +266,10 @@ class InverseState(ct.Structure):
     ]
 
 
+class Extremes(ct.Structure):
+    _fields_ = [("low_q24", ct.c_int32), ("high_q24", ct.c_int32), ("rose_last", ct.c_uint32)]
+
+
 class Decoupling(ct.Structure):
     _fields_ = [("share_q28", ((ct.c_int32 * 3) * 3) * 8)]
 
@@ -467,6 +471,8 @@ PROTOTYPES = {
     "inverse_admit": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState)]),
     "inverse_play_q24": (I64, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.c_uint]),
     "inverse_rest": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
+    "inverse_begin_after": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), ct.POINTER(Extremes), I32]),
+    "h_extremes_follow": (None, [ct.POINTER(Extremes), I32]),
     "inverse_recall": (None, [*[ct.POINTER(Inverse), ct.POINTER(InverseState)] * 2, I32]),
     "inverse_follow": (None, [ct.POINTER(Inverse), ct.POINTER(InverseState), I32]),
     "inverse_step_q24": (I32, [ct.POINTER(Inverse), ct.POINTER(InverseState), I64, I32, FLAG]),

@@ -6,6 +6,7 @@
 
 #include "core/axis.h"
 #include "core/decouple.h"
+#include "core/extremes.h"
 #include "core/feedforward_tables.h"
 #include "core/fixed.h"
 #include "core/inverse_make.h"
@@ -173,6 +174,11 @@ void h_sine_many(const uint32_t *phases_turn32, int32_t *out_q30, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         out_q30[i] = sine_q30(phases_turn32[i]);
+}
+
+void h_extremes_follow(struct extremes *extremes, int32_t v_q24)
+{
+    extremes_follow(extremes, v_q24);
 }
 
 size_t h_sizeof(int which)

@@ -5,7 +5,7 @@ import ctypes as ct
 import numpy as np
 import pytest
 from compensations import UNUSED, Operator, V, inverse_of, inverses, weights
-from core_bindings import BENDS_A_TICK, INT32_MAX, Inverse, InverseState, any_i32, any_i64, whole
+from core_bindings import BENDS_A_TICK, INT32_MAX, Extremes, Inverse, InverseState, any_i32, any_i64, whole
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -313,6 +313,22 @@ def test_another_operator_recalls_what_the_one_before_was_through(core, voltages
     found = recalled(core, fewer, before, led(core, before, voltages))
     assert (found.v_q24, found.x_q44) == (own.v_q24, own.x_q44)
     assert plays(core, fewer, found) == plays(core, fewer, own)
+
+
+@given(inverses, st.lists(whole(-2 * V, 10 * V), max_size=12), st.booleans(), whole(0, 10 * V), st.integers(0, 64))
+def test_the_furthest_turns_are_all_that_is_left_of_what_was_before(core, config, voltages, rises, furthest, share):
+    """Of a way that ends with the lowest and the highest voltage, and then turns back: exactly."""
+    ends = [min([-furthest // 5, *voltages]) - 1, max([furthest, *voltages]) + 1]
+    first, last = ends if rises else ends[::-1]
+    way = [*voltages, first, last, last + (first - last) * share // 64]
+    extremes, found = Extremes(), InverseState()
+    for v in way:
+        core.h_extremes_follow(extremes, v)
+    assert (extremes.low_q24, extremes.high_q24, extremes.rose_last) == (min(0, *ends), max(0, *ends), rises)
+    core.inverse_begin_after(config, found, extremes, way[-1])
+    state = led(core, config, way)
+    assert (found.v_q24, found.x_q44) == (state.v_q24, state.x_q44)
+    assert plays(core, config, found) == plays(core, config, state)
 
 
 @given(inverses, st.lists(whole(-2 * V, 10 * V), max_size=12))
