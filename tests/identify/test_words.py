@@ -1,0 +1,22 @@
+"""A fitted axis in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from phaselead.identify.words import describe_axis
+from phaselead.model import AxisModel, TimeView
+
+
+def said(delay_s):
+    view = TimeView(
+        gain_um_per_V=20.0, play_r_V=(0.5,), play_w_um_per_V=(3.0,), u_range_V=(0.0, 10.0), rate_Hz=5.0, delay_s=delay_s
+    )
+    return describe_axis("x", AxisModel(time=view), [])
+
+
+@pytest.mark.parametrize("delay_s", [0.02, 0.4, 7.0])
+def test_gain_and_hysteresis_are_of_the_loop_without_the_delay(delay_s):
+    """Of a record every 200 ms the delay may be a second; a loop that is drawn with it is wide, or upside down."""
+    assert said(delay_s).split(", no mode")[0] == said(0.0).split(", no mode")[0]
+    assert "22.7 um/V, hysteresis 1.3 %" in said(0.0)
