@@ -261,6 +261,16 @@ def test_a_record_in_another_unit_is_refused_by_its_name(few, u, x, which):
     assert str(refused.value).startswith(odd.source)
 
 
+@pytest.mark.parametrize("factor", [10.0, -1.0, 0.05])
+@pytest.mark.parametrize("which", [0, -1])
+def test_a_record_that_moves_as_no_other_does_is_named(few, factor, which):
+    odd = replace(changed(few[which], x=lambda x_um: factor * x_um), source="the odd one")
+    _, report = fit([odd if r is few[which] else r for r in few])
+    (line,) = [line for line in report.messages if "no stage does both" in line]
+    assert line.startswith("axis x: the odd one moves ")
+    assert not any("no stage does both" in line for line in fit(few)[1].messages)
+
+
 def test_a_set_without_a_loop_is_refused():
     one_way = record_of(NO_MODE, ramp(10.0, 500.0), 500.0, 0, "ramp")
     with pytest.raises(BadInput, match=r"ramp: .* turns round less than twice"):

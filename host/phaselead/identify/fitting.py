@@ -35,9 +35,10 @@ from phaselead.model import (
     effect_of_lag,
     effect_of_modes,
     explained,
+    out_of_scale,
     provenance_of,
 )
-from phaselead.record import Recording, doubts_about
+from phaselead.record import Recording, doubts_about, gains_moved
 
 Base = Literal["operator", "linear"]
 
@@ -140,7 +141,7 @@ def fit(
             if base == "operator":
                 refuse_without_loop(axis_runs)
                 found, mode = fit_together(forward)
-                messages += _about_stillness(axis, axis_runs)
+                messages += [*_about_scale(axis, axis_runs), *_about_stillness(axis, axis_runs)]
                 messages += _about_modes(axis, mode, axis_runs, alone=axis not in together)
                 messages += _about_lag(axis, found)
                 if mode is not None:
@@ -245,6 +246,21 @@ def _axis_model(
         time=view,
         effects=effects,
     )
+
+
+def _about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
+    """What to say of records that follow their voltage as no change of a stage makes them, beside most others."""
+    gains = gains_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs])
+    unlike = {i: [j for j in gains if out_of_scale(gains[j] / gains[i]) or out_of_scale(gains[i] / gains[j])]
+              for i in gains}  # fmt: skip
+    usual = min(unlike, key=lambda i: len(unlike[i]), default=None)
+    if usual is None or not unlike[usual]:
+        return []
+    odd, *more = unlike[usual]
+    return [
+        f"axis {axis}: {runs[odd].source} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, {runs[usual].source} "
+        f"{gains[usual]:.3g} um/V: no stage does both; check units, signs and columns, or leave records out"
+    ]
 
 
 def _about_stillness(axis: str, runs: Sequence[AxisRun]) -> list[str]:

@@ -108,8 +108,8 @@ def stage_figure(axes: Mapping[Any, AxisModel]) -> Figure:
 
 
 def steady_loop(model: AxisModel) -> AxisRecord:
-    """One period of a slow sine through the time view, without its delay, and what the axis has of memory beside it; else
-    through the table view; empty without either."""
+    """One period of a slow sine through the time view, without its delay, and what the axis has of memory; else through
+    the table view; empty without either."""
     t_s = np.arange(2 * LOOP_ROWS) / (LOOP_Hz * LOOP_ROWS)
     rise = 0.5 * (1 - np.cos(2 * np.pi * LOOP_Hz * t_s))
     if model.time is not None:

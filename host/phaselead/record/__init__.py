@@ -28,7 +28,7 @@ from phaselead.record.plausible import doubts_about, times_in
 from phaselead.record.read import read_recording, refuse_map_of_some, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
-from phaselead.record.units import factors_moved, in_another_unit, unit_remedy
+from phaselead.record.units import factors_moved, gains_moved, in_another_unit, unit_remedy
 
 __all__ = [
     "AXES",
@@ -57,6 +57,7 @@ __all__ = [
     "facts_of",
     "file_sha256",
     "from_columns",
+    "gains_moved",
     "gather",
     "gather_one",
     "gather_parts",
