@@ -157,7 +157,7 @@ def test_the_figures_of_an_axis_are_those_of_its_stage(identified):
 
 def test_a_fit_without_creep_says_how_to_measure_it(results):
     assert creep_figure(results["fit"]) is None
-    assert "phaselead identify` holds each axis" in result_page(results["fit"])
+    assert "phaselead identify</code> holds each axis" in result_page(results["fit"])
 
 
 def test_figures_take_the_colours_of_the_page(results):

@@ -232,7 +232,7 @@ def test_the_terminal_says_the_same():
         "adopted provisionally, for the prediction; not vouched for: delay",
         "from the voltage a generic model predicts 42 % of what the names leave (chance alone: up to 5 %)",
         "80 % of the unexplained power lies between 64 and 128 Hz",
-        "held-out gap 0.3 -> 0.02 um rms; floor 0.015",
+        "held-out gap 0.3 -> 0.02 um rms, each record about its own mean; floor 0.015",
         "creep < 0.002 per decade",
         "next, to tell delay, amplifier_lowpass apart: multisine, 2 V peak-to-peak about 3 V, 5..1000 Hz, 2 s",
         "names the true one 99 times in 100",

@@ -88,6 +88,15 @@ def test_what_a_spreadsheet_exports(tmp_path, encoding):
     same(pl.import_recordings(tmp_path / "rig.csv").recordings[0])
 
 
+def test_commas_between_values_and_in_decimals_are_refused(tmp_path):
+    """Which comma parts values nobody can know; the seconds became volts."""
+    path = tmp_path / "both.csv"
+    rows = "".join(f"{i // 50},{i % 50:02d},{i % 7},5,{20 + i % 9}\n" for i in range(100))
+    path.write_text("t_s,u_V,x_um\n0,1,2,40\n" + rows, "utf-8")
+    with pytest.raises(pl.BadInput, match=r"line 3: has 5 fields, 4 expected.*another delimiter"):
+        pl.import_recordings(path, rate=100.0)
+
+
 def test_columns_without_names_are_told_by_their_numbers(tmp_path):
     """Even steps are time; what was commanded is smoother than what a sensor saw; what stands still is left out."""
     still = np.full(ROWS, 7.0)

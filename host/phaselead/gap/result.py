@@ -207,7 +207,8 @@ class GapResult(Result):
         if (where := headline(self.where)) is not None:
             parts.append(where)
         floor = f"floor {gap.floor:.4g} ({gap.floor_from})"
-        parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms; {floor}")
+        about = "each record about its own mean"
+        parts.append(f"held-out gap {gap.before:.4g} -> {gap.after:.4g} {gap.unit} rms, {about}; {floor}")
         if self.unexplained is not None and self.unexplained.something_missing:
             parts.append(self.unexplained_sentence)
         if self.advice:

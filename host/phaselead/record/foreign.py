@@ -169,8 +169,11 @@ def _text_table(path: str) -> ForeignTable:
         if not line.strip() or _is_comment(line):
             continue
         fields = _split(line, delimiter)
-        if len(fields) < len(first):
-            raise BadInput(f"{path}: line {i}: has {len(fields)} fields, {len(first)} expected; remove or repair it")
+        if len(fields) < len(first) or any(fields[len(first) :]):
+            mend = "remove or repair it"
+            if delimiter == ",":
+                mend += "; where decimals are written with a comma, save it with another delimiter"
+            raise BadInput(f"{path}: line {i}: has {len(fields)} fields, {len(first)} expected; {mend}")
         rows.append([_value(field, comma) for field in fields[: len(first)]])
     table = np.array(rows, np.float64)
     require_rows(len(table), path)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 from numpy.typing import NDArray
 from scipy.signal import welch
 
@@ -62,6 +63,8 @@ def bode_figure(result: FitResult) -> Figure:
                 upper.plot(at_Hz, [p.gain_um_per_V for p in model.table.points], label=f"{axis}, sines", **look)
                 lower.plot(at_Hz, [-p.phase_deg for p in model.table.points], **look)
         upper.set(ylabel="gain (µm/V)")
+        for of_axis in (upper.yaxis.set_major_formatter, upper.yaxis.set_minor_formatter):
+            of_axis(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
         lower.set(xlabel="frequency (Hz)", ylabel="phase (deg)", ylim=(-400, 30))
         upper.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=6)
         return figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from phaselead.drawing import BLUE, DPI, GREEN, GREY, ORANGE, PURPLE, RED, figure_style, to_svg
@@ -43,15 +44,24 @@ _environment = Environment(
 
 
 def _drawn(figure: Figure) -> Markup:
-    """The figure in the colours of the page, light or dark; a click or the space bar enlarges it, without a script."""
+    """The figure in the colours of the page, light or dark, and with letters of one size on all pages; a click or the
+    space bar enlarges it, without a script."""
     with figure_style():  # words stay words, and the same figure is the same text
         text = to_svg(figure)
     for colour, own in COLOURS_OF_THE_PAGE.items():
         text = text.replace(colour, own)
-    return Markup(f'<label class="zoom"><input type="checkbox" aria-label="enlarge the figure">{text}</label>')
+    size = f"--inches: {figure.get_figwidth():g}"
+    box = '<input type="checkbox" aria-label="enlarge the figure">'
+    return Markup(f'<label class="zoom" style="{size}">{box}{text}</label>')
+
+
+def _with_code(text: str) -> Markup:
+    """A sentence in which what stands between backticks is code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 _environment.filters["svg"] = _drawn
+_environment.filters["words"] = _with_code
 
 
 _made_by: ContextVar[str] = ContextVar("made_by", default="")

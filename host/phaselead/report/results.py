@@ -27,6 +27,7 @@ from phaselead.report.page import render
 from phaselead.report.run_figures import runs_figure
 from phaselead.result import Table
 
+WORST = "The record that it fits worst, by its share of the range."
 CAPTION_OF_LEARNING = (
     "Left: the error of each trial over its last four periods; trial 0 is the path as it was asked for, the grey line "
     "the trial that is kept. Right: what the kept table adds to one period of the path. The error is that of the "
@@ -57,7 +58,13 @@ def result_page(result: Any) -> str:
 @result_page.register
 def _(result: FitResult) -> str:
     parts = [
-        Part("What does the model leave?", result.report.remarks(), (), result.plot(), "The record it fits worst."),
+        Part(
+            "What does the model leave?",
+            result.report.remarks(),
+            (),
+            result.plot(),
+            WORST,
+        ),
         *(
             Part(
                 f"How good is the {view} view on records that it has not seen?", (), _html(found.tables()), found.plot()
@@ -106,11 +113,13 @@ def _parts_of_axes(result: FitResult) -> list[Part]:
 def _(result: Verifications) -> str:
     said, tables = _parted(result.tables())
     part = Part("How far is the model from each record?", said, tables, result.plot())
-    worst = max(result, key=lambda one: one.max_pct, default=None)
-    cards = [] if worst is None else [
-        {"value": f"{worst.mean_pct:.2g} %", "label": f"mean error on {worst.file}, the worst, of its range"},
-        {"value": f"{worst.max_pct:.2g} %", "label": "largest error there"},
-    ]  # fmt: skip
+    cards = []
+    if len(result):
+        by_mean, by_most = max(result, key=lambda one: one.mean_pct), max(result, key=lambda one: one.max_pct)
+        cards = [
+            {"value": f"{by_mean.mean_pct:.2g} %", "label": f"of its range: largest mean error, on {by_mean.file}"},
+            {"value": f"{by_most.max_pct:.2g} %", "label": f"of its range: largest error, on {by_most.file}"},
+        ]
     of_model = f"The stage file: content {result.model_sha256[:SHOWN_DIGITS]}."
     judged = {"Recordings that it was judged on": [Source(one.file, one.sha256) for one in result]}
     origin = Origin(judged, [of_model] if result.model_sha256 else [])
