@@ -198,3 +198,12 @@ def test_a_sensor_that_counts_backwards_leaves_the_plays_as_free_where_they_bega
     other_way = modelled_run(made.axis.model_copy(update={"time": turned}), replace(made.run, x_um=-made.run.x_um))
     assert made.nuisances.shape[1] > 1
     np.testing.assert_allclose(other_way.nuisances[:, 1:], -made.nuisances[:, 1:])
+
+
+def test_an_axis_that_is_not_driven_while_it_is_learned_from_keeps_its_line():
+    """With other axes driven one by one records are taken so: nothing is known of its memory, and nothing is wrong."""
+    runs = []
+    for one in a_session(LINE):
+        still = np.full_like(one.u_V, one.u_V[0])
+        runs.append(replace(one, u_V=still) if one.role == "train" else one)
+    assert find_memory(LINE, runs, TRIED) == (LINE, None)

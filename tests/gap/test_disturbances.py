@@ -224,6 +224,22 @@ def test_noise_that_is_new_and_of_no_effect_allowed_is_said():
     assert "times the speed" in left_out[0]
 
 
+def test_steps_of_a_sensor_cannot_be_told_without_references():
+    """It may always have had them; no record of this session says otherwise."""
+    rng = np.random.default_rng(8)
+    stepped = []
+    for role in ("train", "holdout"):
+        one = fast(rng, 0.0, role)
+        x_um = 0.02 * np.round(one.run.x_um / 0.02)
+        stepped.append([replace(one, run=replace(one.run, x_um=x_um))])
+    named, untestable, _ = find_disturbances(*stepped, [], {"quantisation"})
+    assert not named
+    assert "--reference" in untestable["quantisation"]
+    named, untestable, _ = find_disturbances(*stepped, [fast(rng, 0.0, "reference")], {"quantisation"})
+    assert [one.name for one in named] == ["quantisation"]
+    assert not untestable
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_narrow_vibration_in_a_short_record_is_found(seed):
     rng = np.random.default_rng(seed)

@@ -78,7 +78,7 @@ def text(page: str) -> str:
 
 
 def test_the_page_says_what_where_and_what_remains():
-    page = gap_page(result(), STAGE, "model.toml", json_name="tie.json")
+    page = gap_page(result(), "model.toml", json_name="tie.json")
     said = text(page)
     for words in (
         "The model lacks: resonance.",
@@ -111,7 +111,7 @@ def test_a_page_of_nothing():
         result(), verdicts=("none",), effects=(), ties=(), excluded=(), untestable=(), where=(), next_experiment=None,
         candidates=(), traces=(), gap=GapSize(0.01, 0.01, 0.01), adopted=(), unexplained=None,
     )  # fmt: skip
-    said = text(gap_page(still, STAGE, "model.toml"))
+    said = text(gap_page(still, "model.toml"))
     assert "Nothing was found that is not among the known errors of the base model." in said
     assert "There is no residual to locate." in said
     assert "The data call for no effect of the catalogue." in said
@@ -119,7 +119,7 @@ def test_a_page_of_nothing():
 
 def test_a_page_of_the_unknown_does_not_say_that_nothing_is_there():
     lost = replace(result(), verdicts=("unknown",), effects=(), ties=(), next_experiment=None)
-    said = text(gap_page(lost, STAGE, "model.toml"))
+    said = text(gap_page(lost, "model.toml"))
     assert "Something remains that no name is sure to explain." in said
     assert "No effect of the catalogue is sure to be what is missing." in said
     assert "The data call for no effect" not in said
@@ -131,7 +131,7 @@ HELP = "records of the unchanged stage, given as --reference, would help"
 def test_where_nothing_is_named_it_is_the_model_that_leaves_a_rest():
     for verdicts in (("unknown",), ("tie", "unknown"), ("tie",)):
         found = replace(result(), verdicts=verdicts, effects=())
-        for said in (str(found), text(gap_page(found, STAGE, "model.toml")).replace(HELP.capitalize(), HELP)):
+        for said in (str(found), text(gap_page(found, "model.toml")).replace(HELP.capitalize(), HELP)):
             assert "generic model predicts 42 % of what the model leaves" in said
             assert "what the names leave" not in said
             assert (HELP in said) is ("unknown" in verdicts)
@@ -154,7 +154,7 @@ def test_references_are_not_asked_for_where_they_are_or_something_is_named():
 def test_a_rest_that_is_put_down_to_equations_says_so(effects, words):
     found = replace(result(), unexplained=Unexplained(0.42, 0.05, of_equations=True))
     found = found if effects else replace(found, effects=())
-    for said in (str(found), text(gap_page(found, STAGE, "model.toml"))):
+    for said in (str(found), text(gap_page(found, "model.toml"))):
         assert " (chance alone: up to 5 %); that is no more than 9 % of the ".join(words) in " ".join(said.split())
     assert "put down" not in str(result())
 
@@ -170,7 +170,7 @@ def test_what_remains_is_counted_above_the_floor(after, words):
 
 def test_a_floor_that_is_the_rest_itself_is_no_measure_of_it():
     own = replace(result(), gap=GapSize.below(0.2, 0.1, 0.15, "what the modes leave of the training records"))
-    said = text(gap_page(own, STAGE, "model.toml"))
+    said = text(gap_page(own, "model.toml"))
     assert "25.0 % of the unexplained power remains on the held-out records. How much of that is noise is not" in said
     for wrong in ("other records set", "power above the floor", "no larger than the floor"):
         assert wrong not in said
@@ -179,23 +179,24 @@ def test_a_floor_that_is_the_rest_itself_is_no_measure_of_it():
 def test_a_bound_and_the_size_that_would_be_named_are_two_things():
     bounds = (Bound("creep", 0.002, "per decade"), Bound("delay", 5e-5, "s"))
     found = replace(result(), adopted=(), excluded=bounds, detectable=(Detectable("delay", 1.3e-3, "s"),))
-    said = text(gap_page(found, STAGE, "model.toml"))
+    said = text(gap_page(found, "model.toml"))
     assert "creep 0.002 beyond 10 typical sizes, if at all 0.015 per decade" in said
     assert "delay 0.05 1.3 " in said
     assert "the records would have shown it" not in said
 
 
 def test_the_runners_up_say_that_their_log_odds_count_a_prior():
-    said = text(gap_page(result(), STAGE, "model.toml"))
+    said = text(gap_page(result(), "model.toml"))
     assert "The log odds in the last column are not the difference of two scores: they also count the prior" in said
 
 
 def test_the_page_calls_an_effect_by_its_title_wherever_a_person_reads_it():
     """Names of stage files stand where these are meant alone."""
     codes = sorted(name for name in catalogue() if "_" in name)
+    lowest = {n: {p.name: (p.low, p.unit, (p.low, p.high)) for p in catalogue()[n].parameters} for n in codes}
     found = replace(
         result(),
-        effects=tuple(NamedEffect(n, {"size": (1.0, "1", (0.0, 2.0))}, 0.1) for n in codes),
+        effects=tuple(NamedEffect(n, lowest[n], 0.1) for n in codes),
         candidates=(Candidate(2, " + ".join(codes), 9.0, NOT_NAMED),),
         untestable=("load_change",),
         untestable_why={"load_change": "one axis cannot tell it from sensor_nonlinearity, which stands for both"},
@@ -203,7 +204,7 @@ def test_the_page_calls_an_effect_by_its_title_wherever_a_person_reads_it():
         spectra=(Spectrum("mains_hum", "x", np.arange(3.0), np.ones(3), None),),
         adopted=(Adopted("dead_band", "provisional"),),
     )
-    page = gap_page(found, STAGE, "model.toml")
+    page = gap_page(found, "model.toml")
     said = text(re.sub(r"<code>.*?</code>", "", page))
     assert [name for name in codes if re.search(rf"{name}(?!\.\w)", said)] == []
     for words in (
@@ -219,9 +220,9 @@ def test_the_page_calls_an_effect_by_its_title_wherever_a_person_reads_it():
 
 
 def test_the_page_says_whose_floor_a_gap_has_come_down_to():
-    near = text(gap_page(replace(result(), gap=replace(result().gap, after=0.016)), STAGE, "model.toml"))
+    near = text(gap_page(replace(result(), gap=replace(result().gap, after=0.016)), "model.toml"))
     assert "0.0 % of the power above the floor remains on the held-out records. The floor is what the model" in near
-    assert "The floor is" not in text(gap_page(result(), STAGE, "model.toml"))
+    assert "The floor is" not in text(gap_page(result(), "model.toml"))
 
 
 def test_the_terminal_says_the_same():
@@ -251,7 +252,7 @@ def test_gap_json_says_what_the_experiment_tells_apart_and_how_often_it_names_th
 
 def test_of_two_ties_both_are_in_the_headline_and_the_experiment_says_which_it_decides():
     two = replace(result(), verdicts=("tie",), effects=(), ties=(("creep", "thermal_drift"), PAIR))
-    said = text(gap_page(two, STAGE, "model.toml"))
+    said = text(gap_page(two, "model.toml"))
     assert "Creep or thermal drift; delay or amplifier low-pass verdict: tie" in said
     assert "It is to tell apart delay and amplifier low-pass." in said
     assert "to tell delay, amplifier_lowpass apart: " in str(two)
@@ -279,14 +280,14 @@ def test_the_command_for_the_next_experiment_can_be_pasted():
 def test_without_a_tie_the_experiment_is_for_the_power_of_the_level():
     alone = replace(result(), ties=(), next_experiment=replace(EXPERIMENT, axis="x,y", tells_apart=()))
     assert "next, to tell which power of the level softening grows by: multisine, on x, y at once" in str(alone)
-    said = text(gap_page(alone, STAGE, "model.toml"))
+    said = text(gap_page(alone, "model.toml"))
     assert "on x,y at once, each with other phases. It is to tell apart the powers of the level" in said
 
 
 def test_an_experiment_of_one_frequency_says_it_once():
     sine = replace(result(), next_experiment=replace(EXPERIMENT, waveform="sine", band=(1000.0, 1000.0)))
     assert "about 3 V, 1000 Hz, 2 s; predicted log odds" in str(sine)
-    assert "about 3 V, 1000 Hz, for 2 s." in text(gap_page(sine, STAGE, "model.toml"))
+    assert "about 3 V, 1000 Hz, for 2 s." in text(gap_page(sine, "model.toml"))
 
 
 def test_where_something_unknown_remains_the_terminal_says_which_record_would_show_what_is_untestable():
@@ -303,3 +304,19 @@ def test_a_bound_of_a_single_axis_names_none():
     assert [b["axis"] for b in found.as_json()["excluded"]] == [None, "y"]
     assert "creep < 0.002" in str(found)
     assert "softening (y) < 0.2" in str(found)
+
+
+def test_the_page_has_what_parameters_come_to():
+    bow = NamedEffect("sensor_nonlinearity", {"quadratic": (0.002, "of range", (0.001, 0.003))}, 0.5)
+    said = text(gap_page(replace(result(), effects=(bow,)), "model.toml"))
+    assert "peak" in said
+    assert "peak_um" in str(replace(result(), effects=(bow,)))
+
+
+def test_cells_of_several_axes_say_which_is_theirs():
+    one = Cell("frequency", "8..16 Hz", 0.4, "40 % of it", axis="y")
+    where = replace(result(), where=(one, replace(one, axis=None))).as_json()["where"]
+    assert where == [
+        {"by": "frequency", "cell": "8..16 Hz", "share": 0.4, "axis": "y"},
+        {"by": "frequency", "cell": "8..16 Hz", "share": 0.4},
+    ]

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from phaselead.gap.locate.cells import AMPLITUDE, DIRECTION, FREQUENCY, HARMONIC, STEP
-from phaselead.gap.locate.ranking import LEVEL, ResidualAndNoise, axis_cells, rank_cells
+from phaselead.gap.locate.ranking import LEVEL, axis_cells, rank_cells
 from phaselead.gap.locate.sentences import headline, sentence_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import GapRun
+from phaselead.gap.residual import RunResidual
 from phaselead.model import catalogue
 
 RATE_HZ = 1000.0
@@ -39,7 +40,7 @@ def records() -> list[GapRun]:
     return [run_of(sine(), "sine"), run_of(steps(), "steps"), run_of(np.zeros(4000), "idle")]
 
 
-def parts(error, noise: Noise = SENSOR, seed: int = 0, runs=None) -> list[ResidualAndNoise]:
+def parts(error, noise: Noise = SENSOR, seed: int = 0, runs=None) -> list[RunResidual]:
     """Noise, and what ``error`` (of a run) adds to it."""
     rng = np.random.default_rng(seed)
     runs = records() if runs is None else runs
@@ -47,7 +48,7 @@ def parts(error, noise: Noise = SENSOR, seed: int = 0, runs=None) -> list[Residu
     for run in runs:
         drawn = noise.drawn(run.u_V[run.rows], run.step_s, rng)
         e = drawn - drawn.mean() + error(run)
-        found.append(ResidualAndNoise(run, e - e.mean(), noise))
+        found.append(RunResidual(run, e - e.mean()))
     return found
 
 
@@ -67,7 +68,7 @@ def creep(run: GapRun, per_V: float = 0.02, up: float = 1.0, down: float = 1.0) 
 
 
 def test_creep_is_a_slow_rise_after_steps_the_same_in_both_directions():
-    found = rank_cells(parts(creep), 0)
+    found = rank_cells(parts(creep), SENSOR)
     told = next(c for c in found if c.by == STEP and c.cell == "all")
     assert told.p <= LEVEL
     assert told.sentence.endswith("% of the unexplained power is a slow rise after steps, the same in both directions")
@@ -76,14 +77,14 @@ def test_creep_is_a_slow_rise_after_steps_the_same_in_both_directions():
 
 
 def test_a_return_after_steps_and_one_side_are_told_apart():
-    back = rank_cells(parts(lambda run: -creep(run)), 0)
+    back = rank_cells(parts(lambda run: -creep(run)), SENSOR)
     assert "slow return after steps, the same" in next(c for c in back if c.cell == "all").sentence
-    one = rank_cells(parts(lambda run: creep(run, down=0.05)), 0)
+    one = rank_cells(parts(lambda run: creep(run, down=0.05)), SENSOR)
     assert "mostly after steps up" in next(c for c in one if c.cell == "all").sentence
 
 
 def test_drift_does_not_follow_the_steps():
-    found = rank_cells(parts(lambda run: 0.05 * run.t_s if run.name == "steps" else 0 * run.t_s), 0)
+    found = rank_cells(parts(lambda run: 0.05 * run.t_s if run.name == "steps" else 0 * run.t_s), SENSOR)
     sentences = [c.sentence for c in found if c.cell == "all"]
     assert all("whichever way they go" in s for s in sentences)
     slow = first(found, FREQUENCY)
@@ -92,7 +93,7 @@ def test_drift_does_not_follow_the_steps():
 
 
 def test_a_line_is_found_in_its_octave():
-    found = rank_cells(parts(lambda run: 0.05 * np.sin(2 * np.pi * 90 * run.t_s)), 0)
+    found = rank_cells(parts(lambda run: 0.05 * np.sin(2 * np.pi * 90 * run.t_s)), SENSOR)
     best = found[0]
     assert (best.by, best.cell) == (FREQUENCY, "64..128 Hz")
     assert best.share > 0.9
@@ -107,7 +108,7 @@ def test_ringing_comes_soon_after_steps():
             e[a:] += 0.5 * np.sin(2 * np.pi * 150 * t) * np.exp(-t / 0.02)
         return e
 
-    found = rank_cells(parts(ring), 0)
+    found = rank_cells(parts(ring), SENSOR)
     assert {c.cell for c in found if c.by == STEP and c.p <= LEVEL} >= {"0.01..0.1 s"}
     assert first(found, FREQUENCY).cell == "128..256 Hz"
     assert "between 128 and 256 Hz" in headline(found)
@@ -119,7 +120,7 @@ def test_harmonics_of_the_drive(order, words):
     def error(run):
         return 0.05 * np.cos(2 * np.pi * 5 * order * run.t_s + 0.3) if run.name == "sine" else 0 * run.t_s
 
-    best = first(rank_cells(parts(error), 0), HARMONIC)
+    best = first(rank_cells(parts(error), SENSOR), HARMONIC)
     assert best.cell == str(order)
     assert best.p <= LEVEL
     assert best.share > 0.9
@@ -134,9 +135,9 @@ def test_no_sentence_about_where_names_an_effect():
 
 
 def test_amplitude_and_direction():
-    high = first(rank_cells(parts(lambda run: 0.1 * (run.u_V > 6.5) * np.sin(300 * run.t_s)), 0), AMPLITUDE)
+    high = first(rank_cells(parts(lambda run: 0.1 * (run.u_V > 6.5) * np.sin(300 * run.t_s)), SENSOR), AMPLITUDE)
     assert (high.cell, high.p <= LEVEL) == ("6..8 V", True)
-    rising = rank_cells(parts(lambda run: 0.1 * (np.gradient(run.u_V) > 1e-3) * np.sin(300 * run.t_s)), 0)
+    rising = rank_cells(parts(lambda run: 0.1 * (np.gradient(run.u_V) > 1e-3) * np.sin(300 * run.t_s)), SENSOR)
     best = first(rising, DIRECTION)
     assert (best.cell, best.p <= LEVEL) == ("rising", True)
     assert best.share > 0.9
@@ -155,7 +156,9 @@ def test_the_axis_that_has_the_power():
 def test_noise_alone_stands_out_as_rarely_as_promised(noise):
     """One family in a hundred; a family is all cells of a session."""
     runs = [run_of(sine(seconds=2.0), "sine"), run_of(steps(4.0), "steps"), run_of(np.zeros(1000), "idle")]
-    loud = sum(any(c.p <= LEVEL for c in rank_cells(parts(lambda run: 0.0, noise, s, runs), s)) for s in range(40))
+    loud = sum(
+        any(c.p <= LEVEL for c in rank_cells(parts(lambda run: 0.0, noise, s, runs), noise, s)) for s in range(40)
+    )
     assert loud <= 3  # 0.4 expected; more than 3 in one of 1000
 
 
@@ -170,5 +173,5 @@ def test_axes_of_noise_alone():
 
 def test_nothing_is_said_of_nothing():
     run = run_of(sine())
-    assert rank_cells([ResidualAndNoise(run, np.zeros(len(run.u_V)), SENSOR)], 0) == []
+    assert rank_cells([RunResidual(run, np.zeros(len(run.u_V)))], SENSOR) == []
     assert headline([]) is None

@@ -95,7 +95,7 @@ def test_the_evidence_of_a_linear_effect_is_the_integral_over_its_size(amount, s
     exact = {}
     for one in SHARES:
         exact[one] = integrated(prior + density(toy, of_sizes, fit.terms.signal, one), at)
-    (at_fit,) = toy.likelihood._log_evidence(fit.terms, [fit.share], toy.likelihood.every)
+    (at_fit,) = toy.likelihood._log_evidence(fit.terms, [fit.share], held_out=True)
     assert at_fit == pytest.approx(exact[fit.share], abs=within)
     assert fit.log_evidence == pytest.approx(over_shares(exact.__getitem__), abs=within)
 
@@ -129,19 +129,20 @@ def test_what_the_base_may_lack_in_all_records_is_integrated_out():
     assert replace(toy.likelihood, shared=shared).fit(()).log_evidence == pytest.approx(exact, abs=0.15)  # Laplace's
 
 
-def test_a_student_variable_tends_to_a_normal_one_as_more_is_told():
+@pytest.mark.parametrize("held_out", [True, False])
+def test_a_student_variable_tends_to_a_normal_one_as_more_is_told(held_out):
     rng = np.random.default_rng(4)
     blocks = len(Toy(4).likelihood.noise)
     power, variance = rng.exponential(size=(1, blocks)), rng.uniform(0.2, 3, (1, blocks))
-    which = rng.random(blocks) < 0.7
     alike = np.stack([variance] * len(TIMES_BASE), axis=1)
     off, apart = [], []
     for told in (1e2, 1e4, 1e6):  # beyond as many as count
         among = Toy(4, told=told).likelihood
-        n = among.counted
+        n, which = among.counted, held_out | among.fitted
+        assert held_out or not which.all()
         exact = -0.5 * (n * (np.log(2 * np.pi * variance) + power / variance))[:, which].sum()
-        off.append(abs(among.log_density(power, alike, which)[0] - exact))
-        apart.append(np.abs((among.weights(power, alike, which) * variance / n)[:, which] - 1).max())
+        off.append(abs(among.log_density(power, alike, held_out)[0] - exact))
+        apart.append(np.abs((among.weights(power, alike, held_out) * variance / n)[:, which] - 1).max())
     for gap in (off, apart):
         assert sorted(gap, reverse=True) == gap
         assert gap[-1] < 0.01
@@ -386,10 +387,10 @@ def test_what_is_integrated_out_settles_where_it_is_likeliest(amount):
 
     def joint(size):
         of_size = Amounts(np.array([[[size]]]), np.zeros((1, len(ROLES), 0, 1)))
-        (left,) = faulty.log_density(terms.moments.power(of_size), faulty.variance(terms, shares), faulty.every)
+        (left,) = faulty.log_density(terms.moments.power(of_size), faulty.variance(terms, shares))
         return left - 0.5 * size**2
 
-    found = faulty.settled(terms, shares, faulty.every).amounts
+    found = faulty.settled(terms, shares).amounts
     at = np.linspace(0, 2 * amount * typical / 400, 4001)
     assert joint(found.common.item()) >= max(joint(size) for size in at) - 0.05  # within SETTLED prior deviations
 
@@ -399,11 +400,11 @@ def test_shares_are_looked_at_together_as_one_by_one(told):
     toy = Toy(9, [sized(2.0)], 0.1, 2.0, told, fault=[sized(1.0, SLOW)])
     among = toy.likelihood.knowing([sized(1.0, SLOW), sized(2.0, LATE)])
     every = among.terms([sized(2.0)])
-    together = among.log_joint(every, SHARES, among.fitted), among._log_evidence(every, SHARES, among.every)
+    together = among.log_joint(every, SHARES, False), among._log_evidence(every, SHARES, True)
     alone = among.terms([sized(2.0)])
     for i, one in enumerate(SHARES):
-        assert together[0][i] == pytest.approx(among.log_joint(alone, [one], among.fitted)[0], abs=1e-9)
-        assert together[1][i] == pytest.approx(among._log_evidence(alone, [one], among.every)[0], abs=1e-9)
+        assert together[0][i] == pytest.approx(among.log_joint(alone, [one], False)[0], abs=1e-9)
+        assert together[1][i] == pytest.approx(among._log_evidence(alone, [one], True)[0], abs=1e-9)
     assert np.ptp(together[1]) > 1
 
 

@@ -67,7 +67,7 @@ def test_a_set_is_simulated_together_as_each_part_alone(entries):
     entries, run = sized(entries), forgetful(learned().runs[1])
     found = run.simulated(entries)
     free = parameters_of(entries)
-    fresh = run.coefficients(fresh_columns(run.modelled, entries, free))
+    fresh = run.coefficients(fresh_columns(run.modelled, entries))
     assert found.tangents == len(free)
     scale = abs(fresh).max()
     np.testing.assert_allclose(found.columns[:, : len(free)], fresh[:, :-1], atol=1e-9 * scale)
@@ -120,9 +120,7 @@ def test_where_nothing_moved_a_set_without_tangents_is_as_likely_as_with_them(en
     terms = among.terms(entries)
     near = among._near(terms, entries)
     assert near.moments.tangents == 0
-    np.testing.assert_allclose(
-        among.log_joint(near, shares, among.every), among.log_joint(terms, shares, among.every), rtol=1e-12
-    )
+    np.testing.assert_allclose(among.log_joint(near, shares), among.log_joint(terms, shares), rtol=1e-12)
 
 
 def test_shapes_are_simulated_once_for_all_likelihoods_of_the_same_runs():

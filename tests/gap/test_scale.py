@@ -81,7 +81,7 @@ def test_the_answer_says_it():
     assert "-1.0 times" in found.doubts[0]
     assert str(found).splitlines()[1].startswith("x: the records move -1.0 times")
     assert found.as_json()["doubts"] == list(found.doubts)
-    assert "move -1.0 times" in gap_page(found, stage(), "model.toml").split("<h2>")[0]
+    assert "move -1.0 times" in gap_page(found, "model.toml").split("<h2>")[0]
 
 
 def test_every_role_that_is_off_is_said():
@@ -167,7 +167,7 @@ def test_a_held_out_record_that_is_nothing_like_the_others_is_never_nothing(fact
     found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))
     assert "unknown" in found.verdicts
     assert any(line.startswith(f"{other.source}: of its motion the next model leaves") for line in found.doubts)
-    assert f"{other.source}: of its motion" in gap_page(found, stage(), "model.toml").split("<h2>")[0]
+    assert f"{other.source}: of its motion" in gap_page(found, "model.toml").split("<h2>")[0]
 
 
 def test_a_held_out_record_that_is_like_the_others_raises_no_doubt():

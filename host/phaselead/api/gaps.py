@@ -142,4 +142,4 @@ def write_report(
     if result.base is None:
         raise BadInput("this result does not say which model was compared; make it with phaselead.gap")
     name = model_name or PurePath(result.base.name).name
-    write_text(os.fspath(path), gap_page(result, result.base, name, result.verification), overwrite=overwrite)
+    write_text(os.fspath(path), gap_page(result, name), overwrite=overwrite)

@@ -58,7 +58,7 @@ def compare(
         from phaselead.report import gap_page
 
         named = Path(json_to).name if json_to and json_to != "-" else "gap.json"
-        texts[report] = gap_page(result, stage, Path(model_path).name, result.verification, named)
+        texts[report] = gap_page(result, Path(model_path).name, named)
     if json_to and json_to != "-":
         texts[json_to] = json_text(result.as_json())
     write_texts(texts, overwrite=overwriting())

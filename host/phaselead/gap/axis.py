@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-import numpy as np
-
 from phaselead.gap.adopt import adopted, kept_names
-from phaselead.gap.bounds import MANY_TIMES, upper_bounds
+from phaselead.gap.bounds import upper_bounds
 from phaselead.gap.design import propose
 from phaselead.gap.findings import (
     PROVISIONAL,
@@ -26,8 +24,7 @@ from phaselead.gap.findings import (
 )
 from phaselead.gap.floor import noise_of
 from phaselead.gap.goodness_of_fit import FinalFit, final_fit, more_than_equations_miss, too_little_described
-from phaselead.gap.locate import ResidualAndNoise, rank_cells
-from phaselead.gap.noise import Noise
+from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim
 from phaselead.gap.provisional import nearest_that_pays
 from phaselead.gap.records import GapRun
@@ -101,12 +98,11 @@ def search_axis(
     runs: Sequence[GapRun],
     effects: Sequence[Effect],
     frozen: bool,
-    seed: int,
     on_progress: Progress,
 ) -> AxisResult:
     """The whole workflow on one axis; what it finds does not bear the name of the axis yet.
 
-    ``frozen``: whether the base is beyond doubt. ``seed`` is of the draws for cells.
+    ``frozen``: whether the base is beyond doubt.
     """
     referenced = any(run.role == "reference" for run in runs)
     candidates, refused = responses(effects, frozen, referenced)
@@ -142,7 +138,7 @@ def search_axis(
         unknown,
         [*excluded, *other.excluded],
         {**_untested(refused, other, taken), **hidden},
-        _where(noise, final, seed),
+        rank_cells(final.residuals_before("holdout"), noise),
         final.gap,
         final.rows,
         _proposal(vouched.selection),
@@ -213,11 +209,7 @@ def _detectable(selection: Selection, effects: Sequence[Effect]) -> list[Detecta
     """What the records were expected to show, before anything of it was looked at."""
     assert selection.contest is not None
     least = selection.contest.detectable
-    return [
-        Detectable(e.name, least[e.name], e.sizes[0].unit)
-        for e in effects
-        if least.get(e.name, np.inf) < MANY_TIMES * e.sizes[0].typical
-    ]
+    return [Detectable(e.name, least[e.name], e.sizes[0].unit) for e in effects if e.name in least]
 
 
 def _names(named: Sequence[NamedEffect], ties: Sequence[tuple[str, ...]]) -> set[str]:
@@ -249,12 +241,6 @@ def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tupl
         elif effect.kind != "disturbance" or effect.moves_zero == "steadily":
             allowed.append(effect if frozen or referenced else effect.for_refitted_base())
     return allowed, refused
-
-
-def _where(noise: Noise, final: FinalFit, seed: int) -> list[Cell]:
-    """Where the base as given leaves most of the held-out records."""
-    parts = [ResidualAndNoise(before.run, before.error_um, noise) for before in final.residuals_before("holdout")]
-    return rank_cells(parts, seed)
 
 
 def _proposal(selection: Selection) -> NextExperiment | None:

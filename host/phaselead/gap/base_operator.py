@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from phaselead.errors import BadInput
 from phaselead.gap.findings import Estimate
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.plain_fits import each_fitted
@@ -44,7 +43,7 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     """
     assert axis.time is not None
     becoming = next((effect for effect in effects if effect.becomes_plays), None)
-    if axis.time.play_r_V or becoming is None:
+    if axis.time.play_r_V or becoming is None or not any(run.driven for run in runs if run.role == "train"):
         return axis, None
     others = [effect for effect in effects if effect is not becoming]
     found = _apart_from_others(axis, runs, others)
@@ -166,15 +165,13 @@ def _left_um2(axis: AxisModel, entries: Sequence[SizedEffect], runs: Sequence[Ga
 
 
 def with_operator(axis: AxisModel, runs: Sequence[GapRun], beyond_um: Sequence[Samples] | None = None) -> AxisModel:
-    """The axis with plays, fitted to the runs, in place of its line. Raises BadInput where no run is driven.
+    """The axis with plays, fitted to the runs, of which some are driven, in place of its line.
 
     ``beyond_um``: per run what effects add to the operator, (n,) over the scored rows, taken out before the fit.
     """
     if beyond_um is not None:
         runs = [_without(run, beyond) for run, beyond in zip(runs, beyond_um, strict=True)]
     driven = [r.as_fitted for r in runs if r.driven]
-    if not driven:
-        raise BadInput("no training record is driven; nothing can be learned about its memory")
     return axis.model_copy(update={"time": fit_plays(driven, axis.time.delay_s if axis.time is not None else 0.0)})
 
 

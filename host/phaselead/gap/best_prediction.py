@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from phaselead.gap.least_squares import entries_at, fitted_in_um, squares_left
-from phaselead.gap.parameters import SizedEffect, internal, parameters_of
+from phaselead.gap.least_squares import fitted_in_um, squares_left
+from phaselead.gap.parameters import SizedEffect, entries_at, internal
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
@@ -37,7 +37,7 @@ def best_predicting(
     off = internal(found) - start
     distance2 = float(off @ np.linalg.solve(covariance, off))
     inside = min(1.0, float(np.sqrt(chi2.ppf(INSIDE, len(start)) / max(distance2, 1e-12))))
-    at_start, moved = (entries_at(entries, parameters_of(entries), x) for x in (start, start + inside * off))
+    at_start, moved = (entries_at(entries, x) for x in (start, start + inside * off))
     better = squares_left(moved, runs, _about_mean) < squares_left(at_start, runs, _about_mean)
     return moved if better else at_start
 

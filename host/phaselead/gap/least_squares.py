@@ -8,17 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from phaselead.gap.parameters import (
-    SizedEffect,
-    bounded,
-    fresh_columns,
-    from_internal,
-    internal,
-    parameters_of,
-)
+from phaselead.gap.parameters import SizedEffect, entries_at, fresh_columns, internal
 from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect, Parameter
+from phaselead.model import Effect
 from phaselead.record import Samples
 
 WithoutOwn = Callable[[Sequence[Samples]], Samples]
@@ -35,19 +28,19 @@ def fitted_in_um(
     """
     highest_Hz = HIGHEST_OF_RATE / runs[0].run.step_s
     entries = [(_sampled(effect, highest_Hz), params) for effect, params in entries]
-    free, start = parameters_of(entries), internal(entries)
+    start = internal(entries)
     if not len(start):
         return tuple(entries), squares_left(entries, runs, without_own)
 
     def errors(x: Samples) -> Samples:
-        return _errors(entries_at(entries, free, x), runs, without_own)
+        return _errors(entries_at(entries, x), runs, without_own)
 
     def slopes(x: Samples) -> Samples:
-        at = entries_at(entries, free, x)
-        return -without_own([fresh_columns(run, at, free)[:, :-1] for run in runs])
+        at = entries_at(entries, x)
+        return -without_own([fresh_columns(run, at)[:, :-1] for run in runs])
 
     found = least_squares(errors, start, slopes, method="trf", x_scale="jac", max_nfev=evaluations)
-    return entries_at(entries, free, found.x), 2 * float(found.cost)
+    return entries_at(entries, found.x), 2 * float(found.cost)
 
 
 def _sampled(effect: Effect, highest_Hz: float) -> Effect:
@@ -65,13 +58,3 @@ def squares_left(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], wi
 
 def _errors(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], without_own: WithoutOwn) -> Samples:
     return without_own([run.error(entries)[:, None] for run in runs])[:, 0]
-
-
-def entries_at(
-    entries: Sequence[SizedEffect], free: Sequence[tuple[int, Parameter]], x: Samples
-) -> tuple[SizedEffect, ...]:
-    """The effects at other values of their parameters, (parameters,) in internal units."""
-    moved = [(effect, dict(params)) for effect, params in entries]
-    for (i, p), value in zip(free, x, strict=True):
-        moved[i][1][p.name] = from_internal(p, float(value))
-    return tuple((effect, bounded(effect, params)) for effect, params in moved)

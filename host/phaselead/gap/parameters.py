@@ -56,27 +56,31 @@ def internal(entries: Sequence[SizedEffect]) -> Samples:
     return np.array([to_internal(p, entries[i][1][p.name]) for i, p in parameters_of(entries)])
 
 
+def entries_at(entries: Sequence[SizedEffect], x: Samples) -> tuple[SizedEffect, ...]:
+    """The effects at other values of their parameters, (parameters,) in internal units, within the bounds."""
+    moved = [(effect, dict(params)) for effect, params in entries]
+    for (i, p), value in zip(parameters_of(entries), x, strict=True):
+        moved[i][1][p.name] = from_internal(p, float(value))
+    return tuple(moved)
+
+
 def internal_unit(p: Parameter) -> float:
     """One internal unit of a parameter that is not logarithmic."""
     return abs(p.typical) if p.typical else (p.high - p.low) / 10
 
 
-def fresh_columns(
-    modelled: ModelledRun, entries: Sequence[SizedEffect], free: Sequence[tuple[int, Parameter]]
-) -> Samples:
-    """Columns (n, tangents + 1) in um over the scored rows of one run: what one internal unit of each free parameter
-    does, by finite differences, and the residual last."""
+def fresh_columns(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
+    """Columns (n, parameters + 1) in um over the scored rows of one run: what one internal unit of each parameter does,
+    by finite differences, and the residual last."""
     answer = modelled.answer(entries)
-    columns = [(modelled.answer(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries, free)]
+    columns = [(modelled.answer(_changed(entries, i, p, d)) - answer) / d for i, p, d in _differences(entries)]
     return np.stack([*columns, modelled.run.x_um[modelled.run.rows] - answer]).T
 
 
-def _differences(
-    entries: Sequence[SizedEffect], free: Sequence[tuple[int, Parameter]]
-) -> list[tuple[int, Parameter, float]]:
-    """A finite difference in internal units for each free parameter, towards the inside of its bounds."""
+def _differences(entries: Sequence[SizedEffect]) -> list[tuple[int, Parameter, float]]:
+    """A finite difference in internal units for each parameter, towards the inside of its bounds."""
     found = []
-    for i, p in free:
+    for i, p in parameters_of(entries):
         at = to_internal(p, entries[i][1][p.name])
         inside = at + DIFFERENCE < to_internal(p, p.high)
         found.append((i, p, DIFFERENCE if inside else -DIFFERENCE))

@@ -78,8 +78,7 @@ class GapResult(Result):
     traces: tuple[Trace, ...] = ()
     spectra: tuple[Spectrum, ...] = ()
     untestable_why: dict[str, str] = field(default_factory=dict)
-    adopted_of_ties: dict[str, str] = field(default_factory=dict)
-    """For each tie, by its names joined with " | ", the member that the next stage contains."""
+    """By name, why the records say nothing of an effect."""
     messages: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     """Whether records and model are of one stage and in the same units: said first, since all else rests on it."""
@@ -118,7 +117,7 @@ class GapResult(Result):
             ],
             "untestable": list(self.untestable),
             "untestable_why": {name: self.untestable_why.get(name, "") for name in self.untestable},
-            "where": [{"by": c.by, "cell": c.cell, "share": c.share} for c in self.where],
+            "where": [_cell(c) for c in self.where],
             "gap": {
                 "before": self.gap.before,
                 "after": self.gap.after,
@@ -133,9 +132,14 @@ class GapResult(Result):
             **tracked,
         }
 
+    @property
+    def compared(self) -> Stage:
+        """The model that was compared, where it is known; else the next one."""
+        return self.base or self.stage
+
     def sizes_of(self, effect: NamedEffect) -> Mapping[str, Estimate | Estimates]:
         """Its parameters and, behind them, what they come to as a person means them: a bow's peak, a mean rate."""
-        compared = (self.base or self.stage).axes
+        compared = self.compared.axes
         axis = effect.axis or (self.traces[0].axis if self.traces else next(iter(compared)))
         spans_s = tuple((float(t.t_s[0]), float(t.t_s[-1])) for t in self.traces if t.axis == axis)
         return {**effect.params, **derived_sizes(effect.name, effect.params, Scene(compared[axis], spans_s))}
@@ -284,6 +288,11 @@ def _experiment_text(e: NextExperiment) -> str:
         f"names the true one {100 * e.chance:.0f} times in 100"
     )
     return f"{text}; what would tell them apart is {e.needs_sensor}" if e.needs_sensor else text
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    of_axis = {} if cell.axis is None else {"axis": cell.axis}
+    return {"by": cell.by, "cell": cell.cell, "share": cell.share, **of_axis}
 
 
 def _effect(effect: NamedEffect, sizes: Mapping[str, Estimate | Estimates]) -> dict[str, Any]:

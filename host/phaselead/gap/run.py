@@ -38,14 +38,13 @@ def run_gap(
     *,
     frozen: bool | None = None,
     without: tuple[str, ...] = (),
-    seed: int = 0,
     on_progress: Progress | None = None,
 ) -> GapResult:
     """Find where ``stage`` and the records disagree, name what is missing, and add it.
 
     The records have the same axes and sampling rate. ``reference`` records are known to be without what is missing.
     ``frozen``: whether the base may not be refitted; by default it may not where there are ``reference`` records to
-    hold it. ``without``: effects to leave out of the catalogue. ``seed`` is of the draws for intervals and cells.
+    hold it. ``without``: effects to leave out of the catalogue.
     ``on_progress`` takes the share that is done, 0 to 1. Raises BadInput, one line, for records that cannot be used.
     """
     began = time.monotonic()
@@ -58,9 +57,9 @@ def run_gap(
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.
     with threadpool_limits(1, "blas"):
-        results = search_together(stage, runs, holdout, reference, effects, frozen, seed, report)
+        results = search_together(stage, runs, holdout, reference, effects, frozen, report)
         if results is None:
-            results = _each_axis(stage, runs, effects, held, seed, report)
+            results = _each_axis(stage, runs, effects, held, report)
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
@@ -102,7 +101,6 @@ def _joined(results: Sequence[AxisResult], stage: Stage, holdout_sha256: tuple[s
         traces=tuple(t for r in results for t in r.traces),
         spectra=tuple(s for r in results for s in r.spectra),
         untestable_why={name: why for r in results for name, why in r.untestable.items()},
-        adopted_of_ties={" | ".join(t): t[0] for r in results for t in r.ties},
         messages=tuple(m for r in results for m in r.messages),
         seconds=seconds,
         adopted=tuple(a for r in results for a in r.adopted),
@@ -119,7 +117,6 @@ def _each_axis(
     runs: Mapping[str, Sequence[GapRun]],
     effects: Sequence[Effect],
     held: bool,
-    seed: int,
     report: Progress,
 ) -> list[AxisResult]:
     """Every axis searched by itself."""
@@ -129,7 +126,7 @@ def _each_axis(
         def advance(share: float, done: int = i) -> None:
             report((done + share) / len(runs))
 
-        found = search_axis(axis, stage.axes[axis], of_axis, effects, held, seed, advance)
+        found = search_axis(axis, stage.axes[axis], of_axis, effects, held, advance)
         results.append(_of_several(found) if len(runs) > 1 else found)
     return results
 

@@ -35,7 +35,7 @@ from phaselead.gap import (
     unit_of,
 )
 from phaselead.gap import headline as cells_headline
-from phaselead.model import Stage, catalogue
+from phaselead.model import catalogue
 from phaselead.record import Samples
 from phaselead.report.origin import Origin, of_stage
 from phaselead.report.page import render
@@ -58,17 +58,8 @@ _USES = {
 }
 
 
-def gap_page(
-    result: GapResult,
-    stage: Stage,
-    model_name: str,
-    verification: TrackingComparison | None = None,
-    json_name: str = "gap.json",
-) -> str:
-    """The page as HTML.
-
-    ``verification`` adds how well a device tracks with either model; ``json_name`` is the file of the next experiment.
-    """
+def gap_page(result: GapResult, model_name: str, json_name: str = "gap.json") -> str:
+    """The page as HTML. ``json_name`` is the file of the next experiment."""
     return render(
         "gap.html",
         three_digits=three_digits,
@@ -79,7 +70,7 @@ def gap_page(
         cards=cards(result),
         cells=standing_out(result.where),
         cells_figure=cells_figure(result.where) if result.where else None,
-        effects=[effect_part(effect) for effect in result.effects],
+        effects=[effect_part(effect, parameter_rows(result.sizes_of(effect))) for effect in result.effects],
         ties=[tie_part(tie) for tie in result.ties],
         provisional=listed([effect_title(name) for name in result.provisional]) if result.provisional else "",
         unexplained=result.unexplained,
@@ -100,10 +91,10 @@ def gap_page(
         ],
         experiment=result.next_experiment,
         apart=told_apart(result.next_experiment) if result.next_experiment else "",
-        tracking=tracking_part(verification) if verification else None,
+        tracking=tracking_part(result.verification) if result.verification else None,
         origin=Origin(
             {_USES[part]: sources for part, sources in result.sources.items()},
-            [of_stage(stage, "Compared was the stage file"), of_stage(result.stage, "The next one is")],
+            [of_stage(result.compared, "Compared was the stage file"), of_stage(result.stage, "The next one is")],
         ),
         seconds=result.seconds,
     )
@@ -228,10 +219,10 @@ def remains(result: GapResult) -> str:
     return f"{left:.1f} % of the power above the floor remains on the held-out records.{beside}{near}"
 
 
-def effect_part(effect: NamedEffect) -> dict[str, Any]:
-    """One named effect for the template."""
+def effect_part(effect: NamedEffect, sizes: Sequence[tuple[str, float, float, float, str]]) -> dict[str, Any]:
+    """One named effect for the template; ``sizes`` are rows of its parameters and of what they come to."""
     entry = catalogue().get(effect.name)
-    rows = [scaled_row(*row) for row in parameter_rows(effect.params)]
+    rows = [scaled_row(*row) for row in sizes]
     return {
         "title": begun(_title(effect)), "name": effect.name, "share": percent(effect.share), "why": effect.why,
         "rows": rows, "probability": f"{effect.probability:.3g}",

@@ -147,7 +147,7 @@ def gap(hub: Hub, given: Arguments) -> str:
         result.next_model.save(hub.new_file(following))
         words = ["gap", "--model", hub.stage.name, "--train", *train, "--holdout", *holdout, "-o", following]
         with made_by(shlex.join(["phaselead", *words, "--report", page])):
-            write_text(str(hub.folder / page), gap_page(result, hub.stage, hub.stage.name))
+            write_text(str(hub.folder / page), gap_page(result, hub.stage.name))
         hub.new_file(page)
     named = ", ".join(effect.name for effect in result.effects) or "nothing"
     return f"gap: {', '.join(result.verdicts)} ({named}); page {hub.folder / page}, model {hub.folder / following}"

@@ -33,12 +33,8 @@ a fast mode rings that long."""
 
 
 def find_jitter(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
-    """White noise that grows with speed more than in the reference records, as the effect ``name``.
-
-    None where there is none, or no reference to compare with: the model's own faults grow with speed as well.
-    """
-    if not reference:
-        return None
+    """White noise that grows with speed more than in the reference records, as the effect ``name``; None where there
+    is none."""
     slope, std = _speed_slope(train)
     known, known_std = _speed_slope(reference)
     known = max(known, 0.0)

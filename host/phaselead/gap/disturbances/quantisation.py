@@ -18,7 +18,7 @@ def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residu
     lsb = float(np.median([s for s in steps if s is not None]))
     known = [grid_step(residual.run.x_um) for residual in reference]
     before = max((s for s in known if s is not None), default=0.0)
-    if not reference or lsb < NEW_FROM * before:
+    if lsb < NEW_FROM * before:
         return None
     params: dict[str, Estimate] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
     return Disturbance(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")

@@ -17,6 +17,9 @@ from phaselead.gap.disturbances.vibration import find_vibration
 from phaselead.gap.residual import RunResidual
 from phaselead.model import Effect, catalogue
 
+NO_GRID_BEFORE = "the sensor may always have had its steps: give --reference records"
+NO_SPEED_BEFORE = "the model's own faults grow with the speed as well: give --reference records"
+
 
 class _Test(NamedTuple):
     """How one kind of disturbance is looked for, and the records that it takes."""
@@ -26,15 +29,15 @@ class _Test(NamedTuple):
     """Whether training and held-out records at rest are needed, and used alone."""
     in_motion: bool
     """Whether the training records must move."""
-    referenced: bool = False
-    """Whether it takes reference records."""
+    without_reference: str = ""
+    """Why it says nothing without reference records; empty where it does not need them."""
 
 
 TESTS = {
     "lines": _Test(find_hum, at_rest=True, in_motion=False),
     "band": _Test(find_vibration, at_rest=True, in_motion=False),
-    "grid": _Test(find_grid, at_rest=False, in_motion=False),
-    "speed": _Test(find_jitter, at_rest=False, in_motion=True, referenced=True),
+    "grid": _Test(find_grid, at_rest=False, in_motion=False, without_reference=NO_GRID_BEFORE),
+    "speed": _Test(find_jitter, at_rest=False, in_motion=True, without_reference=NO_SPEED_BEFORE),
 }
 """By ``Effect.seen_as``; in this order they are reported."""
 
@@ -57,8 +60,8 @@ def find_disturbances(
             untestable[name] = "needs training and held-out records at rest"
         elif test.in_motion and not moving:
             untestable[name] = "needs motion"
-        elif test.referenced and not reference:
-            untestable[name] = "the model's own faults grow with the speed as well: give --reference records"
+        elif test.without_reference and not reference:
+            untestable[name] = test.without_reference
         else:
             parts = quiet if test.at_rest else [train, holdout, reference]
             one = test.find(name, *parts)

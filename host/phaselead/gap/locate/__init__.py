@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from phaselead.gap.locate.ranking import ResidualAndNoise, axis_cells, rank_cells
+from phaselead.gap.locate.ranking import axis_cells, rank_cells
 from phaselead.gap.locate.sentences import LEVEL, excludes, headline, percent, three_digits, typical_of, unit_of
 
 __all__ = [
     "LEVEL",
-    "ResidualAndNoise",
     "axis_cells",
     "excludes",
     "headline",

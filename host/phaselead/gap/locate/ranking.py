@@ -19,7 +19,7 @@ from phaselead.gap.locate.cells import AXIS, STEP, Cut, Powers, cut
 from phaselead.gap.locate.sentences import LEVEL, sentence_of
 from phaselead.gap.locate.steps import ALL, slow_response
 from phaselead.gap.noise import Noise
-from phaselead.gap.records import GapRun
+from phaselead.gap.residual import RunResidual
 from phaselead.record import Samples
 
 NULL_DRAWS = 500
@@ -33,27 +33,18 @@ SCATTER_BLOCKS = 24
 """Per record, from which the scatter of an axis' power is taken."""
 
 
-@dataclass(frozen=True)
-class ResidualAndNoise:
-    """Residual (n,) in um of one run about its own offset, and the noise it has when nothing is missing."""
-
-    run: GapRun
-    error_um: Samples
-    noise: Noise
-
-
-def rank_cells(parts: Sequence[ResidualAndNoise], seed: int) -> list[Cell]:
+def rank_cells(parts: Sequence[RunResidual], noise: Noise, seed: int = 0) -> list[Cell]:
     """Cells ranked by their share of the unexplained power, those that stand out first.
 
-    At most MOST_RANKED of at least LEAST_CELL_SHARE; empty where the residual is 0 everywhere. ``seed`` fixes the
-    draws.
+    At most MOST_RANKED of at least LEAST_CELL_SHARE; empty where the residual is 0 everywhere. ``noise`` is what
+    the records have when nothing is missing; ``seed`` fixes the draws.
     """
     power = sum(float(np.sum(p.error_um**2)) for p in parts)
     if not power > 0:
         return []
     cuts, names = cut([p.run for p in parts])
     rng = np.random.default_rng(seed)
-    simulated = [_simulated(c, p, rng) for c, p in zip(cuts, parts, strict=True)]
+    simulated = [_simulated(c, p, noise, rng) for c, p in zip(cuts, parts, strict=True)]
     seen = [c.powers(p.error_um[None]) for c, p in zip(cuts, parts, strict=True)]
     blocks = _shares([_drawn(s, rng, by_block=True) for s in simulated])
     whole = _shares([_drawn(s, rng, by_block=False) for s in simulated])
@@ -70,9 +61,9 @@ def rank_cells(parts: Sequence[ResidualAndNoise], seed: int) -> list[Cell]:
     return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_RANKED]
 
 
-def _simulated(of_run: Cut, part: ResidualAndNoise, rng: np.random.Generator) -> Powers:
+def _simulated(of_run: Cut, part: RunResidual, noise: Noise, rng: np.random.Generator) -> Powers:
     run = part.run
-    draws = [part.noise.drawn(run.u_V[run.rows], run.step_s, rng) for _ in range(SIMULATIONS)]
+    draws = [noise.drawn(run.u_V[run.rows], run.step_s, rng) for _ in range(SIMULATIONS)]
     return of_run.powers(np.stack([one - one.mean() for one in draws]))
 
 
@@ -124,7 +115,7 @@ def _excess(shares: Samples, expected: Samples, floor: float) -> Samples:
     return np.asarray(np.clip((shares - floor * expected) / (1 - floor), 0.0, 1.0))
 
 
-def _after_steps(parts: Sequence[ResidualAndNoise], found: Sequence[Cell]) -> list[Cell]:
+def _after_steps(parts: Sequence[RunResidual], found: Sequence[Cell]) -> list[Cell]:
     """One cell for all times after steps, where the residual follows the logarithm of time, as creep does."""
     p_values = [c.p for c in found if c.by == STEP]
     slow = slow_response([(p.run, p.error_um) for p in parts]) if p_values else None

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phaselead.gap.parameters import SizedEffect, fresh_columns, is_logarithmic, parameters_of, to_internal
+from phaselead.gap.parameters import SizedEffect, fresh_columns, is_logarithmic, to_internal
 from phaselead.gap.residual import ModelledRun
 from phaselead.model import Effect, Parameter, Params, Place
 from phaselead.record import Samples
@@ -38,7 +38,7 @@ def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     as large as they are and of shapes near theirs. Each effect by itself."""
     found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
     for entry in entries:
-        found.append(fresh_columns(modelled, [entry], parameters_of([entry]))[:, :-1] * fault_deviations(entry))
+        found.append(fresh_columns(modelled, [entry])[:, :-1] * fault_deviations(entry))
     return np.concatenate(found, axis=1)
 
 

@@ -38,7 +38,6 @@ Counts = NDArray[np.intp]
 class Simulated:
     """What a set of effects does in one record, as coefficients; in a reference record they do nothing."""
 
-    entries: tuple[SizedEffect, ...]
     columns: Samples
     """(n - 1, p + b + 1) tangents of all p parameters, b things that slow effects had done before the record began, one
     prior deviation each, and the residual. Of a reference record the residual alone."""
@@ -132,6 +131,11 @@ class BlockedRun:
         return self.modelled.run.role != "reference"
 
     @cached_property
+    def motion(self) -> Samples:
+        """Mean power (blocks,) in um^2 of the base's answer, spread over the octaves beside its own."""
+        return self.spread(self.power(self.modelled.answer()))
+
+    @cached_property
     def base_error(self) -> Samples:
         """Coefficients (n - 1, 1) of what the base leaves."""
         return self.coefficients(self.modelled.error()[:, None])
@@ -154,16 +158,16 @@ class BlockedRun:
 
     def _simulated(self, entries: tuple[SizedEffect, ...]) -> Simulated:
         if not self.changed:
-            return Simulated(entries, self.base_error, 0, np.zeros((len(entries), len(self.sizes))), ())
+            return Simulated(self.base_error, 0, np.zeros((len(entries), len(self.sizes))), ())
         answer, e, p = self.modelled.answer(entries), len(entries), len(parameters_of(entries))
         added = [answer - self.modelled.answer([*entries[:i], *entries[i + 1 :]]) for i in range(e)]
-        fresh = fresh_columns(self.modelled, entries, parameters_of(entries))
+        fresh = fresh_columns(self.modelled, entries)
         before = before_record(self.modelled, entries)
         each = [np.array(added).reshape(e, len(answer)), fresh.T[:-1], *(one.T for one in before), fresh.T[-1:]]
         columns = self.coefficients(np.concatenate(each).T)
         squares = np.add.reduceat(columns[:, :e] ** 2, self.edges[:-1], axis=0).T
         of = tuple(i for i, part in enumerate(before) for _ in range(part.shape[1]))
-        return Simulated(entries, columns[:, e:].copy(order="K"), p, squares / self.sizes, of)
+        return Simulated(columns[:, e:].copy(order="K"), p, squares / self.sizes, of)
 
     def power(self, column: Samples) -> Samples:
         """Mean power (blocks,) in um^2 of a column (n + skipped,) in um."""

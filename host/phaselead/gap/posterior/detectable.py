@@ -61,15 +61,15 @@ class Shapes:
 
 
 def detectable(likelihood: Likelihood, shapes: Shapes, log_odds: float) -> dict[str, float]:
-    """By effect the first size, in its unit, at which it is expected to be named; without those that no size within
-    ``MOST_STATED`` typical ones shows. ``log_odds`` are asked against nothing, those of a name against each effect it
+    """By effect the first size, in its unit, at which it is expected to be named; without those that this is beyond
+    ``MOST_STATED`` typical ones. ``log_odds`` are asked against nothing, those of a name against each effect it
     is confused with."""
     effects = {group.effect.name: group.effect for group in shapes.groups}
     found = {}
     for name, effect in effects.items():
         rivals = [other for other, one in effects.items() if confused(effect, one)]
         size = _Expected(likelihood, shapes, name).size(rivals, log_odds)
-        if np.isfinite(size):
+        if size <= MOST_STATED * effect.sizes[0].typical:
             found[name] = size
     return found
 
@@ -90,11 +90,11 @@ class _Expected:
         self._index = mine[order[min(half, len(mine) - 1)]]
 
     def size(self, rivals: Sequence[str], log_odds: float) -> float:
-        """In the effect's unit; infinite where it is not within ``MOST_STATED`` typical sizes."""
+        """In the effect's unit; infinite where no size that was tried shows it."""
         found = self._told(partial(self._alone, log_odds), 1.0, 0.0)
         for rival in rivals:
             found = self._told(partial(self._past, rival), found, found)
-        return float(found * abs(self._shapes.groups[self._index].steps[0]))
+        return float(found * self._shapes.groups[self._index].steps[0])
 
     @staticmethod
     def _told(needed: Callable[[float], float], times: float, least: float) -> float:

@@ -69,9 +69,8 @@ class Expected:
         return np.clip(octaves - self.first, 0, len(self.share) - 1)
 
 
-def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expected:
-    """From the reference records among the runs, or without them from a prior; ``motions`` are the powers (blocks,) of
-    the base, spread."""
+def expected_of(runs: Sequence[BlockedRun]) -> Expected:
+    """From the reference records among the runs, or without them from a prior."""
     first = min(int(run.octaves.min()) for run in runs)
     count = max(int(run.octaves.max()) for run in runs) - first + 1
     references = [i for i, run in enumerate(runs) if run.modelled.run.role == "reference"]
@@ -79,7 +78,8 @@ def expected_of(runs: Sequence[BlockedRun], motions: Sequence[Samples]) -> Expec
     left = {i: runs[i].base_left_um2 for i in told_by}
     idle = [i for i in told_by if runs[i].modelled.run.idle]
     rows = [
-        (runs[i].octaves - first, left[i], motions[i], np.full(len(left[i]), i in idle), runs[i].sizes) for i in told_by
+        (runs[i].octaves - first, left[i], runs[i].motion, np.full(len(left[i]), i in idle), runs[i].sizes)
+        for i in told_by
     ]
     octave, power, motion, at_rest, sizes = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     noise, noise_told = _noise(octave, power, at_rest, sizes, count)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from phaselead.gap.parameters import SizedEffect, fresh_columns, parameters_of
+from phaselead.gap.parameters import SizedEffect, fresh_columns
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import is_of_material, may_be_missed_um2, missed_um2
@@ -45,8 +45,7 @@ class Forecast:
     def _power_and_count(self, run: BlockedRun, true: Fit) -> tuple[Samples, Samples]:
         """Power (blocks,) in um^2 of what the record would hold beside the answer of the set that is true, and as how
         many coefficients a block would count."""
-        motion = run.spread(run.power(run.modelled.answer()))
-        noise, base, _ = self._likelihood.expected.of(run, motion)
+        noise, base, _ = self._likelihood.expected.of(run, run.motion)
         added = np.zeros((len(true.entries), len(run.sizes)))
         for i in range(len(true.entries)):
             rest = [*true.entries[:i], *true.entries[i + 1 :]]
@@ -57,7 +56,7 @@ class Forecast:
 
     def _tangents(self, run: BlockedRun, fit: Fit) -> Samples:
         """Coefficients (n - 1, parameters): what one internal unit of each parameter does."""
-        return run.coefficients(fresh_columns(run.modelled, fit.entries, parameters_of(fit.entries))[:, :-1])
+        return run.coefficients(fresh_columns(run.modelled, fit.entries)[:, :-1])
 
 
 def _apart(moments: Samples, variance: Samples, n: Samples, covariance: Samples) -> float:

@@ -21,15 +21,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import gammaln, logsumexp, softmax
 
-from phaselead.gap.parameters import (
-    SizedEffect,
-    bounded,
-    from_internal,
-    internal,
-    is_logarithmic,
-    parameters_of,
-    to_internal,
-)
+from phaselead.gap.parameters import SizedEffect, entries_at, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.before import as_fault, fault_deviations
 from phaselead.gap.posterior.blocks import BlockedRun, Simulated
 from phaselead.gap.posterior.expected import Expected
@@ -75,11 +67,10 @@ class Likelihood:
     """Effects that explain much, by themselves or beside others: what may be taken for one another."""
 
     def __post_init__(self) -> None:
-        parts = [self.expected.of(run, run.spread(run.power(run.modelled.answer()))) for run in self.runs]
+        parts = [self.expected.of(run, run.motion) for run in self.runs]
         self.noise, self.base, self.told = (np.concatenate(of) for of in zip(*parts, strict=True))
         held = [np.full(len(run.sizes), run.modelled.run.role == "holdout") for run in self.runs]
         self.fitted = ~np.concatenate(held)
-        self.every = np.ones(len(self.fitted), dtype=bool)
         self.changed = np.concatenate([np.full(len(run.sizes), run.changed) for run in self.runs])
         self._octaves = np.concatenate([run.octaves for run in self.runs])
         self._in_octave = (self._octaves[:, None] == np.unique(self._octaves)).astype(float)
@@ -198,66 +189,67 @@ class Likelihood:
         one = gammaln((t + n) / 2) - gammaln(t / 2) - n / 2 * np.log(t * np.pi * variance)
         return np.asarray(one - (t + n) / 2 * np.log1p(n * power[:, None] / (t * variance)))
 
-    def _of_records(self, power: Samples, variance: Samples, which: Samples) -> Samples:
-        """Log density (s, k, records) of the residual's power (s, blocks)."""
-        each = np.where(which, self._log_densities(power, variance), 0.0)
+    def _of_records(self, power: Samples, variance: Samples, held_out: bool) -> Samples:
+        """Log density (s, k, records) of the residual's power (s, blocks); 0 of the held-out records without
+        ``held_out``."""
+        each = np.where(held_out | self.fitted, self._log_densities(power, variance), 0.0)
         return np.asarray(np.add.reduceat(each, self._blocks[:-1], axis=-1))
 
-    def log_density(self, power: Samples, variance: Samples, which: Samples) -> Samples:
+    def log_density(self, power: Samples, variance: Samples, held_out: bool = True) -> Samples:
         """(s,) of the residual's power (s, blocks)."""
-        of_records = self._of_records(power, variance, which)
+        of_records = self._of_records(power, variance, held_out)
         return np.asarray(np.sum(logsumexp(of_records, axis=1) - np.log(len(TIMES_BASE)), axis=-1))
 
-    def weights(self, power: Samples, variance: Samples, which: Samples) -> Samples:
+    def weights(self, power: Samples, variance: Samples, held_out: bool = True) -> Samples:
         """By which squares (s, blocks) count near a residual of this power."""
         t, n = self.told, self.counted
-        of_records = softmax(self._of_records(power, variance, which), axis=1)
+        of_records = softmax(self._of_records(power, variance, held_out), axis=1)
         likely = np.repeat(of_records, np.diff(self._blocks), axis=-1)
         each = n * (t + n) / (t * variance + n * power[:, None])
-        return np.where(which, np.sum(likely * each, axis=1), 0.0)
+        return np.where(held_out | self.fitted, np.sum(likely * each, axis=1), 0.0)
 
-    def settled(self, terms: Terms, shares: Sequence[float], which: Samples) -> Settled:
+    def settled(self, terms: Terms, shares: Sequence[float], held_out: bool = True) -> Settled:
         """Where what is integrated out is most likely."""
-        keys = [(one, which is self.every) for one in shares]
+        keys = [(one, held_out) for one in shares]
         missing = [key for key in keys if key not in terms.settled]
         if missing:
-            found = self._settled(terms, [one for one, _ in missing], which)
+            found = self._settled(terms, [one for one, _ in missing], held_out)
             terms.settled.update({key: found[i] for i, key in enumerate(missing)})
         parts = [terms.settled[key] for key in keys]
         power, variance = (np.concatenate(of) for of in zip(*((one.power, one.variance) for one in parts), strict=True))
         return Settled(together([one.amounts for one in parts]), power, variance)
 
-    def _settled(self, terms: Terms, shares: Sequence[float], which: Samples) -> Settled:
+    def _settled(self, terms: Terms, shares: Sequence[float], held_out: bool) -> Settled:
         moments = terms.moments.integrated
         # The first step is taken as if they explained everything: from nothing it would begin by calling an outlier
         # what they explain.
         variance, amounts = self.variance(terms, shares), moments.none(len(shares))
-        power, moving = np.zeros_like(variance[:, 0]), np.arange(len(shares) if moments.columns else 0)
+        power, unsettled = np.zeros_like(variance[:, 0]), np.arange(len(shares) if moments.columns else 0)
         for _ in range(SETTLING):
-            if not len(moving):
+            if not len(unsettled):
                 break
-            w = self.weights(power[moving], variance[moving], which)
+            w = self.weights(power[unsettled], variance[unsettled], held_out)
             normal, right = moments.normal(w, np.zeros(0))
             found = normal.solve(right)
-            moved = (found - amounts[moving]).largest()
-            amounts.put(moving, found)
-            power[moving] = moments.power(found)
-            moving = moving[moved >= SETTLED]
+            moved = (found - amounts[unsettled]).largest()
+            amounts.put(unsettled, found)
+            power[unsettled] = moments.power(found)
+            unsettled = unsettled[moved >= SETTLED]
         return Settled(amounts, moments.power(amounts), variance)
 
-    def log_joint(self, terms: Terms, shares: Sequence[float], which: Samples) -> Samples:
-        """Log density (s,) of the records and of all parameters."""
-        at = self.settled(terms, shares, which)
+    def log_joint(self, terms: Terms, shares: Sequence[float], held_out: bool = True) -> Samples:
+        """Log density (s,) of the records, the held-out ones or not, and of all parameters."""
+        at = self.settled(terms, shares, held_out)
         squares = at.amounts.along(at.amounts)[:, 0, 0]
-        return np.asarray(self.log_density(at.power, at.variance, which) + terms.prior.log_density - 0.5 * squares)
+        return np.asarray(self.log_density(at.power, at.variance, held_out) + terms.prior.log_density - 0.5 * squares)
 
     def information(
-        self, terms: Terms, shares: Sequence[float], which: Samples, independent: Samples | float = 1.0
+        self, terms: Terms, shares: Sequence[float], held_out: bool = True, independent: Samples | float = 1.0
     ) -> tuple[Normal, Amounts]:
         """Of the parameters and of what is integrated out, by the records and the priors together, and the slope of the
         log density. Of what a block says only the share ``independent`` (s, blocks) counts."""
-        at = self.settled(terms, shares, which)
-        w = independent * self.weights(at.power, at.variance, which)
+        at = self.settled(terms, shares, held_out)
+        w = independent * self.weights(at.power, at.variance, held_out)
         normal, right = terms.moments.normal(w, terms.prior.precision)
         p = len(terms.prior.centre)
         slope = right - normal.times(at.amounts.behind(p))
@@ -269,8 +261,8 @@ class Likelihood:
         """Share (s, blocks) of what a block says of the size of something with this power (blocks,) that other records
         do not say too. What the base and the equations miss is the stage's, and the same in every record: an octave
         tells a size past it once, however many records there are."""
-        at = self.settled(terms, shares, self.every)
-        variance = 1 / self.weights(at.power, at.variance, self.every)
+        at = self.settled(terms, shares)
+        variance = 1 / self.weights(at.power, at.variance)
         told = signal / variance
         of_octave = (told @ self._in_octave) ** 2 / np.maximum(told**2 @ self._in_octave, 1e-300)
         records = np.maximum(of_octave, 1.0) @ self._in_octave.T
@@ -280,7 +272,7 @@ class Likelihood:
     def _covariances(self, terms: Terms, shares: Sequence[float]) -> Samples:
         """(s, p, p) of the parameters in internal units."""
         independent = self.independent(terms, shares, terms.signal)
-        normal, _ = self.information(terms, shares, self.every, independent)
+        normal, _ = self.information(terms, shares, independent=independent)
         p = len(terms.prior.centre)
         return np.asarray(np.linalg.inv(normal.reduced)[:, :p, :p])
 
@@ -301,7 +293,7 @@ class Likelihood:
         """Log density of the records, of all parameters and of the share, under each of these."""
         if not shares:
             return {}
-        found = self.log_joint(terms, shares, self.every).tolist()
+        found = self.log_joint(terms, shares).tolist()
         return {one: log + log_prior_of_share(terms.entries, one) for one, log in zip(shares, found, strict=True)}
 
     def fit(self, start: Sequence[SizedEffect] | Terms, steps: int = STEPS) -> Fit:
@@ -330,7 +322,7 @@ class Likelihood:
         best, share = self.likeliest_share(terms)
         damping = 1e-3
         for _ in range(steps if terms.entries else 0):
-            information, slope = self.information(terms, [share], self.every)
+            information, slope = self.information(terms, [share])
             gained = 0.0
             for _ in range(DAMPINGS):
                 step = information.damped(damping).solve(slope)
@@ -356,8 +348,8 @@ class Likelihood:
         held = {i for i, run in enumerate(self.runs) if run.modelled.run.role == "holdout"}
         of_all = sum(log_sum_over_records(list(of_runs.values())) for of_runs in ratios)
         of_fitted = sum(log_sum_over_records([r for i, r in of_runs.items() if i not in held]) for of_runs in ratios)
-        every = prior + self._log_evidence(terms, grid, self.every) + of_all
-        fitted = prior + self._log_evidence(terms, grid, self.fitted) + of_fitted
+        every = prior + self._log_evidence(terms, grid, held_out=True) + of_all
+        fitted = prior + self._log_evidence(terms, grid, held_out=False) + of_fitted
         likely = np.exp(every - every.max())
         named = float(likely[[share <= MOST_MISSED for share in grid]].sum() / likely.sum())
         p = len(terms.prior.centre)
@@ -374,9 +366,9 @@ class Likelihood:
         moving, ratios = terms.moments.moving.copy(), [dict[int, float]() for _ in terms.entries]
         if not moving.size:
             return moving, []
-        at = self.settled(terms, [share], self.every)
+        at = self.settled(terms, [share])
         every = (terms.moments.all_moving or terms.moments).integrated
-        normal, right = every.normal(self.weights(at.power, at.variance, self.every), np.zeros(0))
+        normal, right = every.normal(self.weights(at.power, at.variance), np.zeros(0))
         slopes = right.before[0, :, :, 0] - (normal.beside[0] @ at.amounts.common[0])[:, :, 0]
         for i, run in enumerate(self.runs):
             of_effects = run.simulated(terms.entries).of_effects
@@ -387,10 +379,10 @@ class Likelihood:
                     ratios[effect][i] = ratio
         return moving, [of_runs for of_runs in ratios if of_runs]
 
-    def _log_evidence(self, terms: Terms, shares: Sequence[float], which: Samples) -> Samples:
-        normal, _ = self.information(terms, shares, which)
+    def _log_evidence(self, terms: Terms, shares: Sequence[float], held_out: bool) -> Samples:
+        normal, _ = self.information(terms, shares, held_out)
         volume = 0.5 * (len(terms.prior.centre) * np.log(2 * np.pi) - normal.log_determinant)
-        return np.asarray(self.log_joint(terms, shares, which) + volume)
+        return np.asarray(self.log_joint(terms, shares, held_out) + volume)
 
 
 def _squares(run: BlockedRun, columns: Samples) -> float:
@@ -404,8 +396,7 @@ def _log_sum(logs: Samples) -> float:
 
 def _moved(entries: Sequence[SizedEffect], step: Samples) -> tuple[SizedEffect, ...]:
     """The entries after a step, at most a factor e in what is logarithmic."""
-    moved = [(effect, dict(params)) for effect, params in entries]
-    for (i, p), change in zip(parameters_of(entries), step, strict=False):
-        limited = float(np.clip(change, -1.0, 1.0)) if is_logarithmic(p) else float(change)
-        moved[i][1][p.name] = from_internal(p, to_internal(p, moved[i][1][p.name]) + limited)
-    return tuple((effect, bounded(effect, params)) for effect, params in moved)
+    logarithmic = [is_logarithmic(p) for _, p in parameters_of(entries)]
+    own = step[: len(logarithmic)]  # behind them comes what is integrated out
+    limited = np.where(logarithmic, np.clip(own, -1.0, 1.0), own)
+    return entries_at(entries, internal(entries) + limited)

@@ -59,7 +59,7 @@ def likelihood_of(runs: Sequence[ModelledRun], base_may_be_off: bool = False, op
     """Of what effects do in the runs that are no reference. ``base_may_be_off``: its gain and
     plays, which only reference records vouch for. ``open_plays``: these were fitted to the training records."""
     every = blocked(runs)
-    expected = expected_of(every, [run.spread(run.power(run.modelled.answer())) for run in every])
+    expected = expected_of(every)
     none = [np.zeros((run.edges[-1], 0)) for run in every]
     off = [run.coefficients(base_columns(run.modelled, open_plays)) for run in every] if base_may_be_off else none
     return Likelihood(tuple(every), expected, tuple(off))

@@ -151,8 +151,8 @@ class Starts:
         """Per group the slope (sizes,) and curvature (sizes, sizes) of the log density, all parameters of the set
         moving along. Of what a block says only the share ``independent`` (blocks,) counts."""
         likelihood, terms = self.likelihood, fit.terms
-        settled = likelihood.settled(terms, [fit.share], likelihood.every)
-        w = independent * likelihood.weights(settled.power, settled.variance, likelihood.every)[0]
+        settled = likelihood.settled(terms, [fit.share])
+        w = independent * likelihood.weights(settled.power, settled.variance)[0]
         normal, right = terms.moments.normal(w[None], terms.prior.precision)
         p, c, k = terms.moments.tangents, normal.common.shape[1], columns[0].shape[1]
         common, before = np.zeros((c + 1, k)), np.zeros((*normal.before.shape[1:3], k))

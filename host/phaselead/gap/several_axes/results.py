@@ -25,7 +25,7 @@ from phaselead.gap.findings import (
     Trace,
 )
 from phaselead.gap.goodness_of_fit import more_than_equations_miss
-from phaselead.gap.locate import ResidualAndNoise, rank_cells
+from phaselead.gap.locate import rank_cells
 from phaselead.gap.noise import fit_noise
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
@@ -124,7 +124,6 @@ def axis_results(
     found: StageFit,
     runs: Mapping[str, Sequence[GapRun]],
     holdout: Sequence[Recording],
-    seed: int,
     proposal: NextExperiment | None,
 ) -> list[AxisResult]:
     """One result per axis; messages about the whole stage, its ties and the experiment for them go with the first."""
@@ -157,7 +156,7 @@ def axis_results(
         results.append(
             AxisResult(
                 a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,
-                _where(found, held, a, seed), gap, sum(run.stop - run.start for run in held),
+                _where(found, held, a), gap, sum(run.stop - run.start for run in held),
                 proposal if i == 0 else None,
                 _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
                 [
@@ -285,10 +284,10 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
     return reasons
 
 
-def _where(found: StageFit, held: Sequence[GapRun], axis: str, seed: int) -> list[Cell]:
+def _where(found: StageFit, held: Sequence[GapRun], axis: str) -> list[Cell]:
     errors = found.before.errors(axis)
     noise = fit_noise([(e, run.u_V[run.rows]) for e, run in zip(errors, held, strict=True)], [], held[0].step_s)
-    return rank_cells([ResidualAndNoise(run, e, noise) for run, e in zip(held, errors, strict=True)], seed)
+    return rank_cells([RunResidual(run, e) for run, e in zip(held, errors, strict=True)], noise)
 
 
 def _candidates(found: StageFit, axis: str) -> list[Candidate]:

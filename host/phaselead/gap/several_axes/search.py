@@ -52,7 +52,6 @@ def search_together(
     reference: Sequence[Recording],
     effects: Sequence[Effect],
     frozen: bool | None,
-    seed: int,
     report: Progress,
 ) -> list[AxisResult] | None:
     """One result per axis, which bears its name, or None where the axes do not move together or nothing is missing
@@ -93,7 +92,7 @@ def search_together(
     allowed = tuple(e.name for e in effects)
     findings = StageFit(stage, models, modes, softening, others, before, train, held_out, allowed)
     findings = _with_rivals(findings, linear, effects)
-    results = axis_results(findings, runs, holdout, seed, propose_together(findings))
+    results = axis_results(findings, runs, holdout, propose_together(findings))
     return [result.labelled() for result in results]
 
 
