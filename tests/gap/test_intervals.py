@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phaselead.gap.findings import TWO_SIDED_95
+from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.parameters import internal, internal_unit, is_logarithmic, parameters_of
 from phaselead.gap.posterior.interval import intervals, shows_itself
 from phaselead.model.effects import effect

@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.locate.cells import AMPLITUDE, DIRECTION, FREQUENCY, HARMONIC, STEP
-from phaselead.gap.locate.ranking import LEVEL, axis_cells, rank_cells
+from phaselead.gap.locate.ranking import axis_cells, rank_cells
 from phaselead.gap.locate.sentences import headline, sentence_of
 from phaselead.gap.noise import Noise
 from phaselead.gap.records import GapRun
@@ -70,7 +71,7 @@ def creep(run: GapRun, per_V: float = 0.02, up: float = 1.0, down: float = 1.0) 
 def test_creep_is_a_slow_rise_after_steps_the_same_in_both_directions():
     found = rank_cells(parts(creep), SENSOR)
     told = next(c for c in found if c.by == STEP and c.cell == "all")
-    assert told.p <= LEVEL
+    assert told.p <= ERROR_RATE
     assert told.sentence.endswith("% of the unexplained power is a slow rise after steps, the same in both directions")
     assert told.share > 0.5
     assert headline(found) == told.sentence
@@ -88,7 +89,7 @@ def test_drift_does_not_follow_the_steps():
     sentences = [c.sentence for c in found if c.cell == "all"]
     assert all("whichever way they go" in s for s in sentences)
     slow = first(found, FREQUENCY)
-    assert slow.p <= LEVEL
+    assert slow.p <= ERROR_RATE
     assert slow.cell.startswith("0..")
 
 
@@ -97,7 +98,7 @@ def test_a_line_is_found_in_its_octave():
     best = found[0]
     assert (best.by, best.cell) == (FREQUENCY, "64..128 Hz")
     assert best.share > 0.9
-    assert best.p <= LEVEL
+    assert best.p <= ERROR_RATE
 
 
 def test_ringing_comes_soon_after_steps():
@@ -109,7 +110,7 @@ def test_ringing_comes_soon_after_steps():
         return e
 
     found = rank_cells(parts(ring), SENSOR)
-    assert {c.cell for c in found if c.by == STEP and c.p <= LEVEL} >= {"0.01..0.1 s"}
+    assert {c.cell for c in found if c.by == STEP and c.p <= ERROR_RATE} >= {"0.01..0.1 s"}
     assert first(found, FREQUENCY).cell == "128..256 Hz"
     assert "between 128 and 256 Hz" in headline(found)
     assert not [c for c in found if c.cell == "all"]
@@ -122,7 +123,7 @@ def test_harmonics_of_the_drive(order, words):
 
     best = first(rank_cells(parts(error), SENSOR), HARMONIC)
     assert best.cell == str(order)
-    assert best.p <= LEVEL
+    assert best.p <= ERROR_RATE
     assert best.share > 0.9
     assert words in best.sentence
 
@@ -136,10 +137,10 @@ def test_no_sentence_about_where_names_an_effect():
 
 def test_amplitude_and_direction():
     high = first(rank_cells(parts(lambda run: 0.1 * (run.u_V > 6.5) * np.sin(300 * run.t_s)), SENSOR), AMPLITUDE)
-    assert (high.cell, high.p <= LEVEL) == ("6..8 V", True)
+    assert (high.cell, high.p <= ERROR_RATE) == ("6..8 V", True)
     rising = rank_cells(parts(lambda run: 0.1 * (np.gradient(run.u_V) > 1e-3) * np.sin(300 * run.t_s)), SENSOR)
     best = first(rising, DIRECTION)
-    assert (best.cell, best.p <= LEVEL) == ("rising", True)
+    assert (best.cell, best.p <= ERROR_RATE) == ("rising", True)
     assert best.share > 0.9
 
 
@@ -147,7 +148,7 @@ def test_the_axis_that_has_the_power():
     rng = np.random.default_rng(0)
     errors = {"x": [rng.normal(0, 0.03, 8000)], "y": [rng.normal(0, 0.01, 8000)], "z": [rng.normal(0, 0.01, 8000)]}
     cells = axis_cells(errors, {"x": 0.01, "y": 0.01, "z": 0.01})
-    assert [c.cell for c in cells if c.p <= LEVEL] == ["x"]
+    assert [c.cell for c in cells if c.p <= ERROR_RATE] == ["x"]
     assert next(c for c in cells if c.cell == "x").share == pytest.approx(9 / 11, abs=0.01)
     assert axis_cells({"x": errors["x"]}, {"x": 0.01}) == []
 
@@ -157,7 +158,7 @@ def test_noise_alone_stands_out_as_rarely_as_promised(noise):
     """One family in a hundred; a family is all cells of a session."""
     runs = [run_of(sine(seconds=2.0), "sine"), run_of(steps(4.0), "steps"), run_of(np.zeros(1000), "idle")]
     loud = sum(
-        any(c.p <= LEVEL for c in rank_cells(parts(lambda run: 0.0, noise, s, runs), noise, s)) for s in range(40)
+        any(c.p <= ERROR_RATE for c in rank_cells(parts(lambda run: 0.0, noise, s, runs), noise, s)) for s in range(40)
     )
     assert loud <= 3  # 0.4 expected; more than 3 in one of 1000
 
@@ -167,7 +168,7 @@ def test_axes_of_noise_alone():
     for seed in range(200):
         rng = np.random.default_rng(seed)
         errors = {a: [rng.normal(0, s, 2400)] for a, s in (("x", 0.01), ("y", 0.03), ("z", 0.01))}
-        loud += any(c.p <= LEVEL for c in axis_cells(errors, {"x": 0.01, "y": 0.03, "z": 0.01}))
+        loud += any(c.p <= ERROR_RATE for c in axis_cells(errors, {"x": 0.01, "y": 0.03, "z": 0.01}))
     assert loud <= 8
 
 

@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from phaselead.gap.error_rates import INSIDE, SURE
 from phaselead.gap.parameters import from_internal, is_logarithmic, to_internal
 from phaselead.gap.posterior.priors import log_prior_of_set, prior_of
 from phaselead.gap.posterior.search import Contest, at_an_end
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, SOMETHING, SURE, judge
+from phaselead.gap.posterior.verdict import MORE_LIKELY_THAN_NOT, MOST_TIED, judge
 from phaselead.model.effects import effect
 
 NAMES = ("delay", "amplifier_lowpass", "sensor_lowpass", "resonance", "creep", "gain_change", "saturation")
@@ -194,14 +195,14 @@ def test_the_nearest_only_is_what_every_set_may_miss_by_its_probability(both):
     found = judge(contest({n: value for n, (value, _) in both.items()}, named={n: q for n, (_, q) in both.items()}))
     assert found.nearest_only == pytest.approx(sum(found.sets[n] * (1 - q) for n, (_, q) in both.items()), abs=1e-9)
     assert not (found.claims and found.nearest_only > MORE_LIKELY_THAN_NOT)
-    assert not (found.something_unnamed and found.sets[()] > 1 - SOMETHING)
+    assert not (found.something_unnamed and found.sets[()] > 1 - INSIDE)
 
 
 @pytest.mark.parametrize(("short", "something"), [(0.001, False), (-0.001, True)])
 def test_something_remains_where_it_is_sure_that_something_is_there_and_not_what(short, something):
     """Two that nobody takes for one another, as likely: neither is named. One record in twenty with nothing hidden may
     look like that."""
-    empty = 1 - SOMETHING + short
+    empty = 1 - INSIDE + short
     other = np.log((1 - empty) / empty / 2)
     found = judge(contest({(): 0.0, ("creep",): other, ("backlash",): other}))
     assert found.claims == ()

@@ -7,7 +7,8 @@ from types import SimpleNamespace as Made
 import numpy as np
 import pytest
 
-from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
+from phaselead.gap.error_rates import ERROR_RATE
+from phaselead.gap.savings import probability_by_chance, saved_by_block
 
 ROWS, STEP_S = 4000, 1e-3
 
@@ -21,7 +22,7 @@ def a_run(error, fitted=0.0):
 def test_its_rate_of_false_alarms_is_the_stated_one():
     rng = np.random.default_rng(0)
     draws = [probability_by_chance(rng.normal(size=12)) for _ in range(4000)]
-    for level in (BY_CHANCE, 0.1, 0.5):
+    for level in (ERROR_RATE, 0.1, 0.5):
         rate = float(np.mean(np.array(draws) < level))
         assert rate == pytest.approx(level, abs=4 * np.sqrt(level / 4000))
 
@@ -56,4 +57,4 @@ def test_effects_of_no_use_save_nothing_beyond_chance():
             error=lambda entries, e=error, w=useless: e + 0.1 * len(entries) * w,
         )
         found.append(probability_by_chance(saved_by_block([model], (), [model], ("one",))))
-    assert np.mean(np.array(found) < BY_CHANCE) < 0.01  # what is useless adds its own squares
+    assert np.mean(np.array(found) < ERROR_RATE) < 0.01  # what is useless adds its own squares

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phaselead.gap.design import axis_driven, excitation_of, modes_crossed_Hz, proposal_of, read_proposal, run_proposal
+from phaselead.gap.error_rates import ERROR_RATE, SURE
 from phaselead.gap.findings import (
     NAMED,
     PROVISIONAL,
@@ -15,14 +16,14 @@ from phaselead.gap.findings import (
     Trace,
     parameter_rows,
 )
-from phaselead.gap.locate import LEVEL, excludes, headline, percent, three_digits, typical_of, unit_of
-from phaselead.gap.posterior import MOST_STATED, SURE
+from phaselead.gap.locate import excludes, headline, percent, three_digits, typical_of, unit_of
+from phaselead.gap.posterior import MOST_STATED
 from phaselead.gap.result import GapResult
 from phaselead.gap.run import keep_freed_memory, run_gap, verified_on
 from phaselead.gap.verify_on import TrackedPath, TrackingComparison, check_port
 
 __all__ = [
-    "LEVEL",
+    "ERROR_RATE",
     "MOST_STATED",
     "NAMED",
     "PROVISIONAL",

@@ -109,7 +109,6 @@ def search_axis(
     candidates = [effect.as_known() for effect in candidates]
     nameless = [e.as_known() for e in effects if refused.get(e.name) == NEEDS_FROZEN and not referenced]
     selection = select_effects(model, runs, candidates, nameless, frozen, lambda share: on_progress(0.85 * share))
-    assert selection.contest is not None
     noise = noise_of(selection.contest)
     final = final_fit(selection, runs, noise)
     claimed = _claimed(selection, final)
@@ -207,7 +206,6 @@ def _vouched_for(claimed: _Claimed, final: FinalFit) -> tuple[_Claimed, Unexplai
 
 def _detectable(selection: Selection, effects: Sequence[Effect]) -> list[Detectable]:
     """What the records were expected to show, before anything of it was looked at."""
-    assert selection.contest is not None
     least = selection.contest.detectable
     return [Detectable(e.name, least[e.name], e.sizes[0].unit) for e in effects if e.name in least]
 

@@ -11,13 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import Estimate
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, modelled_run
-from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
+from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Memory
 from phaselead.identify import fit_plays
 from phaselead.model import AdoptedEffect, AxisModel, Effect
@@ -52,12 +53,12 @@ def find_memory(axis: AxisModel, runs: Sequence[GapRun], effects: Sequence[Effec
     looped, beside, saved = found
     as_line = [modelled_run(_with(axis, beside), run) for run in runs]
     chance = probability_by_chance(saved) * (1 + len(beside))
-    params = _loop(as_line, becoming) if chance <= BY_CHANCE else None
+    params = _loop(as_line, becoming) if chance < ERROR_RATE else None
     if params is None:
         return axis, None
     lines = _of(as_line, "reference")
     plays = [modelled_run(_with(looped, beside), line.run) for line in lines]
-    if lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < BY_CHANCE:
+    if lines and probability_by_chance(saved_by_block(lines, (), plays, ())) < ERROR_RATE:
         return axis, None
     given = _beside_all(looped, len(beside) + MOST_BESIDE, runs, others)
     return given, Memory(becoming, params, 1 - chance, _why([effect.name for effect, _ in beside]))

@@ -11,13 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
+from phaselead.gap.error_rates import INSIDE
 from phaselead.gap.least_squares import fitted_in_um, squares_left
 from phaselead.gap.parameters import SizedEffect, entries_at, internal
 from phaselead.gap.residual import ModelledRun
 from phaselead.record import Samples
 
-INSIDE = 0.95
-"""Probability of the region of the posterior in which parameters may lie."""
 EVALUATIONS = 12
 """Simulations of the records, at most."""
 

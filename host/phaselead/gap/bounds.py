@@ -25,7 +25,6 @@ def upper_bounds(
 
     An effect has no bound where the records leave its size as unknown as it was.
     """
-    assert selection.contest is not None
     others = selection.contest.likelihood.fit(selection.entries, steps=0)
     absent = [effect for effect in effects if effect.name not in without]
     sizes = largest_sizes(selection.contest, others, absent)

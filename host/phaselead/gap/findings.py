@@ -9,9 +9,6 @@ from typing import Final
 from phaselead.model import AdoptedStatus
 from phaselead.record import Samples
 
-TWO_SIDED_95, ONE_SIDED_95 = 1.96, 1.645
-"""Standard deviations of a normal distribution: within the first of its mean lie 95 %, below the second 95 %."""
-
 Interval = tuple[float, float]
 Estimate = tuple[float, str, Interval]
 """Value, unit, 95 % interval."""

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from phaselead.drawing import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import Cell, Trace
-from phaselead.gap.locate import LEVEL
 
 MOST_DRAWN = 8
 """That have room in the figure."""
@@ -25,7 +25,7 @@ def gap_figure(traces: Sequence[Trace], cells: Sequence[Cell]) -> Figure:
         if traces:
             _trace(left, max(traces, key=lambda trace: float(np.std(trace.measured_um - trace.before_um))))
         shown = list(reversed(cells[:MOST_DRAWN]))
-        colours = [GREEN if cell.p <= LEVEL else GREY for cell in shown]
+        colours = [GREEN if cell.p <= ERROR_RATE else GREY for cell in shown]
         right.barh(range(len(shown)), [100 * cell.share for cell in shown], color=colours)
         right.set_yticks(range(len(shown)), [f"{cell.by}: {cell.cell}" for cell in shown])
         right.set(xlabel="share of the unexplained power (%)", xlim=(0, 100))

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from phaselead.gap.adopt import adopted
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import NamedEffect
 from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.parameters import SizedEffect
@@ -18,7 +19,7 @@ from phaselead.gap.plain_fits import each_fitted
 from phaselead.gap.posterior import intervals_alone, likelihood_of
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import modelled_run
-from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
+from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.model import Effect
 from phaselead.record import Samples
 
@@ -65,12 +66,12 @@ def _beside(final: FinalFit, entries: Sequence[SizedEffect], open_plays: bool) -
 def _best_that_pays(final: FinalFit, tried: Sequence[FinalFit]) -> FinalFit | None:
     """The fit that saves most of the held-out squares, of those that save some of them and of those of the training
     records beyond chance; None without one."""
-    worth = [one for one in tried if probability_by_chance(_saved(final, one, "train")) < BY_CHANCE]
+    worth = [one for one in tried if probability_by_chance(_saved(final, one, "train")) < ERROR_RATE]
     best: FinalFit | None = None
     most = 0.0
     for one in worth:
         saved = _saved(final, one, "holdout")
-        if float(saved.sum()) > most and probability_by_chance(saved) * len(worth) < BY_CHANCE:
+        if float(saved.sum()) > most and probability_by_chance(saved) * len(worth) < ERROR_RATE:
             best, most = one, float(saved.sum())
     return best
 

@@ -74,8 +74,8 @@ def regressor_groups(effects: Sequence[Effect], step_s: float, longest_s: float)
 
 
 def typical_sizes(effect: Effect) -> tuple[float, ...]:
-    """Of each of its sizes the typical value, or the largest where there is none."""
-    return tuple(p.typical if p.typical else p.high for p in effect.sizes)
+    """Of each of its sizes."""
+    return tuple(p.typical for p in effect.sizes)
 
 
 def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list[float]:

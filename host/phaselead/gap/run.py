@@ -13,8 +13,9 @@ from threadpoolctl import threadpool_limits
 
 from phaselead.gap.adopt import next_stage
 from phaselead.gap.axis import AxisResult, search_axis
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import PROVISIONAL, Cell, GapSize
-from phaselead.gap.locate import LEVEL, axis_cells
+from phaselead.gap.locate import axis_cells
 from phaselead.gap.records import GapRun, axis_runs
 from phaselead.gap.result import GapResult
 from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
@@ -145,7 +146,7 @@ def _where(results: Sequence[AxisResult]) -> tuple[Cell, ...]:
     """Cells of all axes, those that stand out first. With several axes a share is of its own axis' power."""
     errors = {r.axis: [t.measured_um - t.before_um for t in r.traces] for r in results}
     cells = [*axis_cells(errors, {r.axis: r.gap.floor for r in results}), *(c for r in results for c in r.where)]
-    return tuple(sorted(cells, key=lambda c: (c.p > LEVEL, -c.share)))
+    return tuple(sorted(cells, key=lambda c: (c.p > ERROR_RATE, -c.share)))
 
 
 def _verdicts(results: Sequence[AxisResult]) -> tuple[str, ...]:

@@ -12,9 +12,6 @@ from phaselead.gap.residual import ModelledRun
 from phaselead.gap.time_blocks import block_edges, wanted_rows
 from phaselead.record import Samples
 
-BY_CHANCE = 0.01
-"""Probability from which a saving is no chance."""
-
 
 def saved_by_block(
     before: Sequence[ModelledRun],

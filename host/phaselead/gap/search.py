@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from phaselead.gap.base_operator import find_memory
 from phaselead.gap.best_prediction import best_predicting
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import NAMED, NOT_NAMED, Candidate, Estimate
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import (
@@ -22,7 +23,7 @@ from phaselead.gap.posterior import (
 )
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
-from phaselead.gap.savings import BY_CHANCE, probability_by_chance, saved_by_block
+from phaselead.gap.savings import probability_by_chance, saved_by_block
 from phaselead.gap.selection import Selection, with_a_name
 from phaselead.model import AxisModel, Effect
 
@@ -121,7 +122,7 @@ def _that_pay(
         names = {one.effect.name for one in kept}
         tried = [entry for entry in entries if entry[0].name in names]
         without = [entry for entry in tried if entry[0].name != claim.effect.name]
-        if probability_by_chance(saved_by_block(held, tried, held, without)) < BY_CHANCE:
+        if probability_by_chance(saved_by_block(held, tried, held, without)) < ERROR_RATE:
             kept.remove(claim)
     return tuple(kept)
 

@@ -34,7 +34,7 @@ class Selection:
     """The base as given."""
     entries: tuple[SizedEffect, ...]
     """The effects that are there, at the parameters that are adopted."""
-    contest: Contest | None = None
+    contest: Contest
     """The sets that were compared, and their likelihood."""
     found: tuple[Claim, ...] = ()
     """What is there, with a name or without."""
@@ -73,7 +73,6 @@ class Selection:
 
     def runs(self, role: Role) -> list[ModelledRun]:
         """Those of one role, under the base."""
-        assert self.contest is not None
         return [run.modelled for run in self.contest.likelihood.runs if run.modelled.run.role == role]
 
     def withdrawn(self) -> Selection:

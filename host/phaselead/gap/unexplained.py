@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.generic_model import Columns, Moments, columns_of, moments_of, new_amounts, ridge_amounts
 from phaselead.gap.residual import RunResidual, period_of
 from phaselead.gap.time_blocks import block_edges, wanted_rows
@@ -21,8 +22,6 @@ from phaselead.record import Samples
 
 WORTH_SHARE = 0.03
 """Of the remaining power: what may be predicted beyond chance before something is missing."""
-FALSE_ALARM = 0.01
-"""Probability with which chance alone reaches ``chance``."""
 SIGN_DRAWS = 2000
 """Of signs: of these the 1 % quantile is known to a tenth of its probability."""
 
@@ -87,7 +86,7 @@ def unexplained(
         shown.append(made @ known)
         said.append(made @ new)
     if not reference:
-        products = _products(holdout, left, said, FALSE_ALARM / (2 if of_any_size else 1))
+        products = _products(holdout, left, said, ERROR_RATE / (2 if of_any_size else 1))
         found = [products.as_said, *([products.at_any_size] if of_any_size else [])]
         return max(found, key=_beyond_chance)
     alone = _products(holdout, left, [one + more for one, more in zip(shown, said, strict=True)])
@@ -138,7 +137,7 @@ def _products(
     holdout: Sequence[RunResidual],
     left: Sequence[Samples],
     said: Sequence[Samples],
-    false_alarm: float = FALSE_ALARM,
+    false_alarm: float = ERROR_RATE,
 ) -> _Products:
     """By chance the product of the two is as often negative as positive in each block, and independent from block to
     block, where blocks are longer than it remembers: its sum under random signs is what chance gives."""

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from phaselead.gap.bounds import disturbance_bounds
 from phaselead.gap.disturbances import (
-    HELD_OUT_P,
-    HOLDOUT_CHANCE,
     Disturbance,
     Shift,
     best_explained,
@@ -17,11 +15,12 @@ from phaselead.gap.disturbances import (
     louder_at_rest,
     session_shifts,
 )
+from phaselead.gap.error_rates import ERROR_RATE, FOUND_AGAIN
 from phaselead.gap.findings import Bound, NamedEffect, Spectrum
 from phaselead.gap.goodness_of_fit import CLEARLY_ABOVE_FLOOR, FinalFit
 from phaselead.model import Effect
 
-_OF_DISTURBANCE, _OF_SHIFT = 1 - HOLDOUT_CHANCE, 1 - HELD_OUT_P
+_OF_DISTURBANCE, _OF_SHIFT = 1 - FOUND_AGAIN, 1 - ERROR_RATE
 """Probability that what one test has found is there: all but its false alarms."""
 
 

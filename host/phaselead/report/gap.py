@@ -13,7 +13,7 @@ from scipy.signal import welch
 
 from phaselead.drawing import BLUE, GREEN, GREY, RED, figure_style, new_figure, thin
 from phaselead.gap import (
-    LEVEL,
+    ERROR_RATE,
     MOST_STATED,
     NAMED,
     PROVISIONAL,
@@ -321,7 +321,7 @@ def standing_out(cells: Sequence[Cell]) -> list[Cell]:
     """For each kind and axis the largest cell that stands out beyond chance."""
     found: dict[tuple[str, str | None], Cell] = {}
     for cell in sorted(cells, key=lambda c: -c.share):
-        if cell.p <= LEVEL:
+        if cell.p <= ERROR_RATE:
             found.setdefault((cell.by, cell.axis), cell)
     return list(found.values())
 
@@ -335,7 +335,7 @@ def cells_figure(cells: Sequence[Cell]) -> Figure:
         panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False, height_ratios=[len(r) + 0.4 for r in rows])
         for axes, kind, of_kind in zip(panels[:, 0], kinds, rows, strict=True):
             labels = [f"{c.cell} ({c.axis})" if c.axis and c.cell != c.axis else c.cell for c in of_kind]
-            colours = [GREEN if c.p <= LEVEL else GREY for c in of_kind]
+            colours = [GREEN if c.p <= ERROR_RATE else GREY for c in of_kind]
             axes.barh(range(len(of_kind)), [100 * c.share for c in of_kind], color=colours)
             axes.set_yticks(range(len(of_kind)), labels)
             axes.set_title(kind, loc="left", fontsize=10)

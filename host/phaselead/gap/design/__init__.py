@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from phaselead.gap.design.next_experiment import GOOD, passes, propose, sensor_for
+from phaselead.gap.design.next_experiment import passes, propose, sensor_for
 from phaselead.gap.design.proposal import (
     axis_driven,
     excitation_of,
@@ -14,7 +14,6 @@ from phaselead.gap.design.proposal import (
 )
 
 __all__ = [
-    "GOOD",
     "axis_driven",
     "excitation_of",
     "modes_crossed_Hz",

@@ -17,17 +17,16 @@ from scipy.special import softmax
 from scipy.stats import multivariate_normal, norm
 
 from phaselead.gap.design.excitation import Excitation, LENGTHS_s, excitations, repeats, span_V
+from phaselead.gap.error_rates import INSIDE, SURE
 from phaselead.gap.findings import NextExperiment
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, SURE, Claim, Contest, Forecast, names_of
+from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, Claim, Forecast, names_of
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import ModelledRun, modelled_run
 from phaselead.gap.selection import Selection
 from phaselead.model import Effect, Place
 from phaselead.record import Samples
 
-GOOD = 0.95
-"""Chance from which an experiment is expected to break a tie, as often as an interval of 95 % holds the truth."""
 LEAST_ODDS = 1e-12
 """Log odds that are as good as none."""
 PRECISION = 1e-3
@@ -67,22 +66,19 @@ class Prediction:
     @property
     def good(self) -> bool:
         """Whether it is expected to break the tie."""
-        return self.chance >= GOOD
+        return self.chance >= INSIDE
 
 
 def propose(selection: Selection, tied: Claim) -> NextExperiment | None:
-    """The best experiment for one tie; None where fewer than two members can be predicted."""
-    axis, contest = selection.base, selection.contest
-    if len(tied.rivals) < 2 or axis.time is None or contest is None:
-        return None
-    found = _best(_Predicted(selection, contest, tied.rivals))
+    """The best experiment for a tie of two members or more that were fitted; None where there is none to try."""
+    found = _best(_Predicted(selection, tied.rivals))
     if found is None:
         return None
     one, members = found.excitation, [entries[-1][0] for entries in tied.rivals]
     sensor = sensor_for(members) if found.chance <= MORE_LIKELY_THAN_NOT else None
     return NextExperiment(
         one.waveform, one.level_V, one.band_Hz, one.bias_V, one.seconds, found.log_odds, found.chance, sensor,
-        one.source, one.points, tuple(member.name for member in members), contest.likelihood.runs[0].modelled.run.axis,
+        one.source, one.points, tuple(member.name for member in members), selection.runs("train")[0].run.axis,
     )  # fmt: skip
 
 
@@ -145,7 +141,8 @@ def _best(predicted: _Predicted) -> Prediction | None:
 class _Predicted:
     """Predictions for the members of one tie."""
 
-    def __init__(self, selection: Selection, contest: Contest, sets: Sets) -> None:
+    def __init__(self, selection: Selection, sets: Sets) -> None:
+        contest = selection.contest
         self._axis, self._sets = selection.base, sets
         self._forecast = Forecast(contest.likelihood, sets)
         self._log_posterior = np.array([contest.log_posterior(names_of(entries)) for entries in sets])

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, Disturbance, Residuals
+from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
 from phaselead.gap.disturbances.search import find_disturbances
-from phaselead.gap.disturbances.session_offset import HELD_OUT_P, RecordOffset, Shift, best_explained, session_shifts
+from phaselead.gap.disturbances.session_offset import RecordOffset, Shift, best_explained, session_shifts
 from phaselead.gap.disturbances.spectra import disturbance_spectra
 from phaselead.gap.disturbances.upper_sizes import largest
 from phaselead.gap.disturbances.vibration import louder_at_rest
 
 __all__ = [
-    "HELD_OUT_P",
-    "HOLDOUT_CHANCE",
     "Disturbance",
     "RecordOffset",
     "Residuals",

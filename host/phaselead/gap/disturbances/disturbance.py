@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from phaselead.gap.findings import Estimate
 from phaselead.gap.residual import RunResidual
 
-TRAIN_CHANCE, HOLDOUT_CHANCE = 1e-6, 1e-3
-"""Probability by chance below which a disturbance is in the training records, and in the held-out ones."""
 NEW_FROM = 1.5
 """Times the amplitude (or step) in the reference records from which something is new."""
 

@@ -9,8 +9,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
-from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
+from phaselead.gap.error_rates import FOUND, FOUND_AGAIN, TWO_SIDED_95
+from phaselead.gap.findings import Estimate
 from phaselead.gap.residual import RunResidual
 from phaselead.record import Samples
 
@@ -87,7 +88,7 @@ def _new_lines(
     f_Hz, score = float(grid[int(np.argmax(scores))]), float(scores.max())
     again = sum(_line_statistic(residual, f_Hz, _backgrounds(residual, f_Hz)) for residual in holdout)
     p = chi2.sf(score, 6 * len(train)) * len(grid)
-    if p > TRAIN_CHANCE or chi2.sf(again, 6 * len(holdout)) > HOLDOUT_CHANCE:
+    if p > FOUND or chi2.sf(again, 6 * len(holdout)) > FOUND_AGAIN:
         return []
     power = _line_power(train, f_Hz)
     return [] if power < NEW_FROM**2 * _line_power(reference, f_Hz) else [(f_Hz, power)]

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from phaselead.gap.disturbances.disturbance import HOLDOUT_CHANCE, NEW_FROM, TRAIN_CHANCE, Disturbance, Residuals
-from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
+from phaselead.gap.error_rates import FOUND, FOUND_AGAIN, TWO_SIDED_95
+from phaselead.gap.findings import Estimate
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
 from phaselead.record import Samples
@@ -44,7 +45,7 @@ def find_jitter(name: str, train: Residuals, holdout: Residuals, reference: Resi
         for found, own in ((slope, std), (again, again_std))
     )
     seen = (train, slope), (holdout, again)
-    if norm.sf(z) > TRAIN_CHANCE or norm.sf(z_again) > HOLDOUT_CHANCE:
+    if norm.sf(z) > FOUND or norm.sf(z_again) > FOUND_AGAIN:
         return None
     if not all(found / WHITE < _speed_slope(part, MORE_DIFFERENCES)[0] < found * WHITE for part, found in seen):
         return None

@@ -13,14 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as t_distribution
 
+from phaselead.gap.error_rates import ERROR_RATE, FOUND
 from phaselead.model import catalogue
 from phaselead.record import Samples
 
-ALL_P, HELD_OUT_P = 1e-6, 1e-2
-"""Largest probability of a shift by chance, over all records and over the held-out ones against the reference."""
-GOES_ON_P = 1e-2
-"""Probability by which chance alone makes records after a step look as if they went on to drift; the step is then tied
-with a drift."""
 LEAST_SHIFT = 5.0
 """Smallest shift that counts, in units of the scatter of single records."""
 DISTINCT = 2.0
@@ -80,7 +76,7 @@ def session_shifts(
         return found
     alone, beyond = (_shift(before, later, held, at_rest, began_s, beyond_step=b) for b in (False, True))
     found[drift] = alone
-    if beyond.chance < GOES_ON_P and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
+    if beyond.chance < ERROR_RATE and not (alone.sure and alone.left_um2 <= DISTINCT * beyond.left_um2):
         # Not a step alone; which of the two there is, or both, only a sure drift tells.
         found[step] = replace(found[step], sure=found[step].sure and not beyond.sure)
         sure = alone.sure or found[step].sure or beyond.sure
@@ -121,8 +117,8 @@ def _shift(
         < np.hypot(AT_REST * e, 3 * scatter)
         for r in at_rest[1]
     )
-    found_again = p_again < HELD_OUT_P and amounts[0] * again[0] > 0
-    sure = seen_at_rest and p < ALL_P and found_again and reach > LEAST_SHIFT * scatter
+    found_again = p_again < ERROR_RATE and amounts[0] * again[0] > 0
+    sure = seen_at_rest and p < FOUND and found_again and reach > LEAST_SHIFT * scatter
     freedom = max(len(before) + len(later) - 1 - len(columns), 1)
     half = float(t_distribution.isf(0.025, freedom)) * error
     return Shift(amounts[0], half, bool(sure), scatter**2 * freedom, p)

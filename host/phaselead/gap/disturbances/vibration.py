@@ -11,6 +11,7 @@ from scipy.stats import f as f_distribution
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Parts, Residuals
 from phaselead.gap.disturbances.hum import is_mains
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import Estimate
 from phaselead.record import Samples
 
@@ -21,8 +22,8 @@ VIBRATION_SEGMENT = 1024
 CHANCE_ANY_BAND = 1e-4
 """Probability, over all bands looked at, that training and held-out records at rest exceed by chance what is usual: the
 reference, or without any the sides of the band."""
-CHANCE_THIS_BAND, AROUND = 0.01, 8
-"""The same probability in the band found alone, and the lines to either side of it that say what is usual there."""
+AROUND = 8
+"""Lines to either side of a band that say what is usual there."""
 LEAST_AROUND, LEAKS = 3, 2
 """Lines that a side needs to say what is usual, and lines by which a Hann window spreads a peak."""
 WIDTHS = (1, 3, 7, 15)
@@ -124,7 +125,7 @@ def _newness(band: tuple[int, int], spectra: _Spectra, parts: Parts) -> float:
         return 1.0
     if not reference:
         return max(chances)
-    return chances[0] if chances[1] <= CHANCE_THIS_BAND else 1.0
+    return chances[0] if chances[1] <= ERROR_RATE else 1.0
 
 
 def _new_bands(spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[list[tuple[int, int]], int]:

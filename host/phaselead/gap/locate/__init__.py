@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from phaselead.gap.locate.ranking import axis_cells, rank_cells
-from phaselead.gap.locate.sentences import LEVEL, excludes, headline, percent, three_digits, typical_of, unit_of
+from phaselead.gap.locate.sentences import excludes, headline, percent, three_digits, typical_of, unit_of
 
 __all__ = [
-    "LEVEL",
     "axis_cells",
     "excludes",
     "headline",

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import Cell
 from phaselead.gap.locate.cells import AXIS, STEP, Cut, Powers, cut
-from phaselead.gap.locate.sentences import LEVEL, sentence_of
+from phaselead.gap.locate.sentences import sentence_of
 from phaselead.gap.locate.steps import ALL, slow_response
 from phaselead.gap.noise import Noise
 from phaselead.gap.residual import RunResidual
@@ -58,7 +59,7 @@ def rank_cells(parts: Sequence[RunResidual], noise: Noise, seed: int = 0) -> lis
         if share > LEAST_CELL_SHARE
     ]
     found += _after_steps(parts, found)
-    return sorted(found, key=lambda c: (c.p > LEVEL, -c.share))[:MOST_RANKED]
+    return sorted(found, key=lambda c: (c.p > ERROR_RATE, -c.share))[:MOST_RANKED]
 
 
 def _simulated(of_run: Cut, part: RunResidual, noise: Noise, rng: np.random.Generator) -> Powers:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from phaselead.gap.error_rates import ERROR_RATE
 from phaselead.gap.findings import Bound, Cell
 from phaselead.gap.locate.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.steps import ALL
 from phaselead.model import catalogue
 
-LEVEL = 0.01
-"""Family-wise error rate at which a cell stands out."""
 HEADLINE_SHARE = 0.25
 """Of the unexplained power, from which a cell may be the headline."""
 CELL_KINDS = (HARMONIC, FREQUENCY, STEP, AXIS, AMPLITUDE, DIRECTION)
@@ -72,7 +71,7 @@ def excludes(bound: Bound) -> bool:
 def headline(cells: Sequence[Cell]) -> str | None:
     """The sentence of the cell that says most: it stands out, holds a good part of the power, and is of the kind that
     points at a cause most directly. None where no cell does."""
-    telling = [c for c in cells if c.p <= LEVEL and c.share >= HEADLINE_SHARE]
+    telling = [c for c in cells if c.p <= ERROR_RATE and c.share >= HEADLINE_SHARE]
     if not telling:
         return None
     return min(telling, key=lambda c: (c.cell != ALL, CELL_KINDS.index(c.by), -c.share)).sentence

@@ -8,7 +8,7 @@ from phaselead.gap.posterior.forecast import Forecast
 from phaselead.gap.posterior.interval import intervals, intervals_alone, shows_itself
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import MOST_MISSED, TIMES_BASE
-from phaselead.gap.posterior.priors import KNOWN_BEFORE, SURE
+from phaselead.gap.posterior.priors import KNOWN_BEFORE
 from phaselead.gap.posterior.search import Contest, likelihood_of, search_sets
 from phaselead.gap.posterior.sets import Fit, confused, names_of
 from phaselead.gap.posterior.starts import Starts
@@ -19,7 +19,6 @@ __all__ = [
     "MORE_LIKELY_THAN_NOT",
     "MOST_MISSED",
     "MOST_STATED",
-    "SURE",
     "TIMES_BASE",
     "Claim",
     "Contest",

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from phaselead.gap.findings import ONE_SIDED_95
+from phaselead.gap.error_rates import ONE_SIDED_95
 from phaselead.gap.posterior.missed import MOST_MISSED
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.sets import Fit
@@ -23,7 +23,7 @@ def largest_sizes(contest: Contest, fit: Fit, effects: Sequence[Effect]) -> Mapp
     for sized in starts.sizes(fit):
         if sized.group.effect.name not in asked:
             continue
-        step = abs(sized.group.steps[0])
+        step = sized.group.steps[0]
         deviation = float(np.hypot(sized.deviation, MOST_MISSED * sized.amount))
         at_most = (abs(sized.amount) + ONE_SIDED_95 * deviation) * step
         name = sized.group.effect.name

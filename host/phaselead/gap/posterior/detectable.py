@@ -15,11 +15,12 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.blocks import BlockedRun
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.missed import SHARES, is_of_material, may_be_missed_um2, missed_um2
-from phaselead.gap.posterior.priors import SIZES, SURE, prior_of
+from phaselead.gap.posterior.priors import LARGEST, prior_of
 from phaselead.gap.posterior.sets import confused
 from phaselead.gap.regressors import RegressorGroup, typical_sizes
 from phaselead.record import Samples
@@ -28,14 +29,12 @@ ROUNDS = 8
 """At most, in which an effect and its rival are simulated at the size that was found."""
 NEAR_ENOUGH = 1.25
 """Ratio of the sizes of two rounds that ends them."""
-FURTHER = 100.0
-"""Ratio of the next size to one at which nothing shows, squared."""
+FURTHER = 10.0
+"""Ratio of the next size to one at which nothing shows."""
 TRIED = np.geomspace(1e-5, 1e3, 500)
 """Typical sizes."""
 MOST_STATED = 10.0
 """Typical sizes beyond which nobody asks."""
-LARGE = float(SIZES[-1])
-"""Deviation, in typical sizes, of what a rival may take."""
 
 Coefficients = Sequence[Samples]
 """Per run those (n - 1, k) of k columns."""
@@ -107,7 +106,7 @@ class _Expected:
             if (times >= MOST_STATED and not np.isfinite(found)) or 1 / NEAR_ENOUGH < found / times < NEAR_ENOUGH:
                 return found
             low, high = (times, high) if found > times else (low, min(high, times))
-            ahead = float(np.sqrt(times * min(found, FURTHER * times)))
+            ahead = float(np.sqrt(times * min(found, FURTHER**2 * times)))
             times = ahead if low < ahead < high else float(np.sqrt(low * high))
         return high if np.isfinite(high) else found
 
@@ -149,7 +148,7 @@ class _Expected:
         best = int(np.argmax([self._along(one, column) for one in columns]))
         amount = times * self._matched(columns[best], column)
         others = [self._everywhere, self._simulated(theirs[best], amount), *(columns if len(columns) > 1 else [])]
-        deviations = [times, *[LARGE] * (len(others) - 1)]
+        deviations = [times, *[LARGEST] * (len(others) - 1)]
         return self._times(column, others, deviations, float(np.log(SURE / (1 - SURE))))
 
     def _moments(self, columns: Sequence[Coefficients]) -> Samples:

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from phaselead.gap.findings import TWO_SIDED_95, Estimate
+from phaselead.gap.error_rates import INSIDE, TWO_SIDED_95
+from phaselead.gap.findings import Estimate
 from phaselead.gap.parameters import AT_END, SizedEffect, from_internal, internal, is_logarithmic, parameters_of
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.record import Samples
-
-SIZES_INSIDE = 0.95
-"""Probability of the region of a named effect's sizes, which must not hold 0: that of the intervals."""
 
 
 def intervals(
@@ -89,5 +87,5 @@ def shows_itself(
         if off @ towards > 0:
             along = float(np.clip(value @ towards / (off @ towards), -1.0, 1.0))
         nearest = value - along * off
-        found.append(float(nearest @ np.linalg.solve(among, nearest)) > float(chi2.ppf(SIZES_INSIDE, len(names))))
+        found.append(float(nearest @ np.linalg.solve(among, nearest)) > float(chi2.ppf(INSIDE, len(names))))
     return found

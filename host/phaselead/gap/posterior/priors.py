@@ -8,17 +8,17 @@ from math import comb, log
 
 import numpy as np
 
-from phaselead.gap.findings import TWO_SIDED_95
+from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.parameters import SizedEffect, is_logarithmic, to_internal
 from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.model import Parameter
 from phaselead.record import Samples
 
-SURE = 0.99
-"""Probability from which an effect is named, and from which a tie holds the truth: one error in a hundred."""
 SIZES = np.array([0.06, 0.25, 1.0, 2.5])
 """Deviations of sizes in typical values, all as likely: the literature's sizes of one effect span two decades."""
-KNOWN_BEFORE = float(TWO_SIDED_95 * SIZES[-1])
+LARGEST = float(SIZES[-1])
+"""Deviation of a size of which nothing is known."""
+KNOWN_BEFORE = TWO_SIDED_95 * LARGEST
 """Size in typical values that is as good as never exceeded: no record is needed to know that."""
 SHAPE_SPREAD = 1.2
 """Deviation of the logarithm of a shape about its typical value: a factor of 3 either way."""

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from phaselead.gap.error_rates import SURE
 from phaselead.gap.parameters import SizedEffect, stands_at_an_end
 from phaselead.gap.posterior.blocks import blocked
 from phaselead.gap.posterior.detectable import detectable
 from phaselead.gap.posterior.expected import expected_of
 from phaselead.gap.posterior.likelihood import Likelihood
-from phaselead.gap.posterior.priors import SURE, log_prior_of_set
+from phaselead.gap.posterior.priors import log_prior_of_set
 from phaselead.gap.posterior.sets import Fit, Names, confused, names_of
 from phaselead.gap.posterior.starts import Start, Starts
 from phaselead.gap.regressors import base_columns

@@ -14,7 +14,7 @@ from phaselead.gap.parameters import SizedEffect, bounded
 from phaselead.gap.posterior.detectable import Shapes
 from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
-from phaselead.gap.posterior.priors import FLEXURE_ZETA, SIZES
+from phaselead.gap.posterior.priors import FLEXURE_ZETA, LARGEST, SIZES
 from phaselead.gap.posterior.sets import Fit
 from phaselead.gap.regressors import HIGHEST_OF_RATE, MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
@@ -28,8 +28,6 @@ LEAST_POWER = 1e-6
 """Precision of a size, in squares of its step, below which the records say nothing of it."""
 FINE_MODES = 9
 """Frequencies about each of the best on the coarse grid at which a mode is tried, damped as flexures are."""
-LARGE = float(SIZES[-1])
-"""Deviation of a size in typical values of which nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ class Starts:
         for group, slope, curvature in self.moments(fit, self.shapes.groups, self.shapes.columns, once):
             if group.effect.name in fit.names or group.steps != typical_sizes(group.effect):
                 continue
-            inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGE**2)]))
+            inverse = np.linalg.inv(curvature + np.diag([LEAST_POWER, *np.full(len(slope) - 1, 1 / LARGEST**2)]))
             # What a set takes up to the last digit leaves a power that rounding may turn negative.
             told = inverse[0, 0] > 0
             amount, deviation = (float(inverse[0] @ slope), float(np.sqrt(inverse[0, 0]))) if told else (0.0, np.inf)
@@ -135,7 +133,7 @@ class Starts:
         found = []
         for group, slope, curvature in self.moments(fit, groups, columns):
             step = group.steps[0] / typical_sizes(group.effect)[0]
-            amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (step / LARGE) ** 2, slope)
+            amounts = np.linalg.solve(curvature + np.eye(len(slope)) * (step / LARGEST) ** 2, slope)
             params = bounded(group.effect, group.params(amounts.tolist()))
             of_size = group.effect.basis is not None or bool(1 / APART <= np.abs(amounts).max() <= APART)
             found.append(Start((group.effect, params), 0.5 * float(slope @ amounts), of_size))

@@ -11,17 +11,14 @@ from functools import partial
 
 import numpy as np
 
+from phaselead.gap.error_rates import INSIDE, SURE
 from phaselead.gap.parameters import SizedEffect
-from phaselead.gap.posterior.priors import SURE
 from phaselead.gap.posterior.search import Contest
 from phaselead.gap.posterior.sets import Fit, Names, confused
 from phaselead.model import Effect
 
 MORE_LIKELY_THAN_NOT = 0.5
 """Probability from which the nearest set is no more than that, and names nothing."""
-SOMETHING = 0.95
-"""Probability of some effect, whichever, from which records without a name do not show nothing: that of the intervals
-of parameters and of bounds. Beside a name, that something more is there is a claim, and must be as sure as one."""
 MOST_TIED = 5
 """Names in a tie: more say nothing."""
 
@@ -68,7 +65,7 @@ class Judgement:
         """Whether something is there, beside what is claimed, that no name is sure to be."""
         claimed = {name for claim in self.claims for name in claim.tied}
         more = 1 - sum(p for names, p in self.sets.items() if claimed.issuperset(names))
-        return more > (SURE if claimed else SOMETHING)
+        return more > (SURE if claimed else INSIDE)
 
 
 def judge(contest: Contest) -> Judgement:

@@ -17,7 +17,8 @@ COMPARED_BLOCK_s, FEWEST_COMPARED = 0.25, 8
 LEAST_Z = 3.3
 """Of the mean saving over blocks, for an improvement beyond chance."""
 LEAST_SAVED = 0.02
-"""Share of the squares that an effect must save to be named."""
+"""Share of the squares that an effect must save to be named, and that may remain above the floor: nobody cares for
+less."""
 
 Answer = Callable[[JointRecord], Samples]
 

@@ -13,9 +13,10 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from phaselead.gap.design import GOOD, passes, sensor_for
+from phaselead.gap.design import passes, sensor_for
+from phaselead.gap.error_rates import INSIDE, SURE
 from phaselead.gap.findings import NextExperiment
-from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT, SURE
+from phaselead.gap.posterior import MORE_LIKELY_THAN_NOT
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.joint_records import JointRecord, level_groups, scaled
 from phaselead.gap.several_axes.results import StageFit
@@ -45,7 +46,7 @@ class _Predicted:
     @property
     def good(self) -> bool:
         """Whether it is expected to tell."""
-        return self.chance >= GOOD
+        return self.chance >= INSIDE
 
 
 def propose_together(found: StageFit) -> NextExperiment | None:

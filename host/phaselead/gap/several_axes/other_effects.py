@@ -59,7 +59,7 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
         key = (group.effect.name, j)
         if np.isfinite(std) and (key not in best or share > best[key].share):
             size, step = group.effect.sizes[i], group.steps[i]
-            best[key] = EffectScore(group.effect, records[0].axes[j], amount * step, std * abs(step), share, size.unit)
+            best[key] = EffectScore(group.effect, records[0].axes[j], amount * step, std * step, share, size.unit)
     return sorted(best.values(), key=lambda s: -s.share)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.special import expit
 
 from phaselead.gap.axis import AxisResult
+from phaselead.gap.error_rates import ONE_SIDED_95
 from phaselead.gap.findings import (
     NAMED,
-    ONE_SIDED_95,
     PROVISIONAL,
     Adopted,
     Bound,
@@ -30,7 +30,14 @@ from phaselead.gap.noise import fit_noise
 from phaselead.gap.records import GapRun
 from phaselead.gap.residual import RunResidual
 from phaselead.gap.several_axes.common_modes import CommonModes
-from phaselead.gap.several_axes.held_out import HeldOutPrediction, Improvement, improvement, noise_um, predict_held_out
+from phaselead.gap.several_axes.held_out import (
+    LEAST_SAVED,
+    HeldOutPrediction,
+    Improvement,
+    improvement,
+    noise_um,
+    predict_held_out,
+)
 from phaselead.gap.several_axes.joint_records import JointRecord, effect_of
 from phaselead.gap.several_axes.other_effects import EffectScore
 from phaselead.gap.several_axes.rivals import Tie
@@ -45,8 +52,6 @@ from phaselead.gap.unexplained import Unexplained, unexplained
 from phaselead.model import AxisModel, Effect, Entry, Params, Stage, catalogue
 from phaselead.record import Recording, Samples
 
-UNEXPLAINED = 0.02
-"""Share of the power before that may remain above the floor; with more the verdict is unknown."""
 ABSORBED = "modes that are fitted to axes moving together absorb it"
 ONE_LEVEL = "all training records have one level of drive; add records at another level"
 HELD = "held as the model has them, with its gains, coupling and softening"
@@ -152,7 +157,7 @@ def axis_results(
         of_fit = replace(gap, after=_left_um(found, i))
         unexcused = more_than_equations_miss(predictable, of_fit) if named[a] else predictable.something_missing
         predictable = replace(predictable, of_equations=predictable.something_missing and not unexcused)
-        missing = left > UNEXPLAINED * gap.before**2 or unexcused
+        missing = left > LEAST_SAVED * gap.before**2 or unexcused
         results.append(
             AxisResult(
                 a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,

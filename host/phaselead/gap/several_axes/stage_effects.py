@@ -8,7 +8,8 @@ from collections.abc import Set as AbstractSet
 import numpy as np
 
 from phaselead.gap.adopt import stage_file_entry
-from phaselead.gap.findings import TWO_SIDED_95, Estimate, Estimates, NamedEffect
+from phaselead.gap.error_rates import TWO_SIDED_95
+from phaselead.gap.findings import Estimate, Estimates, NamedEffect
 from phaselead.gap.several_axes.common_modes import CommonModes
 from phaselead.gap.several_axes.in_front import fitted_parameters
 from phaselead.model import AxisModel, Effect, Params, TimeView, rest_position_um
