@@ -24,6 +24,11 @@ PURE: Mapping[str, float] = {"": 1.0}
 SHARES: Mapping[str, float] = {"": 1.0, "%": 0.01}
 
 
+def digits(value: float, count: int) -> str:
+    """A number with so many digits that count, up to a million without an exponent: "1000", not "1e+03"."""
+    return f"{float(f'{value:.{count}g}'):g}"
+
+
 def numbers(name: str, text: str | None, units: Mapping[str, float]) -> list[float] | None:
     """``1V,500mV`` or ``1,2,4V`` as numbers in the first of ``units``; None stays None. A number without a unit has
     that of the next. Raises BadInput."""

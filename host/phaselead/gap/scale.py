@@ -11,6 +11,7 @@ from phaselead.gap.goodness_of_fit import FinalFit
 from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
+from phaselead.quantity import digits
 from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain, unit_remedy
 
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
@@ -49,8 +50,8 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
     if reference[0] <= MOST_UNLIKE * share or reference[1] <= MOST_UNLIKE * um:
         return []
     return [
-        f"{axis}: of the reference records' motion the model leaves {100 * reference[0]:.2g} %, of the others' at most "
-        f"{100 * share:.2g} %: were they exchanged? --reference takes records of when the model fitted"
+        f"{axis}: of the reference records' motion the model leaves {digits(100 * reference[0], 2)} %, of the others' "
+        f"at most {digits(100 * share, 2)} %: were they exchanged? --reference takes records of when the model fitted"
     ]
 
 
@@ -76,8 +77,8 @@ def unlike_others(final: FinalFit) -> list[str]:
         return []
     name, most = max(far, key=lambda pair: pair[1])
     return [
-        f"{name}: of its motion the next model leaves {100 * most:.2g} %, of the records that it learned from at most "
-        f"{100 * share:.2g} %{more_like_it(len(far) - 1)}: is it of this stage, and in its units?"
+        f"{name}: of its motion the next model leaves {digits(100 * most, 2)} %, of the records that it learned from "
+        f"at most {digits(100 * share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, and in its units?"
     ]
 
 
@@ -106,7 +107,7 @@ def _refuse(axis: str, driven: Sequence[Moved]) -> None:
         of_all = len(off) == len(found)
         instead = "fit the model to this stage" if of_all else "leave the record out"
         raise BadInput(
-            f"{well[first][0].name}: axis {axis} moves {factor:.2g} times as far as the model says"
+            f"{well[first][0].source}: axis {axis} moves {digits(factor, 2)} times as far as the model says"
             f"{more_like_it(len(more))}; {unit_remedy(factor, of_all)}, or {instead}"
         )
 
@@ -118,7 +119,7 @@ def _doubt(axis: str, driven: Sequence[Moved]) -> list[str]:
         return []
     roles = " and ".join(ROLES[role] for role in off)
     which = "records" if len(off) == len(known) else f"{roles} records"
-    gains_off = " and ".join(dict.fromkeys(f"{gain:#.2g}" for gain in off.values()))
+    gains_off = " and ".join(dict.fromkeys(f"{gain:#.2g}".rstrip(".") for gain in off.values()))
     return [f"{axis}: the {which} move {scale_doubt(gains_off)}"]
 
 

@@ -48,8 +48,9 @@ class Unexplained:
         """For a person. ``named``: whether any effect was named."""
         share = max(self.share, 0.0)
         leaves = "the names leave" if named else "the model leaves"
-        chance = f"chance alone: up to {100 * self.chance:.0f} %" + ("; but for its size" if self.resized else "")
-        return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves} ({chance})"
+        resized = ", at the size that suits it best" if self.resized else ""
+        chance = f"chance alone: up to {100 * self.chance:.0f} %"
+        return f"from the voltage a generic model predicts {100 * share:.0f} % of what {leaves}{resized} ({chance})"
 
     @property
     def something_missing(self) -> bool:

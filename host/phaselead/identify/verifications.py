@@ -115,4 +115,5 @@ def _out_of_scale(found: Sequence[Verification]) -> list[str]:
     if not off:
         return []
     (first, *more) = off
-    return [f"{first.file}: axis {first.axis} moves {scale_doubt(f'{first.gain:#.2g}')}{more_like_it(len(more))}"]
+    gain = f"{first.gain:#.2g}".rstrip(".")
+    return [f"{first.file}: axis {first.axis} moves {scale_doubt(gain)}{more_like_it(len(more))}"]

@@ -8,6 +8,7 @@ import numpy as np
 
 from phaselead.errors import BadInput
 from phaselead.model import AxisModel, effect, small_signal, steady_loop
+from phaselead.quantity import digits
 from phaselead.record import Recording, Samples
 
 LEVELS = 200
@@ -39,7 +40,7 @@ def describe_coupling(matrix: Sequence[Sequence[float]]) -> str:
 
 def _short(value_um: float) -> str:
     """In nm where that is the unit a person would use."""
-    return f"{1e3 * value_um:.2g} nm" if value_um < 0.0995 else f"{value_um:.2g} um"
+    return f"{digits(1e3 * value_um, 2)} nm" if value_um < 0.0995 else f"{digits(value_um, 2)} um"
 
 
 def _gain_um_per_V(model: AxisModel) -> float:

@@ -68,7 +68,15 @@ def parameter_columns(axes: Mapping[Any, AxisModel]) -> dict[str, list[Any]]:
 
 def axis_table(axes: Mapping[Any, AxisModel]) -> Table:
     """One line for each axis: which views it has, how well they fit, what was adopted."""
-    headings = ("axis", "views", "gain (um/V)", "voltages (V)", "residual (um rms)", "limits (V)", "effects")
+    headings = (
+        "axis",
+        "views",
+        "gain without plays (um/V)",
+        "voltages (V)",
+        "residual (um rms)",
+        "limits (V)",
+        "effects",
+    )
     rows = []
     for name, model in axes.items():
         view, limits = model.time, model.limits
@@ -97,7 +105,8 @@ def parameter_table(axes: Mapping[Any, AxisModel]) -> Table:
         low, high = elements[0][4:]
         interval = f"{low:.4g} .. {high:.4g}" if len(elements) == 1 and low <= high else ""
         rows.append((axis, part, name if len(elements) == 1 else f"{name} ({len(elements)})", shown, interval))
-    return Table(("axis", "part", "parameter", "value", "95 % interval"), tuple(rows))
+    headings, known = ("axis", "part", "parameter", "value", "95 % interval"), any(row[-1] for row in rows)
+    return Table(headings, tuple(rows)) if known else Table(headings[:-1], tuple(row[:-1] for row in rows))
 
 
 def stage_figure(axes: Mapping[Any, AxisModel]) -> Figure:

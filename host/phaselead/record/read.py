@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import math
 import os
@@ -138,7 +139,8 @@ def _digest_and_text(path: str) -> tuple[str, bytes | None]:
             file.seek(0)
             content = file.read()
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror}); give a recording (.csv or .h5)") from None
+        mend = "leave out the quotes about a pattern" if glob.has_magic(path) else "give a recording (.csv or .h5)"
+        raise BadInput(f"{path}: cannot be read ({error.strerror}); {mend}") from None
     except ValueError:  # a NUL in the name
         raise BadInput(f"{path!r}: is no file name; give a recording (.csv or .h5)") from None
     if is_journal(content):

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from phaselead.control import Learned, Run, Tuned
 from phaselead.errors import BadInput
 from phaselead.identify import FitResult, Verifications
+from phaselead.quantity import digits
 from phaselead.record import Source
 from phaselead.report.axis_figures import (
     CREEP_FROM_S,
@@ -117,8 +118,11 @@ def _(result: Verifications) -> str:
     if len(result):
         by_mean, by_most = max(result, key=lambda one: one.mean_pct), max(result, key=lambda one: one.max_pct)
         cards = [
-            {"value": f"{by_mean.mean_pct:.2g} %", "label": f"of its range: largest mean error, on {by_mean.file}"},
-            {"value": f"{by_most.max_pct:.2g} %", "label": f"of its range: largest error, on {by_most.file}"},
+            {
+                "value": f"{digits(by_mean.mean_pct, 2)} %",
+                "label": f"of its range: largest mean error, on {by_mean.file}",
+            },
+            {"value": f"{digits(by_most.max_pct, 2)} %", "label": f"of its range: largest error, on {by_most.file}"},
         ]
     of_model = f"The stage file: content {result.model_sha256[:SHOWN_DIGITS]}."
     judged = {"Recordings that it was judged on": [Source(one.file, one.sha256) for one in result]}
@@ -188,7 +192,7 @@ def _cards_of_fit(result: FitResult) -> list[dict[str, str]]:
     """What is left of each axis."""
     times = ((axis, model.time) for axis, model in result.axes.items())
     return [
-        {"value": f"{view.residual_um_rms:.2g} µm", "label": f"rms that the model of {axis} leaves"}
+        {"value": f"{digits(view.residual_um_rms, 2)} µm", "label": f"rms that the model of {axis} leaves"}
         for axis, view in times
         if view is not None
     ]

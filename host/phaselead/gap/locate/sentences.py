@@ -9,6 +9,7 @@ from phaselead.gap.findings import Bound, Cell
 from phaselead.gap.locate.cells import AMPLITUDE, AXIS, DIRECTION, FREQUENCY, HARMONIC, STEP
 from phaselead.gap.locate.steps import ALL
 from phaselead.model import catalogue
+from phaselead.quantity import digits
 
 HEADLINE_SHARE = 0.25
 """Of the unexplained power, from which a cell may be the headline."""
@@ -47,8 +48,8 @@ def unit_of(unit: str) -> str:
 
 
 def three_digits(value: float) -> str:
-    """A number with three digits that count, up to a million without an exponent: "1000", not "1e+03"."""
-    return f"{float(f'{value:.3g}'):g}"
+    """A number with three digits that count."""
+    return digits(value, 3)
 
 
 def percent(share: float) -> str:
