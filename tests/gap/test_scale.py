@@ -14,7 +14,7 @@ from phaselead.gap.records import axis_runs
 from phaselead.gap.run import run_gap
 from phaselead.gap.scale import beside_model, exchange_doubts, refuse_unlike_model, scale_doubts
 from phaselead.identify import fit
-from phaselead.model import Stage, catalogue
+from phaselead.model import AxisModel, Stage, TimeView, catalogue
 from phaselead.model.effects.filters import resonant
 from phaselead.model.scale import scale_range
 from phaselead.record.recording import AxisRecord, Recording
@@ -131,6 +131,17 @@ def test_one_record_in_another_unit_among_others_is_refused_by_its_name():
     train = [records()[0][0], *as_written(records()[0][1:], lambda u, x: (u, x / 1000))]
     with pytest.raises(BadInput, match=train[1].source.split(".")[0]):
         run_gap(stage(), train, records()[1])
+
+
+def test_exchanged_columns_are_called_that_and_no_unit():
+    t = np.arange(4000) / 1000
+    u = 3 - 3 * np.cos(2 * np.pi * 1.5 * t)
+    x = 20 * u + np.random.default_rng(3).normal(0, 0.05, len(t))
+    made = [Recording(t_s=t, axes={"x": AxisRecord(x, u)}, source="odd"), *records()[1]]
+    view = TimeView(gain_um_per_V=2000.0, u_range_V=(0.0, 10.0), rate_Hz=1000.0)
+    model = Stage(name="s", axes={"x": AxisModel(time=view)})
+    with pytest.raises(BadInput, match=r"odd: .* voltage and position seem exchanged"):
+        refuse_unlike_model(beside_model(model, axis_runs(model, made[:1], made[1:], [])))
 
 
 def test_motion_behind_a_mode_is_in_no_other_unit():

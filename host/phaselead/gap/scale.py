@@ -12,7 +12,7 @@ from phaselead.gap.posterior import TIMES_BASE
 from phaselead.gap.records import GapRun, Role
 from phaselead.model import Chain, Stage, out_of_scale, scale_doubt
 from phaselead.quantity import digits
-from phaselead.record import Samples, factors_moved, in_another_unit, slow_gain, unit_remedy
+from phaselead.record import Samples, factors_moved, in_another_unit, seem_exchanged, slow_gain, unit_remedy
 
 ROLES: dict[Role, str] = {"train": "training", "holdout": "held-out", "reference": "reference"}
 MOST_UNLIKE = TIMES_BASE[-1]
@@ -106,9 +106,12 @@ def _refuse(axis: str, driven: Sequence[Moved]) -> None:
         (first, factor), *more = off.items()
         of_all = len(off) == len(found)
         instead = "fit the model to this stage" if of_all else "leave the record out"
+        run = well[first][0]
+        exchanged = run.r_um is None and seem_exchanged(run.u_V, run.x_um)
+        mend = "voltage and position seem exchanged: name them right" if exchanged else unit_remedy(factor, of_all)
         raise BadInput(
-            f"{well[first][0].source}: axis {axis} moves {digits(factor, 2)} times as far as the model says"
-            f"{more_like_it(len(more))}; {unit_remedy(factor, of_all)}, or {instead}"
+            f"{run.source}: axis {axis} moves {digits(factor, 2)} times as far as the model says"
+            f"{more_like_it(len(more))}; {mend}, or {instead}"
         )
 
 

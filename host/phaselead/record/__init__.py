@@ -24,7 +24,7 @@ from phaselead.record.hdf5 import read_hdf5, write_hdf5
 from phaselead.record.importing import Imported, import_files, import_names
 from phaselead.record.journal import Entry, JournalReader, JournalWriter, read_journal
 from phaselead.record.overlap import same_measurement
-from phaselead.record.plausible import doubts_about, times_in
+from phaselead.record.plausible import doubts_about, seem_exchanged, times_in
 from phaselead.record.read import read_recording, refuse_map_of_some, scored_alone, split_argument
 from phaselead.record.recording import Recording, Recordings, facts_of
 from phaselead.record.sampled import SampledResult
@@ -79,6 +79,7 @@ __all__ = [
     "require_walkable",
     "same_measurement",
     "scored_alone",
+    "seem_exchanged",
     "slow_gain",
     "split_argument",
     "times_in",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phaselead.record.axis_record import Samples
 from phaselead.record.guess import METRES_BELOW, roughness
 from phaselead.record.recording import Recording
 
@@ -54,12 +55,18 @@ def doubts_about(recording: Recording) -> list[str]:
                 f"{recording.source}: axis {axis} moves by {travel_um:.3g} um, less than a nanometre: is it in metres? "
                 "Map it with its factor, x_um=COLUMN*1e6"
             )
-        if u_V is None or x_um is None or record.r_um is not None or not np.ptp(u_V) > 0:
-            continue
-        noisier = roughness(u_V, 4) > ROUGHER * roughness(x_um, 4)
-        if noisier and SLOWLY > roughness(u_V) > roughness(x_um):
+        if u_V is not None and x_um is not None and record.r_um is None and seem_exchanged(u_V, x_um):
             found.append(
                 f"{recording.source}: the voltage of axis {axis} is rougher than its position: are the columns "
                 "exchanged? In a closed loop it may be so"
             )
     return found
+
+
+def seem_exchanged(u_V: Samples, x_um: Samples) -> bool:
+    """Whether the voltage (n,) of a slow drive is rougher than the position, as only a sensor's column is. In a closed
+    loop it may be so."""
+    if not np.ptp(u_V) > 0:
+        return False
+    noisier = roughness(u_V, 4) > ROUGHER * roughness(x_um, 4)
+    return bool(noisier and SLOWLY > roughness(u_V) > roughness(x_um))
