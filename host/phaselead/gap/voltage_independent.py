@@ -45,7 +45,7 @@ def find_voltage_independent(
     axis: str, final: FinalFit, effects: Sequence[Effect], claimed: set[str]
 ) -> VoltageIndependent:
     """Test what the final model leaves for disturbances and a moved zero; ``claimed`` are the names of the search."""
-    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    residuals = final.without_ringing("train"), final.without_ringing("holdout"), final.without_ringing("reference")
     found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
     tested = [effect for effect in effects if effect.name not in untested]
     bounds, hidden = disturbance_bounds(*residuals[:2], tested, {one.name for one in found})
