@@ -115,6 +115,44 @@ def test_more_rivals_than_say_something_are_no_tie():
     assert judge(contest(logs)).claims
 
 
+BEND = "sensor_nonlinearity"
+
+
+def scaled_by(gain, logs, looked_at=(BEND,)):
+    """A contest in which the gain changed by so much, and in which these effects were looked at besides."""
+    made = contest(logs)
+    entry = (effect("gain_change"), {"gain": gain})
+    fits = {
+        names: replace(
+            fit, terms=Made(entries=tuple(entry if e.name == "gain_change" else (e, p) for e, p in fit.entries))
+        )
+        for names, fit in made.fits.items()
+    }
+    return replace(made, fits=fits, starts=Made(effects=[effect(name) for name in looked_at]))
+
+
+@given(st.floats(-0.2, 0.2), st.floats(6.0, 60.0))
+def test_a_gain_that_a_sensors_curve_may_have_is_tied_with_a_bend_whatever_its_odds(gain, odds):
+    """Alone, that curve's slope is a change of gain: only the size tells them apart."""
+    (_, most) = effect("gain_change").part_of
+    (claim,) = judge(scaled_by(gain, {(): 0.0, ("gain_change",): odds})).claims
+    assert claim.tied == (("gain_change", BEND) if abs(gain) <= most else ("gain_change",))
+
+
+def test_a_tie_with_what_may_have_it_has_its_best_set_too():
+    (claim,) = judge(scaled_by(0.004, {(): 0.0, ("gain_change",): 30.0, (BEND,): 20.0})).claims
+    assert claim.tied == ("gain_change", BEND)
+    assert [rival[-1][0].name for rival in claim.rivals] == ["gain_change", BEND]
+
+
+def test_a_part_is_tied_with_no_effect_that_may_not_be_named():
+    logs = {(): 0.0, ("gain_change",): 30.0}
+    assert judge(scaled_by(0.004, logs, looked_at=("delay",))).claims[0].tied == ("gain_change",)
+    assert judge(scaled_by(0.004, logs), frozenset({"gain_change"})).claims[0].tied == ("gain_change",)
+    both = {(): 0.0, tuple(sorted(("gain_change", BEND))): 60.0}
+    assert [claim.tied for claim in judge(scaled_by(0.004, both)).claims] == [("gain_change",), (BEND,)]
+
+
 def test_what_the_catalogue_does_not_confuse_is_no_tie():
     assert not judge(contest({(): 0.0, ("delay",): 30.0, ("gain_change",): 30.0})).claims
     assert judge(contest({(): 0.0, ("delay",): 30.0, ("sensor_lowpass",): 30.0})).claims

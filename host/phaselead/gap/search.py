@@ -58,7 +58,8 @@ def select_effects(
     of_runs = [modelled_run(base, run) for run in runs]
     likelihood = likelihood_of(of_runs, base_may_be_off=not referenced and not frozen, open_plays=memory is not None)
     contest = search_sets(likelihood, [*left, *nameless], lambda share: on_progress(0.1 + 0.9 * share))
-    judgement, names = judge(contest), frozenset(effect.name for effect in nameless)
+    names = frozenset(effect.name for effect in nameless)
+    judgement = judge(contest, names)
     claims, entries, estimates = _estimated(contest, judgement, open_plays=memory is not None)
     # Where every claim was withdrawn, what it was for is still there.
     judged = replace(judgement, claims=with_a_name(judgement.claims, names) if claims else ())

@@ -47,6 +47,12 @@ class Contest:
     starts: Starts | None = None
     """Of all effects that were looked at."""
 
+    @property
+    def names(self) -> set[str]:
+        """Of all effects that were looked at, or that stand in one of its sets."""
+        looked_at = self.starts.effects if self.starts is not None else ()
+        return {effect.name for effect in looked_at} | {name for names in self.fits for name in names}
+
     def log_posterior(self, names: Names) -> float:
         """Log evidence and log prior of a set."""
         return self.fits[names].log_evidence + log_prior_of_set(len(names), self.catalogue_size)

@@ -6,7 +6,8 @@ nearest, and count as not there."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -68,10 +69,10 @@ class Judgement:
         return more > (SURE if claimed else INSIDE)
 
 
-def judge(contest: Contest) -> Judgement:
-    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied.
-
-    Neither where the nearest set is probably no more than that.
+def judge(contest: Contest, nameless: AbstractSet[str] = frozenset()) -> Judgement:
+    """Names and ties: an effect that is sure is named, the smallest group of rivals that is sure together is tied, and
+    what is sure but may be a part of another effect is tied with that. Neither where the nearest set is probably no
+    more than that. Effects that are ``nameless`` are no part of another.
     """
     sets = _probabilities(contest)
     best = max(sets, key=lambda names: sets[names])
@@ -79,11 +80,12 @@ def judge(contest: Contest) -> Judgement:
     nearest_only = 1 - sum(probability * contest.fits[names].named for names, probability in sets.items())
     effects = {effect.name: effect for fit in contest.fits.values() for effect, _ in fit.entries}
     claims = []
-    for effect, _ in contest.fits[best].entries:
+    for effect, params in contest.fits[best].entries:
         rivals = {n: other for n, other in effects.items() if n not in best and confused(effect, other)}
         claim = _claim(contest, effect, rivals, sets, single)
         if claim is not None and nearest_only <= MORE_LIKELY_THAN_NOT:
-            claims.append(claim)
+            whole = _whole(contest, effect, params) if effect.name not in nameless else None
+            claims.append(claim if whole is None else _tied_with(contest, claim, whole, sets))
     return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
 
 
@@ -133,6 +135,25 @@ def _claim(
         fewer = claimed(tuple(one for one in claim.tied if one != name))
         claim = claim if fewer is None else fewer
     return claim
+
+
+def _whole(contest: Contest, effect: Effect, params: Mapping[str, float]) -> str | None:
+    """The effect of which one of the best set may be a part, at its size; None where none is."""
+    if effect.part_of is None:
+        return None
+    whole, most = effect.part_of
+    return whole if whole in contest.names and abs(params[effect.sizes[0].name]) <= most else None
+
+
+def _tied_with(contest: Contest, claim: Claim, name: str, sets: Mapping[Names, float]) -> Claim:
+    """The claim that an effect, or one more, is there; the claim itself where that is one of the best set, or tied with
+    it already."""
+    best = max(sets, key=lambda names: sets[names])
+    if name in claim.tied or name in best:
+        return claim
+    tied = (*claim.tied, name)
+    rivals = [entries for one in tied if (entries := _most_probable_with(contest, one, tied, sets))]
+    return replace(claim, rivals=tuple(rivals), tied=tied)
 
 
 def _best_fitted(contest: Contest, name: str) -> float:

@@ -17,6 +17,7 @@ from phaselead.model.effects.interface import (
     VirtualAxis,
     number,
 )
+from phaselead.model.effects.sensor_nonlinearity import WORST
 from phaselead.model.operator import rest_position_um, resting_at
 
 
@@ -58,6 +59,7 @@ EFFECT = Effect(
     kind="calibration",
     apply=apply,
     absorbed_by_modes=True,
+    part_of=("sensor_nonlinearity", WORST),
     picture=Picture("sine", {"gain": 0.1}),
     basis=basis,
     virtual=virtual,

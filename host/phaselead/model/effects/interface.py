@@ -234,6 +234,9 @@ class Effect:
     """Sizes that follow from its parameters and mean more to a person: reported beside them, never fitted."""
     alone_as: str | None = None
     """The effect that stands for it where one axis alone is seen, which cannot tell the two apart; None: itself."""
+    part_of: tuple[str, float] | None = None
+    """The effect of which it is a part, and the size up to which that may have it: then only its size tells them apart,
+    and that is no evidence; None where it is no part of another."""
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not."""
 
