@@ -15,8 +15,8 @@ void inverse_rest(const struct inverse_config *config, struct inverse_state *sta
 void inverse_recall(const struct inverse_config *config, struct inverse_state *state,
                     const struct inverse_config *before, const struct inverse_state *old, int32_t v_q24);
 
-/* The memory of a stage that rested at 0 V, went as far as `extremes`, and then to v: of smaller turns on the way
- * nothing is left. Long: not for a moment without ticks. */
+/* The memory of a stage that rested at 0 V, went as far as `extremes`, and then to v: turns between the two are left
+ * out. Long: not for a moment without ticks. */
 void inverse_begin_after(const struct inverse_config *config, struct inverse_state *state,
                          const struct extremes *extremes, int32_t v_q24);
 

@@ -374,3 +374,22 @@ def test_a_copy_of_a_sine_whose_sensor_has_coarse_steps(run, folder):
     refused(
         run, folder, "also a training record", train=f"{folder}/coarse.csv@0:1", holdout=f"{folder}/coarse.h5@0.5:2"
     )
+
+
+def test_steps_that_a_coarse_sensor_sees_alike_are_two_measurements():
+    """Nothing but the drive shows in them."""
+    t = np.arange(2000) / RATE_HZ
+    u = np.where(t % 0.5 < 0.25, 1.0, 6.0)
+    first, second = (
+        Recording(
+            t_s=t,
+            axes={
+                "x": AxisRecord(
+                    u, 0.5 * np.round((20 * u + 0.1 + np.random.default_rng(i).normal(0, 0.02, 2000)) / 0.5)
+                )
+            },
+            source=f"{i}.csv",
+        )
+        for i in range(2)
+    )
+    refuse_overlap([first], [second], "training")

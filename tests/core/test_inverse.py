@@ -315,12 +315,15 @@ def test_another_operator_recalls_what_the_one_before_was_through(core, voltages
     assert plays(core, fewer, found) == plays(core, fewer, own)
 
 
-@given(inverses, st.lists(whole(-2 * V, 10 * V), max_size=12), st.booleans(), whole(0, 10 * V), st.integers(0, 64))
-def test_the_furthest_turns_are_all_that_is_left_of_what_was_before(core, config, voltages, rises, furthest, share):
-    """Of a way that ends with the lowest and the highest voltage, and then turns back: exactly."""
+@given(
+    inverses, st.lists(whole(-2 * V, 10 * V), max_size=12), st.booleans(), whole(V, 10 * V), st.integers(0, 63),
+    st.integers(1, 3),
+)  # fmt: skip
+def test_the_furthest_turns_are_all_that_is_left_of_what_was_before(core, config, voltages, rises, furthest, share, n):
+    """Of a way that ends at the lowest and the highest voltage, as often as it was there, and turns back: exactly."""
     ends = [min([-furthest // 5, *voltages]) - 1, max([furthest, *voltages]) + 1]
     first, last = ends if rises else ends[::-1]
-    way = [*voltages, first, last, last + (first - last) * share // 64]
+    way = [*voltages, *n * [first, last], last + (first - last) * share // 64]
     extremes, found = Extremes(), InverseState()
     for v in way:
         core.h_extremes_follow(extremes, v)

@@ -48,9 +48,9 @@ def doubts(change, of=(True, True)):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda u, x: (u, -x), "move -1.0 times"),
+        (lambda u, x: (u, -x), "move -1 times"),
         (lambda u, x: (1000 * u, x), "move 0.00"),
-        (lambda u, x: (u, x / 1000), "move 0.0010 times"),
+        (lambda u, x: (u, x / 1000), "move 0.001 times"),
         (lambda u, x: (x, u), "move 0.0"),
     ],
     ids=["turned round", "mV for V", "mm for um", "exchanged"],
@@ -72,23 +72,23 @@ def test_what_a_stage_can_come_to_is_no_doubt():
 
 def test_records_of_one_part_alone_are_named():
     (line,) = doubts(lambda u, x: (u, -x), of=(False, True))
-    assert "the held-out records move -1.0 times" in line
+    assert "the held-out records move -1 times" in line
 
 
 def test_the_answer_says_it():
     train, holdout = (as_written(part, lambda u, x: (u, -x)) for part in records())
     found = run_gap(stage(), train, holdout, without=tuple(name for name in catalogue() if name != "delay"))
-    assert "-1.0 times" in found.doubts[0]
-    assert str(found).splitlines()[1].startswith("x: the records move -1.0 times")
+    assert "-1 times" in found.doubts[0]
+    assert str(found).splitlines()[1].startswith("x: the records move -1 times")
     assert found.as_json()["doubts"] == list(found.doubts)
-    assert "move -1.0 times" in gap_page(found, "model.toml").split("<h2>")[0]
+    assert "move -1 times" in gap_page(found, "model.toml").split("<h2>")[0]
 
 
 def test_every_role_that_is_off_is_said():
     train = as_written(records()[0], lambda u, x: (u, -x))
     holdout = as_written(records()[1], lambda u, x: (u, 1000 * x))
     (line,) = scale_doubts(beside_model(stage(), axis_runs(stage(), train, holdout, records()[0])))
-    assert line.startswith("x: the training and held-out records move -1.0 and 1.0e+03 times")
+    assert line.startswith("x: the training and held-out records move -1 and 1000 times")
 
 
 def test_references_that_the_model_describes_worse_than_the_others_may_be_exchanged():
@@ -177,7 +177,7 @@ def test_a_held_out_record_that_is_nothing_like_the_others_is_never_nothing(fact
     holdout = as_written([other], lambda u, x: (u, factor * x))
     found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))
     assert "unknown" in found.verdicts
-    assert any(line.startswith(f"{other.source}: of its motion the next model leaves") for line in found.doubts)
+    assert any(line.startswith(f"{other.source}: of its motion the model") for line in found.doubts)
     assert f"{other.source}: of its motion" in gap_page(found, "model.toml").split("<h2>")[0]
 
 

@@ -16,9 +16,10 @@ from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.records import GapRun, Role
 from phaselead.gap.residual import ModelledRun, RunResidual, modelled_run
+from phaselead.gap.ringing import without_ringing
 from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained
-from phaselead.model import AxisModel, effect, rewritten
+from phaselead.model import AxisModel
 from phaselead.record import Samples
 
 OF_THE_RICHEST = "what the richest model of all leaves of the training records"
@@ -59,9 +60,9 @@ class FinalFit:
         is the stage's own, and dies away."""
         entries = () if role == "reference" else self.entries
         models = [t for t in self.after if t.run.role == role]
-        left = zip(models, self.residuals(role), strict=True)
-        return [RunResidual(t.run, _less(one.error_um, _ringing(t, entries)) if t.run.idle else one.error_um)
-                for t, one in left]  # fmt: skip
+        left = [one.error_um for one in self.residuals(role)]
+        pairs = zip(models, left, strict=True)
+        return [RunResidual(t.run, without_ringing(t, entries, e) if t.run.idle else e) for t, e in pairs]
 
     def offsets(self, role: Role) -> list[RecordOffset]:
         """Mean residual of the final model per run. The reference records are without the effects."""
@@ -117,25 +118,6 @@ class FinalFit:
             after = x - _about_mean(now.error(self.entries))
             found.append(Trace(run.name, run.axis, run.t_s[rows], run.u_V[rows], x, before, after))
         return found
-
-
-def _ringing(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
-    """Columns (n, k) over the scored rows of a record: modes of the model as they ring out, and to first order modes
-    whose frequency and damping are a little other."""
-    base = [(effect(one.name), one.params) for one in modelled.axis.effects]
-    run = modelled.run
-    since_s, found = run.t_s - run.t_s[0], [np.zeros((run.stop - run.start, 0))]
-    for one, params in rewritten([*base, *entries]):
-        if one.modes is not None and one.before_record is not None:
-            rings = one.before_record(since_s, params, modelled.axis)
-            found += [rings[run.rows], (since_s[:, None] * rings)[run.rows]]
-    return np.concatenate(found, axis=1)
-
-
-def _less(error: Samples, columns: Samples) -> Samples:
-    """A residual (n,) about its mean without what columns (n, k) explain of it."""
-    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-30)
-    return _about_mean(error - scaled @ np.linalg.lstsq(scaled, error, rcond=None)[0])
 
 
 def _about_mean(error: Samples) -> Samples:

@@ -56,14 +56,14 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
 
 
 def unlike_others(final: FinalFit) -> list[str]:
-    """One line where the model that was learned leaves far more of a held-out record than of any other record: what
-    moved the stage then is in none of those that were learned from."""
+    """One line where the model with what was found leaves far more of a held-out record than of any training or
+    reference record: what moved the stage then is in none of those that were learned from."""
     left: dict[Role, list[tuple[float, float]]] = {role: [] for role in ROLES}
     names = []
     for role, of_role in left.items():
         for residual in final.residuals(role):
             x = residual.run.x_um[residual.run.rows]
-            one = _left([(residual.run, x - residual.error_um, x)]) if residual.run.driven else None
+            one = _left([(residual.run, x - residual.error_um, x)]) if residual.run.driven_well else None
             if one is not None:
                 of_role.append(one)
                 names += [residual.run.name] if role == "holdout" else []
@@ -77,7 +77,7 @@ def unlike_others(final: FinalFit) -> list[str]:
         return []
     name, most = max(far, key=lambda pair: pair[1])
     return [
-        f"{name}: of its motion the next model leaves {digits(100 * most, 2)} %, of the records that it learned from "
+        f"{name}: of its motion the model with what was found leaves {digits(100 * most, 2)} %, of the others "
         f"at most {digits(100 * share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, and in its units?"
     ]
 
@@ -122,8 +122,7 @@ def _doubt(axis: str, driven: Sequence[Moved]) -> list[str]:
         return []
     roles = " and ".join(ROLES[role] for role in off)
     which = "records" if len(off) == len(known) else f"{roles} records"
-    gains_off = " and ".join(dict.fromkeys(f"{gain:#.2g}".rstrip(".") for gain in off.values()))
-    return [f"{axis}: the {which} move {scale_doubt(gains_off)}"]
+    return [f"{axis}: the {which} move {scale_doubt(off.values())}"]
 
 
 def _gains_of_roles(driven: Sequence[Moved]) -> dict[Role, float]:

@@ -48,7 +48,8 @@ def find_voltage_independent(
     residuals = final.without_ringing("train"), final.without_ringing("holdout"), final.without_ringing("reference")
     found, untested, left_out = find_disturbances(*residuals, {e.name for e in effects})
     tested = [effect for effect in effects if effect.name not in untested]
-    bounds, hidden = disturbance_bounds(*residuals[:2], tested, {one.name for one in found})
+    whole = final.residuals("train"), final.residuals("holdout")
+    bounds, hidden = disturbance_bounds(*whole, tested, {one.name for one in found})
     zero = _moved_zero(final, effects, claimed)
     named = [*(_disturbance(one, final) for one in found), *zero.named]
     unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))

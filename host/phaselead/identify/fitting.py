@@ -38,10 +38,14 @@ from phaselead.model import (
     out_of_scale,
     provenance_of,
 )
+from phaselead.quantity import digits
 from phaselead.record import Recording, doubts_about, gains_moved
 
 Base = Literal["operator", "linear"]
 
+ABOUT_AS_SLOW = 3.0
+"""Times the frequency of the slowest record up to which others must follow their voltage alike. Of faster ones a mode
+may make more, or turn them round."""
 MOSTLY_STILL = 0.5
 """Of the scored rows: what creeps in them counts more than what moves."""
 
@@ -249,8 +253,8 @@ def _axis_model(
 
 
 def _about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
-    """What to say of records that follow their voltage as no change of a stage makes them, beside most others."""
-    gains = gains_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs])
+    """What to say of slow records that follow their voltage as no change of a stage makes them, beside most others."""
+    gains = gains_moved([(run.u_V, run.x_um) for run in runs], [run.step_s for run in runs], ABOUT_AS_SLOW)
     unlike = {i: [j for j in gains if out_of_scale(gains[j] / gains[i]) or out_of_scale(gains[i] / gains[j])]
               for i in gains}  # fmt: skip
     usual = min(unlike, key=lambda i: len(unlike[i]), default=None)
@@ -258,8 +262,8 @@ def _about_scale(axis: str, runs: Sequence[AxisRun]) -> list[str]:
         return []
     odd, *more = unlike[usual]
     return [
-        f"axis {axis}: {runs[odd].source} moves {gains[odd]:.3g} um/V{more_like_it(len(more))}, {runs[usual].source} "
-        f"{gains[usual]:.3g} um/V: no stage does both; check units, signs and columns, or leave records out"
+        f"axis {axis}: {runs[odd].source} moves {digits(gains[odd], 3)} um/V{more_like_it(len(more))}, "
+        f"{runs[usual].source} {digits(gains[usual], 3)} um/V, about as slowly: are units, signs and columns right?"
     ]
 
 

@@ -115,5 +115,5 @@ def _out_of_scale(found: Sequence[Verification]) -> list[str]:
     if not off:
         return []
     (first, *more) = off
-    gain = f"{first.gain:#.2g}".rstrip(".")
-    return [f"{first.file}: axis {first.axis} moves {scale_doubt(gain)}{more_like_it(len(more))}"]
+    gains = [first.gain] if first.gain is not None else []
+    return [f"{first.file}: axis {first.axis} moves {scale_doubt(gains)}{more_like_it(len(more))}"]

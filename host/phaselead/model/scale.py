@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from phaselead.model.effects import effect
+from phaselead.quantity import digits
 
 
 def scale_range() -> tuple[float, float]:
@@ -17,9 +20,10 @@ def out_of_scale(gain: float | None) -> bool:
     return gain is not None and not low <= gain <= high
 
 
-def scale_doubt(gains: str) -> str:
-    """What is said of records that move ``gains``, a number or several in words, times as far as they should."""
+def scale_doubt(gains: Iterable[float]) -> str:
+    """What is said of records that move so many times as far as they should."""
+    numbers = " and ".join(dict.fromkeys(digits(gain, 2) for gain in gains))
     return (
-        f"{gains} times as far as the model says: check units, signs and columns, or give --map; or the model is of "
+        f"{numbers} times as far as the model says: check units, signs and columns, or give --map; or the model is of "
         "another stage"
     )

@@ -18,7 +18,7 @@ def same_measurement(a: Recording, b: Recording) -> bool:
     """Whether some scored rows of one recording are also in the other."""
     if a.sha256 and a.sha256 == b.sha256:
         return _share_time(a, b)
-    return _moves(a) and (_same_at_same_times(a, b) or (_never_repeats(a) and _same_row_by_row(a, b)))
+    return _same_at_same_times(a, b) or (_never_repeats(a) and _same_row_by_row(a, b))
 
 
 def _share_time(a: Recording, b: Recording) -> bool:
@@ -34,16 +34,19 @@ def _same_at_same_times(a: Recording, b: Recording) -> bool:
     if count < FEWEST_ROWS or abs(ta[start] - tb[0]) > SAME_TIME / early.rate_Hz:
         return False
     first, second = (r.scored.indices(len(r.t_s))[0] for r in (early, late))
-    return _equal_rows(early, late, slice(first + start, first + start + count), slice(second, second + count))
+    rows = slice(first + start, first + start + count)
+    return _changes(early, rows) and _equal_rows(early, late, rows, slice(second, second + count))
 
 
 def _same_row_by_row(a: Recording, b: Recording) -> bool:
     return _equal_rows(a, b, a.scored, b.scored)
 
 
-def _moves(record: Recording) -> bool:
-    """Whether some position changes: what stands still without noise looks alike in all records."""
-    return any(axis.x_um is not None and np.ptp(axis.x_um[record.scored]) > 0 for axis in record.axes.values())
+def _changes(record: Recording, rows: slice) -> bool:
+    """Whether some position changes so often that no two measurements of the same drive agree: one that stands still,
+    or goes from step to step of a coarse sensor, may look alike twice."""
+    seen = [axis.x_um[rows] for axis in record.axes.values() if axis.x_um is not None]
+    return any(np.count_nonzero(np.diff(x)) >= FEWEST_ROWS for x in seen)
 
 
 def _never_repeats(record: Recording) -> bool:

@@ -139,7 +139,8 @@ def _digest_and_text(path: str) -> tuple[str, bytes | None]:
             file.seek(0)
             content = file.read()
     except OSError as error:
-        mend = "leave out the quotes about a pattern" if glob.has_magic(path) else "give a recording (.csv or .h5)"
+        pattern = isinstance(error, FileNotFoundError) and glob.has_magic(path)
+        mend = "no file is of this pattern, or it stands in quotes" if pattern else "give a recording (.csv or .h5)"
         raise BadInput(f"{path}: cannot be read ({error.strerror}); {mend}") from None
     except ValueError:  # a NUL in the name
         raise BadInput(f"{path!r}: is no file name; give a recording (.csv or .h5)") from None

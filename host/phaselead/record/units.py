@@ -31,13 +31,15 @@ def factors_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[fl
     return {i: gain for i, gain in gains_moved(pairs, steps_s).items() if gain > 0}
 
 
-def gains_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float]) -> dict[int, float]:
+def gains_moved(
+    pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float], as_slow: float = AS_SLOW
+) -> dict[int, float]:
     """Factors by which positions follow what was expected of them, of the records that tell: by their place in
-    ``pairs``, what was expected and the position (n,), of rows ``steps_s`` apart. Of what is driven far faster than the
-    slowest record nothing is said."""
+    ``pairs``, what was expected and the position (n,), of rows ``steps_s`` apart. Of what is driven more than
+    ``as_slow`` times as fast as the slowest record nothing is said."""
     slow_Hz = {i: _frequency_Hz(pairs[i][0], step_s) for i, step_s in enumerate(steps_s) if np.ptp(pairs[i][0]) > 0}
     slowest_Hz = min(slow_Hz.values(), default=0.0)
-    gains = {i: slow_gain([pairs[i]]) for i, f_Hz in slow_Hz.items() if f_Hz <= AS_SLOW * slowest_Hz}
+    gains = {i: slow_gain([pairs[i]]) for i, f_Hz in slow_Hz.items() if f_Hz <= as_slow * slowest_Hz}
     return {i: gain for i, gain in gains.items() if gain is not None}
 
 

@@ -149,7 +149,7 @@ def _tied_with(contest: Contest, claim: Claim, name: str, sets: Mapping[Names, f
     """The claim that an effect, or one more, is there; the claim itself where that is one of the best set, or tied with
     it already."""
     best = max(sets, key=lambda names: sets[names])
-    if name in claim.tied or name in best:
+    if name in claim.tied or name in best or len(claim.tied) == MOST_TIED:
         return claim
     tied = (*claim.tied, name)
     rivals = [entries for one in tied if (entries := _most_probable_with(contest, one, tied, sets))]
