@@ -64,7 +64,14 @@ static bool are_steady(const struct device *device, unsigned axis, const struct 
     return true;
 }
 
-/* Nobody but commands changes what this asks, besides the room, which only grows. */
+/* A path that was begun may have ended meanwhile. */
+static bool is_lost(struct device *device, unsigned axis)
+{
+    return device->control.points[axis].ring == POINTS_PLAYED && points_path(device, axis) == NULL;
+}
+
+/* Nobody but commands changes what this asks, besides the room, which only grows, and the path, which may end: then
+ * there is never more room. */
 static enum wire_status check(struct device *device, const struct arrival *arrival)
 {
     for (unsigned axis = 0; axis < AXES; axis++) {
@@ -75,9 +82,10 @@ static enum wire_status check(struct device *device, const struct arrival *arriv
             return WIRE_STATUS_BAD_VALUE;
         device_lock(device);
         const uint32_t room = points_room(device, axis);
+        const bool lost = is_lost(device, axis);
         device_unlock(device);
         if (arrival->count > room)
-            return WIRE_STATUS_BUSY;
+            return lost ? WIRE_STATUS_WRONG_STATE : WIRE_STATUS_BUSY;
     }
     return WIRE_STATUS_OK;
 }
@@ -92,12 +100,6 @@ static void put_down(struct device *device, const struct arrival *arrival)
         for (uint32_t i = 0; i < arrival->count; i++)
             device->waves_q30[axis][((uint32_t)arrival->first + i) % WAVE_POINTS] = point_at(data, i);
     }
-}
-
-/* A path that was begun may have ended meanwhile. */
-static bool is_lost(struct device *device, unsigned axis)
-{
-    return device->control.points[axis].ring == POINTS_PLAYED && points_path(device, axis) == NULL;
 }
 
 static enum wire_status take_up(struct device *device, const struct arrival *arrival, uint64_t length_ticks,

@@ -5,7 +5,7 @@ from zlib import crc32
 import numpy as np
 import pytest
 from device_bench import MID_CODE, UM, Bench, V, model
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from phaselead.device import wire
@@ -153,6 +153,7 @@ stalls = st.lists(st.tuples(st.integers(1, 120), st.integers(0, 500)), max_size=
 
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2), stalls, st.integers(60, 150), st.booleans())
+@example(0, 1, [(1, 0)] * 4 + [(69, 0)] + [(120, 0)] * 5, 60, False)  # the ring is full when its path ends
 def test_a_host_that_stalls_anywhere_stops_it_without_a_kick(seed, log2, asked, leave, ends):
     """Pieces of any size, pauses of any length. Neither speed nor its change is ever above what path and joins
     may have by motion_bounds.h; a path that runs out of points says so and holds; one that does not, does not."""
