@@ -5,7 +5,8 @@
 
 #include <stdint.h>
 
-/* Of the distance between the two: a voltage that comes as near to one as that has been there again. */
+/* Of the distance between the two: a voltage that comes as near to one as that has been there again. Chosen, so that a
+ * turn that noise or the phase of a sample misses counts. */
 #define EXTREMES_NEAR_SHARE 256
 
 struct extremes { /* all zero: at rest at 0 V */

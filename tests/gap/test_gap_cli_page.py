@@ -309,7 +309,7 @@ def test_a_bound_of_a_single_axis_names_none():
 def test_the_page_has_what_parameters_come_to():
     bow = NamedEffect("sensor_nonlinearity", {"quadratic": (0.002, "of range", (0.001, 0.003))}, 0.5)
     said = text(gap_page(replace(result(), effects=(bow,)), "model.toml"))
-    assert "peak" in said
+    assert re.search(r"\bpeak +[\d.]+", said)  # not the peak-to-peak of an experiment
     assert "peak_um" in str(replace(result(), effects=(bow,)))
 
 

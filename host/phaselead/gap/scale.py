@@ -58,21 +58,12 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
 def unlike_others(final: FinalFit) -> list[str]:
     """One line where the model with what was found leaves far more of a held-out record than of any training or
     reference record: what moved the stage then is in none of those that were learned from."""
-    left: dict[Role, list[tuple[float, float]]] = {role: [] for role in ROLES}
-    names = []
-    for role, of_role in left.items():
-        for residual in final.residuals(role):
-            x = residual.run.x_um[residual.run.rows]
-            one = _left([(residual.run, x - residual.error_um, x)]) if residual.run.driven_well else None
-            if one is not None:
-                of_role.append(one)
-                names += [residual.run.name] if role == "holdout" else []
-    others = [*left["train"], *left["reference"]]
+    left = {role: _left_of_each(final, role) for role in ROLES}
+    held, others = left.pop("holdout"), [one for of_role in left.values() for _, one in of_role]
     if not others:
         return []
     share, um = (max(one[i] for one in others) for i in (0, 1))
-    far = [(name, one[0]) for name, one in zip(names, left["holdout"], strict=True)
-           if one[0] > MOST_UNLIKE * share and one[1] > MOST_UNLIKE * um]  # fmt: skip
+    far = [(name, one[0]) for name, one in held if one[0] > MOST_UNLIKE * share and one[1] > MOST_UNLIKE * um]
     if not far:
         return []
     name, most = max(far, key=lambda pair: pair[1])
@@ -80,6 +71,17 @@ def unlike_others(final: FinalFit) -> list[str]:
         f"{name}: of its motion the model with what was found leaves {digits(100 * most, 2)} %, of the others "
         f"at most {digits(100 * share, 2)} %{more_like_it(len(far) - 1)}: is it of this stage, and in its units?"
     ]
+
+
+def _left_of_each(final: FinalFit, role: Role) -> list[tuple[str, tuple[float, float]]]:
+    """Name of every driven record of a role, and ``_left`` of it by the model with what was found."""
+    found = []
+    for residual in final.residuals(role):
+        run, x = residual.run, residual.run.x_um[residual.run.rows]
+        one = _left([(run, x - residual.error_um, x)]) if run.driven_well else None
+        if one is not None:
+            found.append((run.name, one))
+    return found
 
 
 def _left(driven: Sequence[Moved]) -> tuple[float, float] | None:

@@ -85,7 +85,7 @@ def judge(contest: Contest, nameless: AbstractSet[str] = frozenset()) -> Judgeme
         claim = _claim(contest, effect, rivals, sets, single)
         if claim is not None and nearest_only <= MORE_LIKELY_THAN_NOT:
             whole = _whole(contest, effect, params) if effect.name not in nameless else None
-            claims.append(claim if whole is None else _tied_with(contest, claim, whole, sets))
+            claims.append(claim if whole is None else _tied_with(contest, claim, whole, best, sets))
     return Judgement(contest.fits[best], tuple(claims), single, sets, nearest_only)
 
 
@@ -145,10 +145,9 @@ def _whole(contest: Contest, effect: Effect, params: Mapping[str, float]) -> str
     return whole if whole in contest.names and abs(params[effect.sizes[0].name]) <= most else None
 
 
-def _tied_with(contest: Contest, claim: Claim, name: str, sets: Mapping[Names, float]) -> Claim:
+def _tied_with(contest: Contest, claim: Claim, name: str, best: Names, sets: Mapping[Names, float]) -> Claim:
     """The claim that an effect, or one more, is there; the claim itself where that is one of the best set, or tied with
-    it already."""
-    best = max(sets, key=lambda names: sets[names])
+    it already, or the tie is full."""
     if name in claim.tied or name in best or len(claim.tied) == MOST_TIED:
         return claim
     tied = (*claim.tied, name)
