@@ -8,9 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from phaselead.gap.findings import GapSize
-from phaselead.gap.floor import noise_of
+from phaselead.gap.floor import floor_of
 from phaselead.gap.goodness_of_fit import OF_THE_RICHEST, FinalFit
 from phaselead.gap.posterior import Contest, Starts, likelihood_of
 from phaselead.gap.records import GapRun
@@ -25,12 +26,12 @@ EFFECTS = [one for one in catalogue().values() if one.kind == "response"]
 """Many of their shapes are nearly the same; some have no column where one axis moves."""
 
 
-def contest(rows, roles, added=lambda u: 0.0 * u):
+def contest(rows, roles, added=lambda u: 0.0 * u, noise_um=None):
     runs = []
     for i, role in enumerate(roles):
         rng = np.random.default_rng(i)
         u = 4 + np.cumsum(rng.normal(0, 0.1, rows)) if role != "idle" else np.full(rows, 4.0)
-        x = 8 * u + added(u) + rng.normal(0, NOISE_um, rows)
+        x = 8 * u + added(u) + (rng.normal(0, NOISE_um, rows) if noise_um is None else noise_um[i])
         t_s, of_role = np.arange(rows) * STEP_s, "reference" if role == "idle" else role
         run = GapRun("x", of_role, t_s, u, x, None, 0, rows, "a", str(i), {}, {})
         runs.append(modelled_run(LINE, run))
@@ -41,13 +42,23 @@ def contest(rows, roles, added=lambda u: 0.0 * u):
 @pytest.mark.parametrize("rows", [300, 4000])
 def test_without_references_it_is_what_the_sensor_adds_however_short_the_records(rows):
     """Of 300 rows the many amounts that are fitted leave but three quarters of the noise."""
-    noise = noise_of(contest(rows, ["train", "holdout"], lambda u: 0.3 * u + 0.02 * np.sin(u)))
-    assert noise.level_um == pytest.approx(NOISE_um, rel=0.1)
+    floor = floor_of(contest(rows, ["train", "holdout"], lambda u: 0.3 * u + 0.02 * np.sin(u)))
+    assert floor.rms_um == pytest.approx(NOISE_um, rel=0.1)
+
+
+def test_noise_that_wanders_counts_whole():
+    """Of noise in which each row is mostly the one before, what is new in a row is the smaller part. The richest model
+    takes some of its slow part."""
+    drawn = np.random.default_rng(5).normal(0, NOISE_um, 8000)
+    wandering = np.split(lfilter([1.0], [1.0, -0.9], drawn), 2)
+    floor = floor_of(contest(4000, ["train", "holdout"], noise_um=wandering))
+    assert floor.rms_um == pytest.approx(np.std(wandering[0]), rel=0.2)
+    assert floor.rms_um > 2 * NOISE_um
 
 
 @pytest.mark.parametrize("roles", [["idle", "reference"], ["reference", "reference"], ["idle"]])
 def test_with_references_it_is_what_the_base_leaves_of_them(roles):
-    noise = noise_of(contest(3000, [*roles, "train", "holdout"]))
+    noise = floor_of(contest(3000, [*roles, "train", "holdout"])).noise
     assert noise.sigma_um == pytest.approx(NOISE_um, rel=0.2)
     assert noise.misfit_um < 0.5 * NOISE_um
 

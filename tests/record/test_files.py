@@ -117,6 +117,10 @@ def spoil(path: Path, kind: str) -> None:
             file["x_um"] = np.zeros(3)
         elif kind == "uneven":
             file["t_s"][20] += 2e-4
+        elif kind == "rate":
+            file.attrs["rate_Hz"] *= 1.02
+        elif kind == "no rate":
+            file.attrs["rate_Hz"] = np.nan
 
 
 @pytest.mark.parametrize(
@@ -131,6 +135,8 @@ def spoil(path: Path, kind: str) -> None:
         ("text", "x_um is no one-dimensional dataset"),
         ("length", "differ in length (3..500)"),
         ("uneven", "row 21: t_s is not uniform"),
+        ("rate", "states rate_Hz = 1020, but its times t_s have 1000 rows per second"),
+        ("no rate", "states rate_Hz = nan"),
     ],
 )
 def test_hdf5_refuses_in_one_line(tmp_path: Path, kind: str, told: str) -> None:

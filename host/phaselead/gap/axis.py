@@ -22,7 +22,7 @@ from phaselead.gap.findings import (
     Spectrum,
     Trace,
 )
-from phaselead.gap.floor import noise_of
+from phaselead.gap.floor import floor_of
 from phaselead.gap.goodness_of_fit import FinalFit, final_fit, more_than_equations_miss, too_little_described
 from phaselead.gap.locate import rank_cells
 from phaselead.gap.posterior import Claim
@@ -109,8 +109,8 @@ def search_axis(
     candidates = [effect.as_known() for effect in candidates]
     nameless = [e.as_known() for e in effects if refused.get(e.name) == NEEDS_FROZEN and not referenced]
     selection = select_effects(model, runs, candidates, nameless, frozen, lambda share: on_progress(0.85 * share))
-    noise = noise_of(selection.contest)
-    final = final_fit(selection, runs, noise)
+    floor = floor_of(selection.contest)
+    final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
     other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
     vouched, left, predictable = _vouched_for(claimed, final)
@@ -137,7 +137,7 @@ def search_axis(
         unknown,
         [*excluded, *other.excluded],
         {**_untested(refused, other, taken), **hidden},
-        rank_cells(final.residuals_before("holdout"), noise),
+        rank_cells(final.residuals_before("holdout"), floor.noise),
         final.gap,
         final.rows,
         _proposal(vouched.selection),

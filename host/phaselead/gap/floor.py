@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import idct
@@ -18,17 +19,32 @@ SAME_SHARE = 1e-10
 """Of the largest eigenvalue of the columns' products: those below say nothing new."""
 
 
-def noise_of(contest: Contest) -> Noise:
-    """The noise of what the base leaves of the reference records, or without them of what the richest model of all
+@dataclass(frozen=True)
+class Floor:
+    """What no model is expected to beat."""
+
+    noise: Noise
+    rms_um: float
+    """Of the residuals of which it is the noise."""
+
+
+def floor_of(contest: Contest) -> Floor:
+    """The floor of what the base leaves of the reference records, or without them of what the richest model of all
     leaves of the training records: every effect that was looked at, in proportion, and an operator finer than any
     base's."""
     runs = [run.modelled for run in contest.likelihood.runs]
     references = [run for run in runs if run.run.role == "reference"]
     if not references:
-        trained = [run for run in runs if run.run.role == "train"]
-        return _noise(trained, _beyond_the_richest(contest))
-    noise = _noise(references, [_detrended(run.error(), run) for run in references])
-    return as_idle(noise, [run.error() for run in runs if run.run.role != "reference" and run.run.idle])
+        left = _beyond_the_richest(contest)
+        return Floor(_noise([run for run in runs if run.run.role == "train"], left), _rms_um(left))
+    left = [_detrended(run.error(), run) for run in references]
+    noise = as_idle(_noise(references, left), [r.error() for r in runs if r.run.role != "reference" and r.run.idle])
+    return Floor(noise, _rms_um(left))
+
+
+def _rms_um(errors: Sequence[Samples]) -> float:
+    """Over all rows of some residuals (n_i,)."""
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
 def _noise(runs: Sequence[ModelledRun], errors: Sequence[Samples]) -> Noise:

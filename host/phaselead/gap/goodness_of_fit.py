@@ -11,7 +11,7 @@ import numpy as np
 from phaselead.gap.base_operator import refitted_operator
 from phaselead.gap.disturbances import RecordOffset
 from phaselead.gap.findings import GapSize, Trace
-from phaselead.gap.noise import Noise
+from phaselead.gap.floor import Floor
 from phaselead.gap.parameters import SizedEffect
 from phaselead.gap.posterior import MOST_MISSED
 from phaselead.gap.records import GapRun, Role
@@ -130,15 +130,15 @@ def _power(errors: Sequence[Samples]) -> float:
     return float(np.mean(np.concatenate(errors) ** 2))
 
 
-def final_fit(selection: Selection, runs: Sequence[GapRun], noise: Noise) -> FinalFit:
+def final_fit(selection: Selection, runs: Sequence[GapRun], floor: Floor) -> FinalFit:
     """The model that a search ended with on all runs, and the gap. Plays that the base was given are fitted once more,
-    now to what the effects leave. ``noise`` is that of the base, its level the floor where no reference record says."""
+    now to what the effects leave. ``floor``: what it is where no reference record says."""
     axis, entries = selection.base, selection.entries
     if selection.memory is not None:
         axis = refitted_operator(axis, entries, [r for r in runs if r.role == "train"])
     before = tuple(modelled_run(selection.start, run) for run in runs)
     after = tuple(modelled_run(axis, run) for run in runs)
-    final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0), noise.level_um)
+    final = FinalFit(axis, entries, before, after, GapSize(0.0, 0.0, 0.0), floor.rms_um)
     return replace(final, gap=_gap(final))
 
 

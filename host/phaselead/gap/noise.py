@@ -47,11 +47,6 @@ class Noise:
     wander_um2_per_s: float = 0.0
     """Growth of the misfit's variance in time."""
 
-    @property
-    def level_um(self) -> float:
-        """Standard deviation of misfit and innovations together."""
-        return float(np.hypot(self.sigma_um, self.misfit_um))
-
     def walk(self, u_V: Samples, step_s: float) -> tuple[Samples, Samples]:
         """phi (n,), and the variance (n,) in um^2 by which the misfit grows in each row of a record."""
         phi = np.exp(-np.abs(np.diff(u_V, prepend=u_V[0])) / self.length_V)

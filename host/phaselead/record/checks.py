@@ -69,6 +69,18 @@ def require_uniform(t_s: Samples, where: Where, source: str, *, gapped: bool = F
         raise BadInput(f"{told}resample it, or give --rate {1 / usual:.6g}Hz if the times are only rounded")
 
 
+def require_rate(stated_Hz: object, t_s: Samples, source: str) -> None:
+    """Refuse times whose rate differs by more than 1 % from the one that the file states, where it states one."""
+    if not isinstance(stated_Hz, (int, float, np.number)):
+        return
+    rate_Hz = 1 / float(np.median(np.diff(t_s)))
+    if not abs(float(stated_Hz) - rate_Hz) <= UNIFORM_WITHIN * rate_Hz:
+        raise BadInput(
+            f"{source}: states rate_Hz = {float(stated_Hz):.6g}, but its times t_s have {rate_Hz:.6g} rows per second; "
+            "mend the one that is wrong"
+        )
+
+
 def missing_samples(place: str) -> str:
     """What to do about a step in which samples were lost; ``place`` names the row after it."""
     return f"samples are missing before {place}: use the rows on one side of it, or record again"

@@ -29,7 +29,7 @@ from phaselead.errors import BadInput, PhaseleadError
 from phaselead.record.atomic import atomic_path
 from phaselead.record.axis_record import Samples
 from phaselead.record.bounded import require_walkable
-from phaselead.record.checks import require_finite, require_uniform
+from phaselead.record.checks import require_finite, require_rate, require_uniform
 from phaselead.record.columns import UNITS, axes_of, columns_of
 from phaselead.record.deferred import new_hdf5
 from phaselead.record.recording import Recording
@@ -190,6 +190,8 @@ def _read_file(file: Any, path: str, size: int, whole: bool) -> Hdf5Recording:
     device, replay = (read(file[name], size) if name in file else None for name in ("device", "replay"))
     gaps = meta.get("gaps") or (replay or {}).get("gaps") or _missing_ticks(device)
     require_uniform(times, _row, path, gapped=bool(gaps))
+    if not gaps:
+        require_rate(attributes.get("rate_Hz"), times, path)
     axes = axes_of(table, path)
     if gaps:
         meta["gaps"] = gaps

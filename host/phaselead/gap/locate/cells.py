@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from phaselead.gap.records import GapRun
 from phaselead.model import Complex
+from phaselead.quantity import digits
 from phaselead.record import Samples
 
 Mask = NDArray[np.bool_]
@@ -95,7 +96,7 @@ def cut(runs: Sequence[GapRun]) -> tuple[list[Cut], list[tuple[str, str]]]:
         inside = np.stack([of_run(run)[: BLOCKS_PER_RECORD * length] for _, _, of_run in masks])
         of_cells = inside.reshape(len(masks), BLOCKS_PER_RECORD, length).astype(np.float32)
         cuts.append(Cut(length, of_cells, octaves, run.step_s, _turn(run)))
-    names = [(FREQUENCY, f"0..{octaves[1]:.3g} Hz"), *((FREQUENCY, f"{a:.3g}..{b:.3g} Hz") for a, b in _pairs(octaves))]
+    names = [(FREQUENCY, f"{digits(a, 3)}..{digits(b, 3)} Hz") for a, b in [(0.0, octaves[1]), *_pairs(octaves)]]
     names += [(by, name) for by, name, _ in masks] + [(HARMONIC, str(order)) for order in ORDERS]
     return cuts, names
 
