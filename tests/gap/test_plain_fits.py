@@ -85,7 +85,7 @@ def test_an_effect_as_large_as_it_can_be_imitates_another():
 
 def test_a_frequency_stays_below_what_the_sampling_shows():
     run = stepped(lambda x: x + 0.05 * np.sin(0.35 * np.arange(len(x))))
-    start = (effect("resonance"), {"c": 0.5, "f_Hz": 4000.0, "zeta": 0.02})
+    start = (effect("resonance").as_sampled(0.45 * RATE_Hz), {"c": 0.5, "f_Hz": 4000.0, "zeta": 0.02})
     (entry,), _ = fitted_in_um([start], [run], np.concatenate, 3)
     assert entry[1]["f_Hz"] <= 0.45 * RATE_Hz
 

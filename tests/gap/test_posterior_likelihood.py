@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import gammaln, logsumexp
 from scipy.stats import norm
-from toy import BASE_SHARE, GAIN, LATE, NOISE_UM2, ROLES, ROWS, SLOW, STEP_S, Toy, amount_of, sized
+from toy import BASE_SHARE, GAIN, LATE, NOISE_UM2, ROLES, ROWS, SLOW, Toy, amount_of, sized
 
 from phaselead.gap.posterior import likelihood
 from phaselead.gap.posterior.interval import intervals
@@ -91,7 +91,7 @@ def test_the_evidence_of_a_linear_effect_is_the_integral_over_its_size(amount, s
     half = 12 * np.sqrt(fit.covariance[0, 0])
     at = np.linspace(amount_of(fit) - half, amount_of(fit) + half, 401)
     of_sizes = np.stack([powers(toy, [sized(g)]) for g in at])
-    prior = np.array([prior_of([sized(g)], STEP_S).log_density for g in at])
+    prior = np.array([prior_of([sized(g)]).log_density for g in at])
     exact = {}
     for one in SHARES:
         exact[one] = integrated(prior + density(toy, of_sizes, fit.terms.signal, one), at)

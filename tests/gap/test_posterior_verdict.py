@@ -286,10 +286,10 @@ def test_the_prior_of_a_size_is_a_density(name):
     at = np.linspace(max(first.low / unit, -15), min(first.high / unit, 15), 4001)
 
     def density(x):
-        return exp(prior_of([(found, fixed | {first.name: float(x * unit)})], 1e-4).log_density)
+        return exp(prior_of([(found, fixed | {first.name: float(x * unit)})]).log_density)
 
     area = np.trapezoid([density(x) for x in at], at)
-    others_at_0 = exp(prior_of([(found, fixed | {first.name: 0.0})], 1e-4).log_density) / density(0.0)
+    others_at_0 = exp(prior_of([(found, fixed | {first.name: 0.0})]).log_density) / density(0.0)
     assert others_at_0 == 1.0
     if len(found.parameters) == 1:
         assert area == pytest.approx(1.0, abs=0.01)

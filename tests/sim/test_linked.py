@@ -30,6 +30,7 @@ STAIRS_S = LATCH_S + TICK_S / 2
 """How late a held voltage acts, beside one that runs straight from row to row."""
 SMOOTH = AdoptedEffect(name="sensor_lowpass", params={"tau_s": 4e-4})
 MODE = AdoptedEffect(name="resonance", params={"f_Hz": 200.0, "zeta": 0.05})
+TWO_MODES = AdoptedEffect(name="resonance", params={"c": (0.2, 0.8), "f_Hz": (350.0, 200.0), "zeta": (0.03, 0.05)})
 NOISES = [name for name, effect in catalogue().items() if effect.variance is not None]
 
 
@@ -42,7 +43,7 @@ def sizes(name):
         "thermal_drift": {"ramp_um_per_s": 0.2, "rise_um": 3.0, "tau_s": 6.0},
         "mains_hum": {"sin1_um": 0.3, "cos1_um": 0.2, "sin2_um": 0.1, "cos3_um": 0.2},
         "sensor_nonlinearity": {"quadratic": 0.01, "cubic": -0.02, "quartic": 0.01, "linear": 0.01},
-        "load_change": {"mass": 0.5},
+        "load_change": {"mass": 1.0, "others": 0.3},
         "rate_dependence": {"growth": 0.03, "stribeck": 0.02, "coulomb": 0.03},
         "dead_band": {"width_V": 0.1},
         "crossover_distortion": {"width_V": 0.3, "tau_s": 5e-3},
@@ -50,7 +51,7 @@ def sizes(name):
         "sensor_lowpass": {"tau_s": 1e-3},
         "amplifier_lowpass": {"tau_s": 1e-3},
         "delay": {"delay_s": 2.345e-3},
-        "hysteresis": {"width": 0.15, "slope": 1.0, "rest_fraction": 0.4},
+        "hysteresis": {"width": 0.15, "slope": 1.0, "rest_fraction": 0.4, "pinned": 0.5},
         "asymmetric_hysteresis": {"bend": 0.03, "skew": 0.05, "reach": 0.3},
         "softening": {"kappa": 0.2, "about_mean": 0.5, "tau_s": 0.2, "exponent": 1.6},
         "charge_leakage": {"rate_per_s": 0.2},
@@ -95,7 +96,7 @@ def test_it_is_the_exact_kernel_where_both_can_be_the_stage():
 def test_an_effect_shows_as_its_equation_says(name):
     """Written twice: C here, the catalogue's own there. The base is subtracted from both."""
     t, u = drive()
-    base = (MODE, SMOOTH) if name == "load_change" else (SMOOTH,)
+    base = (TWO_MODES, SMOOTH) if name == "load_change" else (SMOOTH,)
     effect = AdoptedEffect(name=name, params=sizes(name))
     shown = [measure(stage_of(*base, *more), u, linked=True)[0][:, 0] for more in ((effect,), ())]
     late = VIEW.model_copy(update={"delay_s": STAIRS_S})

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from phaselead.gap.adopt import adopted, kept_names
 from phaselead.gap.bounds import upper_bounds
+from phaselead.gap.candidates import NEEDS_FROZEN, NEEDS_SESSION, responses, shown_by
 from phaselead.gap.design import propose
 from phaselead.gap.findings import (
     PROVISIONAL,
@@ -34,9 +35,6 @@ from phaselead.gap.selection import Selection
 from phaselead.gap.unexplained import Unexplained, unexplained
 from phaselead.gap.voltage_independent import VoltageIndependent, find_voltage_independent
 from phaselead.model import AxisModel, Effect
-
-NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
-NEEDS_SESSION = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
 
 _Finding = TypeVar("_Finding", NamedEffect, Adopted, Bound, Candidate, Cell, Detectable, NextExperiment)
 
@@ -105,9 +103,10 @@ def search_axis(
     ``frozen``: whether the base is beyond doubt.
     """
     referenced = any(run.role == "reference" for run in runs)
-    candidates, refused = responses(effects, frozen, referenced)
+    shown, too_quick = shown_by(effects, model, runs[0].step_s)
+    candidates, refused = responses(shown, frozen, referenced)
     candidates = [effect.as_known() for effect in candidates]
-    nameless = [e.as_known() for e in effects if refused.get(e.name) == NEEDS_FROZEN and not referenced]
+    nameless = [e.as_known() for e in shown if refused.get(e.name) == NEEDS_FROZEN and not referenced]
     selection = select_effects(model, runs, candidates, nameless, frozen, lambda share: on_progress(0.85 * share))
     floor = floor_of(selection.contest)
     final = final_fit(selection, runs, floor)
@@ -125,7 +124,7 @@ def search_axis(
     provisional: list[NamedEffect] = []
     if unknown:
         # The base stays as it is, so that anything may be tried that a frozen one shows.
-        untried, _ = responses([e for e in effects if e.name not in taken | played], frozen=True, referenced=False)
+        untried, _ = responses([e for e in shown if e.name not in taken | played], frozen=True, referenced=False)
         final, provisional = nearest_that_pays(final, claimed.entries, runs, untried, open_plays=bool(played))
     kept = kept_names(named, [*claimed.entries, *provisional], plays=bool(played))
     unsure = {one.name for one in kept if one.status == PROVISIONAL}
@@ -136,7 +135,7 @@ def search_axis(
         ties,
         unknown,
         [*excluded, *other.excluded],
-        {**_untested(refused, other, taken), **hidden},
+        {**_untested({**too_quick, **refused}, other, taken), **hidden},
         rank_cells(final.residuals_before("holdout"), floor.noise),
         final.gap,
         final.rows,
@@ -219,26 +218,6 @@ def _untested(refused: dict[str, str], other: VoltageIndependent, taken: set[str
     """Why effects that are not ``taken`` were not tested, by name."""
     why = {n: w for n, w in refused.items() if not (other.zero_tested and w == NEEDS_SESSION)} | other.untested
     return {n: w for n, w in why.items() if n not in taken}
-
-
-def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:
-    """Effects that the search may name, and why others are not among them, by name.
-
-    ``referenced``: whether there are reference records. Without them, a base that is not frozen is refitted together
-    with the effects. Disturbances have tests of their own, but a drift is fitted like a response: its course in time
-    is known.
-    """
-    allowed, refused = [], {}
-    for effect in effects:
-        if effect.moves_zero == "at once":
-            refused[effect.name] = NEEDS_SESSION
-        elif effect.alone_as is not None:
-            refused[effect.name] = f"one axis cannot tell it from {effect.alone_as}, which stands for both"
-        elif effect.kind == "calibration" and not frozen:
-            refused[effect.name] = NEEDS_FROZEN
-        elif effect.kind != "disturbance" or effect.moves_zero == "steadily":
-            allowed.append(effect if frozen or referenced else effect.for_refitted_base())
-    return allowed, refused
 
 
 def _proposal(selection: Selection) -> NextExperiment | None:

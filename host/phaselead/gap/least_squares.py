@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from phaselead.gap.parameters import SizedEffect, entries_at, fresh_columns, internal
-from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.gap.residual import ModelledRun
-from phaselead.model import Effect
 from phaselead.record import Samples
 
 WithoutOwn = Callable[[Sequence[Samples]], Samples]
@@ -23,11 +20,8 @@ def fitted_in_um(
 ) -> tuple[tuple[SizedEffect, ...], float]:
     """The effects at the parameters near theirs that leave least of some runs, and the squares in um^2 that they leave.
 
-    The runs are simulated ``evaluations`` times at most, their slopes as often. A frequency stays below what the
-    sampling can show.
+    The runs are simulated ``evaluations`` times at most, their slopes as often.
     """
-    highest_Hz = HIGHEST_OF_RATE / runs[0].run.step_s
-    entries = [(_sampled(effect, highest_Hz), params) for effect, params in entries]
     start = internal(entries)
     if not len(start):
         return tuple(entries), squares_left(entries, runs, without_own)
@@ -41,14 +35,6 @@ def fitted_in_um(
 
     found = least_squares(errors, start, slopes, method="trf", x_scale="jac", max_nfev=evaluations)
     return entries_at(entries, found.x), 2 * float(found.cost)
-
-
-def _sampled(effect: Effect, highest_Hz: float) -> Effect:
-    """The effect with its frequencies bounded by ``highest_Hz``, those that would have no range left as they are."""
-    if not any(p.unit == "Hz" and p.high > highest_Hz > p.low for p in effect.parameters):
-        return effect
-    limited = (replace(p, high=highest_Hz) if p.unit == "Hz" and p.high > highest_Hz else p for p in effect.parameters)
-    return replace(effect, parameters=tuple(limited))
 
 
 def squares_left(entries: Sequence[SizedEffect], runs: Sequence[ModelledRun], without_own: WithoutOwn) -> float:

@@ -21,8 +21,6 @@ GRID_POINTS = 5
 """Values of one shape parameter between its bounds."""
 MODE_GRID_RATIO, MODE_GRID_ZETA = 1.16, 0.08
 """A mode is looked for at frequencies in this ratio, with this damping: neighbours then overlap."""
-HIGHEST_OF_RATE = 0.45
-"""Of the sampling rate: no frequency is looked for above it, where sampling shows no more of a period than its ends."""
 LONGEST_TIME, SHORTEST_TIME = 30.0, 0.5
 """A time constant is looked for up to this many lengths of the longest record, and from this part of a row on: a slower
 one is a straight line, a faster one none."""
@@ -82,7 +80,6 @@ def _grid(p: Parameter, effect: Effect, step_s: float, longest_s: float) -> list
     """Values at which one shape parameter is simulated."""
     low, high = p.low, p.high
     if p.unit == "Hz":
-        high = min(high, HIGHEST_OF_RATE / step_s)
         low = min(max(low, 1 / longest_s), high)
     if p.unit == "s":
         low, high = max(low, SHORTEST_TIME * step_s), min(high, LONGEST_TIME * longest_s)

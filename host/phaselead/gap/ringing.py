@@ -36,7 +36,7 @@ def without_ringing(modelled: ModelledRun, entries: Sequence[SizedEffect], error
 def _modes(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> list[tuple[Effect, Params]]:
     """The effects of the model with modes, as others change them."""
     base = [(effect(one.name), one.params) for one in modelled.axis.effects]
-    changed = rewritten([*base, *entries])
+    changed = rewritten([(one, one.complete(params)) for one, params in [*base, *entries]])
     return [(one, params) for one, params in changed if one.modes is not None and one.before_record is not None]
 
 

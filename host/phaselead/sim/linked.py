@@ -68,7 +68,8 @@ class LinkedParts(VirtualAxis):
         self._axis, self._operator, self._surroundings = axis, axis.operator, axis.surroundings
         self._links: list[tuple[Place, Callable[[], Link]]] = []
         self._plays: list[tuple[float, float, float]] = []  # threshold V, weight um/V, start V
-        self._mass = 0.0
+        self._mass, self._others = 0.0, 1.0
+        self._largest = 0.0
         self._taken: set[str] = set()
 
     def filter(self, direct: float, poles: Sequence[complex], weights: Sequence[complex]) -> None:
@@ -83,11 +84,16 @@ class LinkedParts(VirtualAxis):
 
     def modes(self, c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float]) -> None:
         self.has_modes = True
-        self._link(lambda: _modes(c, f_Hz, zeta, self._mass))
+        self._largest = max(self._largest, *(abs(share) for share in c))
+        self._link(lambda: _modes(c, f_Hz, zeta, self._felt(c)))
 
-    def load(self, mass: float) -> None:
+    def load(self, mass: float, others: float) -> None:
         self._only("load")
-        self._mass = mass
+        self._mass, self._others = mass, others
+
+    def _felt(self, c: Sequence[float]) -> list[float]:
+        """What each of some modes feels of the load, once all modes are known."""
+        return [self._mass * (1.0 if abs(share) >= self._largest else self._others) for share in c]
 
     def slew(self, per_s: float) -> None:
         self._link(lambda: _link(SLEW, per_s))
@@ -252,10 +258,10 @@ def _poles(direct: float, poles: Sequence[complex], weights: Sequence[complex]) 
     return link
 
 
-def _modes(c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float], mass: float) -> Link:
+def _modes(c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float], felt: Sequence[float]) -> Link:
     """Each mode as twice the real part of one complex lag: w^2 / (s^2 + 2 zeta w s + w^2)."""
     poles, weights = [], []
-    for share, f, damping in zip(c, f_Hz, zeta, strict=True):
+    for share, f, damping, mass in zip(c, f_Hz, zeta, felt, strict=True):
         slower = (1 + mass) ** -0.5
         w, damping = 2 * math.pi * f * slower, damping * slower
         pole = w * complex(-damping, math.sqrt(1 - damping**2))

@@ -82,7 +82,7 @@ class _Expected:
         self._without_um2 = (likelihood.noise + likelihood.base) / likelihood.counted_beside(likelihood.base)
         mine = shapes.of(name)
         self._of_material = bool(is_of_material([self._entry(mine[0], 1.0)])[0])
-        likely = np.exp([prior_of([self._entry(i, 1.0)], likelihood.step_s).log_density for i in mine])
+        likely = np.exp([prior_of([self._entry(i, 1.0)]).log_density for i in mine])
         needed = np.array([self._times(shapes.first(i), [], [], 1.0) for i in mine])
         order = np.argsort(needed)
         half = int(np.searchsorted(np.cumsum(likely[order]), 0.5 * likely.sum()))

@@ -142,7 +142,7 @@ class Likelihood:
         pairs = zip(self.runs, found, strict=True)
         of_effects = np.concatenate([run.spread(one.power) for run, one in pairs], axis=1)
         material = of_effects[is_of_material(entries)].sum(axis=0)
-        prior = prior_of(entries, self.step_s)
+        prior = prior_of(entries)
         moments = self._moments(found)
         moments = moments if moving is None else moments.where_moving(moving)
         return Terms(tuple(entries), moments, of_effects.sum(axis=0), material, prior)
@@ -173,7 +173,7 @@ class Likelihood:
         of_records = np.repeat(terms.moments.moving, np.diff(self._blocks), axis=0)
         own[:, :-1] *= of_records
         moments = terms.moments.with_residual(own, across)
-        prior = prior_of(entries, self.step_s)
+        prior = prior_of(entries)
         none = Prior(prior.log_density, np.zeros(0), np.zeros(0))
         return Terms(entries, moments, terms.signal, terms.of_material, none)
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from phaselead.gap.error_rates import TWO_SIDED_95
 from phaselead.gap.parameters import SizedEffect, is_logarithmic, to_internal
-from phaselead.gap.regressors import HIGHEST_OF_RATE
 from phaselead.model import Parameter
 from phaselead.record import Samples
 
@@ -37,7 +36,7 @@ class Prior:
     """(parameters,)"""
 
 
-def prior_of(entries: Sequence[SizedEffect], step_s: float) -> Prior:
+def prior_of(entries: Sequence[SizedEffect]) -> Prior:
     """The prior of all parameters of some effects."""
     total = 0.0
     precision: list[float] = []
@@ -54,7 +53,7 @@ def prior_of(entries: Sequence[SizedEffect], step_s: float) -> Prior:
                 precision.append(size_precision)
                 centre.append(0.0)
                 continue
-            middle, spread = _shape_prior(p, effect.peak, step_s)
+            middle, spread = _shape_prior(p, effect.peak)
             off = (to_internal(p, params[p.name]) - middle) / spread
             total += -0.5 * off**2 - log(spread * np.sqrt(2 * np.pi))
             precision.append(1 / spread**2)
@@ -62,14 +61,14 @@ def prior_of(entries: Sequence[SizedEffect], step_s: float) -> Prior:
     return Prior(total, np.array(precision), np.array(centre))
 
 
-def _shape_prior(p: Parameter, peak: tuple[str, str] | None, step_s: float) -> tuple[float, float]:
+def _shape_prior(p: Parameter, peak: tuple[str, str] | None) -> tuple[float, float]:
     """Centre and deviation of a shape in internal units."""
-    if p.unit == "Hz":
-        low, high = np.log(max(p.low, 1.0)), np.log(min(p.high, HIGHEST_OF_RATE / step_s))
-        return float((low + high) / 2), float(max(high - low, 0.1) / np.sqrt(12))
     if peak is not None and p.name == peak[1]:
         return log(FLEXURE_ZETA), ZETA_SPREAD
-    uniform = (to_internal(p, p.high) - to_internal(p, p.low)) / np.sqrt(12)
+    low, high = to_internal(p, p.low), to_internal(p, p.high)
+    uniform = (high - low) / np.sqrt(12)
+    if p.unit == "Hz" or p.between_forms:
+        return (low + high) / 2, uniform
     if is_logarithmic(p):
         return log(p.typical), min(SHAPE_SPREAD, uniform)
     return to_internal(p, p.typical), uniform

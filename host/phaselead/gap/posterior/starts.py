@@ -16,7 +16,7 @@ from phaselead.gap.posterior.likelihood import Likelihood
 from phaselead.gap.posterior.moments import Amounts
 from phaselead.gap.posterior.priors import FLEXURE_ZETA, LARGEST, SIZES
 from phaselead.gap.posterior.sets import Fit
-from phaselead.gap.regressors import HIGHEST_OF_RATE, MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
+from phaselead.gap.regressors import MODE_GRID_RATIO, RegressorGroup, regressor_groups, typical_sizes
 from phaselead.model import Effect
 from phaselead.record import Samples
 
@@ -105,7 +105,6 @@ class Starts:
         assert effect.peak is not None
         frequency, damping = effect.peak
         near = np.geomspace(1 / MODE_GRID_RATIO, MODE_GRID_RATIO, FINE_MODES) * params[frequency]
-        near = np.minimum(near, HIGHEST_OF_RATE / self.likelihood.step_s)
         shapes = {p.name: params[p.name] for p in effect.shapes}
         groups = [
             RegressorGroup(effect, {**shapes, frequency: f, damping: FLEXURE_ZETA}, typical_sizes(effect)) for f in near

@@ -310,13 +310,23 @@ class Effect:
     def for_refitted_base(self) -> Effect:
         """The effect without the parameters that a base refitted together with it takes over: they stay as when left
         out."""
-        asked = tuple(p for p in self.parameters if not p.absorbed_by_refit)
-        fixed = {p.name: p.left_out for p in self.parameters if p.absorbed_by_refit}
-        return replace(self, parameters=asked, fixed=fixed)
+        return self._without([p for p in self.parameters if p.absorbed_by_refit])
+
+    def beside_modes(self, count: int) -> Effect:
+        """The effect without the parameters that change nothing in a model of so few modes."""
+        return self._without([p for p in self.parameters if p.needs_modes > count])
+
+    def _without(self, left_out: Sequence[Parameter]) -> Effect:
+        asked = tuple(p for p in self.parameters if p not in left_out)
+        return replace(self, parameters=asked, fixed={**self.fixed, **{p.name: p.left_out for p in left_out}})
 
     def as_known(self) -> Effect:
         """The effect with the bounds of what is known of stages."""
         return replace(self, parameters=tuple(p.as_known() for p in self.parameters))
+
+    def as_sampled(self, highest_Hz: float) -> Effect:
+        """The effect with no frequency above what a sampling can show."""
+        return replace(self, parameters=tuple(p.as_sampled(highest_Hz) for p in self.parameters))
 
     @property
     def before_modes(self) -> bool:

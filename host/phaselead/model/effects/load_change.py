@@ -28,13 +28,24 @@ def apply(signal: Signal, params: Params) -> Samples:
 
 
 def rewrite(entries: Sequence[Entry], params: Params) -> Sequence[Entry]:
-    """Every mode at constant stiffness and damping force with the mass multiplied by 1 + mass."""
-    factor = (1 + number(params, "mass")) ** -0.5
-    return [(effect, _loaded(given, factor) if effect.modes else given) for effect, given in entries]
+    """Every mode at constant stiffness and damping force, with the mass that it feels."""
+    shares = [[share for share, _, _ in effect.modes(given)] if effect.modes else [] for effect, given in entries]
+    largest = max((abs(share) for each in shares for share in each), default=0.0)
+    mass, others = number(params, "mass"), number(params, "others")
+    return [
+        (effect, _loaded(given, _felt_mass(np.array(each), largest, mass, others)) if each else given)
+        for (effect, given), each in zip(entries, shares, strict=True)
+    ]
 
 
-def _loaded(params: Params, factor: float) -> Params:
-    moved = {name: numbers(params, name) * factor for name in ("f_Hz", "zeta")}
+def _felt_mass(shares: Samples, largest: float, mass: float, others: float) -> Samples:
+    """Of modes with these shares of the motion, each (m,), in parts of their own mass. The ``largest`` share of all
+    modes feels all of the mass; how much others feel depends on how far they move where the load sits."""
+    return np.where(np.abs(shares) >= largest, mass, others * mass)
+
+
+def _loaded(params: Params, felt: Samples) -> Params:
+    moved = {name: numbers(params, name) / np.sqrt(1 + felt) for name in ("f_Hz", "zeta")}
     return {**params, **{name: float(v[0]) if np.ndim(params[name]) == 0 else list(v) for name, v in moved.items()}}
 
 
@@ -45,10 +56,10 @@ def untestable(signal: Signal) -> str | None:
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
-    mass = given.one("mass", above=-1.0)
+    mass, others = given.one("mass", above=-1.0), given.one("others")
     if not axis.has_modes:
         raise BadInput(f"{given.label} moves a resonance and there is none; add one")
-    axis.load(mass)
+    axis.load(mass, others)
 
 
 EFFECT = Effect(
@@ -57,9 +68,24 @@ EFFECT = Effect(
     title="Load change",
     place=Place.MECHANICS,
     order=2,
-    equation="m -> (1 + mass) m: f_Hz -> f_Hz / sqrt(1 + mass), zeta -> zeta / sqrt(1 + mass) of every known mode",
-    source="k/m of a spring and a mass; Devasia, Eleftheriou and Moheimani 2007",
-    parameters=(Parameter("mass", "of moving mass", 0.1, -0.5, 3.0, doc="mass added to what moves"),),
+    equation="m -> (1 + mass) m: f_Hz -> f_Hz / sqrt(1 + mass), zeta -> zeta / sqrt(1 + mass) of the known mode that "
+    "carries most of the motion, and with others mass of every other known mode",
+    source="k/m of a spring and a mass; Devasia, Eleftheriou and Moheimani 2007. How far a mode moves at the place of "
+    "the load decides how much of it that mode feels: Ewins 2000, Modal testing (mass modification)",
+    parameters=(
+        Parameter("mass", "of moving mass", 0.1, -0.5, 3.0, doc="mass added to what moves"),
+        Parameter(
+            "others",
+            "1",
+            1.0,
+            0.0,
+            1.0,
+            role="shape",
+            between_forms=True,
+            needs_modes=2,
+            doc="how much of it the smaller modes feel: 0 where the load sits at a node of theirs, 1 all of it",
+        ),
+    ),
     shows="the peaks of the frequency response move while the static gain stays",
     reveals="a multisine through the first mode, before and after",
     confused_with=("resonance", "sensor_lowpass"),

@@ -42,9 +42,16 @@ class Parameter:
     """The lowest and the highest that any stage is known to have, where a stage file may give more; gap names none
     beyond."""
 
+    needs_modes: int = 0
+    """Of a shape: modes without which a model has nothing that it could change."""
+
     def as_known(self) -> Parameter:
         """The parameter with the bounds of what is known of stages."""
         return self if self.known is None else replace(self, low=self.known[0], high=self.known[1])
+
+    def as_sampled(self, highest_Hz: float) -> Parameter:
+        """The parameter, a frequency no higher than what a sampling can show."""
+        return replace(self, high=highest_Hz) if self.unit == "Hz" and self.low < highest_Hz < self.high else self
 
     @property
     def left_out(self) -> float:

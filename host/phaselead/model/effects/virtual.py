@@ -67,8 +67,8 @@ class VirtualAxis:
         """y = (1 - sum c) x + sum c w^2 / (s^2 + 2 zeta w s + w^2) x."""
         _refuse()
 
-    def load(self, mass: float) -> None:
-        """All modes carry 1 + mass of their own mass."""
+    def load(self, mass: float, others: float) -> None:
+        """The largest mode carries 1 + mass of its own mass, each other one 1 + others mass."""
         _refuse()
 
     def slew(self, per_s: float) -> None:

@@ -1,0 +1,53 @@
+"""Which effects of a catalogue some records can show, and why they cannot show the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from phaselead.model import AxisModel, Effect, effect
+from phaselead.quantity import digits
+
+HIGHEST_OF_RATE = 0.45
+"""Of the sampling rate: no frequency is looked for above it, where sampling shows no more of a period than its ends."""
+NEEDS_FROZEN = "can be told only against a frozen base: give --reference records, or --frozen"
+NEEDS_SESSION = "a zero that moved shows only against a session before it: give --reference records, idle and driven"
+
+
+def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple[list[Effect], dict[str, str]]:
+    """Effects as records of a sampling step show them on a base: no frequency beyond the sampling, no parameter that
+    changes nothing there. And by name why others cannot be seen. Disturbances have tests that know the sampling."""
+    highest_Hz, modes = HIGHEST_OF_RATE / step_s, _modes(axis)
+    shown, too_quick = [], {}
+    for one in effects:
+        lowest_Hz = max((p.low for p in one.parameters if p.unit == "Hz"), default=0.0)
+        if lowest_Hz < highest_Hz or one.kind == "disturbance":
+            shown.append(one.as_sampled(highest_Hz).beside_modes(modes))
+        else:
+            too_quick[one.name] = f"shows above {digits(lowest_Hz / HIGHEST_OF_RATE, 2)} rows per second alone"
+    return shown, too_quick
+
+
+def _modes(axis: AxisModel) -> int:
+    """Number of modes that a base has."""
+    entries = [(effect(one.name), one.params) for one in axis.effects]
+    return sum(len(one.modes(one.complete(params))) for one, params in entries if one.modes is not None)
+
+
+def responses(effects: Sequence[Effect], frozen: bool, referenced: bool) -> tuple[list[Effect], dict[str, str]]:
+    """Effects that the search may name, and why others are not among them, by name.
+
+    ``referenced``: whether there are reference records. Without them, a base that is not frozen is refitted together
+    with the effects. Disturbances have tests of their own, but a drift is fitted like a response: its course in time
+    is known.
+    """
+    allowed, refused = [], {}
+    for one in effects:
+        if one.moves_zero == "at once":
+            refused[one.name] = NEEDS_SESSION
+        elif one.alone_as is not None:
+            refused[one.name] = f"one axis cannot tell it from {one.alone_as}, which stands for both"
+        elif one.kind == "calibration" and not frozen:
+            refused[one.name] = NEEDS_FROZEN
+        elif one.kind != "disturbance" or one.moves_zero == "steadily":
+            allowed.append(one if frozen or referenced else one.for_refitted_base())
+    return allowed, refused
