@@ -2,38 +2,80 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phaselead.gap.disturbances.disturbance import NEW_FROM, Disturbance, Residuals
 from phaselead.gap.findings import Estimate
+from phaselead.gap.residual import RunResidual
 from phaselead.record import Samples
+
+FEWEST_GAPS = 3
+"""Between the values of a record, that show a grid."""
+OFF_GRID = 0.05
+"""Of a step, by which rounding may move a value off it."""
+
+PLACES = 8
+"""Between two steps, at which a record is rounded."""
 
 
 def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """A grid on which all positions lie, as the effect ``name``; None unless it is coarser than the reference's."""
-    steps = [grid_step(residual.run.x_um) for residual in train]
-    again = [grid_step(residual.run.x_um) for residual in holdout]
-    if any(s is None for s in [*steps, *again]):
+    steps, again, known = (_steps(part) for part in (train, holdout, reference))
+    if not steps or not again:
         return None
-    lsb = float(np.median([s for s in steps if s is not None]))
-    known = [grid_step(residual.run.x_um) for residual in reference]
-    before = max((s for s in known if s is not None), default=0.0)
-    if lsb < NEW_FROM * before:
+    lsb = float(np.median(steps))
+    if not all(_lie_on(_gaps(residual.run.x_um), lsb) for residual in [*train, *holdout]):
+        return None
+    if lsb < NEW_FROM * max(known, default=0.0):
         return None
     params: dict[str, Estimate] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
     return Disturbance(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")
 
 
+def rounded(part: Residuals, lsb_um: float) -> list[RunResidual]:
+    """Residuals as a sensor with such steps would have shown them, had it rested where these round off most: half way
+    between two steps a record at rest jumps to and fro, on one of them it shows nothing."""
+    found = []
+    for residual in part:
+        tried = [_rounded(residual, lsb_um, shift * lsb_um) for shift in np.arange(PLACES) / PLACES]
+        found.append(max(tried, key=lambda one: float(one.error_um @ one.error_um)))
+    return found
+
+
+def _rounded(residual: RunResidual, lsb_um: float, shift_um: float) -> RunResidual:
+    x_um = residual.run.x_um + shift_um
+    run = replace(residual.run, x_um=lsb_um * np.round(x_um / lsb_um))
+    off_um = (run.x_um - x_um)[run.rows]
+    return replace(residual, run=run, error_um=residual.error_um + off_um - off_um.mean())
+
+
+def _steps(part: Residuals) -> list[float]:
+    """The step of every record that has one."""
+    steps = (grid_step(residual.run.x_um) for residual in part)
+    return [step for step in steps if step is not None]
+
+
 def grid_step(x_um: Samples) -> float | None:
-    """The step (um) of the grid on which all values (n,) lie; None where there is none above rounding."""
-    gaps = np.diff(np.unique(x_um))
-    gaps = gaps[gaps > 1e-9 * max(float(np.abs(x_um).max()), 1.0)]
-    if len(gaps) < 3:
+    """The step (um) of the grid on which all values (n,) lie; None where there is none above rounding, or where they
+    are too few to say: of a sensor with coarse steps a record at rest has one or two."""
+    gaps = _gaps(x_um)
+    if len(gaps) < FEWEST_GAPS:
         return None
     step = float(gaps.min())
     if step < 1e-6 * max(float(np.ptp(x_um)), 1e-9):
         return None
-    multiples = gaps / step
-    step = float(np.median(gaps / np.maximum(np.round(multiples), 1.0)))
-    off = np.abs(gaps / step - np.round(gaps / step))
-    return step if float(off.max()) < 0.05 else None
+    step = float(np.median(gaps / np.maximum(np.round(gaps / step), 1.0)))
+    return step if _lie_on(gaps, step) else None
+
+
+def _gaps(x_um: Samples) -> Samples:
+    """Differences (m,) between neighbours of the values (n,), without those of rounding."""
+    gaps = np.diff(np.unique(x_um))
+    return np.asarray(gaps[gaps > 1e-9 * max(float(np.abs(x_um).max()), 1.0)])
+
+
+def _lie_on(gaps: Samples, step: float) -> bool:
+    """Whether all gaps (m,) are multiples of a step; none are of any."""
+    return bool((np.abs(gaps / step - np.round(gaps / step)) < OFF_GRID).all())

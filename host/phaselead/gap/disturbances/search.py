@@ -12,7 +12,7 @@ from typing import NamedTuple
 from phaselead.gap.disturbances.disturbance import Disturbance, Residuals
 from phaselead.gap.disturbances.hum import find_hum, is_mains, without_hum
 from phaselead.gap.disturbances.jitter import find_jitter
-from phaselead.gap.disturbances.quantisation import find_grid
+from phaselead.gap.disturbances.quantisation import find_grid, rounded
 from phaselead.gap.disturbances.vibration import find_vibration
 from phaselead.gap.residual import RunResidual
 from phaselead.model import Effect, catalogue
@@ -34,12 +34,12 @@ class _Test(NamedTuple):
 
 
 TESTS = {
+    "grid": _Test(find_grid, at_rest=False, in_motion=False, without_reference=NO_GRID_BEFORE),
     "lines": _Test(find_hum, at_rest=True, in_motion=False),
     "band": _Test(find_vibration, at_rest=True, in_motion=False),
-    "grid": _Test(find_grid, at_rest=False, in_motion=False, without_reference=NO_GRID_BEFORE),
     "speed": _Test(find_jitter, at_rest=False, in_motion=True, without_reference=NO_SPEED_BEFORE),
 }
-"""By ``Effect.seen_as``; in this order they are reported."""
+"""By ``Effect.seen_as``; in this order they are run and reported."""
 
 
 def find_disturbances(
@@ -50,7 +50,8 @@ def find_disturbances(
     ``allowed`` holds the names of the effects that may be named. All tests are run: noise that is plainly new but has
     no name in this catalogue must not pass as nothing.
     """
-    quiet = [_at_rest(part) for part in (train, holdout, reference)]
+    every = [train, holdout, reference]
+    quiet = [_at_rest(part) for part in every]
     resting = all(part and all(residual.run.idle for residual in part) for part in quiet[:2])
     moving = any(residual.run.driven for residual in train)
     found, untestable = [], {}
@@ -63,9 +64,11 @@ def find_disturbances(
         elif test.without_reference and not reference:
             untestable[name] = test.without_reference
         else:
-            parts = quiet if test.at_rest else [train, holdout, reference]
-            one = test.find(name, *parts)
+            one = test.find(name, *(quiet if test.at_rest else every))
             found += [one] if one is not None else []
+            if seen_as == "grid" and one is not None:
+                # What is rounded off is noise at all frequencies, and new; nothing else need be.
+                every[2], quiet[2] = (rounded(part, one.params["lsb_um"][0]) for part in (every[2], quiet[2]))
             if seen_as == "lines" and one is not None:
                 # Beside strong hum nothing else stands out at rest, and where lines are wide hum itself does.
                 quiet = [without_hum(part, one.params["f_Hz"][0]) for part in quiet]
