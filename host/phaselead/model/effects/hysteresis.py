@@ -99,7 +99,7 @@ EFFECT = Effect(
     "sum min(2 r_i, U - 2 r_i) w_i = width X, and one play of r = U, which nothing moves, with w = pinned width X / U",
     source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition). Walls that are pinned more "
     "strongly than the voltage can move take travel off and open no loop: Damjanovic 1998, Ferroelectric, dielectric "
-    "and piezoelectric properties, section 6",
+    "and piezoelectric properties of ferroelectric thin films and ceramics",
     parameters=(
         Parameter("width", "of range", 0.12, -0.2, 0.6, doc="opening of the full loop at its middle"),
         Parameter(
