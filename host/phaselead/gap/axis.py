@@ -61,15 +61,16 @@ class AxisResult:
     next_experiment: NextExperiment | None
     candidates: list[Candidate]
     traces: list[Trace]
-    spectra: list[Spectrum]
     messages: list[str]
     """For a person."""
     adopted: list[Adopted]
     """What the model has that the base had not."""
-    detectable: list[Detectable]
-    """From which size each effect was expected to be named."""
     unexplained: Unexplained
     """How much of what the model with its names leaves can be predicted from the voltage."""
+    spectra: Sequence[Spectrum] = ()
+    """Of disturbances, which are looked for where axes are searched one by one."""
+    detectable: Sequence[Detectable] = ()
+    """From which size each effect was expected to be named, where axes are searched one by one."""
     doubts: Sequence[str] = ()
     """Whether records are of this stage, for a person."""
 
@@ -112,7 +113,8 @@ def search_axis(
     final = final_fit(selection, runs, floor)
     claimed = _claimed(selection, final)
     other = find_voltage_independent(axis, final, effects, _names(claimed.named, claimed.ties))
-    vouched, left, predictable = _vouched_for(claimed, final)
+    left = _left_by(claimed, final)
+    vouched = _without_claims(claimed) if left.too_much else claimed
     named, ties = [*vouched.named, *other.named], [*vouched.ties, *other.ties]
     taken = _names(named, ties)
     # Plays that the base was given stay in it under whatever name: neither bounded nor tried beside themselves.
@@ -120,7 +122,7 @@ def search_axis(
     excluded, hidden = upper_bounds(vouched.selection, candidates, taken | played)
     on_progress(0.92)
     unlike = unlike_others(final)
-    unknown = selection.something_unnamed or other.unknown or predictable or bool(unlike)
+    unknown = selection.something_unnamed or other.unknown or left.beyond_equations or bool(unlike)
     provisional: list[NamedEffect] = []
     if unknown:
         # The base stays as it is, so that anything may be tried that a frozen one shows.
@@ -129,25 +131,25 @@ def search_axis(
     kept = kept_names(named, [*claimed.entries, *provisional], plays=bool(played))
     unsure = {one.name for one in kept if one.status == PROVISIONAL}
     return AxisResult(
-        axis,
-        adopted(final.axis, [*claimed.entries, *provisional, *other.named], unsure),
-        named,
-        ties,
-        unknown,
-        [*excluded, *other.excluded],
-        {**_untested({**too_quick, **refused}, other, taken), **hidden},
-        rank_cells(final.residuals_before("holdout"), floor.noise),
-        final.gap,
-        final.rows,
-        _proposal(vouched.selection),
-        list(vouched.selection.candidates),
-        final.traces(),
-        other.spectra,
-        [*vouched.messages, *other.messages],
-        kept,
-        _detectable(selection, candidates),
-        left,
-        unlike,
+        axis=axis,
+        model=adopted(final.axis, [*claimed.entries, *provisional, *other.named], unsure),
+        effects=named,
+        ties=ties,
+        unknown=unknown,
+        excluded=[*excluded, *other.excluded],
+        untestable={**_untested({**too_quick, **refused}, other, taken), **hidden},
+        where=rank_cells(final.residuals_before("holdout"), floor.noise),
+        gap=final.gap,
+        rows=final.rows,
+        next_experiment=_proposal(vouched.selection),
+        candidates=list(vouched.selection.candidates),
+        traces=final.traces(),
+        spectra=other.spectra,
+        messages=[*vouched.messages, *other.messages],
+        adopted=kept,
+        detectable=_detectable(selection, candidates),
+        unexplained=left.unexplained,
+        doubts=unlike,
     )
 
 
@@ -184,23 +186,37 @@ def _claimed(selection: Selection, final: FinalFit) -> _Claimed:
     return _Claimed(selection, named, ties, entries, selection.messages)
 
 
-def _vouched_for(claimed: _Claimed, final: FinalFit) -> tuple[_Claimed, Unexplained, bool]:
-    """The claims less those that leave too much of the held-out records, how much can be predicted of what is left,
-    and whether that is more than the equations of what is named may miss."""
+@dataclass(frozen=True)
+class _Left:
+    """What a generic model predicts of what the final model leaves."""
+
+    unexplained: Unexplained
+    beyond_equations: bool
+    """Whether that is more than the equations of what is claimed may miss."""
+    too_much: bool = False
+    """Whether it is so much that these equations do not bear their names."""
+
+
+def _left_by(claimed: _Claimed, final: FinalFit) -> _Left:
+    """What is left beside the claims."""
     anything = bool(claimed.named or claimed.ties)
-    residuals = final.residuals("train"), final.residuals("holdout"), final.residuals("reference")
+    reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
-    left = unexplained(*residuals, of_any_size=not anything)
+    left = unexplained(final.residuals("train"), final.residuals("holdout"), reference, of_any_size=not anything)
     if anything and too_little_described(left, final.gap):
-        names = " or ".join(sorted(_names(claimed.named, claimed.ties)))
-        said = f"{names} would be named, but too much is left that the voltage predicts: it is not vouched for"
-        messages = [*claimed.messages, said]
-        withdrawn = claimed.selection.withdrawn()
-        return replace(claimed, selection=withdrawn, named=(), ties=(), messages=messages), left, True
-    if anything and residuals[2]:
-        predictable = more_than_equations_miss(left, final.gap)
-        return claimed, replace(left, of_equations=left.something_missing and not predictable), predictable
-    return claimed, left, left.something_missing
+        return _Left(left, beyond_equations=True, too_much=True)
+    if anything and reference:
+        beyond = more_than_equations_miss(left, final.gap)
+        return _Left(replace(left, of_equations=left.something_missing and not beyond), beyond)
+    return _Left(left, left.something_missing)
+
+
+def _without_claims(claimed: _Claimed) -> _Claimed:
+    """The claims withdrawn; what they describe stays for the stage file."""
+    names = " or ".join(sorted(_names(claimed.named, claimed.ties)))
+    said = f"{names} would be named, but too much is left that the voltage predicts: it is not vouched for"
+    messages = [*claimed.messages, said]
+    return replace(claimed, selection=claimed.selection.withdrawn(), named=(), ties=(), messages=messages)
 
 
 def _detectable(selection: Selection, effects: Sequence[Effect]) -> list[Detectable]:

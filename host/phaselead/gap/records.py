@@ -208,10 +208,19 @@ def _run(record: Recording, axis: str, role: Role) -> GapRun:
     start, stop, _ = record.scored.indices(len(record.t_s))
     others = {name: a for name, a in record.axes.items() if name != axis and _complete(a)}
     return GapRun(
-        axis, role, record.t_s, own.u_V, own.x_um, own.r_um, start, stop, record.source, record.sha256,
-        {name: a.x_um for name, a in others.items() if a.x_um is not None},
-        {name: a.u_V for name, a in others.items() if a.u_V is not None},
-    )  # fmt: skip
+        axis=axis,
+        role=role,
+        t_s=record.t_s,
+        u_V=own.u_V,
+        x_um=own.x_um,
+        r_um=own.r_um,
+        start=start,
+        stop=stop,
+        source=record.source,
+        sha256=record.sha256,
+        others_um={name: a.x_um for name, a in others.items() if a.x_um is not None},
+        others_V={name: a.u_V for name, a in others.items() if a.u_V is not None},
+    )
 
 
 def _refuse_other_rate(stage: Stage, axis: str, runs: Sequence[GapRun]) -> None:

@@ -51,11 +51,16 @@ def find_voltage_independent(
     whole = final.residuals("train"), final.residuals("holdout")
     bounds, hidden = disturbance_bounds(*whole, tested, {one.name for one in found})
     zero = _moved_zero(final, effects, claimed)
-    named = [*(_disturbance(one, final) for one in found), *zero.named]
-    unknown = zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals))
-    shown = disturbance_spectra(found, residuals[1], residuals[2], axis)
-    excluded, untested = [*zero.excluded, *bounds], {**untested, **hidden}
-    return VoltageIndependent(named, zero.ties, excluded, unknown, untested, zero.tested, shown, left_out)
+    return VoltageIndependent(
+        named=[*(_disturbance(one, final) for one in found), *zero.named],
+        ties=zero.ties,
+        excluded=[*zero.excluded, *bounds],
+        unknown=zero.unknown or bool(left_out) or (not found and louder_at_rest(*residuals)),
+        untested={**untested, **hidden},
+        zero_tested=zero.tested,
+        spectra=disturbance_spectra(found, residuals[1], residuals[2], axis),
+        messages=left_out,
+    )
 
 
 @dataclass(frozen=True)

@@ -77,9 +77,19 @@ def propose(selection: Selection, tied: Claim) -> NextExperiment | None:
     one, members = found.excitation, [entries[-1][0] for entries in tied.rivals]
     sensor = sensor_for(members) if found.chance <= MORE_LIKELY_THAN_NOT else None
     return NextExperiment(
-        one.waveform, one.level_V, one.band_Hz, one.bias_V, one.seconds, found.log_odds, found.chance, sensor,
-        one.source, one.points, tuple(member.name for member in members), selection.runs("train")[0].run.axis,
-    )  # fmt: skip
+        waveform=one.waveform,
+        level=one.level_V,
+        band=one.band_Hz,
+        bias=one.bias_V,
+        seconds=one.seconds,
+        separation=found.log_odds,
+        chance=found.chance,
+        needs_sensor=sensor,
+        source=one.source,
+        points=one.points,
+        tells_apart=tuple(member.name for member in members),
+        drives=selection.runs("train")[0].run.axis,
+    )
 
 
 def passes(log_odds: Samples | float, needed: Samples | float) -> Samples:
@@ -187,7 +197,20 @@ class _Predicted:
         n = int(excitation.seconds / self._step_s)
         t: Samples = np.asarray(np.arange(n) * self._step_s, dtype=np.float64)
         start = 0 if excitation.idle else min(round(APPROACH_s / self._step_s), n // 2)
-        run = GapRun("x", "train", t, excitation.voltage(t), np.zeros(n), None, start, n, "proposed", "", {}, {})
+        run = GapRun(
+            axis="x",
+            role="train",
+            t_s=t,
+            u_V=excitation.voltage(t),
+            x_um=np.zeros(n),
+            r_um=None,
+            start=start,
+            stop=n,
+            source="proposed",
+            sha256="",
+            others_um={},
+            others_V={},
+        )
         return modelled_run(self._axis, run)
 
     def _within_sensor(self, made: ModelledRun) -> bool:

@@ -139,10 +139,10 @@ def _claim(
 
 def _whole(contest: Contest, effect: Effect, params: Mapping[str, float]) -> str | None:
     """The effect of which one of the best set may be a part, at its size; None where none is."""
-    if effect.part_of is None:
+    whole = effect.part_of
+    if whole is None or whole.effect not in contest.names:
         return None
-    whole, most = effect.part_of
-    return whole if whole in contest.names and abs(params[effect.sizes[0].name]) <= most else None
+    return whole.effect if abs(params[effect.sizes[0].name]) <= whole.up_to else None
 
 
 def _tied_with(contest: Contest, claim: Claim, name: str, best: Names, sets: Mapping[Names, float]) -> Claim:

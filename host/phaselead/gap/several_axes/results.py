@@ -160,18 +160,27 @@ def axis_results(
         missing = left > LEAST_SAVED * gap.before**2 or unexcused
         results.append(
             AxisResult(
-                a, adopted[a], named[a], ties if i == 0 else [], missing, excluded, untestable,
-                _where(found, held, a), gap, sum(run.stop - run.start for run in held),
-                proposal if i == 0 else None,
-                _candidates(found, a), _traces(found, after, held, a), [], messages if i == 0 else [],
-                [
+                axis=a,
+                model=adopted[a],
+                effects=named[a],
+                ties=ties if i == 0 else [],
+                unknown=missing,
+                excluded=excluded,
+                untestable=untestable,
+                where=_where(found, held, a),
+                gap=gap,
+                rows=sum(run.stop - run.start for run in held),
+                next_experiment=proposal if i == 0 else None,
+                candidates=_candidates(found, a),
+                traces=_traces(found, after, held, a),
+                messages=messages if i == 0 else [],
+                adopted=[
                     *(Adopted(one.name, NAMED) for one in named[a]),
                     *(Adopted(name, PROVISIONAL) for name in unsure[a]),
                 ],
-                [],
-                predictable,
+                unexplained=predictable,
             )
-        )  # fmt: skip
+        )
     return results
 
 

@@ -150,6 +150,14 @@ class Signal:
         return (2 * self.driven_V - (low + high)) / (high - low)
 
 
+@dataclass(frozen=True)
+class PartOf:
+    """An effect that has another as a part of it. Up to a size only that tells the two apart, and it is no evidence."""
+
+    effect: str
+    up_to: float
+
+
 ModePart = Literal["own path", "coupling", "level"]
 """Of modes that axes share: what an actuator does at its own axis, at the others, and how its level moves the modes."""
 
@@ -234,9 +242,8 @@ class Effect:
     """Sizes that follow from its parameters and mean more to a person: reported beside them, never fitted."""
     alone_as: str | None = None
     """The effect that stands for it where one axis alone is seen, which cannot tell the two apart; None: itself."""
-    part_of: tuple[str, float] | None = None
-    """The effect of which it is a part, and the size up to which that may have it: then only its size tells them apart,
-    and that is no evidence; None where it is no part of another."""
+    part_of: PartOf | None = None
+    """The effect of which it is a part; None where it is no part of another."""
     reads: Callable[[Params, AxisModel], str] | None = None
     """Its parameters as a person would say them, where the names do not."""
 
