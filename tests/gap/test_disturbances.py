@@ -289,6 +289,30 @@ def test_a_clock_is_not_tested_without_references():
     assert "--reference" in find_disturbances(*parts, [], {"sampling_jitter"})[1]["sampling_jitter"]
 
 
+@pytest.mark.parametrize("corner_Hz", [20.0, 100.0, None])
+@pytest.mark.parametrize("louder", [2.0, 3.75])
+def test_noise_that_is_louder_as_a_whole_is_noticed_and_no_vibration(louder, corner_Hz):
+    """A sensor in another range, say: no name of the catalogue is right."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        parts = []
+        for n, size in ((6000, louder), (4000, louder), (6000, 1.0)):
+            noise = 0.008 * rng.normal(size=n) if corner_Hz is None else 0.8 * coloured(rng, n, corner_Hz)
+            parts.append([left(size * noise)])
+        assert find_vibration("vibration", *parts) is None
+        assert louder_at_rest(*parts)
+
+
+def test_a_vibration_in_louder_noise_is_found():
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        quiet = [0.008 * rng.normal(size=n) for n in (6000, 4000, 6000)]
+        shaken = [3 * noise + 2 * ringing(rng, len(noise), 120.0, 0.02) for noise in quiet[:2]]
+        found = find_vibration("vibration", *([left(e)] for e in (*shaken, quiet[2])))
+        assert found is not None
+        assert abs(found.params["f_Hz"][0] - 120) < 10
+
+
 def stepped(rng: np.random.Generator, n: int, step_um: float, moved_um: float, shaken_um: float = 0.0) -> RunResidual:
     """A record of a sensor with steps, twice as large as its noise is usually."""
     path = rng.uniform(0, 1) + moved_um * np.sin(2 * np.pi * np.arange(n) / n)

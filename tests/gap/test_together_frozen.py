@@ -64,7 +64,7 @@ def test_a_frozen_model_keeps_every_number_and_softening_comes_beside(modes, fro
     assert untouched(modes, frozen.stage)
     assert {e.name for e in frozen.effects} == {"softening"}
     assert frozen.gap.after < 0.5 * frozen.gap.before
-    assert any("held as the model has them" in message for message in frozen.messages)
+    assert any("kept as the model has them" in message for message in frozen.messages)
 
 
 def test_a_refit_moves_the_modes(modes, both):

@@ -29,7 +29,7 @@ def modes_as_they_are(stage: Stage, train: Sequence[JointRecord]) -> CommonModes
     model = _modal_model(axes)
     softening = _softening(axes)
     fit = fit_modes(model.poles, no_shaping(train, softening), split=model.participation(), most_steps=0, held=model)
-    return CommonModes(fit, softening, model.participation(), given=softening, held=True)
+    return CommonModes(fit, softening, model.participation(), given=softening, modes_kept=True)
 
 
 def _own_path(axis: AxisModel) -> Params | None:

@@ -52,7 +52,7 @@ class CommonModes:
     """What was fitted in front of the modes; None without anything."""
     other_powers: tuple[CommonModes, ...] = ()
     """The same under the least and the largest power of the level that were tried."""
-    held: bool = False
+    modes_kept: bool = False
     """Whether the modes are those of the base, as it has them."""
 
     @property
@@ -109,7 +109,7 @@ def fit_softening(
     """The modes of ``start``, with poles and gains that follow the level of the actuators, and with the effects
     ``others`` in front of them. Held modes stay as they are, and so does softening that they have."""
     front = InFront(train[0].axes, tuple(others), softens=not start.given, given=start.given)
-    held = start.model if start.held else None
+    kept = start.model if start.modes_kept else None
     if start.given:
         return _fit_others(train, start, front, report)
     values = front.first_values
@@ -125,7 +125,7 @@ def fit_softening(
             split=start.split,
             most_steps=steps,
             weights=weights,
-            held=held,
+            held=kept,
             report=(lambda s: report(0.6 * s)) if steps == SOFT_STEPS else None,
         )
 
@@ -138,7 +138,7 @@ def fit_softening(
     report(0.75)
     powers = {front.exponent: best}
     for exponent in EXPONENTS:
-        begin = _with_exponent(train, front, best, start.split, exponent, start.held)
+        begin = _with_exponent(train, front, best, start.split, exponent, start.modes_kept)
         powers[exponent] = fitted(replace(front, exponent=exponent), *begin, EXPONENT_STEPS, best.weights)
     left = {exponent: _squares_left(train, fit, replace(front, exponent=exponent)) for exponent, fit in powers.items()}
     exponents = _between(left, effect_of("level").parameter("exponent"))
@@ -176,18 +176,18 @@ def _fit_others(train: Sequence[JointRecord], start: CommonModes, front: InFront
 
 
 def _with_exponent(
-    train: Sequence[JointRecord], front: InFront, fit: ModalFit, split: Samples, exponent: float, held: bool
+    train: Sequence[JointRecord], front: InFront, fit: ModalFit, split: Samples, exponent: float, modes_kept: bool
 ) -> tuple[Complex, Complex, Samples]:
     """Poles, shifts and values that at the weakest and at the strongest level are the same under another exponent;
-    where poles are ``held`` at the strongest alone."""
+    where poles are kept (``modes_kept``) at the strongest alone."""
     assert fit.shift is not None
     own = np.eye(len(front.axes))
     of_shift, of_gain = (
         [_extreme_levels(train, f, fit, of) for f in (front, replace(front, exponent=exponent))] for of in (split, own)
     )
-    base, rise = _matched(of_shift[0], of_shift[1], -fit.shift, held)
+    base, rise = _matched(of_shift[0], of_shift[1], -fit.shift, modes_kept)
     values = fit.values.copy()
-    _, values[: len(own)] = _matched(of_gain[0], of_gain[1], values[: len(own)], held)
+    _, values[: len(own)] = _matched(of_gain[0], of_gain[1], values[: len(own)], modes_kept)
     return fit.model.poles * base, -rise, values
 
 
@@ -201,11 +201,11 @@ def _extreme_levels(
 
 
 def _matched(
-    was: tuple[Samples, Samples], now: tuple[Samples, Samples], rise: NDArray[Any], held: bool
+    was: tuple[Samples, Samples], now: tuple[Samples, Samples], rise: NDArray[Any], modes_kept: bool
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """``base`` and its relative rise per level for which base (1 + rise level) is what 1 + ``rise`` level was, at the
-    levels ``was`` and ``now``; where the base is ``held``, 1, at the higher level alone."""
-    if held:
+    levels ``was`` and ``now``; where the base is kept (``modes_kept``), 1, at the higher level alone."""
+    if modes_kept:
         return np.ones(len(rise)), rise * was[1] / now[1]
     at_low, at_high = 1 + rise * was[0], 1 + rise * was[1]
     slope = (at_high - at_low) / (now[1] - now[0])

@@ -83,13 +83,13 @@ def predict_held_out(stage: Stage, holdout: Sequence[Recording], axes: Sequence[
     return HeldOutPrediction(model, measured)
 
 
-def improvement(held: Sequence[JointRecord], before: Answer, after: Answer, axis: int | None = None) -> Improvement:
+def improvement(held_out: Sequence[JointRecord], before: Answer, after: Answer, axis: int | None = None) -> Improvement:
     """What the model ``after`` saves against ``before`` on one axis, or on all.
 
     Squares are compared block by block, each record in units of its own output.
     """
     saved, left = [], []
-    for record in held:
+    for record in held_out:
         x = _scored(record.x_um, record, axis)
         size = float(np.sum(x**2)) or 1.0
         was, now = (
@@ -110,13 +110,13 @@ def _scored(x: Samples, record: JointRecord, axis: int | None) -> Samples:
     return np.asarray(part - part.mean(axis=0))
 
 
-def noise_um(held: Sequence[JointRecord], axis: int) -> float | None:
+def noise_um(held_out: Sequence[JointRecord], axis: int) -> float | None:
     """Rms (um) of what does not repeat from period to period; None where the drives are not periodic."""
-    period = common_period([s.experiment for s in held])
+    period = common_period([s.experiment for s in held_out])
     if period is None:
         return None
     differences = []
-    for s in held:
+    for s in held_out:
         x = s.x_um[s.rows.start - period : s.rows.stop, axis]
         differences.append(x[period:] - x[:-period])
     return float(np.sqrt(np.mean(np.concatenate(differences) ** 2) / 2))

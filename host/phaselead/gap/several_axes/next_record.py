@@ -91,7 +91,7 @@ def _allowed(found: StageFit, record: JointRecord, level_V: float) -> bool:
 
 def _predicted(found: StageFit, played: JointRecord, members: Sequence[CommonModes], level_V: float) -> _Predicted:
     made = _at_level(found, played, level_V)
-    period = common_period([r.experiment for r in (played, *found.held)])
+    period = common_period([r.experiment for r in (played, *found.held_out)])
     noise = _power_left(found, made.level_V, period)
     answers = [_last(member.answer(made), made, period) for member in members]
     odds = [float(np.sum(np.abs(_lines(a - b)) ** 2 / _per_line(noise, len(a)))) for a, b in combinations(answers, 2)]
@@ -117,7 +117,7 @@ def _octaves(count: int, rows: int) -> Samples:
 def _power_left(found: StageFit, level_V: float, period: int | None) -> dict[int, Samples]:
     """By octave: power a line (axes,) that the model leaves of the held-out records nearest in level. Those of a weaker
     drive are taken to leave more at this one, in proportion."""
-    groups = level_groups(found.held)
+    groups = level_groups(found.held_out)
     nearest = min(groups, key=lambda g: abs(float(np.log(g[0].level_V / level_V))))
     by_octave: dict[int, list[Samples]] = {}
     for record in nearest:

@@ -52,7 +52,13 @@ def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects:
         return []
     drives = [record.drive(fit.entries) for record in records]
     found = score_test(
-        fit.fit, fit.split, drives, weights, lambda d: _changes(records[d], fit, columns), len(columns), held=fit.held
+        fit.fit,
+        fit.split,
+        drives,
+        weights,
+        lambda d: _changes(records[d], fit, columns),
+        len(columns),
+        held=fit.modes_kept,
     )
     best: dict[tuple[str, int], EffectScore] = {}
     for (group, i, j), amount, std, share in zip(columns, found.amounts, found.std, found.share, strict=True):

@@ -54,7 +54,7 @@ from phaselead.record import Recording, Samples
 
 ABSORBED = "modes that are fitted to axes moving together absorb it"
 ONE_LEVEL = "all training records have one level of drive; add records at another level"
-HELD = "held as the model has them, with its gains, coupling and softening"
+KEPT = "kept as the model has them, with its gains, coupling and softening"
 NOT_LOOKED_FOR = "not looked for in records in which several axes move at once; drive one axis at a time"
 
 
@@ -71,7 +71,7 @@ class StageFit:
     others: Sequence[EffectScore]
     before: HeldOutPrediction
     train: Sequence[JointRecord]
-    held: Sequence[JointRecord]
+    held_out: Sequence[JointRecord]
     names: tuple[str, ...]
     """Of the effects that may be named."""
     ties: Sequence[Tie] = ()
@@ -132,7 +132,7 @@ def axis_results(
     proposal: NextExperiment | None,
 ) -> list[AxisResult]:
     """One result per axis; messages about the whole stage, its ties and the experiment for them go with the first."""
-    gains = [None] * len(found.axes) if found.fit.held else own_gains(found.fit).tolist()
+    gains = [None] * len(found.axes) if found.fit.modes_kept else own_gains(found.fit).tolist()
     named = {a: _named(found, i) for i, a in enumerate(found.axes)}
     unsure = {a: _not_vouched_for(found, i, {one.name for one in named[a]}) for i, a in enumerate(found.axes)}
     adopted = {
@@ -152,7 +152,7 @@ def axis_results(
         excluded = _excluded(found, a, taken)
         untestable = _untestable(found, taken | {b.name for b in excluded})
         left = gap.after**2 - gap.floor**2
-        held = [run for run in runs[a] if run.role == "holdout"]
+        held_out = [run for run in runs[a] if run.role == "holdout"]
         predictable = _predictable(found, runs[a], i)
         of_fit = replace(gap, after=_left_um(found, i))
         unexcused = more_than_equations_miss(predictable, of_fit) if named[a] else predictable.something_missing
@@ -167,12 +167,12 @@ def axis_results(
                 unknown=missing,
                 excluded=excluded,
                 untestable=untestable,
-                where=_where(found, held, a),
+                where=_where(found, held_out, a),
                 gap=gap,
-                rows=sum(run.stop - run.start for run in held),
+                rows=sum(run.stop - run.start for run in held_out),
                 next_experiment=proposal if i == 0 else None,
                 candidates=_candidates(found, a),
-                traces=_traces(found, after, held, a),
+                traces=_traces(found, after, held_out, a),
                 messages=messages if i == 0 else [],
                 adopted=[
                     *(Adopted(one.name, NAMED) for one in named[a]),
@@ -198,7 +198,7 @@ def _predictable(found: StageFit, runs: Sequence[GapRun], axis: int) -> Unexplai
         errors = [_error(record, found.fit, axis) for record in records]
         return [RunResidual(run, error) for run, error in zip(of_role, errors, strict=True)]
 
-    return unexplained(left("train", found.train), left("holdout", found.held))
+    return unexplained(left("train", found.train), left("holdout", found.held_out))
 
 
 def _named(found: StageFit, axis: int) -> list[NamedEffect]:
@@ -210,9 +210,9 @@ def _named(found: StageFit, axis: int) -> list[NamedEffect]:
 
 
 def _adopted(found: StageFit, axis: int, named: Sequence[NamedEffect]) -> list[NamedEffect]:
-    """The named effects, those that the stage had, with their new values unless they are held, and what the modes were
+    """The named effects, those that the stage had, with their new values unless they are kept, and what the modes were
     fitted behind."""
-    known = set() if found.fit.held else {e.name for e in found.stage.axes[found.axes[axis]].effects}
+    known = set() if found.fit.modes_kept else {e.name for e in found.stage.axes[found.axes[axis]].effects}
     names = {one.name for one in named} | known | set(in_front(found.fit, axis) if found.softens else ())
     return [one for one in _effects(found, axis) if one.name in names]
 
@@ -228,7 +228,7 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
     result = []
     for name, values in params.items():
         without = found.without(name, axis)
-        gained = improvement(found.held, without.answer, found.fit.answer, axis)
+        gained = improvement(found.held_out, without.answer, found.fit.answer, axis)
         share = _share(found, without, axis) if gained.pays else 0.0
         growth = 1 / np.sqrt(max(1 - gained.saved, 1e-9))
         why = f"without it the held-out error grows {growth:.3g}-fold (z = {gained.z:.1f})"
@@ -239,8 +239,10 @@ def _effects(found: StageFit, axis: int) -> list[NamedEffect]:
 def _share(found: StageFit, without: CommonModes, axis: int) -> float:
     """Share of the power before that comes back without the effect."""
     before = found.before.rms(found.axes[axis]) ** 2
-    power = [float(np.mean(_error(record, fit, axis) ** 2)) for fit in (without, found.fit) for record in found.held]
-    count = len(found.held)
+    power = [
+        float(np.mean(_error(record, fit, axis) ** 2)) for fit in (without, found.fit) for record in found.held_out
+    ]
+    count = len(found.held_out)
     return float(np.clip((np.mean(power[:count]) - np.mean(power[count:])) / max(before, 1e-30), 0.0, 1.0))
 
 
@@ -251,13 +253,13 @@ def _error(record: JointRecord, fit: CommonModes, axis: int) -> Samples:
 
 def _left_um(found: StageFit, axis: int) -> float:
     """Rms (um) that the fit with all that was tried leaves of the held-out records."""
-    return float(np.sqrt(np.mean([np.mean(_error(record, found.fit, axis) ** 2) for record in found.held])))
+    return float(np.sqrt(np.mean([np.mean(_error(record, found.fit, axis) ** 2) for record in found.held_out])))
 
 
 def _gap(found: StageFit, after: HeldOutPrediction, axis: int) -> GapSize:
     name = found.axes[axis]
     left = after.rms(name)
-    noise = noise_um(found.held, axis)
+    noise = noise_um(found.held_out, axis)
     if noise is not None:
         return GapSize.below(found.before.rms(name), left, noise, "what does not repeat from period to period")
     train = float(np.sqrt(np.mean([np.mean(_error(s, found.fit, axis) ** 2) for s in found.train])))
@@ -269,7 +271,9 @@ def _excluded(found: StageFit, axis: str, taken: set[str]) -> list[Bound]:
     return [
         Bound(one.effect.name, abs(one.amount) + ONE_SIDED_95 * one.std, one.unit)
         for one in found.others
-        if one.axis == axis and one.effect.name not in taken and (found.fit.held or not one.effect.absorbed_by_modes)
+        if one.axis == axis
+        and one.effect.name not in taken
+        and (found.fit.modes_kept or not one.effect.absorbed_by_modes)
     ]
 
 
@@ -293,7 +297,7 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
         softening = entry.shared_modes == "level"
         if name in tested or (softening and found.softening is not None):
             continue
-        absorbed = entry.absorbed_by_modes and not found.fit.held
+        absorbed = entry.absorbed_by_modes and not found.fit.modes_kept
         reasons[name] = ONE_LEVEL if softening else ABSORBED if absorbed else NOT_LOOKED_FOR
     return reasons
 
@@ -327,7 +331,7 @@ def _traces(found: StageFit, after: HeldOutPrediction, held: Sequence[GapRun], a
 def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
     """The error over all axes relative to the output's rms, level by level, as publications on such stages give it."""
     levels: dict[str, list[int]] = {}
-    for i, record in enumerate(found.held):
+    for i, record in enumerate(found.held_out):
         levels.setdefault(f"{record.level_V:.2g}", []).append(i)
     lines = []
     for level, records in levels.items():
@@ -337,7 +341,7 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
         )
         lines.append(f"held out at {level} V rms: {was:.3g} % of the output's rms before, {now:.3g} % after")
     modes = f"{len(found.fit.model.poles)} modes common to all axes"
-    return [*lines, f"{modes}, {HELD}" if found.fit.held else modes, *_undetermined(found)]
+    return [*lines, f"{modes}, {KEPT}" if found.fit.modes_kept else modes, *_undetermined(found)]
 
 
 def _undetermined(found: StageFit) -> list[str]:

@@ -36,7 +36,7 @@ class Tie:
 def rivals_of(effect: Effect, fit: CommonModes, effects: Sequence[Effect], taken: Sequence[str]) -> list[Effect]:
     """The ``effects`` in front of the modes that the catalogue says may be taken for one, without those ``taken``.
 
-    What modes absorb is no rival unless they are held: it adds nothing to modes that are fitted.
+    What modes absorb is no rival unless they are kept: it adds nothing to modes that are fitted.
     """
     return [
         e
@@ -45,7 +45,7 @@ def rivals_of(effect: Effect, fit: CommonModes, effects: Sequence[Effect], taken
         and e.kind == "response"
         and e.before_modes
         and e.shared_modes is None
-        and (fit.held or not e.absorbed_by_modes)
+        and (fit.modes_kept or not e.absorbed_by_modes)
         and e.name not in taken
     ]
 
@@ -116,7 +116,7 @@ def _in_its_place(
         split=begin.split,
         most_steps=RIVAL_STEPS,
         weights=fit.fit.weights,
-        held=begin.model if begin.held else None,
+        held=begin.model if begin.modes_kept else None,
     )
     kept = (None, None) if softening else (fit.taus_s, fit.exponents)
     return replace(
@@ -153,9 +153,9 @@ def _first_values(
 
     def left(at: Samples) -> float:
         shaping = front.shaping(few, at)
-        held = begin.model if begin.held else None
+        kept = begin.model if begin.modes_kept else None
         fit = fit_modes(
-            begin.model.poles, shaping, shift=begin.fit.shift, split=begin.split, most_steps=0, held=held,
+            begin.model.poles, shaping, shift=begin.fit.shift, split=begin.split, most_steps=0, held=kept,
             weights=np.array([1 / max(float(np.sum(np.var(r.x_um[r.rows], axis=0))), 1e-30) for r in few]),
         )  # fmt: skip
         return fit.squares

@@ -70,14 +70,14 @@ def search_together(
         return None
     if frozen and not has_common_modes(stage):
         raise BadInput(NOTHING_TO_FREEZE)
-    held = has_common_modes(stage) and (bool(reference) if frozen is None else frozen)
+    kept = has_common_modes(stage) and (bool(reference) if frozen is None else frozen)
     axes = {a: stage.axes[a] for a in runs}
-    models = axes if held else _with_static_gains(stage, _of(records, "train"))
+    models = axes if kept else _with_static_gains(stage, _of(records, "train"))
     records = joint_records(models, runs) if models is not None else None
     if models is None or records is None:
         return None
     train, held_out = _of(records, "train"), _of(records, "holdout")
-    if held:
+    if kept:
         strongest = linear = modes_as_they_are(stage, train)
     else:
         strongest, linear = fit_linear(train, lambda share: report(0.35 * share))
@@ -102,7 +102,7 @@ def _with_rivals(found: StageFit, linear: CommonModes, effects: Sequence[Effect]
     for effect in [catalogue()[name] for name in named_in_front(found)]:
         untried = [e for e in effects if not _has(found.models, e)]
         taken = [e.name for e in fit.front.effects] if fit.front is not None else []
-        fit, tie = contest(found.train, found.held, linear, fit, effect, rivals_of(effect, fit, untried, taken))
+        fit, tie = contest(found.train, found.held_out, linear, fit, effect, rivals_of(effect, fit, untried, taken))
         ties += [tie] if tie is not None else []
     if fit is found.fit:
         return replace(found, ties=ties)
@@ -136,12 +136,12 @@ def _of(records: Sequence[JointRecord], role: Role) -> list[JointRecord]:
 
 
 def _better(
-    linear: CommonModes, softened: CommonModes | None, held: Sequence[JointRecord]
+    linear: CommonModes, softened: CommonModes | None, held_out: Sequence[JointRecord]
 ) -> tuple[CommonModes, Improvement | None]:
     """The softened modes where they predict the held-out records better, and by how much; else the linear ones."""
     if softened is None:
         return linear, None
-    gained = improvement(held, linear.answer, softened.answer)
+    gained = improvement(held_out, linear.answer, softened.answer)
     return (softened, gained) if gained.pays else (linear, gained)
 
 
