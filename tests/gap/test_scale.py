@@ -181,6 +181,16 @@ def test_a_held_out_record_that_is_nothing_like_the_others_is_never_nothing(fact
     assert f"{other.source}: of its motion" in gap_page(found, "model.toml").split("<h2>")[0]
 
 
+@pytest.mark.parametrize("factor", [5.0, -1.0])
+def test_a_training_record_that_is_nothing_like_the_others_is_never_nothing(factor):
+    """Of which the held-out ones know nothing: the model describes them as it did."""
+    (first, only), holdout = records()
+    train = as_written([only], lambda u, x: (u, factor * x))
+    found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))
+    assert "unknown" in found.verdicts
+    assert any(line.startswith(f"{only.source}: of its motion the model") for line in found.doubts)
+
+
 def test_a_held_out_record_that_is_like_the_others_raises_no_doubt():
     (first, *train), holdout = records()
     found = run_gap(stage(), train, holdout, [first], without=tuple(name for name in catalogue() if name != "delay"))

@@ -77,3 +77,11 @@ def test_records_that_stand_still_or_follow_nothing_tell_nothing():
     u_V, _ = steady(5.0, 1.0)
     assert factors_moved([(still, noise), (u_V, noise)], [STEP_S] * 2) == {}
     assert factors_moved([], []) == {}
+
+
+@given(st.floats(-0.45, 0.45), st.floats(2.0, 20.0), st.floats(11.0, 200.0))
+def test_what_moves_a_thousand_times_as_far_is_told_at_any_speed(decades, f_Hz, times):
+    u_V, x_um = steady(f_Hz, 1.0)
+    quick_V, quick_um = steady(min(times * f_Hz, 2000.0), 1.0, 8.0 * 1e3 * 10**decades)
+    found = factors_moved([(u_V, x_um), (quick_V, quick_um)], [STEP_S] * 2)
+    assert in_another_unit(found[1] / found[0])

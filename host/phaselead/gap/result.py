@@ -282,12 +282,11 @@ def _experiment_text(e: NextExperiment) -> str:
     waveform = f"the waveform of {e.source} again" if e.source else e.waveform
     together = f"on {e.axis.replace(',', ', ')} at once, " if e.axis and e.several_axes else ""
     rivals = f"{', '.join(e.tells_apart)} apart" if e.tells_apart else "which power of the level softening grows by"
-    text = (
-        f"next, to tell {rivals}: {waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, "
-        f"{e.seconds:.3g} s; predicted log odds {e.separation:.3g}, "
-        f"names the true one {100 * e.chance:.0f} times in 100"
-    )
-    return f"{text}; what would tell them apart is {e.needs_sensor}" if e.needs_sensor else text
+    odds = f"predicted log odds {e.separation:.3g}, names the true one {100 * e.chance:.0f} times in 100"
+    record = f"{waveform}, {together}{e.level:.3g} V peak-to-peak about {e.bias:.3g} V, {band}, {e.seconds:.3g} s"
+    if e.needs_sensor:
+        return f"next, to tell {rivals}: {e.needs_sensor}. No record is likely to: the best is {record}; {odds}"
+    return f"next, to tell {rivals}: {record}; {odds}"
 
 
 def _cell(cell: Cell) -> dict[str, Any]:
