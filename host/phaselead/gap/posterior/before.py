@@ -35,11 +35,18 @@ def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]
 
 def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     """Columns (n, parameters) in um of effects that the base may lack in all records: one deviation of each parameter,
-    as large as they are and of shapes near theirs. Each effect by itself."""
+    as large as they are and of shapes near theirs, as it looks where they are of typical size at most: of a large lag
+    a little more looks like no small one. Each effect by itself."""
     found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
     for entry in entries:
-        found.append(fresh_columns(modelled, [entry])[:, :-1] * fault_deviations(entry))
+        found.append(fresh_columns(modelled, [_typical_at_most(entry)])[:, :-1] * fault_deviations(entry))
     return np.concatenate(found, axis=1)
+
+
+def _typical_at_most(entry: SizedEffect) -> SizedEffect:
+    effect, params = entry
+    sizes = {p.name: float(np.clip(params[p.name], -abs(p.typical), abs(p.typical))) for p in effect.sizes}
+    return effect, {**params, **sizes}
 
 
 def fault_deviations(entry: SizedEffect) -> Samples:
