@@ -334,3 +334,14 @@ def test_what_steps_of_a_sensor_round_off_is_no_vibration(shaken_um):
         assert "quantisation" in named
         found += "vibration" in named
     assert found >= 95 if shaken_um else found == 0
+
+
+@pytest.mark.parametrize("moved_um", [(0.0,), (0.0, 0.0), (0.0, 1.0)])
+def test_steps_that_a_sensor_always_had_are_not_new(moved_um):
+    """Of a reference at rest one or two are seen."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        now = [[stepped(rng, 1500, 0.015, moved) for moved in (0.0, 1.0)] for _ in ("train", "holdout")]
+        before = [stepped(rng, 1500, 0.015, moved) for moved in moved_um]
+        named = {one.name for one in find_disturbances(*now, before, {"vibration", "quantisation"})[0]}
+        assert "quantisation" not in named

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import chirp
@@ -27,8 +29,26 @@ def column(name, **sizes):
 
 
 @pytest.mark.parametrize("name", ["delay", "amplifier_lowpass", "sensor_lowpass"])
-@pytest.mark.parametrize("times", [1.0, 5.0, 20.0])
+@pytest.mark.parametrize("times", [5.0, 20.0])
 def test_a_lag_that_the_base_lacks_looks_like_a_small_one(name, times):
     (size,) = effect(name).sizes
     small = column(name, **{size.name: 0.05 * size.typical})
     assert column(name, **{size.name: times * size.typical}) @ small > 0.9
+
+
+@pytest.mark.parametrize(
+    ("name", "params"), [("saturation", {"top": 0.2, "bottom": 0.0}), ("slew_limit", {"traverse_s": 0.3})]
+)
+def test_what_shows_beyond_a_size_alone_may_be_lacking_at_that_size(name, params):
+    """At its typical size it does nothing in this record."""
+    u_V = 4 + 3 * np.sin(2 * np.pi * 2 * T_s)
+    one, modelled = effect(name), modelled_run(AxisModel(time=VIEW), replace(RUN, u_V=u_V, x_um=8 * u_V))
+    assert np.ptp(modelled.answer([(one, {**one.typical, **dict.fromkeys(params, 0.01)})]) - modelled.answer()) < 1e-9
+    assert np.linalg.norm(as_fault(modelled, [(one, params)]), axis=0)[0] > 1.0
+
+
+def test_shapes_are_as_near_as_the_found_ones():
+    one = effect("hysteresis")
+    modelled = modelled_run(AxisModel(time=VIEW), RUN)
+    small, large = (as_fault(modelled, [(one, {**one.typical, "width": w})])[:, 1:] for w in (0.12, 0.48))
+    assert np.allclose(large, 4 * small)

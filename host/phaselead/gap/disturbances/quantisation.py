@@ -12,23 +12,23 @@ from phaselead.gap.residual import RunResidual
 from phaselead.record import Samples
 
 FEWEST_GAPS = 3
-"""Between the values of a record, that show a grid."""
+"""Fewest gaps between the values of a record from which its step is taken."""
 OFF_GRID = 0.05
 """Of a step, by which rounding may move a value off it."""
 
 PLACES = 8
-"""Between two steps, at which a record is rounded."""
+"""Positions between two steps at which a record is rounded, to find the one where that adds most."""
 
 
 def find_grid(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
-    """A grid on which all positions lie, as the effect ``name``; None unless it is coarser than the reference's."""
+    """A grid on which all positions lie, as the effect ``name``; None unless it is coarser than the reference's, and
+    where all that the reference shows may lie on it too."""
     steps, again, known = (_steps(part) for part in (train, holdout, reference))
     if not steps or not again:
         return None
     lsb = float(np.median(steps))
-    if not all(_lie_on(_gaps(residual.run.x_um), lsb) for residual in [*train, *holdout]):
-        return None
-    if lsb < NEW_FROM * max(known, default=0.0):
+    new, before = ([_lie_on(_gaps(one.run.x_um), lsb) for one in part] for part in ([*train, *holdout], reference))
+    if not all(new) or all(before) or lsb < NEW_FROM * max(known, default=0.0):
         return None
     params: dict[str, Estimate] = {"lsb_um": (lsb, "um", (0.999 * lsb, 1.001 * lsb))}
     return Disturbance(name, params, lsb**2 / 12, f"every position is a multiple of {1e3 * lsb:.4g} nm")

@@ -67,8 +67,9 @@ def find_disturbances(
             one = test.find(name, *(quiet if test.at_rest else every))
             found += [one] if one is not None else []
             if seen_as == "grid" and one is not None:
-                # What is rounded off is noise at all frequencies, and new; nothing else need be.
-                every[2], quiet[2] = (rounded(part, one.params["lsb_um"][0]) for part in (every[2], quiet[2]))
+                # The new records have its noise at all frequencies, so the other tests compare with as much.
+                every[2] = rounded(reference, one.params["lsb_um"][0])
+                quiet[2] = _at_rest(every[2])
             if seen_as == "lines" and one is not None:
                 # Beside strong hum nothing else stands out at rest, and where lines are wide hum itself does.
                 quiet = [without_hum(part, one.params["f_Hz"][0]) for part in quiet]

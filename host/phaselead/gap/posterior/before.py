@@ -35,11 +35,14 @@ def before_record(modelled: ModelledRun, entries: Sequence[tuple[Effect, Params]
 
 def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
     """Columns (n, parameters) in um of effects that the base may lack in all records: one deviation of each parameter,
-    as large as they are and of shapes near theirs, as it looks where they are of typical size at most: of a large lag
-    a little more looks like no small one. Each effect by itself."""
+    as large as they are and of shapes near theirs. Each effect by itself.
+
+    What a little more of a lag does is shown at its typical size at most: behind a large one it looks like no small
+    lag, and the base can lack no more. Other effects may show nothing at such sizes."""
     found = [np.zeros((modelled.run.stop - modelled.run.start, 0))]
     for entry in entries:
-        found.append(fresh_columns(modelled, [_typical_at_most(entry)])[:, :-1] * fault_deviations(entry))
+        shown = _typical_at_most(entry) if entry[0].is_lag else entry
+        found.append(fresh_columns(modelled, [shown])[:, :-1] * fault_deviations(entry))
     return np.concatenate(found, axis=1)
 
 

@@ -309,6 +309,11 @@ class Effect:
     """Share of the motion of the axis of that name that it adds to this one at rest: the device decouples it."""
 
     @property
+    def is_lag(self) -> bool:
+        """Whether it is a dead time or a first-order lag and nothing else, wherever it sits."""
+        return any(one is not None for one in (self.dead_time_s, self.lag_s, self.lag_in_loop_s))
+
+    @property
     def compensated(self) -> bool:
         """Whether the controller does anything about it once a model with it is uploaded."""
         inverses = (self.into_time_view, self.creep_terms, self.undo_on_drive, self.undo_on_position, self.coupling)
