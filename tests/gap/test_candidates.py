@@ -32,7 +32,7 @@ def test_no_response_is_looked_for_where_the_sampling_shows_nothing(rate_Hz):
 
 
 def test_records_too_slow_for_a_mode_say_so():
-    assert shown(20.0)[1] == {"resonance": "shows above 22 rows per second alone"}
+    assert shown(20.0)[1] == {"resonance": "needs records of more than 22 rows per second"}
     assert not shown(25.0)[1]
 
 

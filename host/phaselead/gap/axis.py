@@ -104,7 +104,7 @@ def search_axis(
     ``frozen``: whether the base is beyond doubt.
     """
     referenced = any(run.role == "reference" for run in runs)
-    shown, too_quick = shown_by(effects, model, runs[0].step_s)
+    shown, beyond_sampling = shown_by(effects, model, runs[0].step_s)
     candidates, refused = responses(shown, frozen, referenced)
     candidates = [effect.as_known() for effect in candidates]
     nameless = [e.as_known() for e in shown if refused.get(e.name) == NEEDS_FROZEN and not referenced]
@@ -137,7 +137,7 @@ def search_axis(
         ties=ties,
         unknown=unknown,
         excluded=[*excluded, *other.excluded],
-        untestable={**_untested({**too_quick, **refused}, other, taken), **hidden},
+        untestable={**_untested({**beyond_sampling, **refused}, other, taken), **hidden},
         where=rank_cells(final.residuals_before("holdout"), floor.noise),
         gap=final.gap,
         rows=final.rows,
@@ -187,7 +187,7 @@ def _claimed(selection: Selection, final: FinalFit) -> _Claimed:
 
 
 @dataclass(frozen=True)
-class _Left:
+class _Remainder:
     """What a generic model predicts of what the final model leaves."""
 
     unexplained: Unexplained
@@ -197,18 +197,18 @@ class _Left:
     """Whether it is so much that these equations do not bear their names."""
 
 
-def _left_by(claimed: _Claimed, final: FinalFit) -> _Left:
+def _left_by(claimed: _Claimed, final: FinalFit) -> _Remainder:
     """What is left beside the claims."""
     anything = bool(claimed.named or claimed.ties)
     reference = final.residuals("reference")
     # Beside a name, that something more is there is a claim too.
     left = unexplained(final.residuals("train"), final.residuals("holdout"), reference, of_any_size=not anything)
     if anything and too_little_described(left, final.gap):
-        return _Left(left, beyond_equations=True, too_much=True)
+        return _Remainder(left, beyond_equations=True, too_much=True)
     if anything and reference:
         beyond = more_than_equations_miss(left, final.gap)
-        return _Left(replace(left, of_equations=left.something_missing and not beyond), beyond)
-    return _Left(left, left.something_missing)
+        return _Remainder(replace(left, of_equations=left.something_missing and not beyond), beyond)
+    return _Remainder(left, left.something_missing)
 
 
 def _without_claims(claimed: _Claimed) -> _Claimed:

@@ -17,14 +17,14 @@ def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple
     """Effects as records of a sampling step show them on a base: no frequency beyond the sampling, no parameter that
     changes nothing there. And by name why others cannot be seen. Disturbances have tests that know the sampling."""
     highest_Hz, modes = HIGHEST_OF_RATE / step_s, _modes(axis)
-    shown, too_quick = [], {}
+    shown, beyond = [], {}
     for one in effects:
         lowest_Hz = max((p.low for p in one.parameters if p.unit == "Hz"), default=0.0)
         if lowest_Hz < highest_Hz or one.kind == "disturbance":
             shown.append(one.as_sampled(highest_Hz).beside_modes(modes))
         else:
-            too_quick[one.name] = f"shows above {digits(lowest_Hz / HIGHEST_OF_RATE, 2)} rows per second alone"
-    return shown, too_quick
+            beyond[one.name] = f"needs records of more than {digits(lowest_Hz / HIGHEST_OF_RATE, 2)} rows per second"
+    return shown, beyond
 
 
 def _modes(axis: AxisModel) -> int:

@@ -20,7 +20,7 @@ MOST_UNLIKE = TIMES_BASE[-1]
 the reference records by no more."""
 Moved = tuple[GapRun, Samples, Samples]
 """A record, what the model says of it by its own voltage alone, and its position, (n,) in um over the scored rows."""
-_Left = tuple[str, tuple[float, float]]
+_LeftOfRecord = tuple[str, tuple[float, float]]
 """Name of a record, and RMS that a model leaves of it as a share of its motion and in um."""
 Compared = Mapping[str, Sequence[Moved]]
 """By axis its driven records."""
@@ -58,17 +58,18 @@ def _exchanged(axis: str, driven: Sequence[Moved]) -> list[str]:
 
 
 def unlike_others(final: FinalFit) -> list[str]:
-    """One line for the training and one for the held-out records where the model with what was found leaves far more of
-    one of them than of any record of the other roles: what moved the stage then is in none of these."""
+    """One line for the held-out records, and beside reference records one for the training records, where the model
+    with what was found leaves far more of one of them than of any record of the other roles: what moved the stage then
+    is in none of these. Without reference records the training records may be the only ones that are quick."""
     left = {role: _left_of_each(final, role) for role in ROLES}
     found = []
-    for role in ("train", "holdout"):
+    for role in ("train", "holdout") if left["reference"] else ("holdout",):
         others = [one for other, of_role in left.items() if other != role for _, one in of_role]
         found += _unlike(left[role], others) if others else []
     return found
 
 
-def _unlike(records: Sequence[_Left], others: Sequence[tuple[float, float]]) -> list[str]:
+def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[tuple[float, float]]) -> list[str]:
     share, um = (max(one[i] for one in others) for i in (0, 1))
     far = [(name, one[0]) for name, one in records if one[0] > MOST_UNLIKE * share and one[1] > MOST_UNLIKE * um]
     if not far:
@@ -80,7 +81,7 @@ def _unlike(records: Sequence[_Left], others: Sequence[tuple[float, float]]) -> 
     ]
 
 
-def _left_of_each(final: FinalFit, role: Role) -> list[_Left]:
+def _left_of_each(final: FinalFit, role: Role) -> list[_LeftOfRecord]:
     """Name of every driven record of a role, and ``_left`` of it by the model with what was found."""
     found = []
     for residual in final.residuals(role):

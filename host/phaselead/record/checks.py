@@ -71,12 +71,13 @@ def require_uniform(t_s: Samples, where: Where, source: str, *, gapped: bool = F
 
 def require_rate(stated_Hz: object, t_s: Samples, source: str) -> None:
     """Refuse times whose rate differs by more than 1 % from the one that the file states, where it states one."""
-    if not isinstance(stated_Hz, (int, float, np.number)):
+    stated = np.asarray(stated_Hz)
+    if stated.size != 1 or stated.dtype.kind not in "iuf":
         return
-    rate_Hz = 1 / float(np.median(np.diff(t_s)))
-    if not abs(float(stated_Hz) - rate_Hz) <= UNIFORM_WITHIN * rate_Hz:
+    told_Hz, rate_Hz = float(stated.item()), 1 / float(np.median(np.diff(t_s)))
+    if not abs(told_Hz - rate_Hz) <= UNIFORM_WITHIN * rate_Hz:
         raise BadInput(
-            f"{source}: states rate_Hz = {float(stated_Hz):.6g}, but its times t_s have {rate_Hz:.6g} rows per second; "
+            f"{source}: states rate_Hz = {told_Hz:.6g}, but its times t_s have {rate_Hz:.6g} rows per second; "
             "mend the one that is wrong"
         )
 

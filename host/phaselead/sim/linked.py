@@ -84,7 +84,7 @@ class LinkedParts(VirtualAxis):
 
     def modes(self, c: Sequence[float], f_Hz: Sequence[float], zeta: Sequence[float]) -> None:
         self.has_modes = True
-        self._largest = max(self._largest, *(abs(share) for share in c))
+        self._largest = max([self._largest, *(abs(share) for share in c)])
         self._link(lambda: _modes(c, f_Hz, zeta, self._felt(c)))
 
     def load(self, mass: float, others: float) -> None:
@@ -112,6 +112,9 @@ class LinkedParts(VirtualAxis):
 
     def stiffness(self, square: float, cube: float) -> None:
         self._link(lambda: _link(STIFFNESS, self.range_um, square, cube))
+
+    def slope(self, um_per_V: float) -> None:
+        self._operator.gain_um_per_V += um_per_V
 
     def plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float], start_V: Sequence[float]) -> None:
         """Each takes its weight off the gain, and what it says at rest off the offset."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +31,6 @@ WIDTHS = (1, 3, 7, 15)
 """Widths of the bands that are looked at, in lines of the spectrum."""
 OFF_MAINS = 0.2
 """Share of what is new in a band. With less than this away from the mains and its multiples it is hum."""
-MEDIAN_COSTS = np.pi / 2
-"""Variance of a median of many over that of their mean."""
 SLOW_LINES = 4
 """Lowest lines of the spectrum, left out: what moves as slowly as the records are long is drift or creep."""
 
@@ -39,9 +38,12 @@ SLOW_LINES = 4
 def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: Residuals) -> Disturbance | None:
     """A peak above the reference's spectrum, as the effect ``name``; None where there is none.
 
-    Where the noise has become louder as a whole, it must stand out by more than that. Without reference records it must
-    stand above the spectrum to either side of it: noise that falls with the frequency stands above one of them.
+    Noise that is louder than the reference's as a whole is taken to be as loud first: most lines of the spectrum hold
+    no peak. Without reference records it must stand above the spectrum to either side of it: noise that falls with the
+    frequency stands above one of them.
     """
+    louder = _louder(train, reference)
+    train, holdout = _divided(train, louder), _divided(holdout, _louder(holdout, reference))
     spectra = _spectra(train, holdout, reference)
     live = np.array([not is_mains(float(f)) for f in spectra.f_Hz])
     live[:SLOW_LINES] = False
@@ -49,11 +51,10 @@ def find_vibration(name: str, train: Residuals, holdout: Residuals, reference: R
     if band is None:
         return None
     low, high = band
-    usual = _usual(spectra, low, high) if spectra.before is None else spectra.before * _risen(spectra, low, high)
-    excess = np.maximum(spectra.seen - usual, 0.0)
+    excess = np.maximum(spectra.seen - _usual(spectra, low, high), 0.0)
     if excess[low:high] @ live[low:high] < OFF_MAINS * excess[low:high].sum():
         return None
-    return _vibration_found(name, spectra.f_Hz, excess, low, high, spectra.averages)
+    return _vibration_found(name, spectra.f_Hz, louder * excess, low, high, spectra.averages)
 
 
 def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -> bool:
@@ -62,10 +63,25 @@ def louder_at_rest(train: Residuals, holdout: Residuals, reference: Residuals) -
     if not (now and again and was):
         return False
     idle = now, again, was
-    spectra = _spectra(*idle)._replace(whatever_is_louder=True)
+    spectra = _spectra(*idle)
     live = np.ones(len(spectra.f_Hz), dtype=bool)
     live[:SLOW_LINES] = False
     return _standing_out(idle, spectra, live) is not None
+
+
+def _louder(part: Residuals, reference: Residuals) -> float:
+    """Times by which the power of the noise is larger than the reference's in half of the lines; 1 where it is not, and
+    without a reference."""
+    if not reference:
+        return 1.0
+    length = _segment([*part, *reference])
+    now, before = (_density(one, length)[1][SLOW_LINES:] for one in (part, reference))
+    return max(1.0, float(np.median(now / np.maximum(before, 1e-300)))) if len(now) else 1.0
+
+
+def _divided(part: Residuals, times: float) -> Residuals:
+    """Residuals of so many times less power."""
+    return [replace(residual, error_um=residual.error_um / np.sqrt(times)) for residual in part]
 
 
 class _Spectra(NamedTuple):
@@ -76,8 +92,6 @@ class _Spectra(NamedTuple):
     seen: Samples
     before: Samples | None
     averages: float
-    whatever_is_louder: bool = False
-    """Whether a band is new where it is louder than the reference; else it must also be so by more than its sides."""
 
     def sides(self, low: int, high: int) -> tuple[Lines, Lines]:
         """The lines below and above a band that say what is usual there: the nearest that it does not leak into."""
@@ -86,33 +100,24 @@ class _Spectra(NamedTuple):
 
 
 def _spectra(train: Residuals, holdout: Residuals, reference: Residuals) -> _Spectra:
-    shortest = min(len(residual.error_um) for residual in [*train, *holdout, *reference])
-    length = min(VIBRATION_SEGMENT, shortest // 4)
+    length = _segment([*train, *holdout, *reference])
     f, seen, averages = _density(train, length)
     return _Spectra(f, seen, _density(reference, length)[1] if reference else None, averages)
 
 
-def _usual(spectra: _Spectra, low: int, high: int) -> float:
-    """Mean density that is usual in a band: that of the reference, or without any that of the louder of its sides; inf
-    where nothing says."""
+def _segment(part: Residuals) -> int:
+    """Rows of the pieces that a spectrum is averaged over."""
+    return min(VIBRATION_SEGMENT, min(len(residual.error_um) for residual in part) // 4)
+
+
+def _usual(spectra: _Spectra, low: int, high: int) -> Samples | float:
+    """Density that is usual, looked at from a band: that of the reference (k,), or that of the louder of its sides."""
     if spectra.before is not None:
-        return float(spectra.before[low:high].mean()) * _risen(spectra, low, high)
+        return spectra.before
     sides = spectra.sides(low, high)
     if min(map(len, sides)) < LEAST_AROUND:
         return np.inf
     return max(float(np.median(spectra.seen[side])) for side in sides)
-
-
-def _risen(spectra: _Spectra, low: int, high: int) -> float:
-    """Times by which the reference is louder now on the louder side of a band, a width of it away, where a mode has
-    fallen to a tenth; 1 where it is not, and where that is no excuse."""
-    assert spectra.before is not None
-    if spectra.whatever_is_louder:
-        return 1.0
-    width = high - low
-    sides = [side for side in spectra.sides(low - width, high + width) if len(side) >= LEAST_AROUND]
-    medians = [(float(np.median(spectra.seen[side])), float(np.median(spectra.before[side]))) for side in sides]
-    return max([1.0, *(now / before for now, before in medians if before > 0)])
 
 
 def _standing_out(parts: Parts, spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[int, int] | None:
@@ -131,10 +136,7 @@ def _newness(band: tuple[int, int], spectra: _Spectra, parts: Parts) -> float:
     if reference:
         # A narrow band holds few lines of the reference; its neighbours say as well what is usual there.
         around = np.arange(max(low - AROUND, 0), high + AROUND)
-        before = [_band_power(reference, where, step_Hz) for where in (around, lines)]
-        risen = _risen(spectra, low, high)
-        told = 2 * AROUND * spectra.averages / MEDIAN_COSTS if risen > 1 else np.inf
-        usual = [(risen * power, 1 / (1 / freedom + 2 / told)) for power, freedom in before]
+        usual = [_band_power(reference, where, step_Hz) for where in (around, lines)]
     else:
         sides = spectra.sides(low, high)
         if min(map(len, sides)) < LEAST_AROUND:
@@ -153,10 +155,13 @@ def _new_bands(spectra: _Spectra, live: NDArray[np.bool_]) -> tuple[list[tuple[i
     """For each width the band with the largest ratio to what is usual, as first and last line (excluded), and how many
     were compared."""
     bands, looked = [], 0
-    for width in WIDTHS:
+    for width in (one for one in WIDTHS if one <= len(spectra.f_Hz)):
         new, lines = (np.convolve(one, np.ones(width), "valid") for one in (spectra.seen * live, live))
-        usual = np.array([_usual(spectra, i, i + width) for i in range(len(new))])
-        old = np.multiply(lines, usual, out=np.zeros_like(new), where=lines > 0)
+        if spectra.before is not None:
+            old = np.convolve(spectra.before * live, np.ones(width), "valid")
+        else:
+            old = np.array([_usual(spectra, i, i + width) for i in range(len(new))])
+            old = np.multiply(lines, old, out=np.zeros_like(new), where=lines > 0)
         ratio = np.divide(new, old, out=np.zeros_like(new), where=old > 0)
         bands.append((int(np.argmax(ratio)), int(np.argmax(ratio)) + width))
         looked += len(ratio)

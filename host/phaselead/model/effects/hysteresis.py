@@ -22,25 +22,27 @@ from phaselead.model.operator import merged, rest_position_um, resting_at, weigh
 PLAYS = 10
 
 
-def distributed(range_V: float, width_um: float, reach: float, slope: float, pinned: float) -> tuple[Samples, Samples]:
+def distributed(range_V: float, width_um: float, reach: float, slope: float) -> tuple[Samples, Samples]:
     """r (m,) in V and w (m,) in um/V of plays that open a full loop by ``width_um`` at its middle. There a play opens
-    by 2 r, and by less where it has not yet turned. One more is as wide as the range, so that nothing in it moves it,
-    and takes ``pinned`` of that width off the travel; there is none where that is 0."""
+    by 2 r, and by less where it has not yet turned."""
     steps = np.arange(1, PLAYS + 1) / PLAYS
     r = reach * range_V / 2 * steps
     density = np.exp(slope * steps)
     opening_V = np.minimum(2 * r, range_V - 2 * r)
-    w = width_um * density / float(opening_V @ density)
-    if pinned == 0:
-        return r, w
-    return np.append(r, range_V), np.append(w, pinned * width_um / range_V)
+    return r, width_um * density / float(opening_V @ density)
 
 
 def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Samples]:
     """r (m,) in V and w (m,) in um/V."""
     low, high = signal.span_V
     width_um = number(params, "width") * signal.range_um
-    return distributed(high - low, width_um, *(number(params, name) for name in ("reach", "slope", "pinned")))
+    return distributed(high - low, width_um, number(params, "reach"), number(params, "slope"))
+
+
+def pinned_um_per_V(signal: Signal, params: Params) -> float:
+    """What walls that no voltage moves take off the slope."""
+    low, high = signal.span_V
+    return number(params, "pinned") * number(params, "width") * signal.range_um / (high - low)
 
 
 def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
@@ -62,28 +64,31 @@ def basis(signal: Signal, params: Params) -> Samples:
 
 
 def _column(signal: Signal, params: Params) -> Samples:
-    r, w = thresholds_and_weights(signal, {**params, "width": 1.0})
+    of_one = {**params, "width": 1.0}
+    r, w = thresholds_and_weights(signal, of_one)
     v = signal.driven_V
     start = start_V(signal, params, r)
-    lag = weighed_plays(v, r, w, start) - float(w.sum()) * v
+    lag = weighed_plays(v, r, w, start) - (float(w.sum()) + pinned_um_per_V(signal, of_one)) * v
     return lag - number(params, "rest_fraction") * float(w @ r)
 
 
 def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     width_um = given.one("width") * axis.range_um
-    shape = given.one("reach", above=0.0), given.one("slope"), given.one("pinned", low=0.0)
-    r, w = distributed(axis.range_V, width_um, *shape)
+    r, w = distributed(axis.range_V, width_um, given.one("reach", above=0.0), given.one("slope"))
     axis.plays(r.tolist(), w.tolist(), (given.one("rest_fraction") * r).tolist())
+    pinned = given.one("pinned", low=0.0)
+    if pinned:
+        axis.slope(-pinned * width_um / axis.range_V)
 
 
 def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
     """Plays of a view share one rest fraction; those that it has keep theirs."""
     none = np.zeros(1)
-    r, w = thresholds_and_weights(Signal(none, none, none, axis), params)
+    signal = Signal(none, none, none, axis)
+    r, w = thresholds_and_weights(signal, params)
     rest = view.rest_fraction if view.play_r_V else number(params, "rest_fraction")
-    moved = r < view.u_range_V[1] - view.u_range_V[0]
-    plays_r, plays_w = merged(view.play_r_V, view.play_w_um_per_V, r[moved], w[moved])
-    gain = view.gain_um_per_V - float(w.sum())
+    plays_r, plays_w = merged(view.play_r_V, view.play_w_um_per_V, r, w)
+    gain = view.gain_um_per_V - float(w.sum()) - pinned_um_per_V(signal, params)
     update = {"gain_um_per_V": gain, "play_r_V": plays_r, "play_w_um_per_V": plays_w, "rest_fraction": rest}
     return resting_at(view.model_copy(update=update), rest_position_um(view))
 
@@ -95,11 +100,11 @@ EFFECT = Effect(
     place=Place.HYSTERESIS,
     order=0,
     becomes_plays=True,
-    equation="y = x + sum_i w_i (play_ri[v] - v),  r_i = reach U/2 i/10,  w_i ~ exp(slope i/10),  "
-    "sum min(2 r_i, U - 2 r_i) w_i = width X, and one play of r = U, which nothing moves, with w = pinned width X / U",
-    source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition). Walls that are pinned more "
-    "strongly than the voltage can move take travel off and open no loop: Damjanovic 1998, Ferroelectric, dielectric "
-    "and piezoelectric properties of ferroelectric thin films and ceramics",
+    equation="y = x + sum_i w_i (play_ri[v] - v) - pinned width X / U v,  r_i = reach U/2 i/10,  "
+    "w_i ~ exp(slope i/10),  sum min(2 r_i, U - 2 r_i) w_i = width X",
+    source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition). Domain walls that are pinned "
+    "more strongly than the voltage can move take travel off and open no loop; in soft ceramics walls make up to 70 % "
+    "of the motion: Zhang, Wang, Kim and Cross 1994",
     parameters=(
         Parameter("width", "of range", 0.12, -0.2, 0.6, doc="opening of the full loop at its middle"),
         Parameter(
@@ -117,7 +122,14 @@ EFFECT = Effect(
             doc="where the plays stand at rest, of r_i",
         ),
         Parameter(
-            "pinned", "1", 0.0, 0.0, 2.0, role="shape", doc="travel lost to plays that nothing moves, of the width"
+            "pinned",
+            "1",
+            0.0,
+            0.0,
+            5.0,
+            role="shape",
+            absorbed_by_refit=True,
+            doc="travel that pinned walls take off, of the width",
         ),
     ),
     shows="a loop of position over voltage that does not close as the frequency falls; odd harmonics; the way back "

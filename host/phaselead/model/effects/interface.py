@@ -152,10 +152,11 @@ class Signal:
 
 @dataclass(frozen=True)
 class PartOf:
-    """An effect that has another as a part of it. Up to a size only that tells the two apart, and it is no evidence."""
+    """An effect that may have this one as a part of it."""
 
     effect: str
     up_to: float
+    """Size up to which the part is expected there. A size alone is no evidence, so up to it the two are tied."""
 
 
 ModePart = Literal["own path", "coupling", "level"]

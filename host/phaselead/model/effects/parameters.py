@@ -51,7 +51,9 @@ class Parameter:
 
     def as_sampled(self, highest_Hz: float) -> Parameter:
         """The parameter, a frequency no higher than what a sampling can show."""
-        return replace(self, high=highest_Hz) if self.unit == "Hz" and self.low < highest_Hz < self.high else self
+        if self.unit != "Hz" or not self.low < highest_Hz < self.high:
+            return self
+        return replace(self, high=highest_Hz, typical=min(self.typical, highest_Hz))
 
     @property
     def left_out(self) -> float:

@@ -96,6 +96,10 @@ class VirtualAxis:
         """y = x + X (square z^2 + cube z^3), z = x / X."""
         _refuse()
 
+    def slope(self, um_per_V: float) -> None:
+        """The hysteresis rises by so much more."""
+        _refuse()
+
     def plays(self, r_V: Sequence[float], w_um_per_V: Sequence[float], start_V: Sequence[float]) -> None:
         """More plays of the hysteresis, each less the straight line: sum w (play_r[v] - v) less its value at rest."""
         _refuse()
