@@ -54,13 +54,13 @@ def run_gap(
     driven = beside_model(stage, runs)
     refuse_unlike_model(driven)
     doubts = (*scale_doubts(driven), *exchange_doubts(driven), *_provisional_doubts(stage, list(runs)))
-    kept = frozen if frozen is not None else bool(reference)
+    base_frozen = frozen if frozen is not None else bool(reference)
     effects = [effect for effect in catalogue(without).values() if not effect.of_base]
     # The matrices are small: threads that wait for each other cost ten times what they save.
     with threadpool_limits(1, "blas"):
         results = search_together(stage, runs, holdout, reference, effects, frozen, report)
         if results is None:
-            results = _each_axis(stage, runs, effects, kept, report)
+            results = _each_axis(stage, runs, effects, base_frozen, report)
     report(1.0)
     after = next_stage(stage, {r.axis: r.model for r in results}, [*train, *reference])
     found = _joined(results, after, tuple(dict.fromkeys(r.sha256 for r in holdout)), time.monotonic() - began)
@@ -117,7 +117,7 @@ def _each_axis(
     stage: Stage,
     runs: Mapping[str, Sequence[GapRun]],
     effects: Sequence[Effect],
-    kept: bool,
+    base_frozen: bool,
     report: Progress,
 ) -> list[AxisResult]:
     """Every axis searched by itself."""
@@ -127,7 +127,7 @@ def _each_axis(
         def advance(share: float, done: int = i) -> None:
             report((done + share) / len(runs))
 
-        found = search_axis(axis, stage.axes[axis], of_axis, effects, kept, advance)
+        found = search_axis(axis, stage.axes[axis], of_axis, effects, base_frozen, advance)
         results.append(_of_several(found) if len(runs) > 1 else found)
     return results
 

@@ -107,7 +107,7 @@ def fit_softening(
     train: Sequence[JointRecord], start: CommonModes, others: Sequence[Effect], report: Progress
 ) -> CommonModes:
     """The modes of ``start``, with poles and gains that follow the level of the actuators, and with the effects
-    ``others`` in front of them. Held modes stay as they are, and so does softening that they have."""
+    ``others`` in front of them. Modes that are kept stay as they are, and so does softening that they have."""
     front = InFront(train[0].axes, tuple(others), softens=not start.given, given=start.given)
     kept = start.model if start.modes_kept else None
     if start.given:
@@ -167,7 +167,7 @@ def _under_power(found: CommonModes, front: InFront, fit: ModalFit, exponent: fl
 
 
 def _fit_others(train: Sequence[JointRecord], start: CommonModes, front: InFront, report: Progress) -> CommonModes:
-    """Held modes with softening of their own, and what is fitted beside it."""
+    """Modes that are kept with softening of their own, and what is fitted beside it."""
     shaping = front.shaping(train, front.first_values)
     fit = fit_modes(
         start.model.poles, shaping, split=start.split, most_steps=SOFT_STEPS, held=start.model, report=report

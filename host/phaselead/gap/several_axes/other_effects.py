@@ -41,7 +41,7 @@ def _in_front_of_mechanics(effects: Sequence[Effect]) -> list[Effect]:
 
 def score_other_effects(train: Sequence[JointRecord], fit: CommonModes, effects: Sequence[Effect]) -> list[EffectScore]:
     """Score of every effect on every axis, best first. Those that the modes can imitate are left out, unless the modes
-    are held."""
+    are kept."""
     records = spread(train)
     weights = np.array([w for s, w in zip(train, fit.fit.weights, strict=True) if s in records])
     groups = _few(regressor_groups(_in_front_of_mechanics(effects), records[0].step_s, _longest_s(records)))

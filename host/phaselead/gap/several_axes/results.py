@@ -302,10 +302,10 @@ def _untestable(found: StageFit, tested: set[str]) -> dict[str, str]:
     return reasons
 
 
-def _where(found: StageFit, held: Sequence[GapRun], axis: str) -> list[Cell]:
+def _where(found: StageFit, held_out: Sequence[GapRun], axis: str) -> list[Cell]:
     errors = found.before.errors(axis)
-    noise = fit_noise([(e, run.u_V[run.rows]) for e, run in zip(errors, held, strict=True)], [], held[0].step_s)
-    return rank_cells([RunResidual(run, e) for run, e in zip(held, errors, strict=True)], noise)
+    noise = fit_noise([(e, run.u_V[run.rows]) for e, run in zip(errors, held_out, strict=True)], [], held_out[0].step_s)
+    return rank_cells([RunResidual(run, e) for run, e in zip(held_out, errors, strict=True)], noise)
 
 
 def _candidates(found: StageFit, axis: str) -> list[Candidate]:
@@ -318,13 +318,13 @@ def _candidates(found: StageFit, axis: str) -> list[Candidate]:
     ]  # fmt: skip
 
 
-def _traces(found: StageFit, after: HeldOutPrediction, held: Sequence[GapRun], axis: str) -> list[Trace]:
+def _traces(found: StageFit, after: HeldOutPrediction, held_out: Sequence[GapRun], axis: str) -> list[Trace]:
     return [
         Trace(
             run.name, axis, run.t_s[run.rows], run.u_V[run.rows], run.x_um[run.rows],
             found.before.model_um[axis][i], after.model_um[axis][i],
         )
-        for i, run in enumerate(held)
+        for i, run in enumerate(held_out)
     ]  # fmt: skip
 
 
@@ -336,8 +336,8 @@ def _messages(found: StageFit, after: HeldOutPrediction) -> list[str]:
     lines = []
     for level, records in levels.items():
         was, now = (
-            100 * float(np.sqrt(np.mean([held.share_of_output(i) ** 2 for i in records])))
-            for held in (found.before, after)
+            100 * float(np.sqrt(np.mean([prediction.share_of_output(i) ** 2 for i in records])))
+            for prediction in (found.before, after)
         )
         lines.append(f"held out at {level} V rms: {was:.3g} % of the output's rms before, {now:.3g} % after")
     modes = f"{len(found.fit.model.poles)} modes common to all axes"
