@@ -39,10 +39,10 @@ def thresholds_and_weights(signal: Signal, params: Params) -> tuple[Samples, Sam
     return distributed(high - low, width_um, number(params, "reach"), number(params, "slope"))
 
 
-def pinned_um_per_V(signal: Signal, params: Params) -> float:
-    """What walls that no voltage moves take off the slope."""
+def lost_um_per_V(signal: Signal, params: Params) -> float:
+    """What domain walls that open no loop take off the slope."""
     low, high = signal.span_V
-    return number(params, "pinned") * number(params, "width") * signal.range_um / (high - low)
+    return number(params, "lost") * number(params, "width") * signal.range_um / (high - low)
 
 
 def plays(signal: Signal, params: Params) -> tuple[Samples, Samples, Samples]:
@@ -68,7 +68,7 @@ def _column(signal: Signal, params: Params) -> Samples:
     r, w = thresholds_and_weights(signal, of_one)
     v = signal.driven_V
     start = start_V(signal, params, r)
-    lag = weighed_plays(v, r, w, start) - (float(w.sum()) + pinned_um_per_V(signal, of_one)) * v
+    lag = weighed_plays(v, r, w, start) - (float(w.sum()) + lost_um_per_V(signal, of_one)) * v
     return lag - number(params, "rest_fraction") * float(w @ r)
 
 
@@ -76,9 +76,9 @@ def virtual(axis: VirtualAxis, given: CheckedParameters) -> None:
     width_um = given.one("width") * axis.range_um
     r, w = distributed(axis.range_V, width_um, given.one("reach", above=0.0), given.one("slope"))
     axis.plays(r.tolist(), w.tolist(), (given.one("rest_fraction") * r).tolist())
-    pinned = given.one("pinned", low=0.0)
-    if pinned:
-        axis.slope(-pinned * width_um / axis.range_V)
+    lost = given.one("lost")
+    if lost:
+        axis.slope(-lost * width_um / axis.range_V)
 
 
 def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
@@ -88,7 +88,7 @@ def into_time_view(axis: AxisModel, view: TimeView, params: Params) -> TimeView:
     r, w = thresholds_and_weights(signal, params)
     rest = view.rest_fraction if view.play_r_V else number(params, "rest_fraction")
     plays_r, plays_w = merged(view.play_r_V, view.play_w_um_per_V, r, w)
-    gain = view.gain_um_per_V - float(w.sum()) - pinned_um_per_V(signal, params)
+    gain = view.gain_um_per_V - float(w.sum()) - lost_um_per_V(signal, params)
     update = {"gain_um_per_V": gain, "play_r_V": plays_r, "play_w_um_per_V": plays_w, "rest_fraction": rest}
     return resting_at(view.model_copy(update=update), rest_position_um(view))
 
@@ -100,11 +100,11 @@ EFFECT = Effect(
     place=Place.HYSTERESIS,
     order=0,
     becomes_plays=True,
-    equation="y = x + sum_i w_i (play_ri[v] - v) - pinned width X / U v,  r_i = reach U/2 i/10,  "
+    equation="y = x + sum_i w_i (play_ri[v] - v) - lost width X / U v,  r_i = reach U/2 i/10,  "
     "w_i ~ exp(slope i/10),  sum min(2 r_i, U - 2 r_i) w_i = width X",
-    source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition). Domain walls that are pinned "
-    "more strongly than the voltage can move take travel off and open no loop; in soft ceramics walls make up to 70 % "
-    "of the motion: Zhang, Wang, Kim and Cross 1994",
+    source="Kuhnen 2003, eqs. 5 and 8 (play operator, Prandtl-Ishlinskii superposition). Where a loop "
+    "comes from domain walls, those that are pinned take travel off, and those that move back and forth add to it, and "
+    "neither opens the loop; in soft ceramics walls make up to 70 % of the motion: Zhang, Wang, Kim and Cross 1994",
     parameters=(
         Parameter("width", "of range", 0.12, -0.2, 0.6, doc="opening of the full loop at its middle"),
         Parameter(
@@ -122,14 +122,14 @@ EFFECT = Effect(
             doc="where the plays stand at rest, of r_i",
         ),
         Parameter(
-            "pinned",
+            "lost",
             "1",
             0.0,
-            0.0,
+            -5.0,
             5.0,
             role="shape",
             absorbed_by_refit=True,
-            doc="travel that pinned walls take off, of the width",
+            doc="travel that goes with the loop beside what its plays take off, of the width; below 0 it is gained",
         ),
     ),
     shows="a loop of position over voltage that does not close as the frequency falls; odd harmonics; the way back "
