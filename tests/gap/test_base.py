@@ -58,6 +58,7 @@ def test_a_tie_may_hold_what_cannot_be_told_from_a_base_that_was_wrong(tied):
     selection = Selection(LINE, LINE, (), contest=None, found=(tie, alone), nameless=nameless)
     assert selection.claims == (tie,)
     assert selection.nameless_claims == (alone,)
+    assert len(selection.messages) == 2
     assert all("load_change cannot be told from a model that was wrong" in said for said in selection.messages)
     assert _proposal(selection) is None  # no record alone can give the one a name
 

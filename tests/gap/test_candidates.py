@@ -15,15 +15,15 @@ EVERY = list(catalogue().values())
 
 def shown(rate_Hz, modes=()):
     found = [AdoptedEffect(name="resonance", params={"c": c, "f_Hz": 300.0, "zeta": 0.02}) for c in modes]
-    effects, too_quick = shown_by(EVERY, AxisModel(time=VIEW, effects=tuple(found)), 1 / rate_Hz)
-    return {one.name: {p.name: p for p in one.parameters} for one in effects}, too_quick
+    effects, beyond_sampling = shown_by(EVERY, AxisModel(time=VIEW, effects=tuple(found)), 1 / rate_Hz)
+    return {one.name: {p.name: p for p in one.parameters} for one in effects}, beyond_sampling
 
 
 @given(st.floats(0.1, 1e5))
 def test_no_response_is_looked_for_where_the_sampling_shows_nothing(rate_Hz):
-    effects, too_quick = shown(rate_Hz)
-    assert not set(effects) & set(too_quick)
-    assert set(effects) | set(too_quick) == set(catalogue())
+    effects, beyond_sampling = shown(rate_Hz)
+    assert not set(effects) & set(beyond_sampling)
+    assert set(effects) | set(beyond_sampling) == set(catalogue())
     for name, parameters in effects.items():
         if catalogue()[name].kind != "disturbance":
             assert all(

@@ -14,8 +14,9 @@ NEEDS_SESSION = "a zero that moved shows only against a session before it: give 
 
 
 def shown_by(effects: Sequence[Effect], axis: AxisModel, step_s: float) -> tuple[list[Effect], dict[str, str]]:
-    """Effects as records of a sampling step show them on a base: no frequency beyond the sampling, no parameter that
-    changes nothing there. And by name why others cannot be seen. Disturbances have tests that know the sampling."""
+    """Effects as records of a sampling step show them on a base, without frequencies beyond the sampling and without
+    parameters that change nothing there; and why others cannot be seen, by name. Disturbances are all kept: their tests
+    know the sampling."""
     highest_Hz, modes = HIGHEST_OF_RATE / step_s, _modes(axis)
     shown, beyond = [], {}
     for one in effects:

@@ -70,6 +70,8 @@ def unlike_others(final: FinalFit) -> list[str]:
 
 
 def _unlike(records: Sequence[_LeftOfRecord], others: Sequence[tuple[float, float]]) -> list[str]:
+    """One line for the records of which far more is left than of any other, as a share of their motion and in um; none
+    where there are none."""
     share, um = (max(one[i] for one in others) for i in (0, 1))
     far = [(name, one[0]) for name, one in records if one[0] > MOST_UNLIKE * share and one[1] > MOST_UNLIKE * um]
     if not far:

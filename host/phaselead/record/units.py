@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -26,25 +26,38 @@ def in_another_unit(factor: float) -> bool:
 
 
 def factors_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float]) -> dict[int, float]:
-    """The positive ones of ``gains_moved``: what runs against what was expected may be behind a mode, as far down as
-    that, or seen by a sensor that counts backwards. Of faster records those that move a unit further than any of
-    these: behind a mode motion falls far, but that of a flexure raises it a hundred times at most (zeta 0.005)."""
-    slow = {i: gain for i, gain in gains_moved(pairs, steps_s).items() if gain > 0}
-    largest = max(slow.values(), default=math.inf)
-    faster = gains_moved(pairs, steps_s, as_slow=math.inf)
-    return slow | {i: gain for i, gain in faster.items() if gain > 0 and in_another_unit(max(gain / largest, 1.0))}
+    """The positive ones of ``gains_moved`` up to AS_SLOW: what runs against what was expected may be behind a mode, as
+    far down as that, or seen by a sensor that counts backwards. Of faster records those that move a unit further than
+    any of these: behind a mode motion falls far, but that of a flexure raises it a hundred times at most (zeta 0.005).
+    """
+    f_Hz = _frequencies_Hz(pairs, steps_s)
+    gains = {i: gain for i, gain in _gains(pairs, f_Hz).items() if gain > 0}
+    slow = _about_as_slow(f_Hz, AS_SLOW)
+    largest = max((gain for i, gain in gains.items() if i in slow), default=math.inf)
+    return {i: gain for i, gain in gains.items() if i in slow or in_another_unit(max(gain / largest, 1.0))}
 
 
-def gains_moved(
-    pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float], as_slow: float = AS_SLOW
-) -> dict[int, float]:
+def gains_moved(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float], as_slow: float) -> dict[int, float]:
     """Factors by which positions follow what was expected of them, of the records that tell: by their place in
     ``pairs``, what was expected and the position (n,), of rows ``steps_s`` apart. Of what is driven more than
     ``as_slow`` times as fast as the slowest record nothing is said."""
-    slow_Hz = {i: _frequency_Hz(pairs[i][0], step_s) for i, step_s in enumerate(steps_s) if np.ptp(pairs[i][0]) > 0}
-    slowest_Hz = min(slow_Hz.values(), default=0.0)
-    gains = {i: slow_gain([pairs[i]]) for i, f_Hz in slow_Hz.items() if f_Hz <= as_slow * slowest_Hz}
-    return {i: gain for i, gain in gains.items() if gain is not None}
+    return _gains(pairs, _about_as_slow(_frequencies_Hz(pairs, steps_s), as_slow))
+
+
+def _gains(pairs: Sequence[tuple[Samples, Samples]], which: Iterable[int]) -> dict[int, float]:
+    found = {i: slow_gain([pairs[i]]) for i in which}
+    return {i: gain for i, gain in found.items() if gain is not None}
+
+
+def _about_as_slow(f_Hz: Mapping[int, float], times: float) -> list[int]:
+    """Those that are driven at most so many times as fast as the slowest."""
+    slowest_Hz = min(f_Hz.values(), default=0.0)
+    return [i for i, one_Hz in f_Hz.items() if one_Hz <= times * slowest_Hz]
+
+
+def _frequencies_Hz(pairs: Sequence[tuple[Samples, Samples]], steps_s: Sequence[float]) -> dict[int, float]:
+    """Of all that moves."""
+    return {i: _frequency_Hz(pairs[i][0], step_s) for i, step_s in enumerate(steps_s) if np.ptp(pairs[i][0]) > 0}
 
 
 def unit_remedy(factor: float, of_all: bool) -> str:

@@ -32,7 +32,7 @@ def test_what_goes_with_the_loop_makes_a_line_flatter(lost, rest):
 
 
 @pytest.mark.parametrize("rest", [-1.0, -0.4, 0.4])
-def test_a_device_has_them_in_its_gain(rest):
+def test_a_device_has_it_in_its_gain(rest):
     view = VIEW.model_copy(update={"rest_fraction": rest})
     params = {"width": 0.1, "reach": 0.4, "rest_fraction": rest, "lost": 0.5}
     adopted = AdoptedEffect(name="hysteresis", params=params)

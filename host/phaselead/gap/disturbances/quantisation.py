@@ -15,7 +15,6 @@ FEWEST_GAPS = 3
 """Fewest gaps between the values of a record from which its step is taken."""
 OFF_GRID = 0.05
 """Of a step, by which rounding may move a value off it."""
-
 PLACES = 8
 """Positions between two steps at which a record is rounded, to find the one where that adds most."""
 
@@ -45,6 +44,7 @@ def rounded(part: Residuals, lsb_um: float) -> list[RunResidual]:
 
 
 def _rounded(residual: RunResidual, lsb_um: float, shift_um: float) -> RunResidual:
+    """A residual with positions rounded to steps, once they are shifted."""
     x_um = residual.run.x_um + shift_um
     run = replace(residual.run, x_um=lsb_um * np.round(x_um / lsb_um))
     off_um = (run.x_um - x_um)[run.rows]

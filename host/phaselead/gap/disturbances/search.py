@@ -67,7 +67,7 @@ def find_disturbances(
             one = test.find(name, *(quiet if test.at_rest else every))
             found += [one] if one is not None else []
             if seen_as == "grid" and one is not None:
-                # The new records have its noise at all frequencies, so the other tests compare with as much.
+                # Rounding adds noise at all frequencies. The other tests are to see as much of it in the reference.
                 every[2] = rounded(reference, one.params["lsb_um"][0])
                 quiet[2] = _at_rest(every[2])
             if seen_as == "lines" and one is not None:

@@ -47,6 +47,7 @@ def as_fault(modelled: ModelledRun, entries: Sequence[SizedEffect]) -> Samples:
 
 
 def _typical_at_most(entry: SizedEffect) -> SizedEffect:
+    """The effect with no size above its typical one."""
     effect, params = entry
     sizes = {p.name: float(np.clip(params[p.name], -abs(p.typical), abs(p.typical))) for p in effect.sizes}
     return effect, {**params, **sizes}
